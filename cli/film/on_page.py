@@ -21,7 +21,9 @@ from visavis.page.seen import Question, SeenStep, seen_trial
 
 Pixels = npt.NDArray[np.uint8]
 FILM_SHARE: Final = 0.68
-"""Height of films as a share of the picture's."""
+"""Height of films as a share of the picture's, at most."""
+QUESTION_SHARE: Final = 0.125
+"""What a question with its options takes of it."""
 BACK, INK, QUIET, CHOSEN = (250, 250, 248), (30, 30, 32), (120, 122, 126), (38, 104, 173)
 TYPED: Final = "…"
 
@@ -133,10 +135,16 @@ def page_pictures(
     start_ns, end_ns = seen.span_ns
     times = times_of(start_ns, end_ns)
     with film_renderer() as renderer:
-        films = FilmPictures(seen.store, round(FILM_SHARE * size_px[1]), renderer.image)
+        share = film_share(max((len(step.questions) for step in seen.steps), default=0))
+        films = FilmPictures(seen.store, round(share * size_px[1]), renderer.image)
         for t_ns in times:
             image = page_picture(seen.step_at(t_ns), t_ns, films, size_px)
             yield (t_ns - start_ns) / NS_PER_S, image, len(times)
+
+
+def film_share(questions: int) -> float:
+    """Return the height of films, as a share of the picture's, that leaves room for questions."""
+    return max(0.2, min(FILM_SHARE, 0.805 - QUESTION_SHARE * questions))
 
 
 def page_picture(

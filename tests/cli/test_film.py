@@ -4,15 +4,17 @@ import json
 import stat
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from cli.app import app
-from cli.film.on_page import FilmPictures, page_picture
+from cli.film.on_page import FilmPictures, film_share, page_picture
 from cli.film.stand_in import StandIn
 from cli.recorded_trial import recorded_trial, trial_row
 from cli.session_lanes import lanes_of
@@ -27,7 +29,8 @@ from stage.renderer import LIGHTEST, Renderer
 from stimuli.dressing.picture_of import picture_of
 from stimuli.motion.skeleton import forward
 from tests.visavis.sessions import opened, perform
-from visavis.page.seen import seen_trial
+from visavis.films import Film
+from visavis.page.seen import Question, SeenStep, seen_trial
 from visavis.sessions.study_folder import settle, wanted_settings
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -165,6 +168,22 @@ def test_a_trial_on_a_page_is_led_again_through_what_was_on_the_page(on_page: Pa
     assert seen.step_at(pair.films_on_ns) is pair
     once_ns = pair.films_on_ns + round(1e9 * (0.5 + 0.2))
     assert pytest.approx(0.2) == pair.film_time_s(pair.films["left"], once_ns)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_questions_below_a_film_leave_room_for_the_line_that_says_what_it_is(n: int) -> None:
+    low = np.array([0, 255, 0])
+
+    def film(*_: object) -> npt.NDArray[np.uint8]:
+        return np.full((round(film_share(n) * 540), 400, 3), low, np.uint8)
+
+    question = Question("q", "Which?", (("a", "left"), ("b", "right")), None, None)
+    shown = Film(cast(Any, None), 1.0, (400, 300), 10)
+    step = SeenStep(0, 10**9, 0, {"film": shown}, "", (question,) * n)
+    films = cast(FilmPictures, SimpleNamespace(at=film))
+    page = page_picture(step, 1, films, (960, 540))
+    assert n * 0.1 * 540 < 540 - np.flatnonzero((page == low).all(axis=2).any(axis=1))[-1]
+    assert (page[-25:] == page[-1, -1]).all()
 
 
 def test_a_film_of_a_page_shows_its_films_in_time_and_marks_the_answer(
