@@ -44,7 +44,8 @@ def striking_trials(analysis: StudyAnalysis) -> tuple[Striking, ...]:
     """
     rows = analysis.selection.rows
     whys: dict[tuple[str, str, str], list[str]] = {}
-    for row in rows[rows[REASON] != PRACTICE].to_dict("records"):
+    for found in rows[rows[REASON] != PRACTICE].to_dict("records"):
+        row = {str(name): value for name, value in found.items()}
         key = _key(row)
         flags, said = row.get("flags"), []
         if row["status"] != "complete":

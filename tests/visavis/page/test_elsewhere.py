@@ -1,5 +1,6 @@
 """A study on another web host: its bundle in a real browser, and its results as recordings."""
 
+import base64
 import contextlib
 import functools
 import hashlib
@@ -26,6 +27,7 @@ from visavis.experiment import StudyExperiment
 from visavis.page.elsewhere.bundle import steps_of_place, write_bundle
 from visavis.page.elsewhere.results import import_runs, read_runs
 from visavis.page.film_store import FilmStore, film_store
+from visavis.page.spoken import heard, spoken_digits
 from visavis.sessions.perform import Request
 
 STUDY = """
@@ -446,6 +448,35 @@ def test_a_bundle_on_a_plain_host_goes_from_beginning_to_a_file_of_answers(
     assert [33.0] * 4 == list(recording.trials()["share"])
     assert "page reloaded" in ";".join(recording.trials()["flags"])
     assert {"panel": "link", "identifier": "abc-123"} == host.who[label]
+
+
+@pytest.mark.slow
+def test_who_types_what_the_page_says_has_heard_it(tmp_path: Path, browser: Any) -> None:
+    host = Host(tmp_path, STUDY.replace("uses=()", 'uses=(), screening=["sound"]'))
+    bundle = host.exported()
+    steps = json.loads((bundle / "places" / "1.json").read_text("utf-8"))["steps"]
+    (wav,) = (base64.b64decode(step["wav"]) for step in steps if step["kind"] == "sound")
+    digits = heard(wav, spoken_digits("en", None))
+    page = browser.new_context(accept_downloads=True).new_page()
+    with served_files(bundle) as address:
+        page.goto(f"{address}?place=2")
+        page.wait_for_selector("#heard")
+        assert page.query_selector("#main button:has-text('Continue')[disabled]")
+        page.click("text=Play the voice")
+        page.wait_for_function("document.activeElement.id === 'heard'")  # it plays
+        page.keyboard.type(digits)
+        page.keyboard.press("Enter")
+        answer_until(page, "Save my answers")
+        with page.expect_download() as download:
+            page.click("#main a[download]")
+        results = host.root / "sent.jsonl"
+        download.value.save_as(results)
+    made = host.imported(results)
+    assert () == made.refused
+    (path,) = made.sessions.values()
+    events = Recording(path).events()
+    (checked,) = events.loc[events["name"] == "sound_checked", "payload"]
+    assert {"said": digits, "heard": digits, "is_right": True, "played": 1} == checked
 
 
 @contextlib.contextmanager

@@ -263,6 +263,8 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
             return {"agreed": True}
         case "card":
             return {"px_per_mm": None}
+        case "sound":
+            return {"heard": None, "played": 0}
         case "questions":
             return {"answers": {q["name"]: choose(q) for q in content["questions"]}}
         case "watch":
