@@ -113,8 +113,9 @@ def main() -> int:
                 "--output", str(root), *settings,
             )  # fmt: skip
         repeat(study, options.participants)
-        folders = [some_of(study, n, Path(scratch)) for n in (MIN_PARTICIPANTS, *sizes)]
         # The first is not counted: it compiles kernels and fills caches for those after it.
+        folders = [some_of(study, MIN_PARTICIPANTS, Path(scratch, "first"))]
+        folders += [some_of(study, n, Path(scratch)) for n in sizes]
         _, *used = [visavis("analyse", str(folder), "--processes", "1") for folder in folders]
     (small_s, small_mb), (half_s, _), (all_s, all_mb) = used
     per_person_s = (half_s - small_s) / (sizes[1] - sizes[0])
