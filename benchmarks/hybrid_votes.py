@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.simulated_tracker import tracker_of
+from experiments.hybrid.clips import CLIPS
 from experiments.hybrid.study import study
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
@@ -27,12 +28,11 @@ MANY_01 = 0.2
 
 def held(rows: pd.DataFrame) -> dict[str, bool]:
     """Return which of the orders that the source describes hold in a study's votes."""
-    of = {
-        (str(clip), int(increment)): np.array(
-            [(own["preference"] == level).mean() for level in LEVELS]
-        )
-        for (clip, increment), own in rows.groupby(["clip", "increment"])
-    }
+    cells = [(clip, k) for clip in CLIPS for k in (0, 1)]
+    of = {}
+    for clip, k in cells:
+        own = rows.loc[(rows["clip"] == clip) & (rows["increment"] == k), "preference"]
+        of[clip, k] = np.array([(own == level).mean() for level in LEVELS])
     mean = {cell: float(shares @ LEVELS) for cell, shares in of.items()}
     positive = {cell: 1.0 - float(shares[0]) for cell, shares in of.items()}
 
