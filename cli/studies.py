@@ -181,7 +181,10 @@ def _no_data(name: str, wanted: Path, lab: LabConfig) -> str:
     if simulated:
         folders = "\n  ".join(map(str, simulated[:6]))
         return f"{nothing}; simulated studies have folders of their own, give one:\n  {folders}"
-    return f"{nothing}; give the study's folder, or simulate it first: visavis simulate {wanted}"
+    return (
+        f"{nothing}; begin with one: visavis run {wanted} --participant 1, or simulate the whole "
+        f"study: visavis simulate {wanted}; or give the folder of sessions that lie elsewhere"
+    )
 
 
 def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path:

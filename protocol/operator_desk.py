@@ -357,8 +357,7 @@ class OperatorDesk:
         """Raise SessionAborted when the operator asked for it."""
         if Action.ABORT in self._pending:
             raise SessionAborted(
-                "the session was ended by the operator; every finished trial is kept. "
-                "Continue it with `visavis resume`"
+                "the session was ended by the operator; every finished trial is kept"
             )
 
     # ---- status ------------------------------------------------------------------------------

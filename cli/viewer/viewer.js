@@ -8,6 +8,7 @@ const KEY_OF = {g: 'gaze', o: 'areas', h: 'heat', p: 'path', b: 'body', l: 'labe
 const CAMERAS = ['free', 'eyes', 'follow', 'above', 'topology'];
 const CEILING_M = 2.7;
 const SHARES = [1, 0.75, 0.5], ON_TIME_MS = 20, LATE_MS = 30;
+const TELL_MS = 100; // between two times that words beside the picture change while it moves, where the processor draws
 const REST_MS = 300; // after which people are drawn in full where the processor draws
 
 class Viewer {
@@ -26,7 +27,7 @@ class Viewer {
     this.above = {zoom: 1, by: [0, 0]};
     this.held = new Set();
     this.drawn = 0; this.spent = 0;
-    this.moved = -1e9; this.quick = false;
+    this.moved = -1e9; this.quick = false; this.toldAt = -1e9;
     this.coarse = 0; this.pace = ON_TIME_MS; this.timed = false;
     this.line = new Timeline($('line'), header, this.streams, t => this.seek(t), this.drawing.slow);
     this.over = $('overlay').getContext('2d', {willReadFrequently: this.drawing.slow});
@@ -36,6 +37,8 @@ class Viewer {
     this.startView();
     const wanted = new URLSearchParams(location.hash.slice(1));
     if (wanted.get('t')) this.seek(Number(wanted.get('t')));
+    const named = this.header.trials.findLast(s => s.t0 !== null && s.id === wanted.get('trial'));
+    if (named) this.seek(named.t0 + 0.01);
     if (CAMERAS.includes(wanted.get('camera'))) this.setCamera(wanted.get('camera'));
     const trial = this.trialAt(this.t);
     if (trial) this.line.show(trial.t0 - 1, trial.t1 + 1);
@@ -196,19 +199,22 @@ class Viewer {
     this.timed = quick;
     d.begin(Math.round(width * share), Math.round(height * share), room && room.lamps.length ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
     if (scene) {
+      const drawRoom = () => { if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light, quick ? share * height : 0); };
+      // A camera that stands still sees the same room again.
+      if (quick) d.kept([scene.told.room, this.show.room, light, ...view.seen].join(), Math.round(width * share), Math.round(height * share), drawRoom);
       if (this.show.people && scene.told.cast.length) {
         const chosen = this.inView(scene, view);
         if (quick) (scene.quick ||= new QuickPeople(d, scene.told.cast)).draw(chosen, scene, view, share * height, room, light);
         else d.drawPeople(scene.told.cast, chosen, scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
       }
-      if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light, quick ? share * height : 0);
+      if (!quick) drawRoom();
       d.drawThings(scene.told.moving.map(m => ({mesh: m.mesh, model: placed(m.at, m.turn), glow: m.glow})), view.seen, room, light);
     }
     if (this.show.body) d.drawThings(this.bodyThings(), view.seen, null, 1);
     const step = this.pages.at(t);
     if (step) this.drawPage(step, width, height);
     else this.drawOver(scene, view, width, height, light);
-    this.tell(scene, light, step);
+    if (!quick || begun - this.toldAt >= TELL_MS) { this.toldAt = begun; this.tell(scene, light, step); }
     this.drawn++;
     this.spent += performance.now() - begun;
   }

@@ -138,6 +138,8 @@ def test_every_package_is_the_wheels_own(installed: Installed, tmp_path: Path) -
 def test_the_version_is_that_of_the_wheel(installed: Installed, tmp_path: Path) -> None:
     expected = installed.wheel.name.split("-")[1]
     assert f"visavis {expected}\n" == said(installed.run("visavis", "--version", cwd=tmp_path))
+    as_module = installed.run("python", "-m", "visavis", "--version", cwd=tmp_path)
+    assert f"visavis {expected}\n" == said(as_module)
     assert f'version = "{expected}"' in (ROOT / "pyproject.toml").read_text("utf-8")
 
 

@@ -229,6 +229,17 @@ def _screen(config: LabConfig) -> dict[str, Any]:
     return {} if screen is None else {"screen": screen.model_dump()}
 
 
+@contextmanager
+def of_no_session() -> Iterator[None]:
+    """Let an interruption be one where what is performed is not kept: nothing could be resumed."""
+    try:
+        yield
+    except SessionAborted as ended:
+        if isinstance(ended.__cause__, KeyboardInterrupt):
+            raise KeyboardInterrupt from ended
+        raise
+
+
 _READY: WeakSet[StudyExperiment] = WeakSet()
 
 
@@ -269,9 +280,8 @@ def get_ready(
             study, few, lab, label="REHEARSAL", index=0, seed=0, on_trial=rehearsed
         )
         try:
-            perform_new(replace(request, on="lab"))
-        except SessionAborted as ended:  # nobody is there to end it but from the keyboard
-            raise KeyboardInterrupt from ended
+            with of_no_session():
+                perform_new(replace(request, on="lab"))
         except LabError as problem:
             trouble = f"not rehearsed, so the first frames may be late: {problem}"
     forget_old_kernels()

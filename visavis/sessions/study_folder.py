@@ -240,7 +240,8 @@ def sessions_of(folder: Path) -> tuple[Path, ...]:
     if not found:
         inner = sorted(p.parent for p in folder.glob(f"*/{SETTINGS_NAME}"))
         inner += sorted(p.parent for p in folder.glob(f"*/*/{SETTINGS_NAME}"))
-        hint = f"; did you mean {inner[0]}?" if inner else ""
+        begin = f"perform one: visavis run {folder.name} --participant 1, or give another folder"
+        hint = f"; did you mean {inner[0]}?" if inner else f"; {begin}"
         raise UsageError(f"{folder} holds no sessions (sub-…/ses-…){hint}")
     return found
 

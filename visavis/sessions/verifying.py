@@ -29,7 +29,7 @@ from recording.reader import PART_COLUMN, Recording, component_names
 from recording.stream_file import Columns
 from visavis.opened import OpenedStudy, overrides_of
 from visavis.sessions.evaluated_again import TARGETS, targets_again
-from visavis.sessions.perform import Request, perform_new, perform_rest
+from visavis.sessions.perform import Request, of_no_session, perform_new, perform_rest
 
 DRAWN: Final = ("drawn", "drawn_views", "mirror")
 """Streams of what was drawn: nothing is drawn when a session is performed again."""
@@ -152,7 +152,7 @@ def perform_again(
         scratch, manifest.study, manifest.participant, manifest.session, is_simulated=True
     )
     before = tuple(p for p in manifest.parts if p.number < part)
-    with suppress(SessionAborted):  # as the recorded part was
+    with suppress(SessionAborted), of_no_session():  # as the recorded part was
         if before:
             _put_down(recording, before, path)
             perform_rest(request, path)

@@ -5,7 +5,9 @@ anything is written, the replies lead the study's own course, step by step besid
 """
 
 import json
+import struct
 import zipfile
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,6 +16,7 @@ from typing import Any, Final
 
 from lab.clock import ToldClock
 from lab.errors import DataError, LabError, LedgerError
+from lab.plain_files import MAX_UNPACKED_BYTES, parse_json, read_plain
 from protocol.ledger import Ledger, Participant
 from recording.folder import SessionFolder, create_session, open_session
 from recording.manifest import read_manifest
@@ -103,16 +106,16 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
     """Return the runs of files, folders and archives, and how many lines could not be read.
 
     Raises:
-        DataError: a file is not there, or none holds results of a bundle.
+        DataError: a file is not there, is damaged or too large, or none holds results of a bundle.
     """
     lines: dict[str, dict[int, Mapping[str, Any]]] = {}
     unreadable = 0
     for text in _texts(paths):
         for line in filter(None, map(str.strip, text.splitlines())):
             try:
-                told = json.loads(line)
+                told = parse_json(line)
                 key, its = str(told["run"]), int(told["line"])
-            except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
+            except (ValueError, TypeError, KeyError, OverflowError):
                 unreadable += 1
                 continue
             lines.setdefault(key, {}).setdefault(its, told)
@@ -124,7 +127,10 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
             continue
         runs.append(Run(key, first, tuple(of_run[n] for n in sorted(of_run))))
     if not runs:
-        raise DataError("there are no results of a bundle in these files")
+        raise DataError(
+            "there are no results of a bundle in these files; give what JATOS exports as results, "
+            "or the folder that --results saved"
+        )
     return runs, unreadable
 
 
@@ -191,14 +197,38 @@ def _texts(paths: Iterable[Path]) -> Iterator[str]:
         if path.is_dir():
             yield from _texts(sorted(p for p in path.rglob("*") if p.suffix in ARCHIVES + TEXTS))
         elif not path.is_file():
-            raise DataError(f"there is no file {path}")
-        elif zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as archive:
-                for name in archive.namelist():
-                    if name.endswith(TEXTS) and not name.endswith("metadata.json"):
-                        yield archive.read(name).decode("utf-8", errors="replace")
+            raise DataError(f"there is no file {path}; give the results' files or their folder")
         else:
-            yield path.read_text("utf-8", errors="replace")
+            try:
+                yield from (
+                    _packed(path)
+                    if zipfile.is_zipfile(path)
+                    else [_text(read_plain(path, max_bytes=MAX_UNPACKED_BYTES))]
+                )
+            except (
+                OSError, ValueError, LookupError, EOFError, RuntimeError, struct.error,
+                zipfile.BadZipFile, zlib.error,
+            ) as error:  # fmt: skip
+                raise DataError(f"{path} cannot be read ({error}); download it again") from error
+
+
+def _packed(path: Path) -> list[str]:
+    """Return the texts of results in an archive, no larger together than a file may be."""
+    found, left = [], MAX_UNPACKED_BYTES
+    with zipfile.ZipFile(path) as archive:
+        for name in archive.namelist():
+            if name.endswith(TEXTS) and not name.endswith("metadata.json"):
+                with archive.open(name) as file:
+                    data = file.read(left + 1)
+                left -= len(data)
+                if left < 0:
+                    raise ValueError(f"it unpacks to more than {MAX_UNPACKED_BYTES} bytes")
+                found.append(_text(data))
+    return found
+
+
+def _text(data: bytes) -> str:
+    return data.decode("utf-8", errors="replace")
 
 
 @dataclass(frozen=True, eq=False)
