@@ -155,10 +155,11 @@ def _verdict(
     compare = finding.compare
     words = finding.measure.words
     if term is None or finding.outcome is None:
-        return Verdict("undecided", f"{words}: not tested", f"{finding.why_not}.")
+        untested = f"{words}: not tested" + (f" – {_lower(compare.claim)}" if compare.claim else "")
+        return Verdict("undecided", untested, f"{finding.why_not}.")
     names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
     significant = term.is_significant
-    if compare.claim and len(finding.terms) == 1:
+    if compare.claim and (len(finding.terms) == 1 or compare.is_claimed(term.name)):
         headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
     elif significant:
         headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
