@@ -229,8 +229,9 @@ def _trial_boards(
             t for b in plan["blocks"] for t in b["trials"] if t["trial_id"] == told["trial_id"]
         )
         response = experiment.responses.get(told["question"])
-        is_asked = response is not None and not isinstance(response, Keys)
-        if not is_asked or not is_on_board(response, experiment.settings):
+        if response is None or isinstance(response, Keys):
+            continue
+        if not is_on_board(response, experiment.settings):
             continue
         words = TrialScript(Trial(**planned), experiment.settings).words_of(response)
         for head in _heads_at(recording, part, int(told["asked_ns"])):

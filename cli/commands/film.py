@@ -103,10 +103,10 @@ def film(
             overlays=overlays, seed=seed, size_px=size_px, rate_hz=rate, seconds=seconds,
             on_frame=told,
         )  # fmt: skip
-    told = f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s"
+    written = f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s"
     if camera == "auto" and made.camera is CameraKind.ORBIT:
-        told += "; no place for the topology camera in this room, so filmed by --camera orbit"
-    console.print(told, soft_wrap=True)
+        written += "; no place for the topology camera in this room, so filmed by --camera orbit"
+    console.print(written, soft_wrap=True)
     if made.decisions is not None:
         made.decisions.write(decided)
         console.print(f"written [b]{verbatim(decided)}[/]", soft_wrap=True)
