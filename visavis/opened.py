@@ -143,7 +143,10 @@ class OpenedStudy:
         Raises:
             DataError: naming the line of the study file, and the nearest there is.
         """
-        there = {"trial": set(rows), "participant": set() if facts is None else set(facts)}
+        there = {
+            "trial": set(map(str, rows)),
+            "participant": set() if facts is None else set(map(str, facts)),
+        }
         from visavis.dictionary import PEOPLE, trial_columns
 
         described = {
