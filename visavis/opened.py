@@ -21,7 +21,15 @@ from recording.reader import Recording
 from stimuli.scene import SceneFrame
 from visavis.analysis import StudyAnalysis, analyse_rows, measures_of
 from visavis.confusion import Confusion
-from visavis.exclusions import ANSWERED, Selection, left_out_lines, limits_in_force, select
+from visavis.exclusions import (
+    ANSWERED,
+    STANDARD_COLUMNS,
+    Exclusion,
+    Selection,
+    left_out_lines,
+    limits_in_force,
+    select,
+)
 from visavis.experiment import StudyExperiment
 from visavis.intake import SessionIntake, questionnaire, take_in
 from visavis.locked.review import PlanReview
@@ -73,7 +81,7 @@ class OpenedStudy:
         return made
 
     def _refuse_slips(self, made: StudyExperiment) -> None:
-        """Refuse comparisons, measures and sections of what the study does not have.
+        """Refuse comparisons, measures, exclusions and sections of what the study does not have.
 
         Raises:
             DesignError: naming the line of the study file, and the nearest there is.
@@ -99,12 +107,60 @@ class OpenedStudy:
         if roles:
             who = tuple(sorted(roles))
             slips += [(m.role, "role", who) for m in self.study.measures if m.role]
+        own = [r for r in self.study.exclusions if r.column not in STANDARD_COLUMNS]
+        for rule in own:
+            slips += self._unknown_column(rule, made)
         for name, kind, known in slips:
             if name not in known:
                 place = line_saying(self.study.path, name) or f"study {self.study.name}"
                 near = did_you_mean(name, known)
-                there = f" there are {', '.join(known)}" if "known:" not in near else ""
+                is_short = "known:" not in near and not kind.startswith("column")
+                there = f" there are {', '.join(known)}" if is_short else ""
                 raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
+
+    def _unknown_column(
+        self, rule: Exclusion, made: StudyExperiment
+    ) -> list[tuple[str, str, tuple[str, ...]]]:
+        """Return the slip of a rule whose column no trial and no person can have."""
+        # The dictionary is imported with what writes tables: most commands do without.
+        from visavis.dictionary import PEOPLE, of_shown, trial_columns
+
+        if rule.level == "participant":
+            known = tuple(c.name for c in PEOPLE)
+            # What a study's own facts are called is known from data alone.
+            is_known = rule.column in known or self.study.facts_of is not None
+        else:
+            known = tuple(trial_columns(made, self.measures(made)))
+            roles = frozenset().union(*(t.roles for t in made.read.values()))
+            is_known = rule.column in known or of_shown(rule.column, roles)
+        return [] if is_known else [(rule.column, f"column of {rule.level}s", known)]
+
+    def _refuse_absent(
+        self, experiment: StudyExperiment, rows: pd.DataFrame, facts: pd.DataFrame | None
+    ) -> None:
+        """Refuse a rule of exclusion about what neither the study nor these data have.
+
+        Raises:
+            DataError: naming the line of the study file, and the nearest there is.
+        """
+        there = {
+            "trial": set(map(str, rows)),
+            "participant": set() if facts is None else set(map(str, facts)),
+        }
+        from visavis.dictionary import PEOPLE, trial_columns
+
+        described = {
+            "trial": trial_columns(experiment, self.measures(experiment)),
+            "participant": {c.name for c in PEOPLE},
+        }
+        for rule in self.study.exclusions:
+            known = {*there[rule.level], *described[rule.level], *STANDARD_COLUMNS}
+            if rule.column not in known:
+                place = line_saying(self.study.path, rule.column) or f"study {self.name}"
+                raise DataError(
+                    f"{place}: no {rule.level} has {rule.column!r}"
+                    f"{did_you_mean(rule.column, known)}"
+                )
 
     def participant(
         self, index: int, seed: int, *, effect: bool, experiment: Any = None
@@ -255,9 +311,12 @@ class OpenedStudy:
         settings = settings or {}
         self.check_settings(settings)
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
+        rows = pd.concat([s.rows for s in sessions], ignore_index=True)
+        facts_of = self.study.facts_of
+        self._refuse_absent(experiment, rows, None if facts_of is None else facts_of(rows))
         return self.analysis_of_rows(
             experiment,
-            pd.concat([s.rows for s in sessions], ignore_index=True),
+            rows,
             pd.DataFrame([dict(s.person) for s in sessions]),
             planned={str(s.manifest.participant): s.planned for s in sessions},
             settings=settings,

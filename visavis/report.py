@@ -155,10 +155,11 @@ def _verdict(
     compare = finding.compare
     words = finding.measure.words
     if term is None or finding.outcome is None:
-        return Verdict("undecided", f"{words}: not tested", f"{finding.why_not}.")
+        untested = f"{words}: not tested" + (f" – {_lower(compare.claim)}" if compare.claim else "")
+        return Verdict("undecided", untested, f"{finding.why_not}.")
     names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
     significant = term.is_significant
-    if compare.claim and len(finding.terms) == 1:
+    if compare.claim and (len(finding.terms) == 1 or compare.is_claimed(term.name)):
         headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
     elif significant:
         headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
@@ -476,9 +477,12 @@ def _people(
 
 
 def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
-    """Yield what devices and operators flagged: how many trials, of how many people."""
+    """Yield what devices and operators flagged: how many trials, of how many people; no practice,
+    of which nothing is analysed.
+    """
     if "flags" not in rows:
         return
+    rows = rows[~rows["is_practice"].astype(bool)]
     flags = rows[["participant", "flags"]].assign(
         flags=rows["flags"].fillna("").astype(str).str.split(";")
     )
@@ -487,8 +491,14 @@ def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
         heads = (Column("Flag"), Column("Trials", "right"), Column("People", "right"))
         counts = each.groupby("flags", sort=True)["participant"].agg(["size", "nunique"])
         listed = tuple((str(f), str(n), str(people)) for f, n, people in counts.itertuples())
-        note = "A flag ending in _lost: the device was away, or the session went on without it."
-        yield Fold(f"Flagged trials: {int(rows['flags'].fillna('').ne('').sum())}",
+        note = (
+            "A flag ending in _lost: the device was away, or the session went on without it; in "
+            "_warning: it warned during the trial, in words that visavis check shows for the "
+            "session; picture_stalled: the picture stood still. Flags leave no trial out; "
+            "exclusions do. Practice trials are not counted."
+        )
+        flagged = int(rows["flags"].fillna("").ne("").sum())
+        yield Fold(f"Flagged trials: {flagged} of {len(rows)}",
                    (Table(heads, listed, "Flags", note),))  # fmt: skip
 
 

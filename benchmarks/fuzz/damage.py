@@ -9,6 +9,7 @@ import io
 import json
 import zlib
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -111,8 +112,7 @@ def journal_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
 
 def arrays_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
     """Return an .npz file of which one to three arrays are others; texts in them are JSON."""
-    with np.load(io.BytesIO(data)) as file:
-        arrays = {name: file[name] for name in file.files}
+    arrays = dict(_arrays_of(data))
     for _ in range(ONE_TO_THREE[next(drawn) % 5]):
         name = list(arrays)[next(drawn) % len(arrays)]
         found = _array_again(arrays.pop(name), drawn)
@@ -123,6 +123,12 @@ def arrays_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
     written = io.BytesIO()
     np.savez(written, allow_pickle=False, **arrays)
     return written.getvalue()
+
+
+@lru_cache(maxsize=4)
+def _arrays_of(data: bytes) -> dict[str, Any]:
+    with np.load(io.BytesIO(data)) as file:
+        return {name: file[name] for name in file.files}
 
 
 def _array_again(array: Any, drawn: Iterator[int]) -> Any:

@@ -110,7 +110,8 @@ def files(scratch: Path) -> Iterator[Target]:
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (4, len(skeleton.names), 1))
     write_clip(made / "clip.npz", Clip(skeleton, 0.01, np.zeros((4, 3)), turns))
     write_glb(made / "figure.glb")
-    person = replace(import_gltf(made / "figure.glb", gender="male"), closed=None, measuring=())
+    person = import_gltf(made / "figure.glb", gender="male")
+    person = replace(person, levels=person.levels[-1:], closed=None, measuring=())
     write_character(person, made / "person.npz")
     told = study / "sub-01B"
     write_own_body(told, OwnBody("female", 1.7))

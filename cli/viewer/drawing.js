@@ -360,13 +360,13 @@ class Drawing {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   }
 
-  // What `draw` draws, seen once more: kept from its second time on, until `key` or the picture's size is another.
+  // Puts what `draw` draws, kept from its second time on, until `key` or the picture's size is another; tells
+  // whether it did. What is not kept is drawn after the people, who hide some of it.
   kept(key, width, height, draw) {
     const gl = this.gl, whole = [key, width, height].join();
     if (whole !== this.keptKey) {
       this.keptKey = whole;
-      this.isKept = false;
-      return draw();
+      return this.isKept = false;
     }
     const kept = this.keptTarget ||= {colour: gl.createTexture(), depth: gl.createTexture(), frame: gl.createFramebuffer(), vao: gl.createVertexArray()};
     if (!this.isKept) {
@@ -395,6 +395,7 @@ class Drawing {
     gl.depthFunc(gl.ALWAYS);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.depthFunc(gl.LESS);
+    return true;
   }
 
   use(name, seen, room, brightness) {
