@@ -63,7 +63,7 @@ def simulate(
         typer.Option("--output", help="Data root to write to; the lab's own when left out."),
     ] = None,
     effect: Annotated[
-        bool, typer.Option("--effect/--no-effect", help="Whether agents' gaze matters.")
+        bool, typer.Option("--effect/--no-effect", help="Whether what is shown makes a difference.")
     ] = True,
     parameters: Annotated[
         list[str] | None,
@@ -86,7 +86,7 @@ def simulate(
         require_space(lab)
     wanted = wanted_settings(
         output.resolve() / SIMULATED_ROOT / chosen.name, chosen, is_simulated=True, seed=seed,
-        assignments=parameters, language=language or lab.language, effect=effect,
+        assignments=parameters, language=language, usual_language=lab.language, effect=effect,
     )  # fmt: skip
     folder = simulate_study(
         lab, chosen, wanted, participants, output, processes=processes, scheduler=scheduler,
@@ -127,7 +127,7 @@ def analyse(
     Example: visavis analyse data/simulated/stare
     """
     report_path = analyse_study(
-        folder_of(folder, config),
+        folder_of(folder, config, "analyse"),
         output,
         mixture=mixture,
         processes=processes,
@@ -158,7 +158,7 @@ def report(
     Example: visavis report data/simulated/stare
     """
     path = analyse_study(
-        folder_of(folder, config),
+        folder_of(folder, config, "report"),
         None,
         mixture=False,
         processes=processes,
