@@ -26,6 +26,7 @@ PRACTICE: Final = "practice"
 NOT_FINISHED: Final = "not finished"
 REPEATED: Final = "performed again later"
 UNREADABLE: Final = "the recording is damaged"
+PERSON_OUT: Final = "participant left out: "
 
 
 COLUMN_WORDS: Final[Mapping[str, str]] = {
@@ -306,7 +307,7 @@ def select(
             out,
             rule.name,
             "participant",
-            [f"participant left out: {said.get(str(p), '')}" for p in table["participant"]],
+            [f"{PERSON_OUT}{said.get(str(p), '')}" for p in table["participant"]],
         )
         for name, words in said.items():
             at = people["participant"] == name

@@ -44,6 +44,7 @@ from visavis.sessions.cast import use_recorded_cast
 from visavis.slips import line_saying
 from visavis.study import Study
 from visavis.validation import judge_validation
+from visavis.worth_a_look import MAX_LISTED, Striking, striking_trials
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,8 @@ class OpenedStudy:
     """How its locked plan was kept, for the report; None where no plan was locked."""
     tell: Callable[[str], None] | None = None
     """Hears of every trial and person that an analysis leaves out, and why."""
+    make_views: Callable[[Path, Sequence[Striking]], None] | None = None
+    """Makes the pages of trials to look at, beside the report in the folder it is given."""
 
     @property
     def name(self) -> str:
@@ -401,12 +404,13 @@ class OpenedStudy:
         commands: tuple[str, ...],
         example: Recording | None,
         settings: Mapping[str, Any] | None = None,
+        folder: str = "",
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
         analysis = self.analysis_of(sessions, settings)
         return self.write(
             analysis, sessions, out_dir, is_simulated=is_simulated, commands=commands,
-            example=example,
+            example=example, folder=folder,
         )  # fmt: skip
 
     def write(
@@ -418,8 +422,11 @@ class OpenedStudy:
         is_simulated: bool,
         commands: tuple[str, ...],
         example: Recording | None,
+        folder: str = "",
     ) -> Path:
         """Write tables, figures and the report of what was analysed; return the report's path.
+
+        `folder` is the study's, as the report names it.
 
         The tables of `sessions` are not asked for again.
         """
@@ -430,9 +437,12 @@ class OpenedStudy:
         for line in left_out_lines(analysis.selection, self.study.exclusions):
             if self.tell is not None:
                 self.tell(line)
+        if self.make_views is not None:
+            self.make_views(out_dir, striking_trials(analysis)[:MAX_LISTED])
         provenance = provenance_of_sessions(
-            self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
-        )
+            self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands,
+            folder,
+        )  # fmt: skip
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
         asked = self.asked(self.study.questionnaires)
         facts = {**sessions[0].facts, **self.study.setup}

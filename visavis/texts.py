@@ -6,8 +6,9 @@ a study's file may replace any of them.
 """
 
 import string
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -99,7 +100,7 @@ def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Tex
             has, or it cannot be read.
     """
     spoken = language if language in languages_in(WORDS_DIR) else DEFAULT_LANGUAGE
-    entries = dict(_read(WORDS_DIR / f"{spoken}.yaml"))
+    entries = dict(_words(spoken))
     own: dict[str, str] = {}
     source = "Visavis"
     for folder in folders:
@@ -129,8 +130,9 @@ def _require_all(
     """
     for folder in folders:
         for other in languages_in(folder):
+            file = folder / f"{other}.yaml"
             try:
-                names = [name for name, _ in _read(folder / f"{other}.yaml")]
+                names = _names_in(file, file.stat().st_mtime_ns)
             except ConfigError:
                 continue  # said where that language is used
             lacking = [
@@ -139,12 +141,23 @@ def _require_all(
             if lacking:
                 listed = ", ".join(map(repr, lacking))
                 raise ConfigError(
-                    f"{source} has no text {listed}, which {folder / f'{other}.yaml'} has; "
+                    f"{source} has no text {listed}, which {file} has; "
                     "translate it, or take it out of both"
                 )
 
 
-def _read(path: Path) -> Iterable[tuple[str, str]]:
+@cache
+def _names_in(path: Path, changed_ns: int) -> tuple[str, ...]:
+    """Return the names of a file's texts, read once as long as it is not changed."""
+    return tuple(name for name, _ in _read(path))
+
+
+@cache
+def _words(language: str) -> tuple[tuple[str, str], ...]:
+    return _read(WORDS_DIR / f"{language}.yaml")
+
+
+def _read(path: Path) -> tuple[tuple[str, str], ...]:
     document = read_document(path)
     if document.problems:
         raise ConfigError(f"{path}: {'; '.join(str(p) for p in document.problems)}")

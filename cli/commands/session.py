@@ -29,6 +29,8 @@ from cli.app import (
 )
 from cli.commands.checking import EXIT_RED, print_check
 from cli.desk.link import ACTIONS, About, SessionLink
+from cli.doctor.findings import Finding
+from cli.doctor.station import station_findings
 from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
 from cli.questions import TerminalRespondent
@@ -429,6 +431,10 @@ def _perform(
         make_ready(
             here.study, experiment, here.lab
         )  # before the operator's screen, which would stand empty meanwhile
+    station: tuple[Finding, ...] = ()
+    if not fast and on == "lab":
+        station = station_findings(here.lab, SystemClock())
+        _tell_station(station)
     path = resume_from or _session_dir(here, entry, session)
     own = read_own_body(path.parent)
     with ExitStack() as stack:
@@ -468,7 +474,9 @@ def _perform(
             effect=settings.effect,
             blind=blind,
             consent_version=entry.consent_version,
-            companion=LabCompanion(lambda said: errors.print(f"[yellow]{verbatim(said)}[/]")),
+            companion=LabCompanion(
+                lambda said: errors.print(f"[yellow]{verbatim(said)}[/]"), station
+            ),
             without=tuple(dict.fromkeys(without or ())),
             on=on,
             page=PageAddress(port, _tell_address),
@@ -550,6 +558,16 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
         soft_wrap=True,
         highlight=False,
     )
+
+
+def _tell_station(found: tuple[Finding, ...]) -> None:
+    """Say how the computer keeps the timing that was locked; nothing where nothing was."""
+    for one in found:
+        if one.level == "warning":
+            what = f"{one.found}\n  → {one.remedy}" if one.remedy else one.found
+            errors.print(f"[yellow]station: {verbatim(what)}[/]", soft_wrap=True, highlight=False)
+        elif one.level == "ok":
+            errors.print(f"[dim]station: {verbatim(one.found)}[/]", soft_wrap=True, highlight=False)
 
 
 def _tell_address(address: str) -> None:

@@ -414,6 +414,7 @@ def _setup(
         participant=devices.participant,
         progress=progress,
         blind=request.blind,
+        idle_roles=frozenset() if request.experiment.rests_on_gaze else frozenset({"eye_tracker"}),
         timing=request.timing,
         lost_device_s=request.lost_device_s,
         on_trial=request.on_trial,

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from analysis.report.notation import counted
+from analysis.report.sources import on_virtual_clock
 from lab.clock import SimClock, StopWatch, SystemClock
 from lab.config import LabConfig
 from lab.errors import DataError, LedgerError, SessionAborted
@@ -61,6 +62,7 @@ from visavis.sessions.study_folder import (
     settle,
     study_of_folder,
 )
+from visavis.worth_a_look import Striking
 
 
 class Telling(Protocol):
@@ -183,6 +185,7 @@ def analyse_study(
     accept_damage: bool = False,
     peek: str | None = None,
     sync: Path | None = None,
+    make_views: Callable[[Path, Sequence[Striking]], None] | None = None,
     telling: Telling = QUIET,
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path.
@@ -257,13 +260,13 @@ def analyse_study(
         verdict = "it is taken in" if counts.get(who, False) else "they are left out"
         telling.warn(f"not finished: {told}; {verdict}")
     ordered = [one.without_tables() for one in ordered]  # the analysis holds everybody's
-    report_path = replace(chosen, tell=telling.warn).write(
+    report_path = replace(chosen, tell=telling.warn, make_views=make_views).write(
         analysis,
         ordered,
         out_dir,
         is_simulated=True in kinds,
         commands=(
-            *_origin(folder),
+            *_origin(folder, manifests),
             " ".join(
                 [
                     "visavis analyse",
@@ -275,6 +278,7 @@ def analyse_study(
             ),
         ),
         example=Recording(sessions[0]),
+        folder=_from_root(folder),
     )
     write_damage(damaged, out_dir)
     write_deviations(review, out_dir)
@@ -397,9 +401,12 @@ def _from_root(folder: Path) -> str:
     return "/".join(folder.parts[-3:])
 
 
-def _origin(folder: Path) -> tuple[str, ...]:
+def _origin(folder: Path, manifests: Sequence[Manifest]) -> tuple[str, ...]:
+    """Return the command that would simulate these sessions again; none performed in real time."""
     settings = read_settings(folder)
     if settings is None or not settings.is_simulated:
+        return ()
+    if not all(on_virtual_clock(m) and len(m.parts) == 1 for m in manifests):
         return ()
     count = len(list(folder.glob("sub-*")))
     options = [f"--participants {count}", f"--seed {settings.seed}"]
