@@ -146,6 +146,15 @@ def _require_all(
                 )
 
 
+def own_texts(path: Path) -> dict[str, str]:
+    """Return the texts of one file by dotted name, whatever other languages have.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
+    return dict(_read(path))
+
+
 @cache
 def _names_in(path: Path, changed_ns: int) -> tuple[str, ...]:
     """Return the names of a file's texts, read once as long as it is not changed."""
