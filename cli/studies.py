@@ -1,5 +1,6 @@
 """The studies the command line works with, and whose data a folder holds."""
 
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,7 +76,7 @@ class StudyHere:
         """Return the settings that a command asks for; see `wanted_settings`."""
         return wanted_settings(
             self.folder, self.study, is_simulated=self.is_simulated, seed=seed,
-            assignments=assignments, language=language or self.lab.language,
+            assignments=assignments, language=language, usual_language=self.lab.language,
         )  # fmt: skip
 
     def settled(self, wanted: StudySettings, *, seed_given: bool) -> StudySettings:
@@ -163,8 +164,10 @@ def check_wording(lab: LabConfig) -> None:
         raise ConfigError(f"{lab.path}, wording: {'; '.join(problems)}")
 
 
-def folder_of(wanted: Path, config: Path | None) -> Path:
+def folder_of(wanted: Path, config: Path | None, verb: str = "check") -> Path:
     """Return a study's data folder, given the folder itself, the study's file, or its name.
+
+    `verb` is what is named with the folders that may be meant.
 
     Raises:
         UsageError: there are no data of it, or both real and simulated ones.
@@ -178,7 +181,7 @@ def folder_of(wanted: Path, config: Path | None) -> Path:
     name = str(wanted) if there else study_of_lab(str(wanted), lab).name
     there = there or _data_of(name, lab)
     if not there:
-        raise UsageError(_no_data(name, wanted, lab))
+        raise UsageError(_no_data(name, wanted, lab, verb))
     if len(there) > 1:
         raise UsageError(
             f"there are real and simulated data of {name}; name the folder: "
@@ -193,7 +196,7 @@ def _data_of(name: str, lab: LabConfig) -> list[Path]:
     return [folder for folder in folders if folder.is_dir()]
 
 
-def _no_data(name: str, wanted: Path, lab: LabConfig) -> str:
+def _no_data(name: str, wanted: Path, lab: LabConfig, verb: str) -> str:
     """Return why nobody's data were found, with the simulated studies that may be meant."""
     simulated = sorted(
         (lab.data_root / DRY_RUNS).glob(f"*/{SIMULATED_ROOT}/{name}"),
@@ -202,8 +205,8 @@ def _no_data(name: str, wanted: Path, lab: LabConfig) -> str:
     )
     nothing = f"there are no sessions of {name} under {lab.data_root}"
     if simulated:
-        folders = "\n  ".join(map(str, simulated[:6]))
-        return f"{nothing}; simulated studies have folders of their own, give one:\n  {folders}"
+        lines = "\n  ".join(f"visavis {verb} {shlex.quote(str(f))}" for f in simulated[:6])
+        return f"{nothing}; of a simulated study, type\n  {lines}"
     return (
         f"{nothing}; begin with one: visavis run {wanted} --participant 1, or simulate the whole "
         f"study: visavis simulate {wanted}; or give the folder of sessions that lie elsewhere"

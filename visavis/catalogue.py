@@ -14,8 +14,9 @@ from lab.errors import DesignError, UsageError
 from lab.yaml_lines import did_you_mean
 from visavis.opened import OpenedStudy
 from visavis.sections import named
-from visavis.slips import MODULE_OF_STUDY, in_words, line_of
+from visavis.slips import MODULE_OF_STUDY, forgotten_yields, in_words, line_of
 from visavis.study import Study
+from visavis.trial import STEPS
 
 SHIPPED: Final[Mapping[str, str]] = {
     "stare": "experiments.stare.study:study",
@@ -115,6 +116,10 @@ def study_of_file(path: Path) -> Study:
         )
     study = found[0]
     study.path, study.folder = path, path.parent
+    for line, step in forgotten_yields(path, STEPS):
+        raise DesignError(
+            f"{path}, line {line}: {step}(…) is made and not performed; write yield {step}(…)"
+        )
     _ = study.trial_plan
     return study
 

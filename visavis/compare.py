@@ -44,11 +44,11 @@ class Compare:
     link mixed model ("clmm"), or for choices between two a Bradley–Terry model ("bradleyterry":
     `within` are the factors of the first and the second item, or one whose levels name both,
     "A|B"; the measure is above 0 where the first was preferred) instead. `claim` says in words
-    what a significant result would show; over several factors, their interaction. Comparisons of
-    one `family` are corrected together. An `exploratory` one stands apart in the report and makes
-    no headline. `only` are levels of other
-    factors that trials must have ({"group": "haptics"}). `pairs` are what a source prints of two
-    levels compared after the test over all of a factor.
+    what a significant result would show; over several factors, their interaction. Comparisons
+    of one `family` are corrected together. An `exploratory` one stands apart in the report and
+    makes no headline. `only` are levels of other factors that trials must have
+    ({"group": "haptics"}). `pairs` are what a source prints of two levels compared after the test
+    over all of a factor.
     """
 
     dv: str

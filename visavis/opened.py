@@ -143,12 +143,10 @@ class OpenedStudy:
         Raises:
             DataError: naming the line of the study file, and the nearest there is.
         """
-        there = {
-            "trial": set(map(str, rows)),
-            "participant": set() if facts is None else set(map(str, facts)),
-        }
         from visavis.dictionary import PEOPLE, trial_columns
 
+        own: list[str] = [] if facts is None else list(map(str, facts))
+        there = {"trial": list(map(str, rows)), "participant": own}
         described = {
             "trial": trial_columns(experiment, self.measures(experiment)),
             "participant": {c.name for c in PEOPLE},

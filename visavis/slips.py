@@ -3,7 +3,7 @@
 import ast
 import inspect
 import re
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,13 +16,17 @@ _NOT_TAKEN: Final = re.compile(
     r"(?:(?P<owner>\w+)\.)?(?P<called>\w+)\(\) got an unexpected keyword argument '(?P<given>\w+)'"
 )
 
+_NOT_GIVEN: Final = frozenset(("base", "folder", "makers", "path", "plan_folder"))
+"""What decorators and the reader of a study's file set, beside all that ends in "_of"."""
+
 
 def not_taken(what: str, given: str, known: Iterable[str]) -> str:
-    """Say that something takes no such argument, with the nearest one and all there are."""
+    """Say that something takes no such argument, with the nearest one, or all there are."""
     names = tuple(known)
-    near = did_you_mean(given, names).partition("?")
-    guess = near[0] + near[1] if near[1] else ""
-    return f"{what} takes no {given!r}{guess}{';' if not guess else ''} it takes {', '.join(names)}"
+    near = did_you_mean(given, names)
+    if "did you mean" in near:
+        return f"{what} takes no {given!r}{near}"
+    return f"{what} takes no {given!r}; it takes {', '.join(names)}"
 
 
 def in_words(error: BaseException) -> str:
@@ -34,9 +38,19 @@ def in_words(error: BaseException) -> str:
     taker = None if found is None else _of_kit(found["owner"] or "", found["called"])
     if found is not None and taker is not None:
         called = found["owner"] if found["called"] == "__init__" else found["called"]
-        return not_taken(str(called), found["given"], taken_by(taker))
+        known = tuple(n for n in taken_by(taker) if not n.endswith("_of") and n not in _NOT_GIVEN)
+        return not_taken(str(called), found["given"], known)
     own = isinstance(error, LabError)
+    if not own and isinstance(error, AttributeError) and _is_of_kit(error.obj):
+        names = tuple(n for n in dir(error.obj) if not n.startswith("_"))
+        near = did_you_mean(error.name, names)
+        hint = near if "did you mean" in near else ""
+        return f"a {type(error.obj).__name__.lower()} has no {error.name!r}{hint}"
     return str(error) if own else f"{type(error).__name__}: {error}"
+
+
+def _is_of_kit(thing: object) -> bool:
+    return type(thing).__module__.partition(".")[0] == "visavis"
 
 
 def taken_by(called: Callable[..., Any]) -> tuple[str, ...]:
@@ -78,6 +92,31 @@ def line_reached(steps: Generator[Any, Any, Any]) -> str:
             place = f"{at.gi_code.co_filename}, line {at.gi_frame.f_lineno}"
         at = at.gi_yieldfrom
     return place
+
+
+def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[int, str]]:
+    """Yield line and name of every step of a trial that a study file makes and does not yield."""
+    if path is None or not path.is_file():
+        return
+    names = frozenset(steps)
+    for made in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if not isinstance(made, ast.FunctionDef) or not made.args.args:
+            continue
+        marks = [d.attr for d in made.decorator_list if isinstance(d, ast.Attribute)]
+        inner = list(ast.walk(made))
+        if not {"trial", "intertrial"} & set(marks) and not any(
+            isinstance(n, ast.Yield | ast.YieldFrom) for n in inner
+        ):
+            continue
+        for said in (n.value for n in inner if isinstance(n, ast.Expr)):
+            if (
+                isinstance(said, ast.Call)
+                and isinstance(said.func, ast.Attribute)
+                and isinstance(said.func.value, ast.Name)
+                and said.func.value.id == made.args.args[0].arg
+                and said.func.attr in names
+            ):
+                yield said.lineno, f"{said.func.value.id}.{said.func.attr}"
 
 
 def line_saying(path: Path | None, word: str) -> str:

@@ -33,7 +33,7 @@ from visavis.quick import quick_rows
 from visavis.reading import still_view
 from visavis.scenes import Scene, Staging, stage
 from visavis.study import Study
-from visavis.texts import languages_in, placeholders_of, read_texts
+from visavis.texts import languages_in, own_texts, placeholders_of
 from visavis.trial import TrialScript
 
 SEED: Final = 1
@@ -56,10 +56,10 @@ def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None 
     set_to = dict(parameters or {})
     problems: list[str] = []
     try:
+        problems += text_problems(opened.study)
         experiment = opened.experiment(set_to)
         _ = experiment.sounds  # files that cannot be played are told
         problems += plan_problems(experiment)
-        problems += text_problems(opened.study)
         for language in languages_of(opened.study):
             opened.experiment({**set_to, "language": language}).plan(0, SEED)
         problems += picture_problems(experiment)
@@ -105,12 +105,7 @@ def text_problems(study: Study) -> list[str]:
     problems = []
     for folder in study.text_folders:
         texts = {
-            language: {
-                name: text
-                for name, text in read_texts((folder,), language).entries.items()
-                if name in read_texts((folder,), language).own
-            }
-            for language in languages_in(folder)
+            language: own_texts(folder / f"{language}.yaml") for language in languages_in(folder)
         }
         everything = {name for entries in texts.values() for name in entries}
         for language, entries in texts.items():

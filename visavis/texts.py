@@ -17,6 +17,8 @@ from lab.yaml_lines import did_you_mean, read_document
 
 WORDS_DIR: Final = Path(__file__).parent / "words"
 DEFAULT_LANGUAGE: Final = "en"
+NOT_READ_BY_PARTICIPANTS: Final = "labels."
+"""What factors and levels are called in figures: a language may leave it to their names."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,8 @@ def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Tex
     """Read the kit's words and over them a study's texts, in one language; later folders win.
 
     Raises:
-        ConfigError: the study has no such language, or a file cannot be read.
+        ConfigError: the study has no such language, its file lacks what another language's file
+            has, or it cannot be read.
     """
     spoken = language if language in languages_in(WORDS_DIR) else DEFAULT_LANGUAGE
     entries = dict(_words(spoken))
@@ -113,7 +116,49 @@ def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Tex
             )
         source = str(folder / f"{language}.yaml")
         own |= dict(_read(folder / f"{language}.yaml"))
+    _require_all(folders, language, entries | own, source)
     return Texts(language, entries | own, frozenset(own), source)
+
+
+def _require_all(
+    folders: Sequence[Path], language: str, there: Mapping[str, str], source: str
+) -> None:
+    """Refuse texts of a language that lack what participants read in another one.
+
+    Raises:
+        ConfigError: naming the texts, and the file that has them.
+    """
+    for folder in folders:
+        for other in languages_in(folder):
+            file = folder / f"{other}.yaml"
+            try:
+                names = _names_in(file, file.stat().st_mtime_ns)
+            except ConfigError:
+                continue  # said where that language is used
+            lacking = [
+                n for n in names if n not in there and not n.startswith(NOT_READ_BY_PARTICIPANTS)
+            ]
+            if lacking:
+                listed = ", ".join(map(repr, lacking))
+                raise ConfigError(
+                    f"{source} has no text {listed}, which {file} has; "
+                    "translate it, or take it out of both"
+                )
+
+
+def own_texts(path: Path) -> dict[str, str]:
+    """Return the texts of one file by dotted name, whatever other languages have.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
+    return dict(_read(path))
+
+
+@cache
+def _names_in(path: Path, changed_ns: int) -> tuple[str, ...]:
+    """Return the names of a file's texts, read once as long as it is not changed."""
+    return tuple(name for name, _ in _read(path))
 
 
 @cache

@@ -658,6 +658,13 @@ class TrialScript:
         return name if count == 1 else f"{name}{count}"
 
 
+STEPS: Final = frozenset(
+    name
+    for name, made in vars(TrialScript).items()
+    if not name.startswith("_") and getattr(made, "__annotations__", {}).get("return") is Action
+)
+"""The steps of a trial, each of which is to be yielded."""
+
 TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
 """A study's trial: a generator over its script."""
 

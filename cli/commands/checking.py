@@ -1,5 +1,6 @@
 """check, recover: what a session left behind."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -102,12 +103,13 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
     problems = study_problems(folder)
     sessions = session_folders(folder)
     count = len(sessions)
+    unfinished = _unfinished(sessions)
     verdicts: dict[Path, SessionCheck] = {}
     for session in sessions if list_trials else ():
         with suppress(RecordingError):  # told among the problems
             verdicts[session] = check_session(Recording(session))
     if as_json:
-        content = {"sessions": count, "problems": problems}
+        content = {"sessions": count, "problems": problems, "unfinished": list(unfinished)}
         if list_trials:
             content["trials"] = {
                 str(s.relative_to(folder)): [asdict(t) for t in verdict.trials]
@@ -124,10 +126,29 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
     else:
         console.print(f"[green]{counted(count, 'session')}, every file verified[/]")
     if not as_json:
+        for path, (status, done, planned) in unfinished.items():
+            way_on = "it goes on now" if status == "running" else f"visavis resume {path}"
+            say_plainly(
+                f"● not finished: {path}, {done} of {planned} trials; {way_on}", style="yellow"
+            )
         for session, verdict in verdicts.items():
             print_check(verdict, session, list_trials=True)
     if problems or any(verdict.level is Level.RED for verdict in verdicts.values()):
         raise typer.Exit(EXIT_RED)
+
+
+def _unfinished(sessions: Sequence[Path]) -> dict[str, tuple[str, int, int]]:
+    """Return the sessions that were not finished: status, trials finished, trials planned."""
+    found: dict[str, tuple[str, int, int]] = {}
+    for session in sessions:
+        with suppress(RecordingError):  # told among the problems
+            recording = Recording(session)
+            parts = recording.manifest.parts
+            if not parts or parts[-1].status != "complete":
+                trials = check_session(recording).trials
+                done = sum(t.status == "complete" for t in trials)
+                found[str(session)] = (recording.status, done, len(trials))
+    return found
 
 
 def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False) -> None:

@@ -28,6 +28,9 @@ from recording.reader import Recording
 from visavis.sessions.study_check import is_study
 from visavis.sessions.study_folder import sessions_of
 
+FORMATS = ("parquet", "bids", "xdf", "pedpy")
+"""What `export` writes."""
+
 import_app = typer.Typer(help="Read data recorded by other programs.")
 app.add_typer(import_app, name="import")
 
@@ -141,6 +144,8 @@ def export(
     from cli.sharing import BLURRED_RISK, LOSS_NAME, loss_page, losses, shared_recording
     from visavis.sessions.damage import require_intact
 
+    if format_name not in FORMATS:
+        raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
     sessions = _exported(session_path, config, participant)
     require_intact(sessions, accept=accept_damage)
     is_simulated = all(Recording(session).is_simulated for session in sessions)
@@ -186,7 +191,7 @@ def _exported(wanted: Path, config: Path | None, participant: str) -> list[Path]
     """Return the sessions meant: one by its folder, or those of a study."""
     if participant or (wanted.is_dir() and not is_study(wanted)):
         return [session_of(wanted, config, participant)]
-    return list(sessions_of(folder_of(wanted, config)))
+    return list(sessions_of(folder_of(wanted, config, "export")))
 
 
 @app.command()

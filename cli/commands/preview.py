@@ -15,7 +15,7 @@ from rich.progress import Progress
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab, new_file, say_written
 from cli.commands.session import LanguageOption, SeedOption, SetOption, who_is_shown
-from cli.preview.capture import Capture, Meanwhile, Seen, spread
+from cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
 from cli.preview.pictures import (
     SIMULATED,
     Viewpoint,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 PEOPLE = "people"
 """Said instead of a study: everybody's face."""
 SHEET_COLUMNS, SHEET_ROWS = 4, 3
+USUAL_AT_S = 3.0
 FOLLOWING = 5
 """How many trials a film goes on with when the one asked for is shorter than the film."""
 
@@ -66,7 +67,10 @@ def preview(
     window: Annotated[
         bool, typer.Option("--window", help="Show it in a window; so too when nothing is asked.")
     ] = False,
-    at: Annotated[float, typer.Option(help="Seconds into the trial, for --png.")] = 3.0,
+    at: Annotated[
+        float | None,
+        typer.Option(help="Seconds into the trial, for --png; 3, or the middle of a shorter one."),
+    ] = None,
     seconds: Annotated[
         float, typer.Option(help="How long a film goes on, trial after trial.")
     ] = 20.0,
@@ -95,7 +99,7 @@ def preview(
         from stage.movie import film_program
 
         film_program(video)
-    if not (0 <= at < inf and 0 < seconds < inf and 1 <= rate <= 240):
+    if not (0 <= (at or 0) < inf and 0 < seconds < inf and 1 <= rate <= 240):
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
     size_px = picture_size(size)
     if study == PEOPLE:
@@ -175,16 +179,21 @@ class _Showing:
         return frames
 
 
-def _write_picture(showing: _Showing, path: Path, at_s: float) -> None:
+def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
     from stage.stills import Stills
 
-    frames = showing.frames(at_s)
-    length_s = showing.passed_s(frames[-1])
-    if showing.capture.is_whole and at_s > length_s:
+    frames = showing.frames(USUAL_AT_S if at_s is None else at_s)
+    seen = frames[-1]
+    length_s = showing.passed_s(seen)
+    if showing.capture.is_whole and at_s is not None and at_s > length_s:
         raise UsageError(f"--at {at_s} s: the trial lasts {length_s:.1f} s")
+    if at_s is None and (has_board(seen.view) or not is_lit(seen.view) or length_s < USUAL_AT_S):
+        lit = [f for f in frames if is_lit(f.view) and not has_board(f.view)] or frames
+        seen = lit[len(lit) // 2]
     with Stills() as stills:
-        image = stills.image(*showing.at(frames[-1]), showing.size_px)
-    labelled(image, f"{SIMULATED}  ·  {showing.label}, {at_s:.1f} s").save(path)
+        image = stills.image(*showing.at(seen), showing.size_px)
+    said_s = showing.passed_s(seen) if at_s is None else at_s
+    labelled(image, f"{SIMULATED}  ·  {showing.label}, {said_s:.1f} s").save(path)
     say_written(path)
 
 

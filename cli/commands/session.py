@@ -5,7 +5,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -48,7 +48,7 @@ from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from recording.reader import Recording
 from visavis.experiment import StudyExperiment
-from visavis.opened import OpenedStudy
+from visavis.opened import OpenedStudy, overrides_of
 from visavis.sessions.begun_design import (
     changes_of_design,
     changes_since,
@@ -69,6 +69,7 @@ from visavis.sessions.study_folder import (
     refuse_other,
     study_of_folder,
 )
+from visavis.texts import DEFAULT_LANGUAGE
 
 BODIES = ("female", "male")
 MIN_STATURE_M, MAX_STATURE_M = 1.2, 2.3
@@ -371,6 +372,8 @@ def resume(
     settings = read_settings(folder)
     if settings is None:
         raise UsageError(f"{folder} has no study.json; restore it from a copy")
+    spoken = overrides_of(manifest.plan).get("language", DEFAULT_LANGUAGE)
+    settings = replace(settings, parameters={**settings.parameters, "language": spoken})
     otherwise = changes_since(
         design_of_session(manifest), design_of(chosen.experiment(settings.parameters))
     )

@@ -64,7 +64,7 @@ def simulate(
         typer.Option("--output", help="Data root to write to; the lab's own when left out."),
     ] = None,
     effect: Annotated[
-        bool, typer.Option("--effect/--no-effect", help="Whether agents' gaze matters.")
+        bool, typer.Option("--effect/--no-effect", help="Whether what is shown makes a difference.")
     ] = True,
     parameters: Annotated[
         list[str] | None,
@@ -87,7 +87,7 @@ def simulate(
         require_space(lab)
     wanted = wanted_settings(
         output.resolve() / SIMULATED_ROOT / chosen.name, chosen, is_simulated=True, seed=seed,
-        assignments=parameters, language=language or lab.language, effect=effect,
+        assignments=parameters, language=language, usual_language=lab.language, effect=effect,
     )  # fmt: skip
     folder = simulate_study(
         lab, chosen, wanted, participants, output, processes=processes, scheduler=scheduler,
@@ -128,7 +128,7 @@ def analyse(
     Example: visavis analyse data/simulated/stare
     """
     report_path = analyse_study(
-        folder_of(folder, config),
+        folder_of(folder, config, "analyse"),
         output,
         mixture=mixture,
         processes=processes,
@@ -162,7 +162,7 @@ def report(
 
     Example: visavis report data/simulated/stare
     """
-    where = folder_of(folder, config)
+    where = folder_of(folder, config, "report")
     make_views = None
     if views:
         from cli.viewer.beside_report import write_views

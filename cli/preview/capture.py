@@ -35,6 +35,16 @@ class Seen:
     head: Pose
 
 
+def is_lit(view: SceneFrame) -> bool:
+    """Tell whether anything but boards can be seen."""
+    return view.scene.brightness_01 > 0
+
+
+def has_board(view: SceneFrame) -> bool:
+    """Tell whether a question is put."""
+    return bool(getattr(view, "panels", ()))
+
+
 class _EnoughError(Exception):
     """Ends a performance of which nothing more is wanted."""
 
@@ -54,7 +64,7 @@ class _Watching(GeometryStage):
         if self._enough():
             raise _EnoughError
         self._dark.append(Seen(view, frame.predicted_display_ns, head))
-        if view.scene.brightness_01 > 0:
+        if is_lit(view) or (self._frames and has_board(view)):
             self._frames += self._dark if self._frames else self._dark[-1:]
             self._dark.clear()
         return super().draw(view, frame, head)

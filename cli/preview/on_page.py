@@ -26,11 +26,11 @@ def preview_page(
     png: Path | None,
     sheet: Path | None,
     video: Path | None,
-    at_s: float,
+    at_s: float | None,
     most_s: float,
     rate_hz: int,
 ) -> None:
-    """Write a picture at `at_s`, a sheet or a film of a trial's page.
+    """Write a picture at `at_s` (None: in its middle), a sheet or a film of a trial's page.
 
     Raises:
         UsageError: a window was asked for, or the trial does not last so long.
@@ -45,6 +45,8 @@ def preview_page(
         )
 
     def once(start_ns: int, end_ns: int) -> Sequence[int]:
+        if at_s is None:
+            return [(start_ns + end_ns) // 2]
         if at_s * NS_PER_S >= end_ns - start_ns:
             length_s = (end_ns - start_ns) / NS_PER_S
             raise UsageError(f"--at {at_s} s: the trial lasts {length_s:.1f} s")

@@ -1,6 +1,7 @@
 """A verb that cannot go on says what to type next, in words of what was asked."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,11 +13,13 @@ from cli.preview.capture import Capture
 from lab.config_files import EXAMPLE
 from lab.errors import LabError, SessionAborted
 from protocol.session import Session
+from recording.manifest import read_manifest, write_manifest
 from recording.reader import Recording
 from tests.faults.sessions import lab
 from tests.visavis.sessions import STUDIES
 from visavis.catalogue import find_study
 from visavis.sessions.perform import perform_new, simulated_request
+from visavis.sessions.study_folder import StudySettings, settle
 
 
 def said(folder: Path, *arguments: str) -> str:
@@ -116,3 +119,41 @@ def test_check_of_a_running_session_asks_for_nothing_but_patience(
     monkeypatch.setattr(Session, "run", looked_at)
     perform_new(request)
     assert [("wait for its last trial",)] == redo
+
+
+def test_data_that_lie_with_the_simulated_ones_are_answered_with_the_command_to_type(
+    fresh: Path,
+) -> None:
+    folder = fresh / "data/dry_runs/stare_n2_seed1/simulated/stare"
+    folder.mkdir(parents=True)
+    for verb in ("analyse", "check"):
+        assert f"visavis {verb} {folder}" in said(fresh, verb, "stare")
+
+
+def test_export_names_every_format_it_knows(fresh: Path) -> None:
+    assert "parquet, bids, xdf, pedpy, not 'csv'" in said(
+        fresh, "export", "stare", "--format", "csv"
+    )
+
+
+def test_a_study_with_half_a_session_says_so(fresh: Path) -> None:
+    study = find_study(str(STUDIES / "asking.py"))
+    request = simulated_request(
+        study, study.experiment({}), lab(fresh), label="S01", index=0, seed=1, effect=True
+    )
+    path = perform_new(request)
+    folder = path.parent.parent
+    settle(folder, StudySettings("asking", 1, True, source=str(STUDIES / "asking.py")),
+           seed_given=True)  # fmt: skip
+    assert "not finished" not in said(fresh, "check", str(folder))
+    manifest = read_manifest(path)
+    parts = (*manifest.parts[:-1], replace(manifest.parts[-1], status="aborted"))
+    write_manifest(path, replace(manifest, parts=parts))
+
+    told = said(fresh, "check", str(folder))
+    assert "1 session" in told
+    assert f"not finished: {path}" in told.replace(" ", " ")
+    assert f"visavis resume {path}" in told
+    analysed = said(fresh, "analyse", str(folder), "--processes", "1")
+    assert "not finished: session of S01" in analysed
+    assert "it is taken in" in analysed

@@ -16,7 +16,7 @@ from cli.film.on_page import BACK
 from cli.main import app
 from cli.preview import people as preview_people
 from cli.preview import pictures as preview_pictures
-from cli.preview.capture import Capture, Meanwhile, Seen, spread
+from cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
 from cli.preview.pictures import Viewpoint, camera_of, labelled
 from lab.config_files import EXAMPLE
 from lab.errors import LabError, UsageError
@@ -223,6 +223,47 @@ def test_views_from_outside_hold_everybody(view: Viewpoint, passed_s: float) -> 
 def test_view_from_the_eyes_is_the_participant_s_head() -> None:
     head = Pose(np.array([0.1, 1.6, 1.0]), np.array([1.0, 0, 0, 0]))
     assert camera_of(Viewpoint.EYES, figures.picture(1), head, 1.6, passed_s=0).pose is head
+
+
+SHORT_STUDY = """from visavis import Factor, Rating, Scene, Study
+
+study = Study("short", factors=[Factor("motion", ["idle", "wave"])], calibrate=False, uses=[])
+
+
+@study.trial
+def trial(t):
+    yield t.show(Scene("person", motion=t.motion, distance_m=1.5), seconds=0.5)
+    yield t.ask(Rating("nice"))
+"""
+
+
+def test_a_preview_goes_on_to_the_questions_put_in_the_dark(tmp_path: Path) -> None:
+    (tmp_path / "short.py").write_text(SHORT_STUDY, "utf-8")
+    lab = load_lab(EXAMPLE, "sim", quiet=True)
+    made = Capture(find_study(str(tmp_path / "short.py")), lab, number=1, index=0, seed=1)
+    frames = made.perform()
+    boards = [k for k, seen in enumerate(frames) if has_board(seen.view)]
+    assert not has_board(frames[0].view)
+    assert is_lit(frames[0].view)
+    assert "nice" in frames[boards[0]].view.panels[0].text.lower()
+
+
+def test_a_picture_of_a_short_trial_shows_its_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "short.py").write_text(SHORT_STUDY, "utf-8")
+    written: list[str] = []
+
+    def keep(image: np.ndarray, text: str) -> Image.Image:
+        written.append(text)
+        return labelled(image, text)
+
+    monkeypatch.setattr("cli.commands.preview.labelled", keep)
+    preview(tmp_path / "short.py", "--png", tmp_path / "one.png", "--size", "240x150")
+    with Image.open(tmp_path / "one.png") as image:
+        assert np.asarray(image)[:120].mean() > 40
+    at_s = float(written[0].rpartition(", ")[2].removesuffix(" s"))
+    assert 0 < at_s < 0.5
 
 
 def test_trial_on_a_page_shows_its_film_with_the_question_below(tmp_path: Path) -> None:

@@ -12,10 +12,10 @@ from cli.app import load_lab
 from cli.main import app
 from cli.studies import study_here
 from lab.clock import SimClock
-from lab.errors import LedgerError, RecordingError, UsageError
+from lab.errors import ConfigError, LedgerError, RecordingError, UsageError
 from protocol.ledger import Ledger
 from recording.folder import create_session
-from recording.manifest import Manifest
+from recording.manifest import Manifest, read_manifest
 from recording.provenance import provenance
 from tests.faults.sessions import CONFIG
 from visavis.sessions.data_root import DataDisk
@@ -184,3 +184,59 @@ def test_parameters_that_would_move_somebody_to_another_group_are_refused(
             lab_config, "participant", "add", "crowd", "--devices", "sim",
             "--set", "groups=[haptics,control]",
         )  # fmt: skip
+
+
+@pytest.fixture
+def bilingual(lab_config: Path) -> Path:
+    """Return a study beside the configuration that says everything in English and German."""
+    file = lab_config.parent / "greet.py"
+    file.write_text(
+        """from visavis import Choice, Factor, Study
+
+study = Study("greet", factors=[Factor("way", ["a", "b"])], texts="texts", calibrate=False, uses=[])
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Choice("do", ["greet", "wait"]))
+""",
+        "utf-8",
+    )
+    (file.parent / "texts").mkdir()
+    (file.parent / "texts/en.yaml").write_text("questions:\n  do: What would you do?\n", "utf-8")
+    (file.parent / "texts/de.yaml").write_text("questions:\n  do: Was tun Sie?\n", "utf-8")
+    return file
+
+
+@pytest.mark.parametrize("verb", ["plan", "run"])
+def test_a_text_missing_in_one_language_is_refused_by_what_uses_it(
+    lab_config: Path, bilingual: Path, verb: str
+) -> None:
+    german = bilingual.parent / "texts/de.yaml"
+    german.write_text("practice: Zuerst.\n", "utf-8")
+    (bilingual.parent / "texts/en.yaml").write_text(
+        "practice: First.\nquestions:\n  do: What would you do?\nlabels:\n  way: how\n", "utf-8"
+    )
+    fast = ("--devices", "sim", "--fast") if verb == "run" else ()
+    wanted = (verb, str(bilingual), "--participant", "1", *fast)
+
+    with pytest.raises(ConfigError) as refused:
+        visavis(lab_config, *wanted, "--language", "de")
+
+    assert f"{german} has no text 'questions.do', which" in str(refused.value)
+    assert "way" not in str(refused.value)
+    assert "trial" in visavis(lab_config, "plan", str(bilingual))
+
+
+def test_who_takes_part_in_a_begun_study_may_read_another_language(
+    lab_config: Path, bilingual: Path
+) -> None:
+    run = ("run", str(bilingual), "--devices", "sim", "--fast", "--participant")
+    visavis(lab_config, *run, "1")
+    visavis(lab_config, *run, "2", "--language", "de")
+    visavis(lab_config, *run, "3")
+    sessions = sorted((lab_config.parent / "data/simulated/greet").glob("sub-*/ses-*"))
+    assert ["en", "de", "en"] == [read_manifest(s).plan["parameters"]["language"] for s in sessions]
+    for number in ("1", "4"):
+        with pytest.raises(ConfigError, match=r"has no fr.yaml; it has de, en"):
+            visavis(lab_config, "plan", str(bilingual), "--participant", number, "--language", "fr")

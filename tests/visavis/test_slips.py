@@ -1,11 +1,14 @@
 """Slips in a study file are refused before anybody comes, with the line and what was meant."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from lab.errors import DesignError
 from visavis.catalogue import find_study
+from visavis.slips import forgotten_yields
+from visavis.trial import STEPS
 
 STUDY = """from visavis import Choice, Compare, Confusion, Factor, Rating, Scene, Study, dwell_on
 
@@ -44,6 +47,8 @@ SLIPS = [
     ('"seen")]', '"seen", by="eys")]', 12, "no factor 'eys'; did you mean 'eyes'?"),
     ("practice=1", "practise=1", 3, "Study takes no 'practise'; did you mean 'practice'"),
     ('within="eyes"', 'witin="eyes"', 10, "Compare takes no 'witin'; did you mean 'within'"),
+    ("yield t.show", "t.show", 18, "t.show(…) is made and not performed; write yield t.show(…)"),
+    ("@study.trial", "@study.trail", 16, "a study has no 'trail'; did you mean 'trial'?"),
 ]
 
 
@@ -60,6 +65,33 @@ def test_a_slip_is_refused_with_its_line_and_what_was_meant(
 
     assert f"{path}, line {line}" in str(refused.value)
     assert said in str(refused.value)
+
+
+def test_a_misspelt_keyword_is_answered_with_the_nearest_and_no_list(tmp_path: Path) -> None:
+    path = tmp_path / "mood.py"
+    path.write_text(STUDY.replace("practice=1", "practise=1", 1), "utf-8")
+    with pytest.raises(DesignError) as refused:
+        find_study(str(path))
+    assert str(refused.value).endswith("Study takes no 'practise'; did you mean 'practice'?")
+
+
+def test_of_an_unlike_keyword_none_of_the_list_is_what_decorators_set(tmp_path: Path) -> None:
+    path = tmp_path / "mood.py"
+    path.write_text(STUDY.replace("practice=1", "xyzzy=1", 1), "utf-8")
+    with pytest.raises(DesignError) as refused:
+        find_study(str(path))
+    _, _, listed = str(refused.value).partition("it takes ")
+    assert "factors, repetitions" in listed
+    assert [] == [n for n in listed.split(", ") if n.endswith("_of") or n == "makers"]
+
+
+def test_steps_kept_or_passed_on_are_not_forgotten(tmp_path: Path) -> None:
+    path = tmp_path / "mood.py"
+    kept = "    look = t.show(Scene('person'), seconds=1)\n    yield look\n    t.note = 1\n"
+    path.write_text(STUDY.replace("def trial(t):\n", f"def trial(t):\n{kept}"), "utf-8")
+    with suppress(DesignError):  # whatever else is said of it
+        find_study(str(path))
+    assert [] == list(forgotten_yields(path, STEPS))
 
 
 def test_a_study_without_slips_is_taken(tmp_path: Path) -> None:

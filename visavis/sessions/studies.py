@@ -23,6 +23,7 @@ from recording.folder import SIMULATED_ROOT
 from recording.manifest import Manifest, read_manifest
 from recording.reader import Recording
 from visavis.catalogue import reference_of
+from visavis.exclusions import COUNTED
 from visavis.locked.deviations import marked
 from visavis.locked.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.opened import OpenedStudy, overrides_of
@@ -252,7 +253,12 @@ def analyse_study(
         ordered = _measured(reference_of(chosen), sessions, processes, scheduler, settings, telling)
     # One manifest of each session is held, not two: of a hundred people it is what takes most.
     ordered = [replace(one, manifest=m) for one, m in zip(ordered, manifests, strict=True)]
+    halves = _unfinished(ordered)
     analysis = chosen.analysis_of(ordered, settings)
+    counts = analysis.selection.people.set_index("participant")[COUNTED]
+    for who, told in halves.items():
+        verdict = "it is taken in" if counts.get(who, False) else "they are left out"
+        telling.warn(f"not finished: {told}; {verdict}")
     ordered = [one.without_tables() for one in ordered]  # the analysis holds everybody's
     report_path = replace(chosen, tell=telling.warn, make_views=make_views).write(
         analysis,
@@ -314,6 +320,20 @@ def _with_recorded_design(
     if mixed:
         telling.warn(mixed)
     return as_recorded(chosen, manifests)
+
+
+def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
+    """Return in words how far sessions came that were not finished, by participant."""
+    found = {}
+    for one in sessions:
+        parts = one.manifest.parts
+        if not parts or parts[-1].status != "complete":
+            counts = one.rows[~one.rows["is_practice"].astype(bool)]
+            done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
+            found[str(one.manifest.participant)] = (
+                f"session of {one.manifest.participant}, {done} of {counted(one.planned, 'trial')}"
+            )
+    return found
 
 
 def _reviewed(

@@ -109,10 +109,13 @@ def wanted_settings(
     is_simulated: bool,
     seed: int | None = None,
     assignments: list[str] | None = None,
-    language: str = DEFAULT_LANGUAGE,
+    language: str | None = None,
+    usual_language: str = DEFAULT_LANGUAGE,
     effect: bool | None = None,
 ) -> StudySettings:
     """Return what a command asks for: as typed, else as the study was begun, else the defaults.
+
+    A `language` that is typed holds for what is asked; the lab's usual one for a new study.
 
     Raises:
         UsageError: an assignment cannot be read.
@@ -120,10 +123,12 @@ def wanted_settings(
     """
     begun = read_settings(folder)
     parameters = read_parameters(assignments or [])
-    if language != DEFAULT_LANGUAGE:
-        parameters.setdefault("language", language)
+    if (language or usual_language) != DEFAULT_LANGUAGE:
+        parameters.setdefault("language", language or usual_language)
     if begun is not None and not assignments:
-        parameters = begun.parameters
+        parameters = dict(begun.parameters)
+        if language and language != parameters.get("language", DEFAULT_LANGUAGE):
+            parameters["language"] = language
     if effect is None:
         effect = True if begun is None else begun.effect
     file = file_of(study)
@@ -169,7 +174,8 @@ def settle(
         write_sealed(folder / SETTINGS_NAME, asdict(changed))
         return changed
     refuse_other(folder, present, wanted, way_out)
-    return present
+    # Who reads another language takes part in the same study.
+    return replace(present, parameters={**present.parameters, **wanted.parameters})
 
 
 def may_become(folder: Path, present: StudySettings, wanted: StudySettings) -> bool:
@@ -191,7 +197,10 @@ def refuse_other(
     Raises:
         UsageError: naming those it was begun with.
     """
-    if present.effect != wanted.effect or present.parameters != wanted.parameters:
+    before, asked = (
+        {k: v for k, v in of.parameters.items() if k != "language"} for of in (present, wanted)
+    )
+    if present.effect != wanted.effect or before != asked:
         kept = ", ".join(f"{name}={value}" for name, value in present.parameters.items())
         raise UsageError(
             f"{folder} was begun with {kept or 'no --set'}"
