@@ -20,6 +20,7 @@ from stage.drawn_stage import Display, DrawnStage, default_views
 from stage.frame_truth import read_views
 from stage.own_body import OwnBody
 from stage.renderer import Image, Renderer
+from stage.stills import made_small, still_quality
 from stimuli.dressing.casting import default_casting
 from stimuli.dressing.picture_of import picture_of
 from stimuli.panels import SIZE_M, PanelFrame, placed_before
@@ -157,17 +158,19 @@ def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image
     board = next(iter(boards_at(recording, study, wanted, t_ns)), None)
     if board is not None:
         view = with_board(view, board)
+    times, quality = still_quality()
+    width, height = UNDRAWN_PX
     stage = DrawnStage(
         picture_of,
-        Renderer,
-        Display(default_views, lambda: UNDRAWN_PX, 0),
+        lambda: Renderer(quality=quality),
+        Display(default_views, lambda: (times * width, times * height), 0),
         SimClock(),
     )
     try:
         stage.draw(view, FrameInfo(frame, t_ns, t_ns), head)
         if (trouble := stage.trouble()) is not None:
             raise trouble
-        return stage.images()
+        return [made_small(image, UNDRAWN_PX) for image in stage.images()]
     finally:
         stage.close()
 

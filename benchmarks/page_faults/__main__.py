@@ -31,7 +31,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--kills", type=int, default=200, help="kills of the server")
     parser.add_argument("--browser", type=int, default=200, help="kills of the browser, each way")
     parser.add_argument("--cuts", type=int, default=50, help="cuts of the network")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--json", action="store_true", help="print JSON, a line for each")
     options = parser.parse_args(arguments)
     kinds = ("kills of the server", "cuts of its network", "kills of the browser, served",
              "kills of the browser, bundle")  # fmt: skip
@@ -41,14 +41,16 @@ def main(arguments: list[str]) -> int:
         root = Path(folder)
         write_study(root)
         faults_of_server(root, found[0], found[1], (options.kills, options.cuts), rng)
+        _print(found[:2], as_json=options.json)
         if options.browser:
             kills_of_browser(root, found[2], found[3], options.browser, rng)
-    if options.json:
-        print(json.dumps([asdict(one) for one in found], indent=2))
-    else:
-        for one in found:
-            print(_line(one))
+            _print(found[2:], as_json=options.json)
     return int(any(one.is_bad for one in found))
+
+
+def _print(found: list[Found], *, as_json: bool) -> None:
+    for one in found:
+        print(json.dumps(asdict(one)) if as_json else _line(one), flush=True)
 
 
 def _line(one: Found) -> str:

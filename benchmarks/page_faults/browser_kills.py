@@ -38,6 +38,7 @@ from visavis.page.film_store import film_store
 from visavis.page.server import LOCAL
 
 PATIENCE_S: Final = 60.0
+TRIES: Final = 3
 MAX_AFTER_KEY_S: Final = 0.06
 """Writing into the browser's store, sending, writing on the server and the answer take less."""
 OPTIONS_OF_BROWSER: Final = (
@@ -67,11 +68,22 @@ class Chromium:
         self.page: Any = None
 
     def start(self) -> None:
-        """Begin it.
+        """Begin it; one that does not take its driver is begun again.
 
         Raises:
             DataError: it did not begin.
         """
+        from playwright.sync_api import Error
+
+        for _ in range(TRIES):
+            try:
+                self._start()
+                return
+            except Error:
+                self.kill()
+        raise DataError(f"{self._program} took no driver, {TRIES} times")
+
+    def _start(self) -> None:
         told = self._profile / "DevToolsActivePort"
         told.unlink(missing_ok=True)
         self._process = subprocess.Popen(

@@ -118,6 +118,13 @@ def preview(
     )  # fmt: skip
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
+    if here.study.study.on == "browser":
+        from cli.preview.on_page import preview_page
+
+        if view is not Viewpoint.EYES:
+            raise UsageError(f"{study} shows its films on a page: leave --view out")
+        preview_page(capture, here.study, label, size_px, png, sheet, video, at, seconds, rate)
+        return
     showing = _Showing(capture, picture_of, view, size_px, label)
     if png is not None:
         _write_picture(showing, png, at)

@@ -29,6 +29,8 @@ from cli.app import (
 )
 from cli.commands.checking import EXIT_RED, print_check
 from cli.desk.link import ACTIONS, About, SessionLink
+from cli.doctor.findings import Finding
+from cli.doctor.station import station_findings
 from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
 from cli.questions import TerminalRespondent
@@ -47,6 +49,13 @@ from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from recording.reader import Recording
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
+from visavis.sessions.begun_design import (
+    changes_of_design,
+    changes_since,
+    design_of,
+    design_of_session,
+    in_words,
+)
 from visavis.sessions.cast import use_recorded_cast
 from visavis.sessions.data_root import require_space
 from visavis.sessions.perform import PageAddress, Request, perform_new, perform_rest
@@ -171,8 +180,12 @@ def who_is_shown(
         refuse_other(here.folder, settings, wanted)
     in_force = seed if seed is not None else settings.seed if settings else DEFAULT_SEED
     experiment = here.study.experiment(wanted.parameters)
-    place = _place_shown(here.ledger, participant, experiment, in_force)
-    return Shown(experiment, in_force, *place)
+    label, index, group, note = _place_shown(here.ledger, participant, experiment, in_force)
+    changes = changes_of_design(here.folder, experiment)
+    if changes:
+        told = f"The sessions in {here.folder} had another design: {in_words(changes)}."
+        note = " ".join(filter(None, (note, told)))
+    return Shown(experiment, in_force, label, index, group, note)
 
 
 def _place_shown(
@@ -265,6 +278,9 @@ def run(
         check_rig(devices_for(lab, chosen.experiment(wanted.parameters), without or ()))
     require_space(lab)
     settings = here.settled(wanted, seed_given=seed is not None)
+    note = here.require_same_design(settings, wanted)
+    if note:
+        errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
     entry = here.participant(settings, participant)
     path = _session_dir(here, entry, session)
     if path.exists():
@@ -355,6 +371,14 @@ def resume(
     settings = read_settings(folder)
     if settings is None:
         raise UsageError(f"{folder} has no study.json; restore it from a copy")
+    otherwise = changes_since(
+        design_of_session(manifest), design_of(chosen.experiment(settings.parameters))
+    )
+    if otherwise:
+        raise UsageError(
+            f"{session_path} was begun with another design: {in_words(otherwise)}. Put the study "
+            "file back as it was and give the same command again"
+        )
     prefix = SIMULATED_PREFIX if recording.is_simulated else ""
     entry = Ledger(folder, SystemClock(), prefix=prefix).resolve(manifest.participant)
     _perform(
@@ -404,6 +428,10 @@ def _perform(
         make_ready(
             here.study, experiment, here.lab
         )  # before the operator's screen, which would stand empty meanwhile
+    station: tuple[Finding, ...] = ()
+    if not fast and on == "lab":
+        station = station_findings(here.lab, SystemClock())
+        _tell_station(station)
     path = resume_from or _session_dir(here, entry, session)
     own = read_own_body(path.parent)
     with ExitStack() as stack:
@@ -443,7 +471,9 @@ def _perform(
             effect=settings.effect,
             blind=blind,
             consent_version=entry.consent_version,
-            companion=LabCompanion(lambda said: errors.print(f"[yellow]{verbatim(said)}[/]")),
+            companion=LabCompanion(
+                lambda said: errors.print(f"[yellow]{verbatim(said)}[/]"), station
+            ),
             without=tuple(dict.fromkeys(without or ())),
             on=on,
             page=PageAddress(port, _tell_address),
@@ -525,6 +555,16 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
         soft_wrap=True,
         highlight=False,
     )
+
+
+def _tell_station(found: tuple[Finding, ...]) -> None:
+    """Say how the computer keeps the timing that was locked; nothing where nothing was."""
+    for one in found:
+        if one.level == "warning":
+            what = f"{one.found}\n  → {one.remedy}" if one.remedy else one.found
+            errors.print(f"[yellow]station: {verbatim(what)}[/]", soft_wrap=True, highlight=False)
+        elif one.level == "ok":
+            errors.print(f"[dim]station: {verbatim(one.found)}[/]", soft_wrap=True, highlight=False)
 
 
 def _tell_address(address: str) -> None:

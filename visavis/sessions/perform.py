@@ -34,6 +34,7 @@ from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseSta
 from stage.contracts import Stage, Viewer
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
+from visavis.sessions.begun_design import DESIGN_KEY, design_of
 from visavis.sessions.cast import use_cast_of, use_recorded_cast
 from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rehearsal import FewTrials
@@ -158,6 +159,7 @@ def perform_new(request: Request) -> Path:
             "effect": request.effect,
             **_screen(config),
             **_locked(request, config),
+            DESIGN_KEY: design_of(request.experiment),
             **cast,
         },
         devices=(),
