@@ -40,7 +40,8 @@ DELIVERED: Final = (
     Column(
         "t_start_ns",
         "ns",
-        "session time from which the trial is measured: its first scene on display, or the event trial_start where it shows none; darkness before a scene is not in it",
+        "session time from which the trial is measured: its first scene on display, or the event "
+        "trial_start where it shows none; darkness before a scene is not in it",
     ),
     Column(
         "t_end_ns",
@@ -50,7 +51,8 @@ DELIVERED: Final = (
     Column(
         "frames",
         "1",
-        "display frames from the event trial_start to the end of its last step; more than between t_start_ns and t_end_ns",
+        "display frames from the event trial_start to the end of its last step, those before "
+        "t_start_ns included",
     ),
     Column("frames_dropped", "1", "frames the display skipped"),
     Column(

@@ -178,12 +178,13 @@ def scene_column(name: str) -> Column | None:
         (
             "_off_ns",
             "ns",
-            "session time up to which {} counts; it stays until the next step shows something else",
+            "session time up to which {} counts; it stays until another is shown",
         ),
         (
             "_frames",
             "1",
-            "display frames that showed {} until its step ended: those from on to off, and those in which gaze samples of that time were still waited for (at most 50 ms)",
+            "display frames that showed {}, those included in which its last gaze "
+            "samples were waited for after its end (at most 50 ms)",
         ),
     ):
         if name.endswith(ending):
