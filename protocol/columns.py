@@ -37,11 +37,27 @@ IDENTITY: Final = (
 )
 """What says whose trial a row is and how it ended."""
 DELIVERED: Final = (
-    Column("t_start_ns", "ns", "session time at which the trial began"),
-    Column("t_end_ns", "ns", "session time at which the trial ended"),
-    Column("frames", "1", "display frames of the whole trial"),
+    Column(
+        "t_start_ns",
+        "ns",
+        "session time from which the trial is measured: its first scene on display, or the event "
+        "trial_start where it shows none; darkness before a scene is not in it",
+    ),
+    Column(
+        "t_end_ns",
+        "ns",
+        "session time up to which it is measured: the end of its last scene, or its last answer",
+    ),
+    Column(
+        "frames",
+        "1",
+        "display frames from the event trial_start to the end of its last step, those before "
+        "t_start_ns included",
+    ),
     Column("frames_dropped", "1", "frames the display skipped"),
-    Column("gaze_expected", "1", "gaze samples expected at the nominal rate"),
+    Column(
+        "gaze_expected", "1", "gaze samples expected at the nominal rate in all of these frames"
+    ),
     Column("gaze_received", "1", "gaze samples that arrived"),
     Column("gaze_valid", "1", "of these, usable"),
     Column("left_eye_seen_01", "1", "share of received samples in which the left eye was seen"),

@@ -626,7 +626,9 @@ def _events_notes(recording: Recording, events: pd.DataFrame) -> dict[str, Any]:
         "onset": {"Description": "session time from the start of the run", "Units": "s"},
         "duration": {"Description": "0 for events of an instant", "Units": "s"},
         "trial_type": {
-            "Description": "name of the event; trial carries a trial's factors and results"
+            "Description": "name of the event; trial carries a trial's factors and results and "
+            "lasts from its first scene to its last scene's end or answer, while trial_start is "
+            "the instant at which its first step began, with darkness before the scene"
         },
         "IsSimulated": recording.is_simulated,
         "StimulusPresentation": {

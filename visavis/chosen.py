@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 from protocol.columns import Column as Described
 from visavis.responses import Choice
 from visavis.sections import Extra
-from visavis.texts import label_of
+from visavis.texts import label_in_unit, label_of
 
 if TYPE_CHECKING:
     from analysis.report import Block
@@ -96,7 +96,7 @@ def _told(
         for option, known in words.items()
     }
     level = f"{100 * analysis.rules.interval_level:.0f} %"
-    heads = ", ".join(label_of(texts, f) for f in factors) or "Condition"
+    heads = ", ".join(label_in_unit(texts, f) for f in factors) or "Condition"
     listed = tuple(
         (
             ", ".join(label_of(texts, str(row[f])) for f in factors) or "all",

@@ -175,8 +175,17 @@ def scene_column(name: str) -> Column | None:
     """Return what a column that showing a scene adds holds, by its ending."""
     for ending, unit, words in (
         ("_on_ns", "ns", "session time at which the first frame that showed {} began"),
-        ("_off_ns", "ns", "session time at which {} ended"),
-        ("_frames", "1", "display frames that showed {}"),
+        (
+            "_off_ns",
+            "ns",
+            "session time up to which {} counts; it stays until another is shown",
+        ),
+        (
+            "_frames",
+            "1",
+            "display frames that showed {}, those included in which its last gaze "
+            "samples were waited for after its end (at most 50 ms)",
+        ),
     ):
         if name.endswith(ending):
             return Column(name, unit, words.format(name.removesuffix(ending)))

@@ -3,20 +3,30 @@
 from collections.abc import Iterator
 
 from analysis.report.notation import decimal, threshold
+from protocol.plan import Trial
 from visavis.analysis import Finding, StudyAnalysis
 from visavis.experiment import StudyExperiment
 from visavis.looks import MeasureParameters
 from visavis.pairs import Correlate, Pairs
 from visavis.reporting_list import STAMPS_COUNTED, confidence_rule, stamp_rule
-from visavis.texts import Texts, label_of, shown
+from visavis.responses import Rating, Response
+from visavis.texts import Texts, label_in_unit, label_of, shown
+from visavis.trial import TrialScript
 
 
 def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> tuple[str, ...]:
     """Return the paragraphs: the study's own words, design, procedure, measures, statistics."""
     study = experiment.study
     looks = [_looks(on.rules({"parameters": experiment.parameters})) for on in study.looks[:1]]
-    every = (*own_methods(experiment), _measured(analysis), *looks, _excluded(analysis),
-             _compared(analysis, experiment.texts), *_families(analysis))  # fmt: skip
+    every = (
+        *own_methods(experiment),
+        _procedure(experiment),
+        _measured(analysis),
+        *looks,
+        _excluded(analysis),
+        _compared(analysis, experiment.texts),
+        *_families(analysis),
+    )
     return tuple(filter(None, every))
 
 
@@ -37,7 +47,7 @@ def _design(experiment: StudyExperiment) -> str:
     for factor in experiment.study.design(experiment.parameters).factors:
         kind = "between" if factor.between else "within"
         levels = ", ".join(label_of(experiment.texts, str(v)) for v in factor.levels)
-        name = label_of(experiment.texts, factor.name)
+        name = label_in_unit(experiment.texts, factor.name)
         factors.append(f"{name} ({levels}; {kind} participants)")
     repeated = int(experiment.parameters["repetitions"])
     times = "once" if repeated == 1 else f"{repeated} times"
@@ -47,6 +57,40 @@ def _design(experiment: StudyExperiment) -> str:
         f"Factors were {'; '.join(factors)}. Every combination came {times}: {len(counted)} trials"
         f"{tried}, in {order} order, in {_blocks(blocks)}."
     )
+
+
+def _procedure(experiment: StudyExperiment) -> str:
+    """Return what trials showed and asked, where the study's own words do not tell it."""
+    if experiment.study.methods.strip():
+        return ""
+    said = []
+    shown_in: dict[str, dict[str, list[str]]] = {}
+    for read in experiment.read.values():
+        for scene in read.scenes:
+            options = shown_in.setdefault(scene.name, {})
+            for name, value in scene.options.items():
+                values = options.setdefault(name, [])
+                values += [] if str(value) in values else [str(value)]
+    for scene_name, of in shown_in.items():
+        told = "; ".join(
+            f"{label_in_unit(experiment.texts, name)}: {' or '.join(v)}" for name, v in of.items()
+        )
+        said.append(f"the scene {scene_name.replace('_', ' ')}" + (f" ({told})" if told else ""))
+    asked = [_asked(experiment, response) for response in experiment.responses.values()]
+    parts = [f"Trials showed {' and '.join(said)}." if said else ""]
+    parts.append(f"Participants were asked: {'; '.join(asked)}." if asked else "")
+    return " ".join(filter(None, parts))
+
+
+def _asked(experiment: StudyExperiment, response: Response) -> str:
+    """Return a question in the participants' words, with its scale or options."""
+    cell = dict(next(iter(experiment.read)))
+    script = TrialScript(Trial("T1", 1, 0, False, cell, 1), experiment.settings)
+    prompt, labels = script.words_of(response)
+    how = ", ".join(map(str, labels))
+    if isinstance(response, Rating):
+        how = f"a rating from {response.low} to {response.high}"
+    return f"“{prompt}” ({response.name.replace('_', ' ')}{': ' if how else ''}{how})"
 
 
 def _blocks(count: int) -> str:
@@ -86,7 +130,11 @@ def _looks(rules: MeasureParameters) -> str:
 def _excluded(analysis: StudyAnalysis) -> str:
     selection = analysis.selection
     applied = selection.applied(analysis.study.exclusions)
-    rules = [rule.rule(selection.limits[rule.name]) for rule in applied]
+    rules = [
+        rule.rule(selection.limits[rule.name])
+        + ("" if rule.if_missing or "{" in rule.words else f", {rule.words}")
+        for rule in applied
+    ]
     return (
         "Trials that were not finished were left out; of trials performed again the last counts. "
         + (f"Left out further: {'; '.join(rules)}." if rules else "")
@@ -100,9 +148,24 @@ def _compared(analysis: StudyAnalysis, texts: Texts) -> str:
         how = finding.compare.correction
         family = f", {how} over the family {finding.compare.family}" if how != "none" else ""
         said.append(f"{spoken(finding, texts)}: {title} (α = {finding.compare.alpha:g}{family})")
+    chosen = [f for f in analysis.findings if f.outcome is not None]
+    is_art = any(f.compare.test == f.compare.model == "" and _factor_count(f) > 1 for f in chosen)
+    why = (
+        (
+            " The aligned rank transform was taken as the test over several factors where the "
+            "study names none: it tests their interactions, too, and asks neither for normal "
+            "residuals nor for equal steps of a scale; its contrasts are in ranks."
+        )
+        if is_art
+        else ""
+    )
     if not said:
         return "" if analysis.results else "No comparison was planned."
-    return f"Comparisons: {'; '.join(said)}."
+    return f"Comparisons: {'; '.join(said)}.{why}"
+
+
+def _factor_count(finding: Finding) -> int:
+    return len(finding.compare.within) + len(finding.compare.between)
 
 
 def _families(analysis: StudyAnalysis) -> Iterator[str]:

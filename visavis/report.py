@@ -46,7 +46,7 @@ from visavis.measures import aggregated
 from visavis.methods import method_paragraphs, spoken
 from visavis.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.reporting_list import Kept, reporting_table
-from visavis.texts import Texts, label_of
+from visavis.texts import Texts, label_in_unit, label_of
 from visavis.worth_a_look import VIEWS, looks_table, striking_trials
 
 REPORT_NAME: Final = "report.html"
@@ -355,7 +355,7 @@ def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperime
         values = group[column].to_numpy(float)
         rows.append((names, _mean_sd(values, measure.digits), str(int(np.isfinite(values).sum()))))
     unit = "" if measure.unit in ("", "1") else f" in {measure.unit}"
-    heads = ", ".join(label_of(experiment.texts, f) for f in factors)
+    heads = ", ".join(label_in_unit(experiment.texts, f) for f in factors)
     return Table(
         (
             Column(heads[:1].upper() + heads[1:]),

@@ -187,6 +187,21 @@ def _flat(raw: Mapping[Any, Any], path: Path, prefix: str = "") -> Iterator[tupl
             raise ConfigError(f"{path}: {name} is {value!r}; write a text")
 
 
+UNITS: Final = {"m": "m", "cm": "cm", "s": "s", "ms": "ms", "deg": "°", "hz": "Hz", "cd": "cd"}
+"""Units that stand at the end of a name, and how they are written."""
+
+
+def label_in_unit(texts: Texts, name: str) -> str:
+    """Return what a factor is called, with the unit that its name ends with: "distance in m"."""
+    of, _, unit = name.rpartition("_")
+    own = texts.find(f"labels.{name}")
+    return (
+        f"{label_of(texts, of)} in {UNITS[unit]}"
+        if not own and of and unit in UNITS
+        else (own or label_of(texts, name))
+    )
+
+
 def label_of(texts: Texts, name: str) -> str:
     """Return what a factor or a level is called in figures and tables."""
     return texts.find(f"labels.{name}") or name.replace("_", " ")

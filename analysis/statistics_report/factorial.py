@@ -1,8 +1,9 @@
 """Tests of designs with factors, each with its contrasts and the path that led to them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import combinations, product
 from typing import Any, TypeAlias, cast, get_args
 
 import pandas as pd
@@ -97,15 +98,15 @@ class _Families:
         self.path.append(f"{shown} → {_verdict(significant)}, no contrasts")
         return False
 
-    def add(self, family: str, make: Callable[[], Contrasts]) -> None:
-        """Add a family; one that cannot be made is a note."""
+    def add(self, family: str, make: Callable[[], Contrasts], further: str = "") -> None:
+        """Add a family; `further` ends its sentence. One that cannot be made is a note."""
         try:
             made = make()
         except StatisticsError as error:
             self.notes.append(f"contrasts of {family}: {error}")
             return
         self.rows += [{"family": family, **row} for row in made.rows()]
-        self.sentences.append(made.sentence())
+        self.sentences.append("\n".join(filter(None, (made.sentence(), further))))
         self.notes += list(made.provenance.notes)
 
 
@@ -191,13 +192,31 @@ def _art_contrasts(families: _Families, made: ArtAnova, effect: AnovaEffect, adj
         on_scores = replace(made, design=replace(made.design, y=scores))
         families.add(effect.name, lambda: posthoc(on_scores, effect.term[0], adjust=way))
         return
-    families.add(effect.name, lambda: art_contrasts(made, effect.term, adjust=way))
+    differences = (
+        f"Estimates and SE are in aligned ranks, not in the unit of {made.design.dv}; there the "
+        f"means differ by {_mean_differences(made.design, effect.term)}."
+    )
+    families.add(effect.name, lambda: art_contrasts(made, effect.term, adjust=way), differences)
     if len(effect.term) == 2:
         other: ContrastAdjustment = "holm" if way == "tukey" else way
         families.add(
             f"{effect.name}, differences of differences",
             lambda: art_interaction_contrasts(made, effect.term, adjust=other),
+            f"Estimates and SE are in aligned ranks, not in the unit of {made.design.dv}.",
         )
+
+
+def _mean_differences(design: Design, term: Sequence[str]) -> str:
+    """Return how the means of levels, or of joined cells, differ two by two: "a − b 0.5; …"."""
+    labels = [
+        [str(design.factor(name).levels[int(code)]) for code in design.factor(name).codes]
+        for name in term
+    ]
+    cells = [",".join(at) for at in zip(*labels, strict=True)]
+    means = pd.Series(design.y, dtype=float).groupby(cells, sort=False).mean()
+    every = [",".join(map(str, at)) for at in product(*(design.factor(n).levels for n in term))]
+    known = [cell for cell in every if cell in means.index]
+    return "; ".join(f"{a} − {b} {number(means[a] - means[b])}" for a, b in combinations(known, 2))
 
 
 def _rm(table: DataTable, q: Question) -> Outcome:

@@ -26,7 +26,7 @@ def test_a_study_without_gaze_is_green_though_its_tracker_was_never_calibrated(
 def test_who_measures_by_gaze_and_calibrates_nothing_is_warned(tmp_path: Path) -> None:
     text = (STUDIES / "greeting.py").read_text()
     text = text.replace("Study\n", "Study, dwell_on\n", 1)
-    text = text.replace("    compare", '    measures=[dwell_on("person")],\n    compare')
+    text = text.replace("    compare", '    measures=[dwell_on("person")],\n    compare', 1)
     path = tmp_path / "greeting.py"
     path.write_text(text)
     session = perform(str(path), tmp_path / "data", repetitions=1, practice=0)

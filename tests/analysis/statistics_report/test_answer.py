@@ -210,3 +210,13 @@ def test_options_of_another_test_are_refused_and_not_passed_over() -> None:
         Question("rm", dv="y", within=("A",), subject="s", bayes=True)
     with pytest.raises(UsageError, match="bounds of equivalence"):
         Question("wilcoxon", dv="y", within=("A",), subject="s", low=-1.0)
+
+
+def test_contrasts_in_ranks_say_so_and_how_far_the_means_differ() -> None:
+    frame = people(trials=2).rename(columns={"trial": "B"})
+    asked = Question("art", dv="y", within=("A", "B"), subject="s")
+    outcome = answer(frame, asked)
+    of_a = next(said for said in outcome.contrast_sentences if said.startswith("ART-C of A ("))
+    means = frame.groupby("A")["y"].mean()
+    assert "Estimates and SE are in aligned ranks, not in the unit of y" in of_a
+    assert f"low − mid {means['low'] - means['mid']:.2f}".replace("-", "−") in of_a

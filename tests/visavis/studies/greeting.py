@@ -1,21 +1,31 @@
-from visavis import Choice, Compare, Factor, Rating, Scene, Study
+from visavis import Choice, Compare, Exclusion, Factor, Rating, Scene, Study
 
 study = Study(
     "greeting",
     "How approachable does a person seem who waves?",
-    factors=[Factor("motion", ["idle", "wave"])],
-    repetitions=2,
+    factors=[Factor("motion", ["idle", "wave"]), Factor("distance_m", [1.5, 3.0])],
+    repetitions=1,
     practice=1,
     parameters={"person_s": 2.0},
     calibrate=False,
-    compare=[Compare("approachable", within="motion")],
+    exclusions=[
+        Exclusion(
+            "min_rating_ms",
+            "trial",
+            "approachable_ms",
+            200,
+            "answered too fast to have read the question",
+            above=False,
+        ),
+    ],
+    compare=[Compare("approachable", within=["motion", "distance_m"])],
 )
 
 
 @study.trial
 def trial(t):
     yield t.dark(0.5)
-    yield t.show(Scene("person", motion=t.motion, distance_m=2.0), seconds=t.person_s)
+    yield t.show(Scene("person", motion=t.motion, distance_m=t.distance_m), seconds=t.person_s)
     yield t.ask(Rating("approachable", 1, 7))
     yield t.ask(Choice("do", ["greet", "wait", "leave"]))
 
