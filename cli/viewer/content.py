@@ -130,16 +130,19 @@ def trial_lengths_ns(recording: KeptRecording) -> dict[str, int]:
 
 
 def times_of(recording: KeptRecording) -> Times:
-    """Return where every part of a session lies on one line of seconds."""
+    """Return where every part of a session lies on one line of seconds that begins at 0.
+
+    Session times of a real clock count from the computer's start.
+    """
     offset_s, begun_s = {}, 0.0
     for part in recording.manifest.parts:
-        offset_s[part.number] = begun_s
+        offset_s[part.number] = begun_s - part.started_ns / NS_PER_S
         events = recording.journal(part.number).events
-        last_ns = max((int(e["t_ns"]) for e in events), default=0)
+        last_ns = max((int(e["t_ns"]) for e in events), default=part.started_ns)
         for name in recording.stream_names:
             t_ns = recording.stream_arrays(name, part=part.number).get("t_host_ns")
             last_ns = max(last_ns, 0 if t_ns is None or not len(t_ns) else int(t_ns[-1]))
-        begun_s += last_ns / NS_PER_S + GAP_S
+        begun_s += (last_ns - part.started_ns) / NS_PER_S + GAP_S
     return Times(offset_s)
 
 

@@ -12,9 +12,13 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.app import app
+from cli.film.cameras import FromViewpoint
+from cli.film.film import FilmedTrial, pictures_of
 from cli.film.on_page import FilmPictures, page_picture
 from cli.film.stand_in import StandIn
+from cli.preview.pictures import Viewpoint
 from cli.recorded_trial import recorded_trial, trial_row
+from cli.redraw import board_at
 from cli.session_lanes import lanes_of
 from lab.errors import DesignError, UsageError
 from lab.geometry import Pose
@@ -24,6 +28,7 @@ from recording.kept import KeptRecording
 from recording.reader import Recording
 from stage.errors import StageError
 from stage.renderer import LIGHTEST, Renderer
+from stimuli.camera.sheet import FilmLog
 from stimuli.dressing.picture_of import picture_of
 from stimuli.motion.skeleton import forward
 from tests.visavis.sessions import opened, perform
@@ -55,7 +60,7 @@ def test_a_film_by_the_topology_camera_is_cut_again_from_its_decisions(
     session: Path, tmp_path: Path
 ) -> None:
     first, again = tmp_path / "a.avi", tmp_path / "b.avi"
-    done = filmed(session, first, "--shot", "full")
+    done = filmed(session, first, "--shot", "full", "--camera", "topology")
     assert done.exit_code == 0, done.output
     decided = json.loads((tmp_path / "a.json").read_text())
     assert ["start"] == [cut["reason"] for cut in decided["cuts"]]
@@ -101,10 +106,52 @@ def test_a_room_without_a_place_for_the_camera_names_other_cameras_and_leaves_no
 
     monkeypatch.setattr("cli.film.cameras.prepare", nowhere)
     monkeypatch.setattr("cli.film.cameras._PLACES", {})
-    done = filmed(session, tmp_path / "a.mp4")
+    done = filmed(session, tmp_path / "a.mp4", "--camera", "topology")
     assert isinstance(done.exception, UsageError)
     assert "--camera follow, eyes, above or orbit" in str(done.exception)
     assert [] == list(tmp_path.iterdir())
+    done = filmed(session, tmp_path / "a.avi")
+    assert done.exit_code == 0, done.output
+    assert "filmed by --camera orbit" in done.output
+    assert ["a.avi"] == [path.name for path in tmp_path.iterdir()]
+
+
+def test_a_film_goes_on_in_the_dark_where_no_camera_finds_a_place(
+    session: Path, tmp_path: Path
+) -> None:
+    done = filmed(session, tmp_path / "a.avi", "--seconds", "20", "--rate", "1")
+    assert done.exit_code == 0, done.output  # the question is asked in the dark
+    views = json.loads((tmp_path / "a.json").read_text())["views"]
+    start_ns, end_ns = recorded_trial(KeptRecording(session), "T01").span_ns
+    assert 0 < len(views) < (end_ns - start_ns) / 1e9
+
+
+def test_a_question_in_the_dark_is_in_the_film_by_any_camera(session: Path) -> None:
+    recording = KeptRecording(session)
+    (told,) = (
+        told for told in recording.events_named("answered", 1)["payload"]
+        if told["trial_id"] == "T01"
+    )  # fmt: skip
+    study = opened("duel")
+    board = board_at(recording, study, 1, told["asked_ns"])
+    assert board is not None
+    assert (9, None) == (len(board.choices), board.chosen)
+    marked = board_at(recording, study, 1, told["answered_ns"])
+    assert marked is not None
+    assert told["answer"] == marked.choices[marked.chosen or 0]
+    assert board_at(recording, study, 1, told["asked_ns"] - 1) is None
+    try:
+        renderer = Renderer(quality=LIGHTEST)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    trial = recorded_trial(recording, "T01")
+    with renderer:
+        scene = FilmedTrial(
+            trial, pictures_of(study, trial), FromViewpoint(Viewpoint.ABOVE, 16 / 9, 0), (),
+            (160, 90), FilmLog(None),
+        )  # fmt: skip
+        seen = next(scene.pictures([told["answered_ns"]], renderer.image))
+    assert seen.max() > 100
 
 
 def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None:

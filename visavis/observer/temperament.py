@@ -32,7 +32,7 @@ class Population:
     """C: unit of the weights, a head of average size in the middle of the view."""
     body_appeal: float = 0.5
     """C: a chest, against a head."""
-    room_appeal: float = 2.0
+    room_appeal: float = 2.15
     """F: one of the room's points (walls, ceiling, floor), against a head."""
     speaker_appeal: float = 2.0
     """C: the side towards which the audience looks, where the speaker is known to stand."""
@@ -42,7 +42,7 @@ class Population:
     """C (sign: Foulsham et al. 2013, Ossandon et al. 2014): log weight per 20° to the left."""
     centre_deg: float = 35.0
     """C: weights fall with the angle from the middle of the view as a Gaussian of this width."""
-    head_appeal_log_sd: float = 0.32
+    head_appeal_log_sd: float = 0.42
     """F: between-person spread of the share of looking that heads get."""
     novelty_gain: float = 1.0
     """C: weight of a target not yet inspected in this trial."""
@@ -91,35 +91,37 @@ class Population:
     """C: mean time to notice that the agent looked at begins or ends contact."""
     notice_log_sd: float = 0.35
     """C: log spread of both."""
-    hold_s: float = 0.29
+    hold_s: float = 0.30
     """F: mean prolongation of a visit by contact."""
     hold_log_sd: float = 0.60
     """C: its within-person log spread."""
-    hold_between_share: float = 0.76
+    hold_between_share: float = 0.98
     """F: its between-person spread, a share of the mean; people below zero cut a visit short when
     they are looked at."""
-    startle_s: float = 0.50
+    startle_s: float = 0.53
     """F: mean time a visit goes on after contact was seen to end."""
-    startle_between_share: float = 1.3
+    startle_between_share: float = 1.9
     """F: its between-person spread, a share of the mean; people below zero leave at once."""
     hold_growth: float = 1.0
     """F: factor on `hold_s` at each further visit to an agent in contact."""
     caught_hold: float = 1.15
     """F: factor on `hold_s` for an agent seen to look elsewhere before, ..."""
-    caught_return: float = 2.5
+    caught_return: float = 2.1
     """F: ... and on `return_gain`: being caught staring asks for another look."""
-    return_gain: float = 11.0
+    return_gain: float = 9.0
     """F: median factor by which an agent known to be in contact draws gaze back."""
-    return_between_log_sd: float = 1.9
+    return_between_log_sd: float = 2.15
     """F: its between-person log spread; below one, contact repels."""
-    response_levels: float = 0.35
-    """F: how much less those most held and drawn exceed the mean than others stay below it, so that
-    differences of looking are as normal as the source's t tests take them to be."""
+    return_levels: float = 0.35
+    """F: how much less those most drawn exceed the mean than others stay below it, ..."""
+    hold_levels: float = 0.60
+    """F: ... and the same of those most held, so that differences of looking are as normal as the
+    source's t tests take them to be."""
     return_habituation: float = 0.42
     """F: factor on the former at each further visit."""
-    recheck_gain: float = 3.7
+    recheck_gain: float = 4.9
     """F: extra attraction of an agent that was seen to look away, ..."""
-    recheck_between_share: float = 1.0
+    recheck_between_share: float = 1.3
     """F: its between-person spread, a share of the mean; below zero it is avoided."""
     recheck_s: float = 5.0
     """F: ... and the time constant with which it fades."""
@@ -246,7 +248,7 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
     rest = _correlated(z[1], z[2], q.hold_with_return)
     come_back = _correlated(anxiety, rest, q.anxiety_on_return)
     visit = _correlated(anxiety, z[3], q.anxiety_on_visit)
-    held, drawn = _levelled(hold, q.response_levels), _levelled(come_back, q.response_levels)
+    held, drawn = _levelled(hold, q.hold_levels), _levelled(come_back, q.return_levels)
     values = {
         "head_visit_s": q.head_visit_s * np.exp(q.head_visit_between_log_sd * visit),
         "head_visit_log_sd": q.head_visit_log_sd,
@@ -254,7 +256,7 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         "other_visit_log_sd": q.other_visit_log_sd,
         "hold_s": q.hold_s * (1 + q.hold_between_share * held),
         "hold_log_sd": q.hold_log_sd,
-        "startle_s": q.startle_s * (1 + q.startle_between_share * hold),
+        "startle_s": q.startle_s * (1 + q.startle_between_share * held),
         "hold_growth": q.hold_growth,
         "caught_hold": q.caught_hold,
         "caught_return": q.caught_return,
