@@ -41,7 +41,8 @@ def _ball(radius_m: float) -> Piece:
 
 def _lengths(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     edges = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
-    return np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    lengths: np.ndarray = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    return lengths
 
 
 def test_cloth_falls_on_a_ball_and_stays_outside_of_it_without_stretching() -> None:

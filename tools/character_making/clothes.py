@@ -145,7 +145,7 @@ def top(figure: Figure, stuff: Stuff, garment: Garment, seed: int, over: Sequenc
     short = replace(cut, hem=min(cut.hem, _TRUNK_ENDS))
     piece = clipped(piece, top_field(figure, lines, short, piece.vertices_m, piece.weights))
     hips = np.clip((lines.waist - piece.vertices_m[:, 1]) / 0.1, 0, 1)
-    arms = sum(on_side(figure, piece.weights, "arm").values())
+    arms = np.sum([*on_side(figure, piece.weights, "arm").values()], axis=0)
     clearance = cut.clearance_m + 0.013 * hips * (arms < 0.5)
     piece = replace(piece, vertices_m=hanging(piece, cut.rounds, clearance))
     piece = replace(piece, vertices_m=_loose_sleeves(figure, piece, cut))
@@ -153,7 +153,7 @@ def top(figure: Figure, stuff: Stuff, garment: Garment, seed: int, over: Sequenc
     height = piece.vertices_m[:, 1]
     moves = np.clip((lines.chest + 0.06 - height) / 0.08, 0, 1) * np.clip(1 - 2.5 * arms, 0, 1)
     bust_m = lines.chest - 0.02
-    rim = np.zeros(len(arms), dtype=bool)
+    rim: npt.NDArray[np.bool_] = np.zeros(len(arms), dtype=bool)
     rim[np.unique(border(piece.triangles))] = True
     hem_m = lines.hip + cut.hem * (lines.crotch - lines.hip)
     cut_m = lines.hip + short.hem * (lines.crotch - lines.hip)
@@ -245,7 +245,7 @@ def trousers(figure: Figure, stuff: Stuff, garment: Garment, top_m: float, seed:
             vertices - foot
         )
     piece = replace(piece, vertices_m=vertices)
-    legs = sum(on_side(figure, piece.weights, "leg").values())
+    legs = np.sum([*on_side(figure, piece.weights, "leg").values()], axis=0)
     height = vertices[:, 1]
     axis_m = np.array([0.0, 0.0, figure.at("hips")[2]])
     # What faces down, between the legs, is sewn there and spans nothing.

@@ -109,7 +109,8 @@ def draped(
     loose = share * fabric.ease_along + (1 - share) * around
     if held.any():
         # Where it is sewn it is as wide as cut: no ruffles at cuffs and necklines.
-        free_m, _ = cKDTree(piece.vertices_m[held]).query(piece.vertices_m)
+        away, _ = cKDTree(piece.vertices_m[held]).query(piece.vertices_m)
+        free_m = np.asarray(away, dtype=np.float64)
         loose = loose * np.clip(free_m[edges].mean(axis=1) / _SEWN_M, 0, 1)
     eased = length * (1 + loose)
     apart = np.linalg.norm(piece.vertices_m[across[:, 0]] - piece.vertices_m[across[:, 1]], axis=1)
