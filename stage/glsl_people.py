@@ -191,21 +191,21 @@ vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
     float angle = atan(at.y, at.x);
 
     float outward = smoothstep(0.25, 1.0, length(at.xy));
-    vec3 white = mix(vec3(0.74, 0.715, 0.69), vec3(0.60, 0.45, 0.41), outward * outward);
+    vec3 white = mix(vec3(0.84, 0.82, 0.795), vec3(0.62, 0.48, 0.44), outward * outward * outward);
     float fibres = mix(1.0, 0.72 + 0.5 * smooth_grain(angle * 22.0 + 80.0 + 3.0 * share),
                        1.0 - smoothstep(0.006, 0.03, blur));
-    vec3 ring = iris_colour * mix(1.30, 0.95, smoothstep(pupil / iris, 0.85, share)) * fibres;
-    ring = mix(ring, iris_colour * 0.22, smoothstep(0.80, 1.0, share));
+    vec3 ring = iris_colour * mix(0.88, 0.52, smoothstep(pupil / iris, 0.85, share)) * fibres;
+    ring = mix(ring, iris_colour * 0.12, smoothstep(0.66, 0.92, share));
     float soft = max(blur, 0.02);
     vec3 albedo = mix(ring, white, smoothstep(iris - 0.5 * soft, iris + 0.5 * soft, radius));
     albedo = mix(vec3(0.006), albedo, smoothstep(pupil - 0.6 * blur, pupil + 0.6 * blur, radius));
-    float lid = 1.0 - 0.42 * smoothstep(0.12, 0.62, at.y) - 0.12 * smoothstep(0.3, 0.7, -at.y);
+    float lid = 1.0 - 0.30 * smoothstep(0.12, 0.62, at.y) - 0.08 * smoothstep(0.3, 0.7, -at.y);
 
     vec3 result = lit(albedo, vec3(0.25), place, n, view, 1.0, 0.0) * lid;
     vec3 mirrored = reflect(-view, n);
     vec3 side = normalize(cross(vec3(0.0, 1.0, 0.0), view) + vec3(1e-5));
     vec3 box = normalize(view + 0.62 * vec3(0.0, 1.0, 0.0) - 0.34 * side);
-    float catch_light = smoothstep(0.972, 0.986, dot(mirrored, box));
+    float catch_light = smoothstep(0.984, 0.993, dot(mirrored, box));
     float cornea = 1.0 - smoothstep(iris * 0.9, iris * 1.25, radius);
     vec3 sky_light = sky.rgb + 0.25;
     result += sky_light * (catch_light * mix(0.12, 0.95, cornea) * tone.y);

@@ -69,6 +69,13 @@ def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMes
     return replace(thin, vertices_m=best)
 
 
+def worst_area_error(thin: SkinnedMesh, full: SkinnedMesh) -> float:
+    """Return the largest share by which a part is seen larger or smaller than in the full mesh."""
+    wanted = seen_areas_m2(full)
+    parts = np.flatnonzero(wanted > _MIN_M2)
+    return float(np.abs(seen_areas_m2(thin)[parts] / wanted[parts] - 1).max(initial=0.0))
+
+
 def _opening(mesh: SkinnedMesh, place: Indices, eye: int, n_places: int) -> Vector:
     """Return how places (p, 3) move when the lids of an eye open: eyes stay the spheres they are,
     but rims of lids that thinning has straightened are put back.

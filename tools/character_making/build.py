@@ -5,12 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from lab.geometry import Vector
 from stimuli.characters.capsules import fitted_capsules
 from stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
+from stimuli.characters.coverage import visible_area_m2
 from stimuli.characters.levels import LEVELS, LevelBudget, joined, lighter, thinned
-from stimuli.characters.measuring import MEASURING_TRIANGLES, matched
+from stimuli.characters.measuring import MEASURING_TRIANGLES, matched, worst_area_error
 from stimuli.characters.tagging import face_of_head, parts_of_weights
 from tools.character_making.assembly import assembled
 from tools.character_making.clothes import (
@@ -18,6 +20,7 @@ from tools.character_making.clothes import (
     Tailor,
     cut_of,
     finished,
+    shirt_below,
     top,
     top_field,
     trousers,
@@ -31,6 +34,7 @@ from tools.character_making.hair import STYLES, Locks, drawn, locks, shell
 from tools.character_making.hair_texture import streaks
 from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
 from tools.character_making.mantle import Sheet
+from tools.character_making.occlusion import shaded
 from tools.character_making.pieces import Piece, kept, triangulated, vertex_normals
 from tools.character_making.recipes import Garment, Recipe
 from tools.character_making.shoes import SOLE_M, shoe_field, shoes
@@ -69,6 +73,33 @@ def face_morphs(figure: Figure) -> dict[str, Vector]:
             delta[target.vertices] += amount * target.delta_m * (eye_gap / base_gap)
         morphs[name] = delta
     return morphs
+
+
+def with_open_eyes(figure: Figure, morphs: dict[str, Vector]) -> tuple[Figure, dict[str, Vector]]:
+    """Return the figure with lids apart by so much that `EYES_M2` are seen of each eye, and shapes
+    whose blinks close them from there.
+    """
+    blinks = ("left_blink", "right_blink")
+    opening = sum((morphs[name] for name in blinks), np.zeros_like(figure.vertices_m))
+
+    def seen_m2(share: float) -> float:
+        wider = replace(figure, vertices_m=figure.vertices_m - share * opening)
+        pieces = [body_piece(wider, np.ones(3), {}), *eyeballs(wider)]
+        kinds = (Material("skin", "skin"), Material("eye", "eye"))
+        bare = [replace(piece, corner_uv=None) for piece in pieces]
+        mesh = assembled(wider, bare, kinds)
+        area = visible_area_m2(mesh, mesh.vertices_m, step_m=0.0007)
+        return (area["left_eye"] + area["right_eye"]) / 2
+
+    shares = np.array([0.0, MOST_OPENED / 2, MOST_OPENED])
+    share = float(np.interp(EYES_M2, [seen_m2(s) for s in shares.tolist()], shares))
+    wider = replace(figure, vertices_m=figure.vertices_m - share * opening)
+    return wider, {n: (1 + share) * d if n in blinks else d for n, d in morphs.items()}
+
+
+EYES_M2, MOST_OPENED = 1.68e-4, 0.25
+"""What is seen of an eye from the front, as of people at rest, and by how much of a blink at most
+the lids of the base mesh, which hang, are raised."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,14 +178,19 @@ def clothed(
     cut = cut_of(upper)
     rng = np.random.default_rng(seed)
     tone, _ = fabric(upper.pattern, rgb(upper.colour), rgb(upper.second), rng)
-    coat = top(figure, stuff, upper, seed)
+    waist = lines.hip + cut.hem * (lines.crotch - lines.hip) + 0.06
+    below = trousers(figure, stuff, lower, waist, seed + 1)
+    worn_below = [below]
+    inner = Garment("tee", upper.second, cut={"sleeve": 0.2, "hem": 0.5, "neck": 0.004})
+    if cut.open_m:
+        worn_below.append(shirt_below(figure, stuff, inner))
+    coat = top(figure, stuff, upper, seed, worn_below)
     pieces = [finished(figure, coat, tone, cut.thickness_m)]
     pieces += collar(figure, coat, upper, tone)
     far = list(pieces)
     fields = [top_field(figure, lines, cut, p, body.weights)]
     if cut.open_m:
-        inner = Garment("tee", upper.second, cut={"sleeve": 0.2, "hem": 0.5, "neck": 0.004})
-        shirt = replace(top(figure, stuff, inner, seed + 2), material="under")
+        shirt = worn_below[1]
         # Only what the open front shows is kept; of coarse levels less still, and that deeper, or
         # it would poke through.
         under = top_field(figure, lines, cut, shirt.vertices_m, shirt.weights)
@@ -166,9 +202,7 @@ def clothed(
             shown = replace(shown, vertices_m=shown.vertices_m - in_m)
             some += [finished(figure, shown, rgb(upper.second), 0.002), *turnover]
         fields.append(top_field(figure, lines, cut_of(inner), p, body.weights))
-    waist = lines.hip + cut.hem * (lines.crotch - lines.hip) + 0.06
     tone, _ = fabric(lower.pattern, rgb(lower.colour), rgb(lower.second), rng)
-    below = trousers(figure, stuff, lower, waist, seed + 1)
     down_to = lines.ankle - 0.015
     fields.append(np.maximum(p[:, 1] - waist, down_to - p[:, 1]))
     fields.append(shoe_field(figure, stuff, recipe.shoes, p))
@@ -181,6 +215,11 @@ def clothed(
 
 _HAIR = (0, 1, 2)
 """How coarse the hair of each level is."""
+_FEWER = (0, 30, 60, 90, 120, 150)
+_TRIED = (*((fewer, 0) for fewer in _FEWER), *((0, first) for first in range(1, 9)))
+"""Copies for measuring are tried with so many triangles fewer, then with other locks of hair."""
+_GOOD_COPY, _FAIR_COPY = 0.035, 0.045
+"""A part may be seen larger or smaller by this share."""
 
 
 def levels_of(
@@ -189,19 +228,25 @@ def levels_of(
     from_afar: Sequence[Piece],
     hair: Sequence[Locks | Sheet],
     materials: Sequence[Material],
+    plain: Sequence[Piece],
 ) -> tuple[tuple[SkinnedMesh, ...], tuple[SkinnedMesh, ...]]:
     """Return all levels and the copies for measuring: surfaces are thinned, of the hair fewer and
-    wider locks are drawn.
+    wider locks are drawn. `plain` are the pieces from afar without shade, by which copies for
+    measuring are thinned: their outlines count, and shade must not.
     """
     whole = assembled(figure, pieces, materials)
     # Teeth and lashes are smaller than what thinning leaves: from afar they would poke out.
-    bulk = [piece for piece in from_afar if piece.material not in ("teeth", "lash")]
-    far = assembled(figure, bulk, materials)
-    locks_of = {}
-    for coarse in sorted(set(_HAIR)):
+    far, unshaded = (
+        assembled(figure, [p for p in some if p.material not in ("teeth", "lash")], materials)
+        for some in (from_afar, plain)
+    )
+
+    def hair_at(coarse: int, first: int = 0) -> SkinnedMesh:
         # Of the sheets only the two outer ones are seen from afar.
         some = [g for i, g in enumerate(hair) if not (coarse and i == 0 and isinstance(g, Sheet))]
-        locks_of[coarse] = assembled(figure, [drawn(figure, g, coarse) for g in some], materials)
+        return assembled(figure, [drawn(figure, g, coarse, first) for g in some], materials)
+
+    locks_of = {coarse: hair_at(coarse) for coarse in sorted(set(_HAIR))}
     levels: list[SkinnedMesh] = []
     for budget, coarse in zip(LEVELS, _HAIR, strict=True):
         mine = locks_of[coarse]
@@ -213,9 +258,30 @@ def levels_of(
         levels.append(joined([surfaces, mine]))
     copies = []
     for n, coarse in zip(MEASURING_TRIANGLES, (1, 2), strict=True):
-        mine = locks_of[coarse]
-        copies.append(joined([thinned(far, n - len(mine.triangles)), mine]))
-    return tuple(levels), tuple(matched(copy, levels[0]) for copy in copies)
+        tried: list[tuple[float, SkinnedMesh]] = []
+        for fewer, first in _TRIED:
+            mine = hair_at(coarse, first) if first else locks_of[coarse]
+            thin = thinned(unshaded, n - fewer - len(mine.triangles))
+            copy = joined([_coloured_as(thin, unshaded, far), mine])
+            copy = matched(copy, levels[0])
+            tried.append((worst_area_error(copy, levels[0]), copy))
+            if tried[-1][0] < (_FAIR_COPY if first else _GOOD_COPY):
+                break
+            if len(tried) == len(_FEWER) and min(e for e, _ in tried) < _FAIR_COPY:
+                break
+        copies.append(min(tried, key=lambda row: row[0])[1])
+    return tuple(levels), tuple(copies)
+
+
+def _coloured_as(thin: SkinnedMesh, whole: SkinnedMesh, other: SkinnedMesh) -> SkinnedMesh:
+    """Return a copy thinned from `whole` with the colours of `other`, which has its vertices."""
+
+    def known_by(mesh: SkinnedMesh) -> Vector:
+        colour_m = mesh.colour_srgb / 255 * 1e-3
+        return np.concatenate([mesh.vertices_m, colour_m], axis=1)
+
+    _, index = cKDTree(known_by(whole)).query(known_by(thin))
+    return replace(thin, colour_srgb=other.colour_srgb[index])
 
 
 def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> Character:
@@ -226,6 +292,8 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
     morphs = face_morphs(figure)
     body = body_piece(figure, base_colour(recipe.face), morphs)
     closed = closed_body(figure, body)
+    figure, morphs = with_open_eyes(figure, morphs)
+    body = body_piece(figure, base_colour(recipe.face), morphs)
     worn, worn_far, covered = clothed(figure, stuff, recipe, body, seed)
     bare = np.asarray((covered >= -0.02)[body.triangles].any(axis=1))
     rng = np.random.default_rng(seed)
@@ -257,7 +325,9 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         Material("shoe", "leather", 0.5, double_sided=True),
     )
     hair = locks(figure, body, cloth, hair_colour, style, seed, recipe.face.grey)
-    levels, measuring = levels_of(figure, own + worn, own + worn_far, hair, materials)
+    locks_near = [drawn(figure, group, 0) for group in hair]
+    near, far = (shaded([*own, *clothes], locks_near) for clothes in (worn, worn_far))
+    levels, measuring = levels_of(figure, near, far, hair, materials, own + worn_far)
     mesh = levels[0]
     stature = float(closed.vertices_m[:, 1].max() - mesh.vertices_m[:, 1].min())
     return Character(

@@ -76,6 +76,11 @@ def wrapped_uv(figure: Figure, piece: Piece, *, whole_trunk: bool = False) -> Ve
     for region, parts in _REGIONS.items():
         if whole_trunk and region != "trunk":
             continue
+        if region == "trunk" and piece.material != "bottom":
+            # What hangs before the thighs is of one piece with the trunk's cloth.
+            parts = (*parts, "left_thigh", "right_thigh")
+        elif region.endswith("upper_leg lower_leg") and piece.material != "bottom":
+            continue
         tags = [PART_INDEX[p] for p in parts]
         chosen = np.isin(piece.part, tags) if not whole_trunk else np.ones(len(uv), dtype=bool)
         if not chosen.any():

@@ -1,9 +1,10 @@
 """Clothes cut from the base mesh's tights: tops with sleeves, and trousers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from lab.geometry import Vector, unit
 from stimuli.characters.tagging import parts_of_weights
@@ -14,7 +15,8 @@ from tools.character_making.cloth_places import (
     on_side,
     wrapped_uv,
 )
-from tools.character_making.cutting import clipped, hanging, hemmed
+from tools.character_making.cutting import border, clipped, hanging, hemmed, neighbours
+from tools.character_making.drape import Fabric, draped, mantle_over
 from tools.character_making.figure import Figure
 from tools.character_making.makehuman import MakeHuman
 from tools.character_making.pieces import (
@@ -25,13 +27,18 @@ from tools.character_making.pieces import (
 )
 from tools.character_making.recipes import Garment
 
+KNIT = Fabric()
+LOOSE = Fabric(ease_around=0.08, ease_along=0.04, bend=3.0)
+TROUSERS = Fabric(ease_around=0.06, ease_along=0.09)
+
 
 @dataclass(frozen=True)
 class Cut:
     """A pattern. `sleeve` ends at this place of the arm (0 shoulder, 1 elbow, 2 wrist); `hem` is
     the share of the way from hip (0) to crotch (1); `neck` how wide the neckline is, metres;
     `v_neck` how deep it dips; `clearance_m` from the skin; `rounds` of hanging; `open_m` half
-    width of an open front; `flare_m` what sleeves are wider by.
+    width of an open front; `flare_m` what sleeves are wider by; `inward` how much the cloth turns
+    in below the chest, metres a metre.
     """
 
     sleeve: float = 1.93
@@ -43,19 +50,24 @@ class Cut:
     open_m: float = 0.0
     flare_m: float = 0.004
     thickness_m: float = 0.003
+    inward: float = 0.3
+    fabric: Fabric = KNIT
 
 
 TOPS: Mapping[str, Cut] = {
-    "tee": Cut(sleeve=0.62, hem=0.55, neck=0.016, flare_m=0.012),
-    "polo": Cut(sleeve=0.66, hem=0.55, neck=0.004, flare_m=0.012),
+    "tee": Cut(sleeve=0.62, hem=0.55, neck=0.016, flare_m=0.012, fabric=LOOSE),
+    "polo": Cut(sleeve=0.66, hem=0.55, neck=0.004, flare_m=0.012, fabric=LOOSE),
     "jumper": Cut(sleeve=1.95, hem=0.6, neck=0.014, clearance_m=0.011, rounds=22,
                   flare_m=0.010, thickness_m=0.005),
-    "shirt": Cut(sleeve=1.93, hem=0.75, neck=0.002, clearance_m=0.007, rounds=18, flare_m=0.010),
+    "shirt": Cut(sleeve=1.93, hem=0.75, neck=0.002, clearance_m=0.007, rounds=18, flare_m=0.010,
+                 fabric=LOOSE),
     "jacket": Cut(sleeve=1.90, hem=0.95, neck=0.02, v_neck=0.30, clearance_m=0.017, rounds=30,
                   open_m=0.0015, flare_m=0.014, thickness_m=0.005),
     "cardigan": Cut(sleeve=1.92, hem=0.8, neck=0.02, v_neck=0.24, clearance_m=0.014, rounds=24,
                     open_m=0.0015, flare_m=0.010, thickness_m=0.005),
 }  # fmt: skip
+
+_TRUNK_ENDS, _EVEN_ROUNDS, _FRONT_M, _SEAM_M = 0.4, 160, 0.012, 0.03
 
 
 def cut_of(garment: Garment) -> Cut:
@@ -125,20 +137,80 @@ def trouser_field(lines: Lines, points_m: Vector, hem_m: float, top_m: float) ->
     return np.maximum(points_m[:, 1] - top_m, lines.ankle + hem_m - points_m[:, 1])
 
 
-def top(figure: Figure, stuff: Stuff, garment: Garment, seed: int) -> Piece:
-    """Return a top with sleeves, hung and hemmed."""
+def top(figure: Figure, stuff: Stuff, garment: Garment, seed: int, over: Sequence[Piece]) -> Piece:
+    """Return a top with sleeves that hangs over the body and over what is worn below it."""
+    cut = cut_of(garment)
+    lines, piece = stuff.lines, stuff.piece
+    # Cut where the trunk is still one; below the crotch cloth hangs, and is not between the legs.
+    short = replace(cut, hem=min(cut.hem, _TRUNK_ENDS))
+    piece = clipped(piece, top_field(figure, lines, short, piece.vertices_m, piece.weights))
+    hips = np.clip((lines.waist - piece.vertices_m[:, 1]) / 0.1, 0, 1)
+    arms = np.sum([*on_side(figure, piece.weights, "arm").values()], axis=0)
+    clearance = cut.clearance_m + 0.013 * hips * (arms < 0.5)
+    piece = replace(piece, vertices_m=hanging(piece, cut.rounds, clearance))
+    piece = replace(piece, vertices_m=_loose_sleeves(figure, piece, cut))
+    axis_m = np.array([0.0, 0.0, figure.at("hips")[2]])
+    height = piece.vertices_m[:, 1]
+    moves = np.clip((lines.chest + 0.06 - height) / 0.08, 0, 1) * np.clip(1 - 2.5 * arms, 0, 1)
+    bust_m = lines.chest - 0.02
+    rim: npt.NDArray[np.bool_] = np.zeros(len(arms), dtype=bool)
+    rim[np.unique(border(piece.triangles))] = True
+    hem_m = lines.hip + cut.hem * (lines.crotch - lines.hip)
+    cut_m = lines.hip + short.hem * (lines.crotch - lines.hip)
+    hem = rim & (arms < 0.5) & (height < cut_m + 0.03)
+    piece.vertices_m[hem, 1] = cut_m
+    piece = _spanning(piece, axis_m, moves, cut.inward, bust_m, rim)
+    longer = np.clip((lines.waist - piece.vertices_m[:, 1]) / (lines.waist - cut_m), 0, 1)
+    piece.vertices_m[:, 1] -= (cut_m - hem_m) * longer * (arms < 0.5)
+    held = rim & np.where(arms > 0.5, cut.sleeve > 1.5, ~hem)
+    place = draped(
+        piece, [stuff.piece, *over], held, _threads(figure, piece, "arm"), arms > 0.5,
+        cut.fabric, 0.7 * clearance, seed,
+    )  # fmt: skip
+    return replace(piece, vertices_m=place)
+
+
+def shirt_below(figure: Figure, stuff: Stuff, garment: Garment) -> Piece:
+    """Return a shirt that lies close, to be worn below a jacket."""
     cut = cut_of(garment)
     piece = stuff.piece
     outside = top_field(figure, stuff.lines, cut, piece.vertices_m, piece.weights)
-    piece = clipped(piece, outside)
-    hips = np.clip((stuff.lines.waist - piece.vertices_m[:, 1]) / 0.1, 0, 1)
-    arms = sum(on_side(figure, piece.weights, "arm").values())
-    clearance = cut.clearance_m + 0.006 * hips * (arms < 0.5)
-    vertices = hanging(piece, cut.rounds, clearance)
-    piece = replace(piece, vertices_m=vertices)
-    piece = replace(piece, vertices_m=_loose_sleeves(figure, piece, cut))
-    piece = replace(piece, vertices_m=_folded(figure, piece, seed, 0.0035))
-    return piece
+    piece = replace(clipped(piece, outside), material="under")
+    return replace(piece, vertices_m=hanging(piece, cut.rounds, cut.clearance_m))
+
+
+def _spanning(
+    piece: Piece, axis_m: Vector, moves: Vector, inward: float, top_m: float,
+    rim: npt.NDArray[np.bool_],
+) -> Piece:  # fmt: skip
+    """Return a cloth that spans hollows, its vertices spread evenly over what they span."""
+    average = neighbours(piece.triangles, len(moves))
+    along_rim = border(piece.triangles)
+    # The edges of an open front stay side by side.
+    front = rim & (np.abs(piece.vertices_m[:, 0]) < _FRONT_M)
+    front &= piece.vertices_m[:, 2] < axis_m[2]
+    hung = mantle_over(piece.vertices_m, axis_m, moves > 0.05, inward, top_m)
+    place = hung.around(piece.vertices_m, moves)
+    for _ in range(_EVEN_ROUNDS):
+        even = average @ place
+        both, count = np.zeros_like(place), np.zeros((len(place), 1))
+        for a, b in ((0, 1), (1, 0)):
+            np.add.at(both, along_rim[:, a], place[along_rim[:, b]])
+            np.add.at(count, along_rim[:, a], 1.0)
+        even[rim] = 0.5 * place[rim] + 0.5 * both[rim] / np.maximum(count[rim], 1.0)
+        even[front, 0] = piece.vertices_m[front, 0]
+        place = hung.around(place + 0.7 * moves[:, None] * (even - place), moves)
+    return replace(piece, vertices_m=place)
+
+
+def _threads(figure: Figure, piece: Piece, limb: str) -> Vector:
+    """Return unit vectors (v, 3) down the trunk and along the limbs."""
+    down = np.tile([0.0, -1.0, 0.0], (len(piece.vertices_m), 1))
+    last = {"arm": ("upper_arm", "hand"), "leg": ("upper_leg", "foot")}[limb]
+    for side, share in on_side(figure, piece.weights, limb).items():
+        start, end = (figure.at(f"{side}_{joint}") for joint in last)
+        down[share > 0.5] = unit(end - start)
+    return down
 
 
 def _loose_sleeves(figure: Figure, piece: Piece, cut: Cut) -> Vector:
@@ -154,32 +226,6 @@ def _loose_sleeves(figure: Figure, piece: Piece, cut: Cut) -> Vector:
             vertices - foot
         )
     return vertices
-
-
-def _folded(figure: Figure, piece: Piece, seed: int, depth_m: float) -> Vector:
-    """Press folds into cloth: slanting across the trunk, rings at elbow and knee."""
-    rng = np.random.default_rng(seed)
-    normals = vertex_normals(piece.vertices_m, piece.triangles)
-    p = piece.vertices_m
-    depth = np.zeros(len(p))
-    for _ in range(7):
-        direction = unit(rng.normal(size=3) * np.array([1.0, 0.7, 0.6]))
-        wave, phase = rng.uniform(60, 130), rng.uniform(0, 2 * np.pi)
-        bend = 0.02 * np.sin(p @ unit(rng.normal(size=3)) * 25 + phase)
-        depth += np.sin((p @ direction + bend) * wave + phase) / 7
-    strength = np.full(len(p), 0.5)
-    for limb in ("arm", "leg"):
-        for side, share in on_side(figure, piece.weights, limb).items():
-            place, _, _ = limb_axis_distance(figure, p, side, limb)
-            near = np.exp(-(((place - 1.0) / 0.28) ** 2)) + 0.7 * np.exp(
-                -(((place - 1.85) / 0.15) ** 2)
-            )
-            ring = np.sin(place * 52 + 3 * np.sin(p @ np.array([31.0, 9.0, 23.0])))
-            on = np.clip((share - 0.6) / 0.4, 0, 1)
-            depth += on * near * ring * 0.9
-            strength = np.where(share > 0.5, 0.8, strength)
-    moved: Vector = p + (depth_m * strength * np.clip(depth, -1, 1))[:, None] * normals
-    return moved
 
 
 def trousers(figure: Figure, stuff: Stuff, garment: Garment, top_m: float, seed: int) -> Piece:
@@ -199,7 +245,22 @@ def trousers(figure: Figure, stuff: Stuff, garment: Garment, top_m: float, seed:
             vertices - foot
         )
     piece = replace(piece, vertices_m=vertices)
-    return replace(piece, vertices_m=_folded(figure, piece, seed, 0.004))
+    legs = np.sum([*on_side(figure, piece.weights, "leg").values()], axis=0)
+    height = vertices[:, 1]
+    axis_m = np.array([0.0, 0.0, figure.at("hips")[2]])
+    # What faces down, between the legs, is sewn there and spans nothing.
+    down = -vertex_normals(vertices, piece.triangles)[:, 1]
+    moves = np.clip((height - stuff.lines.crotch - 0.01) / 0.06, 0, 1)
+    moves *= np.clip(1.5 - 2.5 * down, 0, 1)
+    held = (np.abs(vertices[:, 0]) < _SEAM_M) & (height < stuff.lines.crotch + 2 * _SEAM_M)
+    held[np.unique(border(piece.triangles))] = True
+    moves[held] = 0.0
+    piece = _spanning(piece, axis_m, moves, 0.3, stuff.lines.hip, held)
+    place = draped(
+        piece, [stuff.piece], held, _threads(figure, piece, "leg"), legs > 0.5,
+        TROUSERS, np.full(len(legs), 0.004), seed,
+    )  # fmt: skip
+    return replace(piece, vertices_m=place)
 
 
 def finished(figure: Figure, piece: Piece, colour: Vector, thickness_m: float) -> Piece:

@@ -102,7 +102,7 @@ def _band(figure: Figure, cloth: Piece, ring: Indices, tone: Vector, height_m: f
     up = unit(np.array([0.0, 1.0, 0.0]) - 0.45 * out)
     low = _on_surface(cloth, points + 0.0035 * out - 1.2 * height_m * up)
     rows = [
-        low - 0.002 * _nearest_normals(cloth, low),
+        low - 0.006 * _nearest_normals(cloth, low),
         low + 0.003 * _nearest_normals(cloth, low),
         points + 0.003 * out + 0.1 * height_m * up,
         points + 0.002 * out + 0.5 * height_m * up,

@@ -60,7 +60,9 @@ def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) 
     normals = vertex_normals(body.vertices_m, body.triangles)
     on_head = body.weights[:, figure.rig.skeleton.index("head")] > 0.5
     outside = np.where(on_head, outside, 0.2)
-    lift = style.lift_m * np.clip(-outside / 0.035, 0.02, 1)
+    # Sheets lie upon it, and nothing of it comes through them.
+    lifted_m = style.lift_m * (0.5 if style.fall else 1.0)
+    lift = lifted_m * np.clip(-outside / 0.035, 0.02, 1)
     if style.curl_m:
         lift = lift * (1 + 0.22 * noise(body.vertices_m, 60, seed))
     place = body.vertices_m + lift[:, None] * normals
@@ -293,18 +295,20 @@ def _coloured(
     return Locks(line, out, tones, rng.normal(1.0, 0.10, n), width, rng.random(n))
 
 
-def drawn(figure: Figure, group: Locks | Sheet, level: int) -> Piece:
-    """Return locks or a sheet as they are drawn at a level of detail."""
+def drawn(figure: Figure, group: Locks | Sheet, level: int, first: int = 0) -> Piece:
+    """Return locks, from the `first` on, or a sheet as they are drawn at a level of detail."""
     if isinstance(group, Sheet):
         shape = group.line.shape[:2]
         weights = hair_weights(figure, group.line.reshape(-1, 3)).reshape(*shape, -1)
         return sheet_piece(figure, group, weights, *((1, 1), (3, 2), (6, 3))[level])
-    return ribbons(figure, group, THINNINGS[level])
+    return ribbons(figure, group, THINNINGS[level], first)
 
 
-def ribbons(figure: Figure, group: Locks, thinning: Thinning = THINNINGS[0]) -> Piece:
+def ribbons(
+    figure: Figure, group: Locks, thinning: Thinning = THINNINGS[0], first: int = 0
+) -> Piece:
     """Lay tapering ribbons along locks, rounded by their normals."""
-    keep = slice(None, None, thinning.locks)
+    keep = slice(first, None, thinning.locks)
     all_rows = group.line.shape[1]
     at_rows = np.unique([*range(0, all_rows, thinning.rows), all_rows - 1])
     line, out = group.line[keep][:, at_rows], group.out[keep][:, at_rows]

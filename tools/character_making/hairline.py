@@ -4,6 +4,7 @@ import numpy as np
 
 from lab.geometry import Vector
 from tools.character_making.figure import Figure
+from tools.character_making.noise import noise
 
 
 def hairline_field(figure: Figure, points_m: Vector, receding: float = 0.0) -> Vector:
@@ -14,7 +15,9 @@ def hairline_field(figure: Figure, points_m: Vector, receding: float = 0.0) -> V
     y, z = (points_m[:, 1] - eye[1]) / scale, (points_m[:, 2] - eye[2]) / scale
     # z grows backwards. From the forehead over the temple down before the ear, then the nape.
     corners = np.exp(-(((x - 0.042) / 0.022) ** 2))
-    front = 0.074 - 4.0 * np.maximum(x - 0.03, 0) ** 2
+    # A soft peak in the middle, a bay at either side; nobody's hairline is drawn with a ruler.
+    peak, bay = np.exp(-((x / 0.013) ** 2)), np.exp(-(((x - 0.036) / 0.013) ** 2))
+    front = 0.074 - 0.003 * peak + 0.004 * bay - 4.0 * np.maximum(x - 0.03, 0) ** 2
     front = front + receding * (0.014 + 0.028 * corners)
     side = np.interp(
         z,
@@ -25,5 +28,6 @@ def hairline_field(figure: Figure, points_m: Vector, receding: float = 0.0) -> V
     blend = np.clip((x - 0.045) / 0.014, 0, 1)
     rear = np.where(z < 0.05, front, side)
     line = (1 - blend) * rear + blend * side
-    field: Vector = (line - y) * scale
+    uneven = 0.0030 * noise(points_m, 95, 5) + 0.0022 * noise(points_m, 260, 6)
+    field: Vector = (line - y) * scale + uneven
     return field

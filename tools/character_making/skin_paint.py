@@ -74,7 +74,7 @@ def painted(
             outside + 0.003 * noise(p, 160, seed + 7) + 0.005 * noise(p, [900, 150, 900], seed + 8)
         )
         on_head = (q[:, 1] > -0.13) & (np.abs(q[:, 0]) < 0.12)
-        share = np.clip(0.4 - ragged / 0.014, 0, 1) * on_head
+        share = np.clip(0.42 - ragged / 0.024, 0, 1) * on_head
         strands = 0.9 + 0.25 * noise(p, [900, 200, 900], seed + 9)
         colour = _mixed(colour, np.array(face.hair) / 255 * 0.75, 0.92 * share * strands)
     colour = _browed(colour, figure, p, face, k, seed)
