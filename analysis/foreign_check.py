@@ -257,12 +257,12 @@ def read_bids_times(root: Path) -> tuple[ForeignStream, ...]:
     for path in sorted((*root.rglob("*_physio.tsv.gz"), *root.rglob("*_motion.tsv"))):
         side = path.with_name(path.name.removesuffix(".gz").removesuffix(".tsv") + ".json")
         try:
-            said = parse_json(read_plain(side))
+            said = {**parse_json(read_plain(side))}
             stamps = _times_of(path, said)
-        except (OSError, ValueError, EOFError, KeyError, AttributeError) as error:
+            rate_hz = float(said.get("SamplingFrequency") or 0)
+        except (OSError, ValueError, EOFError, LookupError, TypeError, OverflowError) as error:
             raise DataError(f"{path} cannot be read with {side.name}: {error}") from error
         if stamps is not None:
-            rate_hz = float(said.get("SamplingFrequency") or 0)
             found.append(ForeignStream(path.relative_to(root).as_posix(), stamps, rate_hz))
     return tuple(found)
 

@@ -7,10 +7,10 @@ section 5 (trial out above 30 % loss, validation accepted up to 1.5°).
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeAlias
 
 import numpy as np
-import pandas as pd
 
 from analysis.session_verdict import (
     RESUME,
@@ -30,6 +30,11 @@ REDO_BLOCK = (
     "look how the headset sits and validate again while they are here; redo the last block in a "
     "further session (`visavis run` with --session) where it rests on gaze"
 )
+Events: TypeAlias = Sequence[tuple[str, Mapping[str, Any]]]
+"""Names and payloads of all events of a session, in written order."""
+Rows: TypeAlias = Sequence[Mapping[str, Any]]
+"""Rows of all trials that were performed, as written."""
+
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -51,8 +56,10 @@ def check_session(recording: Recording, limits: CheckLimits | None = None) -> Se
 
 def _checked(recording: Recording, limits: CheckLimits) -> SessionCheck:
     plan: Mapping[str, Any] = recording.manifest.plan
-    events = recording.events()
-    trials = _check_trials(plan, recording.trials(), events, limits)
+    journals = [recording.journal(part.number) for part in recording.manifest.parts]
+    events = [(str(e["name"]), e["payload"]) for journal in journals for e in journal.events]
+    rows = [trial["row"] for journal in journals for trial in journal.trials]
+    trials = _check_trials(plan, rows, events, limits)
     streams = _check_streams(recording, limits)
     findings = [
         *_recording_findings(recording),
@@ -60,8 +67,10 @@ def _checked(recording: Recording, limits: CheckLimits) -> SessionCheck:
         *(() if _is_on_page(recording) else _stream_findings(streams)),
         *_calibration_findings(plan, events, limits),
         *_questionnaire_findings(plan, events),
-        *_deviation_findings(events, recording),
+        *_deviation_findings(events, rows, recording),
     ]
+    if recording.status == "running":  # nothing of it is to be done again yet
+        findings = [f if f.subject == "recording" else replace(f, redo="") for f in findings]
     return SessionCheck(
         level=max((f.level for f in findings), default=Level.GREEN),
         is_simulated=recording.is_simulated,
@@ -108,17 +117,17 @@ def _recording_findings(recording: Recording) -> list[Finding]:
 
 
 def _check_trials(
-    plan: Mapping[str, Any], rows: pd.DataFrame, events: pd.DataFrame, limits: CheckLimits
+    plan: Mapping[str, Any], rows: Rows, events: Events, limits: CheckLimits
 ) -> list[TrialCheck]:
     started: dict[str, int] = {}
-    for payload in events.loc[events["name"] == "trial_start", "payload"]:
+    for payload in _payloads(events, "trial_start"):
         started[payload["trial_id"]] = started.get(payload["trial_id"], 0) + 1
     last: dict[str, Mapping[str, Any]] = {}
-    for row in rows.to_dict("records"):
+    for row in rows:
         kept = last.get(str(row["trial_id"]))
         broke_off = row.get("status") == "interrupted"
         if kept is None or not broke_off or kept.get("status") == "interrupted":
-            last[str(row["trial_id"])] = {str(k): v for k, v in row.items()}
+            last[str(row["trial_id"])] = row
     return [
         _check_trial(trial, last.get(trial["trial_id"]), started, limits)
         for block in plan.get("blocks", ())
@@ -214,8 +223,8 @@ def _listed(names: list[str], most: int = 12) -> str:
 def _check_streams(recording: Recording, limits: CheckLimits) -> list[StreamCheck]:
     checks = []
     for name in recording.stream_names:
-        schema = recording.stream_schema(name)
         arrays = recording.stream_arrays(name)
+        schema = recording.stream_schema(name)  # known now: the file is not read again
         t_ns = arrays.get("t_host_ns", np.zeros(0, dtype=np.int64))
         parts = arrays["recording_part"]
         nominal_hz = schema.nominal_rate_hz if schema is not None else 0.0
@@ -266,9 +275,9 @@ def _is_on_page(recording: Recording) -> bool:
 
 
 def _calibration_findings(
-    plan: Mapping[str, Any], events: pd.DataFrame, limits: CheckLimits
+    plan: Mapping[str, Any], events: Events, limits: CheckLimits
 ) -> list[Finding]:
-    validations = list(events.loc[events["name"] == "validation", "payload"])
+    validations = _payloads(events, "validation")
     blocks = plan.get("blocks", [])
     if not validations and blocks and not any(b.get("calibrate", True) for b in blocks):
         return []  # a study without gaze
@@ -323,11 +332,8 @@ def _drift_finding(
 # ---- questionnaires and deviations -----------------------------------------------------------
 
 
-def _questionnaire_findings(plan: Mapping[str, Any], events: pd.DataFrame) -> list[Finding]:
-    complete = {
-        p["questionnaire"]
-        for p in events.loc[events["name"] == "questionnaire_complete", "payload"]
-    }
+def _questionnaire_findings(plan: Mapping[str, Any], events: Events) -> list[Finding]:
+    complete = {p["questionnaire"] for p in _payloads(events, "questionnaire_complete")}
     found = [
         Finding(
             Level.RED,
@@ -346,7 +352,7 @@ def _questionnaire_findings(plan: Mapping[str, Any], events: pd.DataFrame) -> li
         if name not in complete
     ]
     left_out: dict[str, int] = {}
-    for p in events.loc[events["name"] == "answer", "payload"]:
+    for p in _payloads(events, "answer"):
         if p["answer"] is None:
             left_out[p["questionnaire"]] = left_out.get(p["questionnaire"], 0) + 1
     for name, count in left_out.items():
@@ -357,7 +363,7 @@ def _questionnaire_findings(plan: Mapping[str, Any], events: pd.DataFrame) -> li
     return found
 
 
-def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Finding]:
+def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> list[Finding]:
     found = [
         Finding(
             Level.AMBER,
@@ -366,9 +372,7 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
         )
         for part in recording.manifest.parts[:-1]
     ]
-    rows = recording.trials()
-    broken_off = rows[rows["status"] == "interrupted"] if "status" in rows else rows[:0]
-    for row in broken_off.to_dict("records"):
+    for row in (r for r in rows if r.get("status") == "interrupted"):
         message = f"{row['trial_id']}, attempt {row['attempt']}, was interrupted"
         found.append(Finding(Level.AMBER, "trials", message + _because(row["reason"])))
     repeated = [p["trial_id"] for p in _payloads(events, "trial_repeat")]
@@ -432,15 +436,15 @@ def in_one(messages: Sequence[str]) -> str:
     return "".join(w + r for w, r in zip(words, [*ranges, ""], strict=True))
 
 
-def _payloads(events: pd.DataFrame, name: str) -> list[Mapping[str, Any]]:
-    return list(events.loc[events["name"] == name, "payload"])
+def _payloads(events: Events, name: str) -> list[Mapping[str, Any]]:
+    return [payload for event, payload in events if event == name]
 
 
 def _because(reason: object) -> str:
     return f": {reason}" if reason else ""
 
 
-def _once_calibrated(events: pd.DataFrame) -> pd.DataFrame:
+def _once_calibrated(events: Events) -> Events:
     """Leave out what stands before the first calibration: a tracker that wants one is no fault."""
-    first = np.flatnonzero(events["name"].to_numpy() == "calibration")
-    return events.iloc[int(first[0]) :] if len(first) else events
+    first = next((i for i, (name, _) in enumerate(events) if name == "calibration"), 0)
+    return events[first:]

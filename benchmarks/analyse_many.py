@@ -1,12 +1,13 @@
 """Analyse ever more participants and see whether time stays linear and memory flat. Linux, macOS.
 
-python -m benchmarks.analyse_many [--participants 100] [--json] [--keep DIR]
+python -m benchmarks.analyse_many [--participants 100] [--simulated N] [--json] [--keep DIR]
 
 Short stare sessions are simulated once; a quarter, half and all of them are then analysed by the
-command, one process each, from folders that share the recordings. A line through the first two
-gives what the whole should take: `time_over_linear` is what it took over that, limit 1.1. Memory
-is the largest the process ever had; what a participant adds to it counts, because the tables of
-all of them are held.
+command, one process each, from folders that share the recordings. With `--simulated` only so many
+people are simulated, the others are their recordings again, under labels of their own. A line
+through the first two sizes gives what the whole should take: `time_over_linear` is what it took
+over that, limit 1.1. Memory is the largest the process ever had; what a participant adds to it
+counts, because the tables of all of them are held.
 """
 
 import argparse
@@ -16,12 +17,20 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
+from protocol.identifiers import make_label
+from recording.durable import sha256_of
 from recording.folder import SIMULATED_ROOT
+from recording.journal import JOURNAL_NAME, encode_line
+from recording.manifest import read_manifest, write_manifest
+from visavis.sessions.study_check import SIMULATED_PREFIX
 
 STUDY = "stare"
+SESSION = "ses-001"
 SHORT = ("trial_s=1", "practice_s=1", "intertrial_s=0.2", "repetitions=1")
+MIN_PARTICIPANTS = 2
 LIMIT_OVER_LINEAR = 1.1
 LIMIT_MB_PER_PARTICIPANT = 1.0
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -53,29 +62,61 @@ def some_of(study: Path, n: int, root: Path) -> Path:
     return target
 
 
+def repeat(study: Path, n: int) -> None:
+    """Add people until there are n: recordings of those there are, under labels of their own."""
+    there = sorted(study.glob("sub-*"))
+    for number in range(len(there) + 1, n + 1):
+        person = there[(number - 1) % len(there)]
+        old, new = person.name.removeprefix("sub-"), make_label(number, SIMULATED_PREFIX)
+        copy = study / f"sub-{new}"
+        shutil.copytree(person, copy, copy_function=os.link)
+        manifest = read_manifest(copy / SESSION)
+        parts = []
+        for part in manifest.parts:
+            journal = copy / SESSION / part.folder / JOURNAL_NAME
+            lines = [_renamed(line, old, new) for line in journal.read_bytes().splitlines()]
+            journal.unlink()  # the other one's file is linked here
+            journal.write_bytes(b"".join(lines))
+            kept = part.journal and replace(part.journal, sha256=sha256_of(journal))
+            parts.append(replace(part, journal=kept))
+        for file in (copy / SESSION).glob("manifest*.json"):
+            file.unlink()
+        renamed = replace(manifest, participant=new, parts=tuple(parts))
+        write_manifest(copy / SESSION, renamed)
+
+
+def _renamed(line: bytes, old: str, new: str) -> bytes:
+    entry = json.loads(line.replace(b'"' + old.encode() + b'"', b'"' + new.encode() + b'"'))
+    entry.pop("crc32")
+    return encode_line(entry)
+
+
 def main() -> int:
     """Print time and memory of every size; exit status 1 where a limit is missed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--participants", type=int, default=100)
+    parser.add_argument("--simulated", type=int, help="simulate so many; default: all of them")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--keep", type=Path, help="keep the sessions here, and use them again")
     options = parser.parse_args()
-    if options.participants < 8:
+    if options.participants < 4 * MIN_PARTICIPANTS:
         parser.error("a quarter, half and all of them are analysed: eight at least")
     sizes = [options.participants // 4, options.participants // 2, options.participants]
     with tempfile.TemporaryDirectory(dir=options.keep) as scratch:
         root = options.keep or Path(scratch)
         study = root / SIMULATED_ROOT / STUDY
-        if len(list(study.glob("sub-*"))) < options.participants:
+        simulated = options.simulated or options.participants
+        if len(list(study.glob("sub-*"))) < simulated:
             settings = [f"--set={setting}" for setting in SHORT]
             visavis(
-                "simulate", STUDY, "--participants", str(options.participants), "--seed", "1",
+                "simulate", STUDY, "--participants", str(simulated), "--seed", "1",
                 "--output", str(root), *settings,
             )  # fmt: skip
-        used = [
-            visavis("analyse", str(some_of(study, n, Path(scratch))), "--processes", "1")
-            for n in sizes
-        ]
+        repeat(study, options.participants)
+        # The first is not counted: it compiles kernels and fills caches for those after it.
+        folders = [some_of(study, MIN_PARTICIPANTS, Path(scratch, "first"))]
+        folders += [some_of(study, n, Path(scratch)) for n in sizes]
+        _, *used = [visavis("analyse", str(folder), "--processes", "1") for folder in folders]
     (small_s, small_mb), (half_s, _), (all_s, all_mb) = used
     per_person_s = (half_s - small_s) / (sizes[1] - sizes[0])
     found = {

@@ -19,13 +19,13 @@ import tempfile
 import termios
 import tty
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.table import Row, show
 from devices.byte_links import MemoryLink
 from devices.contracts import HAPTICS, Armband
 from devices.drivers.armband import codec
@@ -77,23 +77,6 @@ while True:
     driver.keep_alive()
     driver.poll(0.02)
 """
-
-
-@dataclass(frozen=True)
-class Row:
-    """One printed figure; `limit` is None when there is none."""
-
-    name: str
-    value: float
-    unit: str
-    limit: float | None = None
-    ratio: float | None = None
-
-
-def row(name: str, value: float, unit: str, limit: float | None = None) -> Row:
-    """Return a figure with its ratio."""
-    ratio = None if limit is None else (float("inf") if value <= 0 else limit / value)
-    return Row(name, value, unit, limit, ratio)
 
 
 class EchoBand:
@@ -370,19 +353,19 @@ def measure(commands: int, frames: int) -> list[Row]:
         contact = contact_to_command_ms(band.port)
     extra = np.array(through)
     rows += [
-        row("wire alone, median", float(np.median(bare)), "ms"),
-        row("driver round trip, median", float(np.median(through)), "ms"),
-        row("driver overhead, median", float(np.median(extra) - np.median(bare)), "ms", 0.3),
-        row(
+        Row("wire alone, median", float(np.median(bare)), "ms"),
+        Row("driver round trip, median", float(np.median(through)), "ms"),
+        Row("driver overhead, median", float(np.median(extra) - np.median(bare)), "ms", 0.3),
+        Row(
             "driver overhead, p99",
             float(np.percentile(extra, 99) - np.percentile(bare, 99)),
             "ms",
             2.0,
         ),
-        row("answered of commands", 100 * len(through) / commands, "%"),
-        row("contact to command, median", float(np.median(contact)), "ms", 1.0),
-        row("contact to command, p99", float(np.percentile(contact, 99)), "ms"),
-        row("driver CPU per command", driver_cpu_ms(), "ms"),
+        Row("answered of commands", 100 * len(through) / commands, "%"),
+        Row("contact to command, median", float(np.median(contact)), "ms", 1.0),
+        Row("contact to command, p99", float(np.percentile(contact, 99)), "ms"),
+        Row("driver CPU per command", driver_cpu_ms(), "ms"),
     ]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -394,15 +377,15 @@ def measure(commands: int, frames: int) -> list[Row]:
                 print(f"after {how}: not measured: {problem}; {busy()}", file=sys.stderr)
                 continue
             told = f"motors off after {how}"
-            rows.append(row(f"{told}, median ({kind})", float(np.median(off)), "ms"))
-            rows.append(row(f"{told}, worst ({kind})", max(off), "ms", 300.0))
+            rows.append(Row(f"{told}, median ({kind})", float(np.median(off)), "ms"))
+            rows.append(Row(f"{told}, worst ({kind})", max(off), "ms", 300.0))
         wrong, survived = fuzz_firmware(frames, folder)
-    rows.append(row(f"C: wrong of {frames} damaged or forged, until refresh", wrong, "frames"))
-    rows.append(row("C: wrong that survived the refresh", survived, "frames", 0.0))
+    rows.append(Row(f"C: wrong of {frames} damaged or forged, until refresh", wrong, "frames"))
+    rows.append(Row("C: wrong that survived the refresh", survived, "frames", 0.0))
     wrong, survived = fuzz_python(frames)
-    rows.append(row(f"Python: wrong of {frames} damaged or forged, until refresh", wrong, "frames"))
-    rows.append(row("Python: wrong that survived the refresh", survived, "frames", 0.0))
-    rows.append(row("obeys again after the peer's return", reconnect_after_return_s(), "s", 2.0))
+    rows.append(Row(f"Python: wrong of {frames} damaged or forged, until refresh", wrong, "frames"))
+    rows.append(Row("Python: wrong that survived the refresh", survived, "frames", 0.0))
+    rows.append(Row("obeys again after the peer's return", reconnect_after_return_s(), "s", 2.0))
     return rows
 
 
@@ -443,16 +426,11 @@ def main() -> None:
     except DeviceError as problem:
         print(f"not measured: {problem}; {busy()}", file=sys.stderr)
         sys.exit(1)
-    if arguments.json:
-        print(json.dumps([asdict(found) for found in rows]))
-    else:
-        for found in rows:
-            limit = "" if found.limit is None else f"limit {found.limit:g}"
-            print(f"{found.name:58} {found.value:10.3f} {found.unit:7} {limit}")
-    missed = [found for found in rows if found.limit is not None and found.value > found.limit]
+    status = show(rows, as_json=arguments.json)
+    missed = [found for found in rows if found.is_missed]
     if missed and not arguments.json:
         print(f"missed: {', '.join(found.name for found in missed)}; {busy()}", file=sys.stderr)
-    sys.exit(1 if missed else 0)
+    sys.exit(status)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from that of the full mesh, limit 5 %. "ratio" is limit / value.
 """
 
 import argparse
-import json
 import os
 import sys
 import tempfile
@@ -19,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.motion import Row, row
+from benchmarks.table import Row, show
 from lab.clock import SystemClock, cpu_time_s
 from stimuli.characters.body_parts import PARTS
 from stimuli.characters.cast import DATA, cast_names, load_cast
@@ -35,7 +34,7 @@ MIN_M2 = 5e-4
 def size() -> Row:
     """Return what the committed files weigh together."""
     total = sum(path.stat().st_size for path in DATA.glob("*.npz"))
-    return row("committed files of the cast", total / 1e6, "MB", SIZE_LIMIT_MB)
+    return Row("committed files of the cast", total / 1e6, "MB", SIZE_LIMIT_MB)
 
 
 def loading() -> Row:
@@ -46,7 +45,7 @@ def loading() -> Row:
         for name in cast_names():
             read_character(DATA / f"{name}.npz")
         best = min(best, cpu_time_s() - began_s)
-    return row("load the whole cast, CPU", float(best), "s", LOAD_LIMIT_S)
+    return Row("load the whole cast, CPU", float(best), "s", LOAD_LIMIT_S)
 
 
 def biases() -> list[Row]:
@@ -61,7 +60,7 @@ def biases() -> list[Row]:
             found = (100 * float(error[k]), f"{person.name}'s {PARTS[parts[k]]}")
             worst[copy] = max(before, found)
     return [
-        row(f"{n} triangles: largest bias of a part ({whose})", percent, "%", BIAS_LIMIT_PERCENT)
+        Row(f"{n} triangles: largest bias of a part ({whose})", percent, "%", BIAS_LIMIT_PERCENT)
         for n, (percent, whose) in zip(MEASURING_TRIANGLES, worst, strict=True)
     ]
 
@@ -77,8 +76,8 @@ def making(wheel: Path) -> list[Row]:
         after.children_system - before.children_system
     )
     return [
-        row("make the whole cast, wall", wall_s, "s", MAKE_LIMIT_S),
-        row("make the whole cast, CPU of all processes", cpu_s, "s", MAKE_LIMIT_S),
+        Row("make the whole cast, wall", wall_s, "s", MAKE_LIMIT_S),
+        Row("make the whole cast, CPU of all processes", cpu_s, "s", MAKE_LIMIT_S),
     ]
 
 
@@ -89,14 +88,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     options = parser.parse_args(argv)
     rows = [size(), loading(), *biases(), *(making(options.wheel) if options.wheel else [])]
-    if options.json:
-        print(json.dumps(rows, indent=1))
-        return 0
-    for r in rows:
-        print(
-            f"{r['name']:<62} {r['value']:>8} {r['unit']:<3} limit {r['limit']:>5}  {r['ratio']}x"
-        )
-    return 0
+    return show(rows, as_json=options.json)
 
 
 if __name__ == "__main__":

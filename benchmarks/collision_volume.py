@@ -13,10 +13,8 @@ Ratio is limit / value: 1 or more is within the limit.
 
 import argparse
 import importlib
-import json
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -24,6 +22,7 @@ import numpy as np
 
 from analysis.collisions import ClosedMesh, Settings, common_volume
 from benchmarks.posed_bodies import posed_pair
+from benchmarks.table import Row, show
 from lab.clock import cpu_time_s
 
 ROUNDS = 5
@@ -33,26 +32,6 @@ TRUTH = Settings(cell_m=0.0015, refine_below_m3=3e-4, fine_columns=30_000)
 GRAZING_M3, THRESHOLD_M3, SMALL_M3, ACCURATE_FROM_M3 = 2e-7, 1e-6, 5e-6, 1e-5
 CELL_M = 0.01
 Pair = tuple[ClosedMesh, ClosedMesh]
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of the table; `limit` None where there is none."""
-
-    name: str
-    value: float
-    unit: str
-    limit: float | None = None
-    at_least: bool = False
-
-    @property
-    def ratio(self) -> float | None:
-        """How many times better than the limit."""
-        if self.limit is None:
-            return None
-        if self.at_least:
-            return self.value / self.limit
-        return self.limit / self.value if self.value else float("inf")
 
 
 def cpu_ms(call: Callable[[], object], rounds: int = ROUNDS) -> float:
@@ -217,14 +196,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for edge, _, limit in BODIES
         for row in measure(edge, limit, options.pairs, options.small_pairs, options.peer_pairs)
     ]
-    if options.json:
-        keys = ("name", "value", "unit", "limit", "ratio")
-        print(json.dumps([{k: getattr(row, k) for k in keys} for row in rows], indent=1))
-    else:
-        for row in rows:
-            against = "" if row.limit is None else f"limit {row.limit:>6g}  ratio {row.ratio:.2f}"
-            print(f"{row.name:<60} {row.value:>12.4f} {row.unit:<8} {against}")
-    return 1 if any(row.ratio is not None and row.ratio < 1 for row in rows) else 0
+    return show(rows, as_json=options.json)
 
 
 if __name__ == "__main__":

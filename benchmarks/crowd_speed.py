@@ -19,8 +19,8 @@ from analysis.gait import resampled
 from experiments.crowd.measures import MeasureParameters, measure_walk
 from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.quick_study import quick_walk
-from experiments.crowd.replay import STEP_NS, Walk
 from experiments.crowd.study import plan_session
+from experiments.crowd.walks import STEP_NS, Walk
 from lab.clock import NS_PER_S, cpu_time_s
 
 PEOPLE, WALKS_EACH, CORES = 23, 24, 2

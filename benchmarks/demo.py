@@ -8,29 +8,16 @@ processes: half of them is the least that two cores can take. "Ratio" is limit /
 """
 
 import argparse
-import json
 import os
 import subprocess
 import sys
 import tempfile
-from dataclasses import asdict, dataclass
 
+from benchmarks.table import Row, show
 from lab.clock import StopWatch
 
 LIMIT_S = 75.0
 LIMIT_PARTICIPANTS = 16
-PROGRAM = "import sys; sys.argv[0] = 'visavis'; from cli.main import main; main()"
-
-
-@dataclass(frozen=True)
-class Row:
-    """One printed figure; `limit` is None when there is none."""
-
-    name: str
-    value: float
-    unit: str
-    limit: float | None = None
-    ratio: float | None = None
 
 
 def rows_of(participants: int, processes: int) -> list[Row]:
@@ -39,7 +26,7 @@ def rows_of(participants: int, processes: int) -> list[Row]:
     before, watch = os.times(), StopWatch()
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(
-            [sys.executable, "-c", PROGRAM, *asked],
+            [sys.executable, "-m", "visavis", *asked],
             cwd=folder,
             stdout=subprocess.DEVNULL,
             check=True,
@@ -52,7 +39,7 @@ def rows_of(participants: int, processes: int) -> list[Row]:
     return [
         Row("participants", participants, ""),
         Row("processes", processes, ""),
-        Row("demo, wall", wall_s, "s", limit, None if limit is None else limit / wall_s),
+        Row("demo, wall", wall_s, "s", limit),
         Row("demo, CPU of all processes", cpu_s, "s"),
     ]
 
@@ -65,13 +52,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--json", action="store_true", help="print rows as JSON")
     options = parser.parse_args(arguments)
     rows = rows_of(options.participants, options.processes)
-    if options.json:
-        print(json.dumps([asdict(row) for row in rows], indent=2))
-    else:
-        for row in rows:
-            limit = "" if row.limit is None else f"limit {row.limit:g}  ratio {row.ratio:.2f}"
-            print(f"{row.name:30s} {row.value:8.2f} {row.unit:3s} {limit}")
-    return 0 if all(row.ratio is None or row.ratio >= 1 for row in rows) else 1
+    return show(rows, as_json=options.json)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ that row is left out. "Ratio" is limit / value.
 
 import argparse
 import asyncio
-import json
 import os
 import shutil
 import subprocess
@@ -20,13 +19,13 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.frame_loop import Row, within, work_per_frame_ms
+from benchmarks.frame_loop import work_per_frame_ms
+from benchmarks.table import Row, show
 from cli.desk.link import About, SessionLink
 from cli.desk.server import DeskServer
 from cli.desk.watch import SessionWatch
@@ -110,8 +109,7 @@ def sessions(seconds: float, root: Path) -> tuple[list[Row], SessionStatus]:
         rows.append(Row(f"work per frame alone, {words}", alone_ms, "ms"))
         rows.append(Row(f"work per frame with a desk, {words}", desk_ms, "ms"))
         more_ms = desk_ms - alone_ms  # below zero where other work of the machine outweighs it
-        limits = within(more_ms, LIMIT_MS) if more_ms > 0 else (LIMIT_MS, None)
-        rows.append(Row(f"of it for the desk, {words}", more_ms, "ms", *limits))
+        rows.append(Row(f"of it for the desk, {words}", more_ms, "ms", LIMIT_MS))
     return rows, fullest
 
 
@@ -126,7 +124,7 @@ def status_cost(status: SessionStatus, root: Path) -> list[Row]:
             link.show(status)
             took_ms.append(timed.elapsed_s() * 1e3)
     return [
-        Row(f"status of a frame, {words}", ms, "ms", *within(ms, LIMIT_MS))
+        Row(f"status of a frame, {words}", ms, "ms", LIMIT_MS)
         for words, ms in zip(("median", "p99"), np.percentile(took_ms, [50, 99]), strict=True)
     ]
 
@@ -168,7 +166,7 @@ def first_paint(status: SessionStatus, root: Path) -> list[Row]:
             "() => performance.getEntriesByName('first-contentful-paint')[0].startTime"
         )
     seconds = float(paint_ms) / 1e3
-    return [Row("first paint of the page", seconds, "s", *within(seconds, PAINT_LIMIT_S))]
+    return [Row("first paint of the page", seconds, "s", PAINT_LIMIT_S)]
 
 
 def main(arguments: list[str]) -> int:
@@ -186,14 +184,7 @@ def main(arguments: list[str]) -> int:
         rows, status = sessions(options.seconds, root)
         rows += status_cost(status, root)
         rows += first_paint(status, root)
-    if options.json:
-        print(json.dumps([asdict(row) for row in rows], indent=2))
-    else:
-        for row in rows:
-            limit = "" if row.limit is None else f"limit {row.limit:g}"
-            limit += "" if row.ratio is None else f"  ratio {row.ratio:.1f}"
-            print(f"{row.name:40s} {row.value:10.3f} {row.unit:4s} {limit}")
-    return 0 if all(row.ratio is None or row.ratio >= 1 for row in rows) else 1
+    return show(rows, as_json=options.json)
 
 
 if __name__ == "__main__":

@@ -8,15 +8,14 @@ so it contains the simulator's own loop of 1 ms.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 
 import msgpack
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.table import Row, show
 from devices.contracts import EYES_DTYPE, ClockPair
 from devices.drivers.pupil.codec import CONFIDENCE_THRESHOLD_01, decode_gaze
 from devices.drivers.pupil.driver import PupilCore
@@ -37,17 +36,6 @@ LATENCY_MS = 12.0
 CODEC_LIMIT_US = 25.0
 OFFSET_LIMIT_MS = 0.2
 LAG_LIMIT_MS = 8.3
-
-
-@dataclass(frozen=True)
-class Row:
-    """One printed figure; `limit` is None when there is none."""
-
-    name: str
-    value: float
-    unit: str
-    limit: float | None = None
-    ratio: float | None = None
 
 
 class StillBody:
@@ -82,11 +70,6 @@ class StillBody:
         return iter(())
 
 
-def within(name: str, value: float, unit: str, limit: float) -> Row:
-    """Return a row with its ratio to a limit that must not be exceeded."""
-    return Row(name, value, unit, limit, limit / value if value > 0 else float("inf"))
-
-
 def codec_rows() -> list[Row]:
     """Measure encoding and decoding, and plain msgpack on the same datum."""
     template = GazeTemplate(BINOCULAR_TOPIC, {0: (32.0, 0.0, 0.0), 1: (-32.0, 0.0, 0.0)})
@@ -98,7 +81,7 @@ def codec_rows() -> list[Row]:
     return [
         Row("encode one datum", encode_us, "µs"),
         Row("decode one datum", decode_us, "µs"),
-        within("encode + decode", encode_us + decode_us, "µs", CODEC_LIMIT_US),
+        Row("encode + decode", encode_us + decode_us, "µs", CODEC_LIMIT_US),
         Row("peer: msgpack.packb alone", cost_us(lambda: msgpack.packb(datum)), "µs"),
         Row("peer: msgpack.unpackb alone", cost_us(lambda: msgpack.unpackb(payload)), "µs"),
         Row("size of one datum", float(len(payload)), "bytes"),
@@ -169,8 +152,8 @@ def socket_rows(seconds: float) -> list[Row]:
     return [
         Row("sockets: rate", (device_ns.size - 1) / span_s, "Hz"),
         Row("sockets: stamp lag, median", float(np.median(lag_ms)), "ms"),
-        within("sockets: stamp lag, p99", float(np.percentile(lag_ms, 99)), "ms", LAG_LIMIT_MS),
-        within("sockets: clock offset error", found_ms, "ms", OFFSET_LIMIT_MS),
+        Row("sockets: stamp lag, p99", float(np.percentile(lag_ms, 99)), "ms", LAG_LIMIT_MS),
+        Row("sockets: clock offset error", found_ms, "ms", OFFSET_LIMIT_MS),
     ]
 
 
@@ -189,7 +172,7 @@ def clock_rows() -> list[Row]:
         worst_ms.append(np.abs(fit_clock(pairs).to_host_ns(device) - host).max() / NS_PER_MS)
     return [
         Row("clock fit: worst error, median of draws", float(np.median(worst_ms)), "ms"),
-        within("clock fit: worst error, all draws", max(worst_ms), "ms", OFFSET_LIMIT_MS),
+        Row("clock fit: worst error, all draws", max(worst_ms), "ms", OFFSET_LIMIT_MS),
     ]
 
 
@@ -200,13 +183,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--json", action="store_true", help="print rows as JSON")
     options = parser.parse_args(arguments)
     rows = [*codec_rows(), *poll_rows(), *socket_rows(options.seconds), *clock_rows()]
-    if options.json:
-        print(json.dumps([asdict(row) for row in rows], indent=2))
-        return 0
-    for row in rows:
-        limit = "" if row.limit is None else f"limit {row.limit:g}  ratio {row.ratio:.2f}"
-        print(f"{row.name:45s} {row.value:10.3f} {row.unit:6s} {limit}")
-    return 0
+    return show(rows, as_json=options.json)
 
 
 if __name__ == "__main__":

@@ -8,21 +8,20 @@ the computer shows in it. Clock and reconnect rows run on virtual time and repea
 """
 
 import argparse
-import json
 import socket
 import struct
 import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.device_wire import Row, StillBody, within
+from benchmarks.device_wire import StillBody
+from benchmarks.table import Row, show
 from devices.contracts import ClockPair, DeviceState
 from devices.drivers.eyelink import codec as eyelink_codec
 from devices.drivers.eyelink.driver import EyeLink
@@ -122,7 +121,7 @@ def tcp_lag_rows(seconds: float) -> list[Row]:
             driver.close()
             client.close()
         name = f"stamp lag over TCP at {rate_hz} Hz, median"
-        rows.append(within(name, float(np.median(lag)), "ms", LAG_LIMIT_MS))
+        rows.append(Row(name, float(np.median(lag)), "ms", LAG_LIMIT_MS))
     return rows
 
 
@@ -167,7 +166,7 @@ def library_lag_rows(seconds: float) -> list[Row]:
             lag = lags_ms(driver, clock, send)
             driver.close()
             name = f"stamp lag over a library at {rate_hz} Hz, median"
-            rows.append(within(name, float(np.median(lag)), "ms", LAG_LIMIT_MS))
+            rows.append(Row(name, float(np.median(lag)), "ms", LAG_LIMIT_MS))
     return rows
 
 
@@ -196,8 +195,8 @@ def clock_rows() -> list[Row]:
         assert fit is not None
         one_way.append(np.abs(fit.to_host_ns(device) - host - floor_ns).max() / NS_PER_MS)
     return [
-        within("clock by exchanges: worst error, all draws", max(two_way), "ms", OFFSET_LIMIT_MS),
-        within("clock by arrivals: worst error, all draws", max(one_way), "ms", OFFSET_LIMIT_MS),
+        Row("clock by exchanges: worst error, all draws", max(two_way), "ms", OFFSET_LIMIT_MS),
+        Row("clock by arrivals: worst error, all draws", max(one_way), "ms", OFFSET_LIMIT_MS),
     ]
 
 
@@ -307,7 +306,7 @@ def reconnect_rows() -> list[Row]:
     rows = []
     for name, (driver_class, simulator_class) in TRACKERS.items():
         worst_s = max(back_after_s(driver_class, simulator_class, gone_s) for gone_s in GONE_FOR_S)
-        rows.append(within(f"reconnect {name}: worst", worst_s, "s", RECONNECT_LIMIT_S))
+        rows.append(Row(f"reconnect {name}: worst", worst_s, "s", RECONNECT_LIMIT_S))
     return rows
 
 
@@ -345,13 +344,7 @@ def main(arguments: list[str]) -> int:
         *reconnect_rows(),
         *fuzz_rows(options.frames),
     ]
-    if options.json:
-        print(json.dumps([asdict(row) for row in rows], indent=2))
-        return 0
-    for row in rows:
-        limit = "" if row.limit is None else f"limit {row.limit:g}  ratio {row.ratio:.2f}"
-        print(f"{row.name:55s} {row.value:12.3f} {row.unit:4s} {limit}")
-    return 0
+    return show(rows, as_json=options.json)
 
 
 if __name__ == "__main__":

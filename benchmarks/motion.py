@@ -9,7 +9,6 @@ own: 0.01° for limb directions (exact by construction), 0.1 limb lengths for ha
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.table import Row, show
 from lab.clock import cpu_time_s
 from lab.geometry import quat_multiply
 from stimuli.motion.blending import CrossFade, InertialTransition
@@ -29,7 +29,6 @@ from stimuli.motion.rotations import quat_exp
 from stimuli.motion.skeleton import canonical_skeleton, forward
 
 PEOPLE, KEYS = 150, 8
-Row = dict[str, object]
 
 
 def cpu_ms(call: Callable[[], object], rounds: int = 60) -> float:
@@ -41,13 +40,6 @@ def cpu_ms(call: Callable[[], object], rounds: int = 60) -> float:
         call()
         best = min(best, cpu_time_s() - began_s)
     return float(best) * 1e3
-
-
-def row(name: str, value: float, unit: str, limit: float) -> Row:
-    """Return one line of the table."""
-    ratio = float(f"{limit / value:.3g}") if value else None
-    return {"name": name, "value": float(f"{value:.3g}"), "unit": unit, "limit": limit,
-            "ratio": ratio}  # fmt: skip
 
 
 def posing(rng: np.random.Generator) -> list[Row]:
@@ -80,15 +72,15 @@ def posing(rng: np.random.Generator) -> list[Row]:
     slerp_ms, squad_ms = cpu_ms(lambda: slerp.at(t)), cpu_ms(lambda: squad.at(t))
     n = PEOPLE * joints / 1e3
     return [
-        row("Slerp", slerp_ms, "ms", 0.5),
-        row("Slerp by scipy (peer)", cpu_ms(by_scipy), "ms", 0.5),
-        row("Squad", squad_ms, "ms", 1.0),
-        row("joint placement", cpu_ms(lambda: forward(skeleton, frames.root_m,
+        Row("Slerp", slerp_ms, "ms", 0.5),
+        Row("Slerp by scipy (peer)", cpu_ms(by_scipy), "ms"),
+        Row("Squad", squad_ms, "ms", 1.0),
+        Row("joint placement", cpu_ms(lambda: forward(skeleton, frames.root_m,
             frames.orientation_wxyz)), "ms", 0.5),
-        row("everybody in a cross-fade", cpu_ms(lambda: fade.at(during)), "ms", 10.0),
-        row("everybody in an inertial transition", cpu_ms(lambda: inert.at(during)), "ms", 10.0),
-        row("time of a million joints by Slerp", slerp_ms / n * 1e3, "ms", 60.0),
-        row("time of a million joints by Squad", squad_ms / n * 1e3, "ms", 120.0),
+        Row("everybody in a cross-fade", cpu_ms(lambda: fade.at(during)), "ms", 10.0),
+        Row("everybody in an inertial transition", cpu_ms(lambda: inert.at(during)), "ms", 10.0),
+        Row("time of a million joints by Slerp", slerp_ms / n * 1e3, "ms", 60.0),
+        Row("time of a million joints by Squad", squad_ms / n * 1e3, "ms", 120.0),
     ]  # fmt: skip
 
 
@@ -100,12 +92,12 @@ def carrying_over(path: Path, unit_m: float) -> list[Row]:
     seconds = clip.duration_s
     read_ms = cpu_ms(lambda: clip_of_bvh(read_bvh(path), unit_m=unit_m), 3)
     return [
-        row("reading, per second of motion", read_ms / seconds, "ms", 10.0),
-        row("retargeting, per second of motion", cpu_ms(lambda: retarget(clip), 3) / seconds, "ms",
+        Row("reading, per second of motion", read_ms / seconds, "ms", 10.0),
+        Row("retargeting, per second of motion", cpu_ms(lambda: retarget(clip), 3) / seconds, "ms",
             10.0),
-        row("limb directions, worst", float(error.direction_deg.max()), "deg", 0.01),
-        row("hands and feet, median", float(np.median(error.reach_01)), "limb lengths", 0.1),
-        row("hands and feet, worst", float(error.reach_01.max()), "limb lengths", 0.1),
+        Row("limb directions, worst", float(error.direction_deg.max()), "deg", 0.01),
+        Row("hands and feet, median", float(np.median(error.reach_01)), "limb lengths", 0.1),
+        Row("hands and feet, worst", float(error.reach_01.max()), "limb lengths", 0.1),
     ]  # fmt: skip
 
 
@@ -119,16 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = posing(np.random.default_rng(7))
     if options.bvh is not None:
         rows += carrying_over(options.bvh, options.unit_m)
-    if options.json:
-        print(json.dumps(rows, indent=1))
-    else:
-        for r in rows:
-            print(
-                f"{r['name']:<38} {r['value']:>10} {r['unit']:<13} "
-                f"limit {r['limit']:>6} ratio {r['ratio']}"
-            )
-    missed = [r for r in rows if "peer" not in str(r["name"])]
-    return 1 if any(r["ratio"] is not None and float(str(r["ratio"])) < 1 for r in missed) else 0
+    return show(rows, as_json=options.json)
 
 
 if __name__ == "__main__":

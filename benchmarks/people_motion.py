@@ -8,13 +8,13 @@ a frame may take. "ratio" is limit / value. Slip, gaze and joints are measured o
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 
 import numpy as np
 
-from benchmarks.motion import Row, cpu_ms, row
+from benchmarks.motion import cpu_ms
+from benchmarks.table import Row, show
 from lab.geometry import Vector, angle_deg, rotate, unit
 from stimuli.gaze.gaze_plan import GazePlan, LookAt
 from stimuli.motion.build import build_of_skeleton
@@ -92,16 +92,16 @@ def rows() -> list[Row]:
         motion, plan = crowd(count), gazes(count)
         for name, gaze in (("looking around", None), ("shifting gaze", plan)):
             ms = cpu_ms(lambda m=motion, g=gaze: m.at(3.1, g))  # type: ignore[misc]
-            table.append(row(f"{count} people posed, {name}", ms, "ms", limit_ms))
+            table.append(Row(f"{count} people posed, {name}", ms, "ms", limit_ms))
     for kind in KINDS:
         slip = float(np.percentile(slips_mm_s(crowd(1, (kind,))), 95))
         name = type(kind).__name__
-        table.append(row(f"foot slip, {name}, 95th percentile", slip, "mm/s", 5.0))
-    table.append(row("gaze error, worst eye", gaze_error_deg(60), "deg", 0.1))
+        table.append(Row(f"foot slip, {name}, 95th percentile", slip, "mm/s", 5.0))
+    table.append(Row("gaze error, worst eye", gaze_error_deg(60), "deg", 0.1))
     beyond = max(
         float(beyond_deg(crowd(90).at(t).orientation_wxyz).max()) for t in (0.0, 7.0, 31.0)
     )
-    table.append(row("joint beyond its range", beyond, "deg", 0.1))
+    table.append(Row("joint beyond its range", beyond, "deg", 0.1))
     return table
 
 
@@ -110,14 +110,7 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args(argv)
-    table = rows()
-    if arguments.json:
-        print(json.dumps(table, indent=2))
-        return 0
-    for entry in table:
-        print(f"{entry['name']:<45} {entry['value']:>9} {entry['unit']:<5} "
-              f"limit {entry['limit']:<5} ratio {entry['ratio']}")  # fmt: skip
-    return 0
+    return show(rows(), as_json=arguments.json)
 
 
 if __name__ == "__main__":

@@ -7,42 +7,28 @@ Tests are not counted. "Ratio" is limit / value: 1 or more is within the limit.
 """
 
 import argparse
-import json
-from dataclasses import asdict, dataclass
+import sys
 from pathlib import Path
 from typing import Final
 
+from benchmarks.table import Row, show
+
 ROOT: Final = Path(__file__).resolve().parent.parent
-WIRING: Final = (
-    "building",
-    "option_models",
-    "options",
-    "driver_facts",
-    "registry",
-    "spec",
-    "wires",
-)
+WIRING: Final = ("building", "options", "registry", "spec", "wires")
 """Modules of `devices` that only say which driver is which."""
 LIMITS: Final = {
     "studies and kit": 12_500,
-    "stare": None,
-    "crowd": None,
     "waving": 1_400,
-    "kit": None,
     "command line and driver wiring": 5_500,
     "duel, a study of one file": 150,
 }
-
-
-@dataclass(frozen=True)
-class Row:
-    """One printed figure; no limit is None."""
-
-    name: str
-    value: int
-    unit: str
-    limit: int | None
-    ratio: float | None
+KIT_PARTS: Final = {
+    "page of a screen, its server and bundles": ("page",),
+    "sessions, simulated ones too": ("sessions",),
+    "simulated observer": ("observer",),
+    "plan locks": ("locked",),
+}
+COMMAND_PARTS: Final = ("viewer", "desk", "doctor", "film", "preview")
 
 
 def lines_of(*places: Path) -> int:
@@ -53,36 +39,24 @@ def lines_of(*places: Path) -> int:
 
 def rows() -> list[Row]:
     """Count everything."""
-    studies, kit = ROOT / "experiments", ROOT / "visavis"
+    studies, kit, commands = ROOT / "experiments", ROOT / "visavis", ROOT / "cli"
     wiring = [p for n in WIRING if (p := ROOT / "devices" / f"{n}.py").exists()]
-    counted = {
-        "studies and kit": lines_of(studies, kit),
-        "stare": lines_of(studies / "stare"),
-        "crowd": lines_of(studies / "crowd"),
-        "waving": lines_of(studies / "waving"),
-        "kit": lines_of(kit),
-        "command line and driver wiring": lines_of(ROOT / "cli", *wiring),
-        "duel, a study of one file": lines_of(ROOT / "tests/visavis/studies/duel.py"),
-    }
-    return [
-        Row(name, value, "lines", limit, None if limit is None else round(limit / value, 2))
-        for name, value in counted.items()
-        for limit in [LIMITS[name]]
-    ]
+    counted = {"studies and kit": lines_of(studies, kit)}
+    counted |= {p.name: lines_of(p) for p in sorted(studies.iterdir()) if p.is_dir()}
+    counted |= {"kit": lines_of(kit)}
+    counted |= {f"  {of}": lines_of(*(kit / n for n in at)) for of, at in KIT_PARTS.items()}
+    counted |= {"command line and driver wiring": lines_of(commands, *wiring)}
+    counted |= {f"  {name}": lines_of(commands / name) for name in COMMAND_PARTS}
+    counted |= {"duel, a study of one file": lines_of(ROOT / "tests/visavis/studies/duel.py")}
+    return [Row(name, value, "lines", LIMITS.get(name)) for name, value in counted.items()]
 
 
-def main() -> None:
-    """Print the figures."""
+def main() -> int:
+    """Print the figures; return 1 where a limit is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
-    found = rows()
-    if parser.parse_args().json:
-        print(json.dumps([asdict(r) for r in found], indent=1))
-        return
-    for r in found:
-        limit = "" if r.limit is None else f"   limit {r.limit:6d}   ratio {r.ratio}"
-        print(f"{r.name:32} {r.value:6d} {r.unit}{limit}")
+    return show(rows(), as_json=parser.parse_args().json)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -174,4 +174,14 @@ def load_command(name: str) -> Any:
     from cli.app import app
 
     registered: Any = typer.main.get_group(app)
+    _name_arguments(registered.commands[name])
     return registered.commands[name]
+
+
+def _name_arguments(command: Any) -> None:
+    """Call a command's arguments in its help as a reader does: SESSION, not session_path."""
+    for below in getattr(command, "commands", {}).values():
+        _name_arguments(below)
+    for argument in command.params:
+        if argument.param_type_name == "argument" and argument.metavar is None:
+            argument.metavar = argument.name.upper().removesuffix("_PATH")

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from cli.doctor.findings import Finding
 from cli.doctor.report import save_with_session
 from cli.lab_recorder import LabRecorder
 from devices.contracts import Device
@@ -11,10 +12,16 @@ from visavis.sessions.perform import Request
 
 
 class LabCompanion:
-    """Follow `visavis.sessions.perform.Companion`; `warn` hears what did not end as it should."""
+    """Follow `visavis.sessions.perform.Companion`; `warn` hears what did not end as it should.
 
-    def __init__(self, warn: Callable[[str], None] = lambda _: None) -> None:
+    `station` is how the computer kept time before the session, kept with the doctor's note.
+    """
+
+    def __init__(
+        self, warn: Callable[[str], None] = lambda _: None, station: tuple[Finding, ...] = ()
+    ) -> None:
         self._warn = warn
+        self._station = station
         self._lab_recorder: LabRecorder | None = None
 
     def recorder(self, request: Request, part_dir: Path, *, is_simulated: bool) -> Recorder | None:
@@ -56,7 +63,7 @@ class LabCompanion:
                 part=part,
             )
             recorder.event("lab_recorder_start", request.clock.now_ns(), part=part)
-        save_with_session(part_dir, request.config, request.clock, devices)
+        save_with_session(part_dir, request.config, request.clock, devices, self._station)
 
     def closed(self) -> None:
         """End LabRecorder's file after ours: it has what we recorded last."""

@@ -39,13 +39,30 @@ class RecordedTrial:
 
     def gaze_at(self, t_ns: int) -> Vector | None:
         """Return the direction of gaze in world then; None where it was lost."""
-        if self.gaze is None or not len(self.gaze["t_sample_ns"]):
-            return None
-        i = max(0, bisect.bisect_right(self.gaze["t_sample_ns"], t_ns) - 1)
-        if not self.gaze["valid"][i]:
+        i = self._gaze_row(t_ns)
+        if self.gaze is None or i is None:
             return None
         found: Vector = self.gaze["direction_world"][i].astype(np.float64)
         return found
+
+    def met_m(self, t_ns: int) -> float | None:
+        """Return how far from the eyes gaze met somebody's head then; None where it met nobody."""
+        i = self._gaze_row(t_ns)
+        if self.gaze is None or i is None or (hit := int(self.gaze["hit"][i])) < 0:
+            return None
+        agents = self.shown_at(t_ns).scene.agents
+        if hit >= len(agents):
+            return None
+        head = agents[hit]
+        apart_m = float(np.linalg.norm(head.head_centre_m - self.gaze["origin_world_m"][i]))
+        return max(0.1, apart_m - head.head_radius_m)
+
+    def _gaze_row(self, t_ns: int) -> int | None:
+        """Return the row of the last sample up to a time; None where gaze was lost."""
+        if self.gaze is None or not len(self.gaze["t_sample_ns"]):
+            return None
+        i = max(0, bisect.bisect_right(self.gaze["t_sample_ns"], t_ns) - 1)
+        return i if self.gaze["valid"][i] else None
 
     def shown_at(self, t_ns: int) -> Shown:
         """Return what was shown at a time."""
@@ -71,8 +88,13 @@ def recorded_trial(recording: Recording, trial_id: str) -> RecordedTrial:
         row,
         of_part(recording, "frames", part),
         of_part(recording, "head", part),
-        of_part(recording, "gaze_targets", part) if "gaze_targets" in names else None,
+        _in_order(of_part(recording, "gaze_targets", part)) if "gaze_targets" in names else None,
     )
+
+
+def _in_order(gaze: dict[str, Any]) -> dict[str, Any]:
+    """Return gaze whose samples are no later than they arrived, as a clock's slip says."""
+    return {**gaze, "t_sample_ns": np.minimum(gaze["t_sample_ns"], gaze["t_host_ns"])}
 
 
 def trial_row(recording: Recording, trial_id: str) -> dict[str, Any]:

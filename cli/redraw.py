@@ -8,27 +8,33 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from lab.clock import SimClock
+from lab.clock import NS_PER_S, SimClock
 from lab.errors import DataError, UsageError
 from lab.frame import FrameInfo
 from lab.geometry import Pose
 from protocol.plan import Trial
 from protocol.shown import Shown, of_part, shown_in
+from recording.kept import KeptRecording
 from recording.reader import Recording
 from stage.drawn_stage import Display, DrawnStage, default_views
 from stage.frame_truth import read_views
 from stage.own_body import OwnBody
 from stage.renderer import Image, Renderer
+from stage.stills import made_small, still_quality
 from stimuli.dressing.casting import default_casting
 from stimuli.dressing.picture_of import picture_of
 from stimuli.panels import SIZE_M, PanelFrame, placed_before
 from stimuli.picture import Panel
 from stimuli.scene import SceneFrame
+from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy, overrides_of
+from visavis.responses import Keys
 from visavis.sessions.study_folder import study_of_folder
-from visavis.trial import TrialScript
+from visavis.trial import TrialScript, is_on_board
 
 UNDRAWN_PX: Final = (720, 800)
+MARKED_NS: Final = NS_PER_S // 2
+"""How long before it was given a film marks an answer, so that it can be seen."""
 FIRST_SAMPLES, LAST_SAMPLES = 3, 3
 """How many samples of a tracker may have been the first that was taken, and the last."""
 
@@ -56,7 +62,8 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
     study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
     if not was_drawn(recording):
         raise UsageError(
-            f"{recording.path}: nothing was drawn in this session (display.show was none)"
+            f"{recording.path}: nothing was drawn in this session (display.show was none); see "
+            f"its trials again with visavis view {recording.path}, or film one: visavis film"
         )
     wanted = recording.manifest.parts[0].number if part is None else part
     drawn = of_part(recording, "drawn", wanted)
@@ -151,17 +158,19 @@ def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image
     board = next(iter(boards_at(recording, study, wanted, t_ns)), None)
     if board is not None:
         view = with_board(view, board)
+    times, quality = still_quality()
+    width, height = UNDRAWN_PX
     stage = DrawnStage(
         picture_of,
-        Renderer,
-        Display(default_views, lambda: UNDRAWN_PX, 0),
+        lambda: Renderer(quality=quality),
+        Display(default_views, lambda: (times * width, times * height), 0),
         SimClock(),
     )
     try:
         stage.draw(view, FrameInfo(frame, t_ns, t_ns), head)
         if (trouble := stage.trouble()) is not None:
             raise trouble
-        return stage.images()
+        return [made_small(image, UNDRAWN_PX) for image in stage.images()]
     finally:
         stage.close()
 
@@ -177,6 +186,15 @@ def boards_at(recording: Recording, study: OpenedStudy, part: int, t_ns: int) ->
     ):
         for lit in (None, *range(len(panel.choices))):
             yield replace(panel, highlighted=lit)
+
+
+def board_at(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> Panel | None:
+    """Return the board that stood before the participant; for a moment before a trial's question
+    was answered the answer is marked.
+    """
+    board = next(boards_at(recording, study, part, t_ns), None)
+    answer = None if board is None else _answer_soon(recording, study, part, t_ns)
+    return board if board is None or answer is None else replace(board, chosen=answer)
 
 
 def with_board(view: SceneFrame, board: Panel) -> PanelFrame:
@@ -207,21 +225,48 @@ def _trial_boards(
     recording: Recording, study: OpenedStudy, part: int, t_ns: int
 ) -> Iterator[Panel]:
     """Yield the boards on which a trial may have asked then: those at their usual place."""
-    answered = recording.events_named("answered", part)
-    for told in answered["payload"]:
-        if "asked_ns" not in told or not told["asked_ns"] <= t_ns <= told["answered_ns"]:
-            continue
+    for told in _asked_then(recording, part, t_ns):
         plan = recording.manifest.plan
-        experiment = study.experiment(overrides_of(plan))
+        experiment = _experiment(recording, study)
         planned = next(
             t for b in plan["blocks"] for t in b["trials"] if t["trial_id"] == told["trial_id"]
         )
         response = experiment.responses.get(told["question"])
-        if response is None:
+        if response is None or isinstance(response, Keys):
+            continue
+        if not is_on_board(response, experiment.settings):
             continue
         words = TrialScript(Trial(**planned), experiment.settings).words_of(response)
         for head in _heads_at(recording, part, int(told["asked_ns"])):
             yield Panel(*words, placed_before(head), SIZE_M)
+
+
+def _asked_then(recording: Recording, part: int, t_ns: int) -> Iterator[dict[str, Any]]:
+    """Yield what was answered to the questions that a trial asked then."""
+    for told in recording.events_named("answered", part)["payload"]:
+        if "asked_ns" in told and told["asked_ns"] <= t_ns <= told["answered_ns"]:
+            yield told
+
+
+def _answer_soon(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> int | None:
+    """Return which choice of a trial's question is taken within a moment, None for none."""
+    for told in _asked_then(recording, part, t_ns):
+        response = _experiment(recording, study).responses.get(told["question"])
+        if response is not None and told["answered_ns"] - t_ns <= MARKED_NS:
+            options = [str(option) for option in response.options]
+            return options.index(str(told["answer"])) if str(told["answer"]) in options else None
+    return None
+
+
+def _experiment(recording: Recording, study: OpenedStudy) -> StudyExperiment:
+    """Return the study as it was performed, made once where a recording is kept."""
+
+    def make() -> StudyExperiment:
+        return study.experiment(overrides_of(recording.manifest.plan))
+
+    if isinstance(recording, KeptRecording):
+        return recording.once("experiment", make)
+    return make()
 
 
 def _bodies(recording: Recording, part: int, drawn_ns: int) -> tuple[OwnBody, ...]:

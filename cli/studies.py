@@ -16,6 +16,7 @@ from recording.manifest import read_manifest
 from recording.sealed import copy_path
 from visavis.catalogue import SHIPPED, find_study, is_file
 from visavis.opened import OpenedStudy
+from visavis.sessions.begun_design import require_same_design
 from visavis.sessions.data_root import prepare_data_root
 from visavis.sessions.rig import is_simulated
 from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
@@ -81,6 +82,28 @@ class StudyHere:
         """Return the settings in force, written where the study is new; see `settle`."""
         prepare_data_root(self.lab)
         return settle(self.folder, wanted, seed_given=seed_given, fits=self._groups_hold)
+
+    def require_same_design(self, settings: StudySettings, wanted: StudySettings) -> str:
+        """Return a note where the study's file has changed and what sessions do has not, or "".
+
+        Raises:
+            UsageError: sessions here were made with another design.
+        """
+        whose = (
+            f"{self.folder} holds rehearsals alone: move it away, or throw it away"
+            if self.is_simulated
+            else 'Give the new study a name of its own, Study("NAME", …)'
+        )
+        require_same_design(
+            self.folder, self.study.experiment(settings.parameters),
+            f"{whose}; or another data_root in lab_config.yaml; or put the study file back",
+        )  # fmt: skip
+        if not settings.source_sha256 or settings.source_sha256 == wanted.source_sha256:
+            return ""
+        return (
+            f"{wanted.source}, or a text beside it, has changed since {self.folder} was begun; "
+            "what sessions show and ask is the same"
+        )
 
     def group_of(self, settings: StudySettings) -> Callable[[int], str]:
         """Return which group each place has."""
@@ -181,7 +204,10 @@ def _no_data(name: str, wanted: Path, lab: LabConfig) -> str:
     if simulated:
         folders = "\n  ".join(map(str, simulated[:6]))
         return f"{nothing}; simulated studies have folders of their own, give one:\n  {folders}"
-    return f"{nothing}; give the study's folder, or simulate it first: visavis simulate {wanted}"
+    return (
+        f"{nothing}; begin with one: visavis run {wanted} --participant 1, or simulate the whole "
+        f"study: visavis simulate {wanted}; or give the folder of sessions that lie elsewhere"
+    )
 
 
 def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path:

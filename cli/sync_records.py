@@ -1,10 +1,10 @@
 """The synchronisation tests kept with a lab: the newest, and how old it is."""
 
-import json
 from datetime import UTC, datetime
 from typing import Any
 
 from lab.config import LabConfig
+from lab.plain_files import parse_json, read_plain
 
 FOLDER = "sync_tests"
 MAX_AGE_DAYS = 90
@@ -15,7 +15,7 @@ def newest(lab: LabConfig) -> dict[str, Any] | None:
     """Return the newest real test of this lab; None when there is none."""
     for path in sorted((lab.data_root / FOLDER).glob("sync-*.json"), reverse=True):
         try:
-            record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            record: dict[str, Any] = parse_json(read_plain(path))
             if not record["is_simulated"]:
                 datetime.fromisoformat(record["made"])
                 return record

@@ -65,12 +65,16 @@ class DeviceInfo:
 
 @dataclass(frozen=True)
 class Fault:
-    """Something the operator must know; `remedy` is what to do next."""
+    """Something the operator must know; `remedy` is what to do next.
+
+    `is_uncalibrated` where it says nothing but that the device is not calibrated.
+    """
 
     role: str
     severity: Literal["warning", "blocking"]
     message: str
     remedy: str
+    is_uncalibrated: bool = False
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from platformdirs import user_cache_path
 
 F = TypeVar("F", bound=Callable[..., object])
 _STAMP = "visavis_stamp"
+_MADE: list[Any] = []
 MAX_KERNEL_BYTES: Final = 500_000_000
 """Some ten versions of Visavis, each with every kernel."""
 KERNELS: Final = user_cache_path("visavis", appauthor=False) / "kernels"
@@ -43,7 +44,13 @@ def compiled(function: F) -> F:
     stamp = (file._source_stamp, _imported(function.__globals__))  # noqa: SLF001 - as above
     file._source_stamp = stamp  # noqa: SLF001 - as above
     setattr(kernel, _STAMP, stamp)
+    _MADE.append(kernel)
     return cast(F, kernel)
+
+
+def was_compiled_before() -> bool:
+    """Tell whether machine code of any kernel loaded by now was kept; else it takes a minute."""
+    return any(kernel._cache._cache_file._load_index() for kernel in _MADE)  # noqa: SLF001 - as above
 
 
 def forget_old_kernels(folder: Path = KERNELS, max_bytes: int = MAX_KERNEL_BYTES) -> None:

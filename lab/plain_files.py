@@ -3,12 +3,13 @@
 import errno
 import gzip
 import json
+import os
 import stat
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
-from io import BufferedReader
+from io import BufferedReader, BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ MAX_DEPTH = 64
 MAX_TEXT_BYTES = 256 * 1024 * 1024
 """No file of text that Visavis writes comes near this."""
 MAX_UNPACKED_BYTES = 4 << 30
+PIECE_BYTES = 1 << 20
 
 
 def open_plain(path: Path) -> BufferedReader:
@@ -34,7 +36,7 @@ def open_plain(path: Path) -> BufferedReader:
 def read_plain(path: Path, *, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
     """Return what a regular file holds; raises OSError, also when it is larger than `max_bytes`."""
     with open_plain(path) as file:
-        data = file.read(max_bytes + 1)
+        data = _at_most(file, max_bytes + 1, os.fstat(file.fileno()).st_size + 1)
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"it is larger than {max_bytes} bytes", str(path))
     return data
@@ -47,12 +49,27 @@ def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
     """
     with open_plain(path) as file, gzip.GzipFile(fileobj=file) as packed:
         try:
-            data = packed.read(max_bytes + 1)
+            data = _at_most(packed, max_bytes + 1, PIECE_BYTES)
         except (EOFError, zlib.error) as error:
             raise OSError(errno.EIO, f"it is no whole gzip file ({error})", str(path)) from error
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"it unpacks to more than {max_bytes} bytes", str(path))
     return data
+
+
+def _at_most(file: BufferedReader | gzip.GzipFile, most: int, piece: int) -> bytes:
+    """Read a file to its end, no more than `most` bytes, `piece` at first and then more.
+
+    Python takes memory for as much as is asked for, before it looks how much there is.
+    """
+    data = file.read(min(piece, most))
+    if len(data) < piece:  # all there is, which need not be copied
+        return data
+    read = BytesIO()
+    while data:
+        read.write(data)
+        data = file.read(min(PIECE_BYTES, most - read.tell()))
+    return read.getvalue()
 
 
 def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:

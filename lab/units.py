@@ -65,7 +65,10 @@ def read_quantity(value: object) -> tuple[float, str | None] | None:
     if isinstance(value, bool):
         return None
     if isinstance(value, int | float):
-        return float(value), None
+        try:
+            return float(value), None
+        except OverflowError:  # hundreds of digits
+            return None
     match = _WITH_UNIT.fullmatch(value) if isinstance(value, str) else None
     if match is None:
         return None

@@ -70,7 +70,9 @@ def registered_exports(study_root: Path) -> tuple[Export, ...]:
     try:
         found = read_lines(path)
     except OSError as error:
-        raise LedgerError(f"{path} cannot be read: {error.strerror}") from error
+        raise LedgerError(
+            f"{path} cannot be read: {error.strerror}; check its rights and the disk"
+        ) from error
     if found.damaged_line is not None:
         raise LedgerError(
             f"{path}:{found.damaged_line[0]}: the register is damaged, the line "
@@ -83,4 +85,7 @@ def registered_exports(study_root: Path) -> tuple[Export, ...]:
             for r in found.records
         )  # fmt: skip
     except (KeyError, TypeError, AttributeError) as error:
-        raise LedgerError(f"{path}: a line lacks or misstates {error}") from error
+        raise LedgerError(
+            f"{path}: a line lacks or misstates {error}; `visavis recover {study_root}` puts its "
+            "copy in its place"
+        ) from error

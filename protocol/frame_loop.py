@@ -404,21 +404,20 @@ class FrameLoop:
             self._logged_view = view
             return
         self._logged_view = view
-        if view.gaze_direction.shape[0] not in (0, self._agent_count):
-            raise ValueError("a scene must hold all of the study's agents, or none")
+        shown = view.gaze_direction.shape[0]
+        if shown > self._agent_count:
+            raise ValueError(f"a scene holds {shown} agents, and the study's have room for fewer")
         i = self._scene_states.room(1)
         columns = self._scene_states.columns
         columns["scene"][i] = self._scene_number
-        if view.gaze_direction.shape[0]:
-            columns["gaze_direction"][i] = view.gaze_direction
-            columns["eye_openness_01"][i] = view.eye_openness_01
-            columns["gaze_distance_m"][i] = (
-                np.nan if view.gaze_distance_m is None else view.gaze_distance_m
-            )
-        else:
-            columns["gaze_distance_m"][i] = np.nan
-            columns["gaze_direction"][i] = np.nan
-            columns["eye_openness_01"][i] = np.nan
+        for name, values in (
+            ("gaze_direction", view.gaze_direction),
+            ("eye_openness_01", view.eye_openness_01),
+            ("gaze_distance_m", view.gaze_distance_m),
+        ):
+            columns[name][i] = np.nan
+            if values is not None:
+                columns[name][i, :shown] = values
         self._scene_states.commit(1, self.t_ns)
 
     def _describe(self, scene: Scene) -> dict[str, object]:

@@ -20,6 +20,7 @@ from protocol.exports_register import registered_exports
 from protocol.file_lock import locked
 from protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
 from protocol.key_file import KeyFile
+from protocol.own_body import OwnBody, read_own_body, remove_own_body, write_own_body
 from protocol.withdrawal import Removal, may_have_data, remove_participant
 from recording.chained import append_lines, read_lines
 
@@ -39,8 +40,7 @@ class Participant:
     `index` counts from 0 in order of entry and decides orders and seeds; `replaces` is the label
     of the withdrawn participant whose index this one took over. A withdrawn entry is the
     tombstone: `withdrawn_at` and `reason` say when and why; `has_freed_place` that nothing had
-    been recorded, so that the index may be given to somebody else. `body` is whose body they see as
-    their own, "female" or "male", and `stature_m` how tall they said they are; empty until asked.
+    been recorded, so that the index may be given to somebody else.
     """
 
     label: str
@@ -54,8 +54,6 @@ class Participant:
     withdrawn_at: str = ""
     reason: str = ""
     has_freed_place: bool = False
-    body: str = ""
-    stature_m: float | None = None
 
 
 class UnknownParticipant(LedgerError):
@@ -181,18 +179,16 @@ class Ledger:
                 )
         return replace(found, consent_version=version)
 
-    def describe_body(self, text: str, body: str, stature_m: float | None) -> Participant:
-        """Note which body a participant sees as their own, and how tall they say they are."""
+    def own_body(self, label: str) -> OwnBody:
+        """Return which body a participant sees as their own, and how tall they said they are."""
+        return read_own_body(self._folder_of(label))
+
+    def describe_body(self, text: str, own: OwnBody) -> None:
+        """Keep it in the participant's folder; the ledger says only that they were asked."""
         with self._held():
             found = self.resolve(text)
-            self._append(
-                "body",
-                label=found.label,
-                at=self._clock.wall_iso(),
-                body=body,
-                stature_m=stature_m,
-            )
-        return replace(found, body=body, stature_m=stature_m)
+            write_own_body(self._folder_of(found.label), own)
+            self._append("body", label=found.label, at=self._clock.wall_iso())
 
     def begin_withdrawal(
         self, text: str, data_roots: Sequence[Path], *, reason: str = ""
@@ -250,6 +246,10 @@ class Ledger:
             exports=registered_exports(self._root),
         )
         failures = builtins.list(removal.failures)
+        try:  # where the folder of the study lies in none of the data roots
+            removal.removed += remove_own_body(self._folder_of(found.label))
+        except OSError as error:
+            failures.append(f"{error.filename}: {error.strerror}")
         if key_file is not None and not failures:
             try:
                 key_file.forget(found.label)
@@ -265,6 +265,9 @@ class Ledger:
                 done = removal.record()
                 self._append("withdrawn", label=found.label, at=self._clock.wall_iso(), done=done)
         return removal
+
+    def _folder_of(self, label: str) -> Path:
+        return self._root / f"sub-{label}"
 
     def _derived_folders(self) -> tuple[Path, ...]:
         inside = sorted(self._root.iterdir()) if self._root.is_dir() else []
@@ -387,7 +390,9 @@ class Ledger:
         try:
             found = read_lines(self.path)
         except OSError as error:
-            raise LedgerError(f"{self.path} cannot be read: {error.strerror}") from error
+            raise LedgerError(
+                f"{self.path} cannot be read: {error.strerror}; check its rights and the disk"
+            ) from error
         if found.damaged_line is not None:
             line_number, what = found.damaged_line
             raise self._damaged(line_number, what)
@@ -472,10 +477,7 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
         label, at = str(record["label"]), str(record["at"])
         changes: dict[str, Callable[[], dict[str, Any]]] = {
             "consented": lambda: {"consent_version": str(record["consent_version"])},
-            "body": lambda: {
-                "body": str(record["body"]),
-                "stature_m": record["stature_m"],
-            },
+            "body": dict,  # what they said is in their folder
             "withdrawing": lambda: {
                 "status": "withdrawing",
                 "withdrawn_at": at,
@@ -483,11 +485,6 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
                 # a ledger from before this was noted keeps the place
                 "has_freed_place": record.get("had_data", True) is False,
             },
-            "withdrawn": lambda: {
-                "status": "withdrawn",
-                "withdrawn_at": at,
-                "body": "",
-                "stature_m": None,
-            },
+            "withdrawn": lambda: {"status": "withdrawn", "withdrawn_at": at},
         }
         entries[label] = replace(entries[label], **changes[event]())

@@ -178,7 +178,8 @@ def _evaluate(
         origin,
     )
     observe_rays(origin, direction, valid, heads, capsules, is_lit, seen, hit)
-    has_agents = angle_deg.shape[1] == m
+    width = angle_deg.shape[1]
+    has_agents = m == width or 0 < m < width  # a film may show fewer than another one
     k_frame = 0
     for i in range(n):
         while i >= frames[k_frame, 0]:
@@ -196,6 +197,10 @@ def _evaluate(
                 angle_deg[j, k] = seen[0, i, k]
                 radius_deg[j, k] = seen[1, i, k]
                 pad_limit_deg[j, k] = seen[2, i, k]
+            for k in range(m, width):
+                angle_deg[j, k] = np.nan
+                radius_deg[j, k] = np.nan
+                pad_limit_deg[j, k] = np.nan
             row_hit[j] = hit[i]
         else:
             angle_deg[j] = np.nan

@@ -48,6 +48,7 @@ class OperatorDesk:
         self._states = states
         self._operator = setup.operator
         self._recorder = setup.recorder
+        self._idle_roles = setup.idle_roles
         self._calibrates = rig.eye_tracker is not None and any(
             block.calibrate for block in setup.plan.blocks
         )
@@ -231,13 +232,19 @@ class OperatorDesk:
 
     def _look_for_faults(self) -> None:
         shown = self._loop.display_fault
-        faults = (*self._rig.faults(), *(() if shown is None else (shown,)))
+        told = (f for f in self._rig.faults() if not self._is_idle_uncalibrated(f))
+        faults = (*told, *(() if shown is None else (shown,)))
         self._faults.look(faults, self._loop.t_ns, is_set_up=self._is_set_up)
         for fault in faults if self._in_trial else ():
-            if self._faults.concerns(fault, self._trial_start_ns):
+            is_idle = fault.role in self._idle_roles and fault.severity == "warning"
+            if not is_idle and self._faults.concerns(fault, self._trial_start_ns):
                 self._flag(f"{fault.role}_{'lost' if fault.severity == 'blocking' else 'warning'}")
         if self._in_trial:
             self._interrupt_if_lost(LOST_STREAM_NS)
+
+    def _is_idle_uncalibrated(self, fault: Fault) -> bool:
+        """Tell the fault that a device is not calibrated which nothing of the study rests on."""
+        return fault.is_uncalibrated and fault.role in self._idle_roles
 
     def _interrupt_if_lost(self, longest_ns: int) -> None:
         """Interrupt the trial for a device that is away so long.
@@ -357,8 +364,7 @@ class OperatorDesk:
         """Raise SessionAborted when the operator asked for it."""
         if Action.ABORT in self._pending:
             raise SessionAborted(
-                "the session was ended by the operator; every finished trial is kept. "
-                "Continue it with `visavis resume`"
+                "the session was ended by the operator; every finished trial is kept"
             )
 
     # ---- status ------------------------------------------------------------------------------

@@ -24,7 +24,11 @@ LOST_DEVICE_S = 300.0
 
 @dataclass(frozen=True)
 class SessionSetup:
-    """Everything a session needs; nothing in it is created or read from disk here."""
+    """Everything a session needs; nothing in it is created or read from disk here.
+
+    `idle_roles` are devices that are recorded though nothing of the study rests on them: what they
+    warn of flags no trial, and nobody is told that they are not calibrated.
+    """
 
     experiment: Experiment
     plan: SessionPlan
@@ -42,6 +46,7 @@ class SessionSetup:
     participant: SimulatedParticipant | None = None
     progress: Progress = field(default_factory=Progress)
     blind: bool = False
+    idle_roles: frozenset[str] = frozenset()
     timing: TargetTiming = field(default_factory=TargetTiming)
     lost_device_s: float = LOST_DEVICE_S
     leave_out: str = LEAVE_OUT

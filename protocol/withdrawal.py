@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 
 from lab.plain_files import parse_json, read_plain
 from protocol.exports_register import Export
+from protocol.own_body import FILE_NAMES
 from recording.durable import modes_in, sha256_of
 from recording.lock import is_held
 
@@ -89,9 +90,10 @@ def remove_participant(
 
 def may_have_data(study: str, label: str, data_roots: Sequence[Path]) -> bool:
     """Tell whether a participant has anything recorded; of a root that is not there, it may be."""
-    return any(
-        not root.is_dir() or _own_folders(study, label, root, Removal()) for root in data_roots
-    )
+    if not all(root.is_dir() for root in data_roots):
+        return True
+    own = [f for root in data_roots for f in _own_folders(study, label, root, Removal())]
+    return any(p.name not in FILE_NAMES for folder in own for p in folder.rglob("*"))
 
 
 def _clean_export(label: str, names: Sequence[str], export: Export, removal: Removal) -> None:

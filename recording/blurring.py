@@ -45,7 +45,7 @@ BLURRED: Final = ("head", "body", "gaze", "gaze_targets")
 """Kinds of streams that are shown blurred; see `kind_of`."""
 
 _LENGTH = re.compile(
-    r"(.*_)?(height|stature|arm|leg|limb|reach|span|ipd|eye_distance)(_off)?_(m|mm)"
+    r"(.*_)?(height|stature|arm|leg|limb|reach|span|ipd|eye_distance)(_off|_told)?_(m|mm)"
 )
 
 
@@ -68,7 +68,7 @@ def kind_of(schema: StreamSchema) -> str | None:
 
 
 def tells_length(column: str) -> bool:
-    """Tell whether a column of a trial row is by its name a length of the person's body."""
+    """Tell whether a value of a trial row or an event is by its name a length of a body."""
     return _LENGTH.fullmatch(column) is not None
 
 

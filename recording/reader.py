@@ -50,6 +50,7 @@ class Recording:
         self.manifest, self.is_sealed = read_with_seal(path)
         self._journals: dict[int, JournalContent] = {}
         self._states: dict[tuple[int, str], StreamContent] = {}
+        self._named: dict[int, tuple[str, ...]] = {}
 
     @property
     def is_simulated(self) -> bool:
@@ -262,11 +263,13 @@ class Recording:
         return self._journals[number]
 
     def _names(self, number: int) -> tuple[str, ...]:
-        part = self._part(number)
-        declared = [s.name for s in part.streams] + list(self._journal(number).headers)
-        found = (p.stem for p in (self.path / part.folder).glob("*.arrows"))
-        files = sorted(name for name in found if STREAM.fullmatch(name))
-        return tuple(dict.fromkeys(declared + files))
+        if number not in self._named:
+            part = self._part(number)
+            declared = [s.name for s in part.streams] + list(self._journal(number).headers)
+            found = (p.stem for p in (self.path / part.folder).glob("*.arrows"))
+            files = sorted(name for name in found if STREAM.fullmatch(name))
+            self._named[number] = tuple(dict.fromkeys(declared + files))
+        return self._named[number]
 
     def _parts_with(self, name: str) -> list[Part]:
         return [p for p in self.manifest.parts if name in self._names(p.number)]

@@ -46,7 +46,7 @@ class Sharing:
     trial rows in `text_columns`, what the operator typed) is missing and ages are bands of ten
     years; so they are in "public". With `blurs`, as "public" has it, motion is blurred
     (`recording.blurring`): streams that cannot be are left out, and lengths of the body in trial
-    rows are missing.
+    rows and events are missing.
     """
 
     label: str
@@ -154,6 +154,8 @@ class SharedRecording(Recording):
 
     def _payload(self, name: str, payload: Mapping[str, Any]) -> dict[str, Any]:
         shown = {k: self._relabelled(v) for k, v in payload.items()}
+        if self.sharing.blurs:
+            shown |= {k: None for k in shown if tells_length(k)}
         if not self._hides:
             return shown
         if name in TYPED_EVENTS:

@@ -59,6 +59,7 @@ class Movie(Protocol):
 def open_movie(path: Path, size_px: tuple[int, int], rate_hz: int) -> Movie:
     """Begin a film of (width, height) at so many frames a second; never replaces a file.
 
+    It is written beside its name and moved there when it is whole; what fails leaves no file.
     `.avi` needs nothing and is twenty times as large; `.mp4` and `.webm` need the ffmpeg program.
 
     Raises:
@@ -67,9 +68,10 @@ def open_movie(path: Path, size_px: tuple[int, int], rate_hz: int) -> Movie:
     if path.exists():
         raise StageError(f"{path} exists already", remedy="choose another name")
     program = film_program(path)
+    beside = path.with_name(f".{path.stem}.unfinished{path.suffix}")
     if program is None:
-        return MotionJpeg(path, size_px, rate_hz)
-    return PipedMovie(program, path, size_px, rate_hz)
+        return WholeMovie(MotionJpeg(beside, size_px, rate_hz), beside, path)
+    return WholeMovie(PipedMovie(program, beside, size_px, rate_hz, path), beside, path)
 
 
 def film_program(path: Path) -> str | None:
@@ -107,6 +109,53 @@ def _ffmpeg() -> str | None:
         return shutil.which("ffmpeg")
 
 
+class WholeMovie:
+    """A film that has its name only once it is whole; one that is given up is removed."""
+
+    def __init__(self, writes: Movie, beside: Path, path: Path) -> None:
+        self._writes, self._beside, self._path = writes, beside, path
+
+    def __enter__(self) -> "WholeMovie":
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Finish the file, or remove it where an error led out."""
+        if kind is None:
+            self.close()
+            return
+        try:
+            self._writes.close()
+        except StageError:  # of a film that is given up; what led out is the error
+            pass
+        finally:
+            self._beside.unlink(missing_ok=True)
+
+    def add(self, frame: Picture) -> None:
+        """Append a frame; see the writers for what it raises."""
+        self._writes.add(frame)
+
+    def close(self) -> None:
+        """Finish the file and give it its name; idempotent.
+
+        Raises:
+            StageError: it could not be written, or another has its name by now.
+        """
+        try:
+            self._writes.close()
+            if self._beside.exists():
+                if self._path.exists():
+                    raise StageError(f"{self._path} exists already", remedy="choose another name")
+                self._beside.rename(self._path)
+        finally:
+            self._beside.unlink(missing_ok=True)
+
+
 class MotionJpeg:
     """Every frame a JPEG in an AVI container (RIFF), with an index; plays nearly everywhere."""
 
@@ -114,7 +163,7 @@ class MotionJpeg:
         self._size_px, self._rate_hz = size_px, rate_hz
         self._index: list[tuple[int, int]] = []
         self._largest = 0
-        self._file: IO[bytes] | None = path.open("xb")
+        self._file: IO[bytes] | None = path.open("wb")
         self._file.write(self._header())
         self._movi_at = self._file.tell() - 4
 
@@ -198,12 +247,14 @@ def _list(name: bytes, data: bytes) -> bytes:
 class PipedMovie:
     """Frames handed to the ffmpeg program, which encodes by the file's ending."""
 
-    def __init__(self, program: str, path: Path, size_px: tuple[int, int], rate_hz: int) -> None:
+    def __init__(
+        self, program: str, path: Path, size_px: tuple[int, int], rate_hz: int, named: Path
+    ) -> None:
         width, height = size_px
-        self._path, self._size_px = path, size_px
+        self._path, self._size_px = named, size_px
         codec = CODECS[path.suffix.lower()]
         self._process: subprocess.Popen[bytes] | None = subprocess.Popen(  # noqa: S603  (a fixed program; the path is one argument)
-            [program, "-loglevel", "error", "-n", "-f", "rawvideo", "-pix_fmt", "rgb24",
+            [program, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24",
              "-s", f"{width}x{height}", "-r", str(rate_hz), "-i", "-", *COLOURS, *codec, str(path)],
             stdin=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip

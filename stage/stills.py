@@ -15,23 +15,31 @@ TIMES = 2
 """How much larger, in both directions, a processor draws what is then made small."""
 
 
-class Stills:
-    """Draw single pictures off-screen at full quality.
+def still_quality() -> tuple[int, Quality]:
+    """Return how many times larger in both directions a smooth picture is drawn here, and how.
 
     A graphics card smooths edges by samples. Drivers that draw on the processor take twenty times
     as long for four samples of a crowded place as for a picture of four times the pixels, which
     looks the same when made small.
     """
+    context = offscreen_context()
+    try:
+        return (TIMES, Quality(samples=0)) if draws_on_processor(context) else (1, Quality())
+    finally:
+        context.release()
+
+
+def made_small(large: npt.NDArray[np.uint8], size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """Return a picture (height, width, 3) in a size whose width and height divide its own."""
+    return np.asarray(Image.fromarray(large).resize(size_px, Image.Resampling.BOX))
+
+
+class Stills:
+    """Draw single pictures off-screen at full quality."""
 
     def __init__(self) -> None:
-        self._context = offscreen_context()
-        self._times = TIMES if draws_on_processor(self._context) else 1
-        try:
-            quality = Quality(samples=0) if self._times > 1 else Quality()
-            self._renderer = Renderer(self._context, quality=quality)
-        except BaseException:
-            self._context.release()
-            raise
+        self._times, quality = still_quality()
+        self._renderer = Renderer(quality=quality)
 
     def image(
         self, picture: Picture, camera: Camera, size_px: tuple[int, int]
@@ -39,12 +47,11 @@ class Stills:
         """Return the picture as (height, width, 3) sRGB bytes, top row first."""
         width, height = size_px
         large = self._renderer.image(picture, camera, (self._times * width, self._times * height))
-        return np.asarray(Image.fromarray(large).resize(size_px, Image.Resampling.BOX))
+        return made_small(large, size_px)
 
     def close(self) -> None:
         """Give the graphics context back."""
         self._renderer.close()
-        self._context.release()
 
     def __enter__(self) -> Self:
         return self

@@ -10,8 +10,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.io import wavfile
-from scipy.signal import resample_poly
 
 from lab.errors import DataError
 
@@ -43,6 +41,8 @@ class Sound:
         """Return it resampled to a sound card's rate."""
         if rate_hz == self.rate_hz:
             return self
+        from scipy.signal import resample_poly  # it takes half a second
+
         shared = gcd(rate_hz, self.rate_hz)
         changed = resample_poly(self.samples, rate_hz // shared, self.rate_hz // shared, axis=0)
         return Sound(self.name, np.clip(changed, -1, 1).astype(np.float32), rate_hz)
@@ -54,6 +54,8 @@ def read_sound(path: Path) -> Sound:
     Raises:
         DataError: there is no such file, it is no WAV file, or it holds nothing that can be played.
     """
+    from scipy.io import wavfile
+
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise DataError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB; cut the recording")

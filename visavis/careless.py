@@ -14,6 +14,7 @@ import pandas as pd
 from lab.errors import DesignError
 from protocol.columns import Column
 from visavis.exclusions import Exclusion
+from visavis.page.spoken import NOT_HEARD
 
 MAX_PATTERN: Final = 3
 """The longest pattern that is looked for."""
@@ -23,6 +24,7 @@ SIGNS: Final = {
     "hasty_01": ("1", "share of answers that came too soon to be a judgement"),
     "retest_off": ("1", "mean difference of two answers to the same thing"),
     "checks_failed": ("1", "attention checks answered wrong or not at all"),
+    "sound_failed": ("1", "1 where the digits that the page said were not heard, else 0"),
 }
 
 
@@ -35,7 +37,7 @@ class Careless:
     repeat a pattern of at most three; `max_hasty_01` is a share of answers given before
     `min_answer_ms`; `max_retest_off` is in steps of the answer, over trials alike in the factors
     `alike`; `max_checks_failed` counts wrong answers to the `checks`, questions with a right
-    answer.
+    answer. `max_sound_failed` is 0 where who failed the sound check does not count.
     """
 
     response: str
@@ -47,6 +49,7 @@ class Careless:
     alike: tuple[str, ...] = ()
     max_checks_failed: float | None = None
     checks: tuple[str, ...] = ()
+    max_sound_failed: float | None = None
 
     def __post_init__(self) -> None:
         if self.max_retest_off is not None and not self.alike:
@@ -62,6 +65,7 @@ class Careless:
             "hasty_01": self.max_hasty_01,
             "retest_off": self.max_retest_off,
             "checks_failed": self.max_checks_failed,
+            "sound_failed": self.max_sound_failed,
         }
         return {name: limit for name, limit in limits.items() if limit is not None}
 
@@ -81,6 +85,7 @@ class Careless:
             f"{self.min_answer_ms:g} ms (limit {{limit:.0%}})",
             "retest_off": "answers to the same thing {value:.2f} apart (limit {limit:.2f})",
             "checks_failed": "{value:.0f} attention checks failed (limit {limit:.0f})",
+            "sound_failed": "what the page said was not heard",
         }
         return tuple(
             Exclusion(f"max_{name}", "participant", name, limit, words[name])
@@ -102,6 +107,8 @@ class Careless:
         return pd.DataFrame(found, columns=["participant", *names])
 
     def _sign(self, name: str, own: pd.DataFrame) -> float:
+        if name == "sound_failed":
+            return float(own["flags"].fillna("").str.contains(NOT_HEARD, regex=False).any())
         if name == "checks_failed":
             asked = [own[f"{c}_is_right"][own[c].notna()] for c in self.checks if c in own]
             right = pd.concat(asked) if asked else pd.Series(dtype=object)

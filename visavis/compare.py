@@ -44,8 +44,9 @@ class Compare:
     link mixed model ("clmm"), or for choices between two a Bradley–Terry model ("bradleyterry":
     `within` are the factors of the first and the second item, or one whose levels name both,
     "A|B"; the measure is above 0 where the first was preferred) instead. `claim` says in words
-    what a significant result would show. Comparisons of one `family` are corrected together. An
-    `exploratory` one stands apart in the report and makes no headline. `only` are levels of other
+    what a significant result would show; over several factors, their interaction. Comparisons of
+    one `family` are corrected together. An `exploratory` one stands apart in the report and makes
+    no headline. `only` are levels of other
     factors that trials must have ({"group": "haptics"}). `pairs` are what a source prints of two
     levels compared after the test over all of a factor.
     """
@@ -102,6 +103,15 @@ class Compare:
         every = ":".join(names)
         pairs = [f"{a}:{b}" for i, a in enumerate(names) for b in names[i + 1 :]]
         return tuple(dict.fromkeys((*names, *pairs, every)))
+
+    @property
+    def claimed(self) -> str:
+        """The effect that its claim is about: of several the one of all factors; "" of no claim."""
+        return self.terms[-1] if self.claim else ""
+
+    def is_claimed(self, term: str) -> bool:
+        """Tell whether an effect, its factors in any order, is the one claimed."""
+        return bool(self.claim) and set(term.split(":")) == set(self.claimed.split(":"))
 
     @property
     def name(self) -> str:

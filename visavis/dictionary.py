@@ -184,6 +184,12 @@ def scene_column(name: str) -> Column | None:
     return Column(name, "", f"index of the agent that plays {role!r} in {scene}") if role else None
 
 
+def of_shown(name: str, roles: Iterable[str]) -> bool:
+    """Tell whether what a trial shows, under whatever name, can add a column of this name."""
+    endings = ("_on_ns", "_off_ns", "_frames", *(f"_{role}" for role in roles))
+    return any(name.endswith(ending) and name != ending for ending in endings)
+
+
 def people_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
     """Return what describes the columns of the table of participants."""
     found = {c.name: c for c in PEOPLE}

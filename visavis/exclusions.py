@@ -6,13 +6,14 @@ people. Every row keeps its place in the table with `is_analysed` and the reason
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 import pandas as pd
 
 from analysis.report.notation import counted
-from lab.errors import UsageError
+from lab.errors import DesignError, UsageError
+from lab.yaml_lines import did_you_mean
 from recording.integrity import DAMAGED, LOST
 from visavis.measures import HEAD_LOST_COLUMN, LOST_COLUMN
 
@@ -25,6 +26,7 @@ PRACTICE: Final = "practice"
 NOT_FINISHED: Final = "not finished"
 REPEATED: Final = "performed again later"
 UNREADABLE: Final = "the recording is damaged"
+PERSON_OUT: Final = "participant left out: "
 
 
 COLUMN_WORDS: Final[Mapping[str, str]] = {
@@ -60,6 +62,11 @@ class Exclusion:
     missing_is_out: bool = False
     what: str = ""
     """The column in words, as in "trials with WHAT above 0.5"."""
+
+    def __post_init__(self) -> None:
+        if self.level not in get_args(Level):
+            near = did_you_mean(self.level, get_args(Level))
+            raise DesignError(f"Exclusion {self.name}: there is no level {self.level!r}{near}")
 
     @property
     def column_words(self) -> str:
@@ -121,6 +128,9 @@ STANDARD_RULES: Final = (
     *COMPLETENESS_RULES,
 )  # fmt: skip
 """What leaves a trial or a person out of every study, unless the study says otherwise."""
+
+STANDARD_COLUMNS: Final = frozenset(rule.column for rule in STANDARD_RULES)
+"""What rules may name in every study, measured there or not."""
 
 
 def needs_answer(response: str) -> Exclusion:
@@ -297,7 +307,7 @@ def select(
             out,
             rule.name,
             "participant",
-            [f"participant left out: {said.get(str(p), '')}" for p in table["participant"]],
+            [f"{PERSON_OUT}{said.get(str(p), '')}" for p in table["participant"]],
         )
         for name, words in said.items():
             at = people["participant"] == name

@@ -168,6 +168,13 @@ class StudyExperiment:
         return tuple(uses(self.parameters) if callable(uses) else uses)
 
     @property
+    def rests_on_gaze(self) -> bool:
+        """Whether it calibrates an eye tracker, needs one, or measures anything by gaze."""
+        study = self.study
+        measured = bool(study.looks) or any(m.needs_gaze for m in study.measures)
+        return study.calibrate or measured or "eye_tracker" in self.needed_roles
+
+    @property
     def _is_pointed(self) -> bool:
         """Whether answers are given by a hand: nothing else of a body is asked for."""
         asked = self.responses.values()

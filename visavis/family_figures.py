@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from analysis.plots import BLUE, Drawn, draw, new_figure
 from analysis.plots.panels import (
+    ALL,
     Values,
     differences,
     dots,
@@ -21,7 +22,7 @@ from analysis.plots.panels import (
 from analysis.report.notation import counted, fraction, probability, threshold
 from analysis.statistics.ranks import average_ranks
 from visavis.analysis import StudyAnalysis
-from visavis.figures import COLOURS, trials_of_who_is_out
+from visavis.figures import COLOURS, trials_of_who_is_out, trials_with_left_out
 from visavis.measures import Measure, aggregated
 from visavis.pairs import Correlate, Pairs, scores_of
 from visavis.texts import Texts, label_of
@@ -127,6 +128,8 @@ def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) ->
     axes.set_ylabel(measure.axis)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     left_out_lines(axes, *_values(outside, of.factor, measure, levels))
+    besides = trials_with_left_out(analysis)
+    left_out_lines(axes, *_values(besides, of.factor, measure, levels), kind=ALL)
 
 
 def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, panel: int) -> None:

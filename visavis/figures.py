@@ -22,6 +22,7 @@ from analysis.plots import (
 )
 from analysis.plots.flow import Stage, flow_chart
 from analysis.plots.panels import (
+    ALL,
     Values,
     dots,
     dots_with_limit,
@@ -97,6 +98,9 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
     outside = aggregated(
         finding.compare.chosen(trials_of_who_is_out(analysis)), [finding.measure], factors[:2]
     )
+    besides = aggregated(
+        finding.compare.chosen(trials_with_left_out(analysis)), [finding.measure], factors[:2]
+    )
     for ax, panel in zip(axes, panel_levels, strict=True):
         mine = cells if not panels else cells[cells[panels[0]] == panel]
         table, people = _wide(mine, x, finding.measure.column, levels)
@@ -107,6 +111,8 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
             paired_lines(ax, table, labels, colours, people=people)
             theirs = outside if not panels else outside[outside[panels[0]] == panel]
             left_out_lines(ax, *_wide(theirs, x, finding.measure.column, levels))
+            others = besides if not panels else besides[besides[panels[0]] == panel]
+            left_out_lines(ax, *_wide(others, x, finding.measure.column, levels), kind=ALL)
         ax.set_xlabel(label_of(texts, x))
         if panels:
             ax.set_title(f"{label_of(texts, panels[0])}: {label_of(texts, str(panel))}")
@@ -129,6 +135,16 @@ def trials_of_who_is_out(analysis: StudyAnalysis) -> pd.DataFrame:
     out = people.loc[~people[COUNTED].astype(bool), "participant"]
     finished = analysis.selection.finished
     found: pd.DataFrame = finished[finished["participant"].isin(out)]
+    return found
+
+
+def trials_with_left_out(analysis: StudyAnalysis) -> pd.DataFrame:
+    """Return the finished trials of those who count and lost some of them to a rule."""
+    finished, people = analysis.selection.finished, analysis.selection.people
+    counts = people.loc[people[COUNTED].astype(bool), "participant"]
+    mine = finished[finished["participant"].isin(counts)]
+    lost = mine.loc[~mine[COUNTED].astype(bool), "participant"].unique()
+    found: pd.DataFrame = mine[mine["participant"].isin(lost)]
     return found
 
 

@@ -21,7 +21,15 @@ from recording.reader import Recording
 from stimuli.scene import SceneFrame
 from visavis.analysis import StudyAnalysis, analyse_rows, measures_of
 from visavis.confusion import Confusion
-from visavis.exclusions import ANSWERED, Selection, left_out_lines, limits_in_force, select
+from visavis.exclusions import (
+    ANSWERED,
+    STANDARD_COLUMNS,
+    Exclusion,
+    Selection,
+    left_out_lines,
+    limits_in_force,
+    select,
+)
 from visavis.experiment import StudyExperiment
 from visavis.intake import SessionIntake, questionnaire, take_in
 from visavis.locked.review import PlanReview
@@ -36,6 +44,7 @@ from visavis.sessions.cast import use_recorded_cast
 from visavis.slips import line_saying
 from visavis.study import Study
 from visavis.validation import judge_validation
+from visavis.worth_a_look import MAX_LISTED, Striking, striking_trials
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +56,8 @@ class OpenedStudy:
     """How its locked plan was kept, for the report; None where no plan was locked."""
     tell: Callable[[str], None] | None = None
     """Hears of every trial and person that an analysis leaves out, and why."""
+    make_views: Callable[[Path, Sequence[Striking]], None] | None = None
+    """Makes the pages of trials to look at, beside the report in the folder it is given."""
 
     @property
     def name(self) -> str:
@@ -70,7 +81,7 @@ class OpenedStudy:
         return made
 
     def _refuse_slips(self, made: StudyExperiment) -> None:
-        """Refuse comparisons, measures and sections of what the study does not have.
+        """Refuse comparisons, measures, exclusions and sections of what the study does not have.
 
         Raises:
             DesignError: naming the line of the study file, and the nearest there is.
@@ -96,12 +107,60 @@ class OpenedStudy:
         if roles:
             who = tuple(sorted(roles))
             slips += [(m.role, "role", who) for m in self.study.measures if m.role]
+        own = [r for r in self.study.exclusions if r.column not in STANDARD_COLUMNS]
+        for rule in own:
+            slips += self._unknown_column(rule, made)
         for name, kind, known in slips:
             if name not in known:
                 place = line_saying(self.study.path, name) or f"study {self.study.name}"
                 near = did_you_mean(name, known)
-                there = f" there are {', '.join(known)}" if "known:" not in near else ""
+                is_short = "known:" not in near and not kind.startswith("column")
+                there = f" there are {', '.join(known)}" if is_short else ""
                 raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
+
+    def _unknown_column(
+        self, rule: Exclusion, made: StudyExperiment
+    ) -> list[tuple[str, str, tuple[str, ...]]]:
+        """Return the slip of a rule whose column no trial and no person can have."""
+        # The dictionary is imported with what writes tables: most commands do without.
+        from visavis.dictionary import PEOPLE, of_shown, trial_columns
+
+        if rule.level == "participant":
+            known = tuple(c.name for c in PEOPLE)
+            # What a study's own facts are called is known from data alone.
+            is_known = rule.column in known or self.study.facts_of is not None
+        else:
+            known = tuple(trial_columns(made, self.measures(made)))
+            roles = frozenset().union(*(t.roles for t in made.read.values()))
+            is_known = rule.column in known or of_shown(rule.column, roles)
+        return [] if is_known else [(rule.column, f"column of {rule.level}s", known)]
+
+    def _refuse_absent(
+        self, experiment: StudyExperiment, rows: pd.DataFrame, facts: pd.DataFrame | None
+    ) -> None:
+        """Refuse a rule of exclusion about what neither the study nor these data have.
+
+        Raises:
+            DataError: naming the line of the study file, and the nearest there is.
+        """
+        there = {
+            "trial": set(map(str, rows)),
+            "participant": set() if facts is None else set(map(str, facts)),
+        }
+        from visavis.dictionary import PEOPLE, trial_columns
+
+        described = {
+            "trial": trial_columns(experiment, self.measures(experiment)),
+            "participant": {c.name for c in PEOPLE},
+        }
+        for rule in self.study.exclusions:
+            known = {*there[rule.level], *described[rule.level], *STANDARD_COLUMNS}
+            if rule.column not in known:
+                place = line_saying(self.study.path, rule.column) or f"study {self.name}"
+                raise DataError(
+                    f"{place}: no {rule.level} has {rule.column!r}"
+                    f"{did_you_mean(rule.column, known)}"
+                )
 
     def participant(
         self, index: int, seed: int, *, effect: bool, experiment: Any = None
@@ -252,9 +311,12 @@ class OpenedStudy:
         settings = settings or {}
         self.check_settings(settings)
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
+        rows = pd.concat([s.rows for s in sessions], ignore_index=True)
+        facts_of = self.study.facts_of
+        self._refuse_absent(experiment, rows, None if facts_of is None else facts_of(rows))
         return self.analysis_of_rows(
             experiment,
-            pd.concat([s.rows for s in sessions], ignore_index=True),
+            rows,
             pd.DataFrame([dict(s.person) for s in sessions]),
             planned={str(s.manifest.participant): s.planned for s in sessions},
             settings=settings,
@@ -344,12 +406,13 @@ class OpenedStudy:
         commands: tuple[str, ...],
         example: Recording | None,
         settings: Mapping[str, Any] | None = None,
+        folder: str = "",
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
         analysis = self.analysis_of(sessions, settings)
         return self.write(
             analysis, sessions, out_dir, is_simulated=is_simulated, commands=commands,
-            example=example,
+            example=example, folder=folder,
         )  # fmt: skip
 
     def write(
@@ -361,8 +424,11 @@ class OpenedStudy:
         is_simulated: bool,
         commands: tuple[str, ...],
         example: Recording | None,
+        folder: str = "",
     ) -> Path:
         """Write tables, figures and the report of what was analysed; return the report's path.
+
+        `folder` is the study's, as the report names it.
 
         The tables of `sessions` are not asked for again.
         """
@@ -373,9 +439,12 @@ class OpenedStudy:
         for line in left_out_lines(analysis.selection, self.study.exclusions):
             if self.tell is not None:
                 self.tell(line)
+        if self.make_views is not None:
+            self.make_views(out_dir, striking_trials(analysis)[:MAX_LISTED])
         provenance = provenance_of_sessions(
-            self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
-        )
+            self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands,
+            folder,
+        )  # fmt: skip
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
         asked = self.asked(self.study.questionnaires)
         facts = {**sessions[0].facts, **self.study.setup}

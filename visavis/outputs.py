@@ -14,6 +14,7 @@ from lab.errors import UsageError
 from protocol.columns import Column
 from protocol.questionnaires import Questionnaire
 from visavis.analysis import SIMULATED_COLUMN, Finding, StudyAnalysis
+from visavis.chosen import chosen
 from visavis.dictionary import (
     PEOPLE,
     STATISTICS,
@@ -57,6 +58,7 @@ def write_study(
         DataError: a column of a table is not described.
     """
     extras = [made(section)(analysis, experiment) for section in experiment.study.sections]
+    extras.append(chosen(analysis, experiment))
     quality = quality_of(analysis, facts) if experiment.study.validate else None
     try:
         out_dir.mkdir(parents=True, exist_ok=True)

@@ -4,7 +4,6 @@ A trial's times are those at which its frames began. Their light leaves at the t
 predicted, and reaches the eye later by what the test measured in the room (`picture_delay_ms`).
 """
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from lab.clock import NS_PER_MS
 from lab.errors import DataError, UsageError
+from lab.plain_files import parse_json, read_plain
 from protocol.columns import Column
 from recording.reader import Recording
 
@@ -95,19 +95,21 @@ def read_sync_test(path: Path) -> SyncTest:
         DataError: it is no such file, or too few flashes were answered to name a delay.
     """
     try:
-        kept = json.loads(path.read_text("utf-8"))
-        offsets, made, simulated = kept["offsets_ms"], str(kept["made"]), bool(kept["is_simulated"])
-    except (OSError, ValueError, KeyError, TypeError) as problem:
+        kept = parse_json(read_plain(path))
+        made, simulated = str(kept["made"]), bool(kept["is_simulated"])
+        found = {**kept["offsets_ms"]}.get(SETTING)
+        late_ms = None if found is None else max(0.0, float(found))
+    except (OSError, ValueError, KeyError, TypeError, OverflowError) as problem:
         raise DataError(
             f"{path} is no test that visavis sync-test kept ({problem}); give one of "
             "DATA_ROOT/sync_tests"
         ) from problem
-    if SETTING not in offsets:
+    if late_ms is None:
         raise DataError(
             f"{path} names no delay of pictures: too few flashes were answered; measure again with "
             "the photodiode in the corner of the display"
         )
-    delay = delay_of({SETTING: max(0.0, float(offsets[SETTING]))})
+    delay = delay_of({SETTING: late_ms})
     return SyncTest(path.name, made, simulated, delay or 0.0)
 
 

@@ -69,6 +69,8 @@ class KitPower:
     def tests(self) -> Mapping[str, str]:
         """Every planned test by name, with what it claims: effects, pairs, correlations, questions.
 
+        Of a comparison's effects the one that its claim is about comes first.
+
         Raises:
             UsageError: the study plans none.
         """
@@ -76,9 +78,9 @@ class KitPower:
         found = {}
         compared = self._opened.experiment(self.overrides).compare
         for compare in (c for c in compared if not c.exploratory):
-            for term in compare.terms:
-                claim = compare.claim or f"{compare.dv} depends on {term.replace(':', ' × ')}"
-                found[f"{compare.dv}:{term}"] = claim
+            claimed_first = sorted(compare.terms, key=lambda term: term != compare.claimed)
+            for term in claimed_first:
+                found[f"{compare.dv}:{term}"] = _claim_of(compare, term)
         for of in families_of(study):
             found |= claims_of(study, of)
         found |= study.questions
@@ -314,6 +316,14 @@ def _of_families(
                                  findings, (), tuple(results), rules=rules)  # fmt: skip
         found |= {c.name: Found(c.is_found) for c in analysis.conclusions}
     return {name: verdict for name, verdict in found.items() if name in tests}
+
+
+def _claim_of(compare: Compare, term: str) -> str:
+    """Return what a test of one effect claims: the comparison's claim is put to one of several."""
+    if len(compare.terms) == 1 and compare.claim:
+        return compare.claim
+    named = f"{compare.dv} depends on {term.replace(':', ' × ')}"
+    return f"{named}: {compare.claim}" if term == compare.claimed else named
 
 
 def families_of(study: Study) -> tuple[Family, ...]:

@@ -47,6 +47,7 @@ from visavis.methods import method_paragraphs, spoken
 from visavis.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.reporting_list import Kept, reporting_table
 from visavis.texts import Texts, label_of
+from visavis.worth_a_look import VIEWS, looks_table, striking_trials
 
 REPORT_NAME: Final = "report.html"
 Pictures = Mapping[str, Picture]
@@ -94,7 +95,7 @@ def build_report(
             *family_sections(analysis, pictures),
             *sections,
             *checked,
-            _people(analysis, experiment, questionnaires, pictures),
+            _people(analysis, experiment, questionnaires, pictures, provenance, path.parent),
             _methods(analysis, experiment),
             provenance_section(provenance),
         ),
@@ -154,10 +155,11 @@ def _verdict(
     compare = finding.compare
     words = finding.measure.words
     if term is None or finding.outcome is None:
-        return Verdict("undecided", f"{words}: not tested", f"{finding.why_not}.")
+        untested = f"{words}: not tested" + (f" – {_lower(compare.claim)}" if compare.claim else "")
+        return Verdict("undecided", untested, f"{finding.why_not}.")
     names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
     significant = term.is_significant
-    if compare.claim and len(finding.terms) == 1:
+    if compare.claim and (len(finding.terms) == 1 or compare.is_claimed(term.name)):
         headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
     elif significant:
         headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
@@ -435,6 +437,8 @@ def _people(
     experiment: StudyExperiment,
     questionnaires: Sequence[Questionnaire],
     pictures: Pictures,
+    provenance: ReportProvenance,
+    out_dir: Path,
 ) -> Section:
     blocks: list[Block] = [pictures["exclusions"]]
     people = analysis.people
@@ -466,13 +470,19 @@ def _people(
         heads = tuple(Column(h) for h in ("Participant", "Trial", "Status", "Reason"))
         blocks.append(Fold("Interrupted and skipped trials", (Table(heads, listed, "Trials"),)))
     blocks += _flagged(analysis.selection.rows)
+    blocks += _happened(provenance)
+    looks = looks_table(striking_trials(analysis), provenance.folder, out_dir / VIEWS)
+    blocks += [] if looks is None else [Fold(f"{looks.caption}: {len(looks.rows)}", (looks,))]
     return Section("people", "Participants", tuple(blocks))
 
 
 def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
-    """Yield what devices and operators flagged: how many trials, of how many people."""
+    """Yield what devices and operators flagged: how many trials, of how many people; no practice,
+    of which nothing is analysed.
+    """
     if "flags" not in rows:
         return
+    rows = rows[~rows["is_practice"].astype(bool)]
     flags = rows[["participant", "flags"]].assign(
         flags=rows["flags"].fillna("").astype(str).str.split(";")
     )
@@ -481,9 +491,28 @@ def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
         heads = (Column("Flag"), Column("Trials", "right"), Column("People", "right"))
         counts = each.groupby("flags", sort=True)["participant"].agg(["size", "nunique"])
         listed = tuple((str(f), str(n), str(people)) for f, n, people in counts.itertuples())
-        note = "A flag ending in _lost: the device was away, or the session went on without it."
-        yield Fold(f"Flagged trials: {int(rows['flags'].fillna('').ne('').sum())}",
+        note = (
+            "A flag ending in _lost: the device was away, or the session went on without it; in "
+            "_warning: it warned during the trial, in words that visavis check shows for the "
+            "session; picture_stalled: the picture stood still. Flags leave no trial out; "
+            "exclusions do. Practice trials are not counted."
+        )
+        flagged = int(rows["flags"].fillna("").ne("").sum())
+        yield Fold(f"Flagged trials: {flagged} of {len(rows)}",
                    (Table(heads, listed, "Flags", note),))  # fmt: skip
+
+
+def _happened(provenance: ReportProvenance) -> Iterator[Block]:
+    """Yield what happened between trials: pauses with their reasons, sessions that broke off."""
+    rows = tuple(
+        (source.participant, source.session, one.where, one.what, one.why or "no reason given")
+        for source in provenance.sessions
+        for one in source.incidents
+    )
+    if rows:
+        heads = ("Participant", "Session", "Where", "What", "Why")
+        table = Table(tuple(map(Column, heads)), rows, "Pauses and interruptions of sessions")
+        yield Fold(f"{table.caption}: {len(rows)}", (table,))
 
 
 def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
@@ -514,8 +543,8 @@ def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
 
 def _answered_by(analysis: StudyAnalysis, response: str) -> str:
     ways = analysis.selection.counted[f"{response}_by"].value_counts()
-    given = ", ".join(f"{way} {count}" for way, count in ways.items())
-    return f"{response.replace('_', ' ').capitalize()} was answered by: {given}."
+    given = ", ".join(f"{count} by {way}" for way, count in ways.items())
+    return f"Answers to {response.replace('_', ' ')}: {given}."
 
 
 def _methods(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:

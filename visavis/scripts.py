@@ -263,5 +263,7 @@ def _lab(config: str | Path | None) -> LabConfig:
     elif path.exists():
         lab = load_config(path, OPTION_MODELS)
     else:
-        raise ConfigError(f"there is no {CONFIG_NAME} at {path}")
+        raise ConfigError(
+            f"there is no {CONFIG_NAME} at {path}; write one with visavis init, or leave config out"
+        )
     return with_devices(lab, "sim")

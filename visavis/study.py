@@ -61,7 +61,7 @@ SETTABLE: Final = ("repetitions", "practice", "blocks", "order", "intertrial_s",
 """Parameters that every study has."""
 
 On: TypeAlias = Literal["lab", "browser"]
-Screening: TypeAlias = Literal["card"]
+Screening: TypeAlias = Literal["card", "sound"]
 IntertrialPlan = Callable[[TrialScript], Iterator[Step]]
 """What happens before a trial: a generator over its script."""
 PersonOf: TypeAlias = Callable[[int, int, bool, "StudyExperiment"], SimulatedParticipant]
@@ -133,7 +133,8 @@ class Study:
     row besides. Where `validate` is no, gaze is recorded along and nothing rests on it.
     `dressed_by` names what dresses scenes that a trial makes itself ("module:function"). The eye
     tracker is calibrated at the beginning, and before every block with `calibrate_blocks`.
-    `screening` is what a page measures before its first trial: "card", how large the screen is.
+    `screening` is what a page looks at before its first trial: "card", how large the screen is;
+    "sound", whether spoken digits are heard.
     `setup` answers items of the reporting list for eye tracking that follow from the study.
     `thresholds` is a dataclass of numbers of its own analysis, `pieces` how trials are measured
     one by one ("module:name" of it): `analyse --set` replaces fields of both by name.

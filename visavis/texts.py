@@ -6,8 +6,9 @@ a study's file may replace any of them.
 """
 
 import string
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -96,7 +97,7 @@ def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Tex
         ConfigError: the study has no such language, or a file cannot be read.
     """
     spoken = language if language in languages_in(WORDS_DIR) else DEFAULT_LANGUAGE
-    entries = dict(_read(WORDS_DIR / f"{spoken}.yaml"))
+    entries = dict(_words(spoken))
     own: dict[str, str] = {}
     source = "Visavis"
     for folder in folders:
@@ -115,7 +116,12 @@ def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Tex
     return Texts(language, entries | own, frozenset(own), source)
 
 
-def _read(path: Path) -> Iterable[tuple[str, str]]:
+@cache
+def _words(language: str) -> tuple[tuple[str, str], ...]:
+    return _read(WORDS_DIR / f"{language}.yaml")
+
+
+def _read(path: Path) -> tuple[tuple[str, str], ...]:
     document = read_document(path)
     if document.problems:
         raise ConfigError(f"{path}: {'; '.join(str(p) for p in document.problems)}")

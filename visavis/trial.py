@@ -456,7 +456,7 @@ class TrialScript:
         prompt, labels = self.words_of(response)
         if isinstance(response, Pointing):
             answer = yield from pointed(response.limit_s, view, self._still)
-        elif isinstance(response, Text | Number) or self.settings.answer_by == "keyboard":
+        elif not is_on_board(response, self.settings):
             yield from self._clear(board.over_scene, view)
             answer = yield from asked_elsewhere(
                 response.name, prompt, tuple(response.options), labels, view
@@ -660,6 +660,12 @@ class TrialScript:
 
 TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
 """A study's trial: a generator over its script."""
+
+
+def is_on_board(response: Response, settings: Settings) -> bool:
+    """Tell whether a response is asked for on a board before the participant."""
+    is_elsewhere = isinstance(response, Text | Number | Pointing)
+    return not is_elsewhere and settings.answer_by != "keyboard"
 
 
 def perform(script: TrialScript, plan: TrialPlan) -> Plan:

@@ -16,6 +16,10 @@ WHO: Final = "who."
 """How the identifier of what belongs to a participant begins."""
 OUT: Final = "out."
 """The same of a participant who does not count."""
+ALL: Final = "all."
+"""The same of what a participant would have with the trials that were left out."""
+_HIDDEN: Final = {OUT: ("x--", 5.0), ALL: ("o:", 3.5)}
+"""Line and size of what is hidden until a page shows it."""
 
 
 def mean_interval(values: Values, level: float = 0.95) -> tuple[float, float, float]:
@@ -68,16 +72,20 @@ def paired_lines(
     axes.set_xlim(-0.5, m - 0.5)
 
 
-def left_out_lines(axes: Axes, table: Values, people: Sequence[str]) -> None:
-    """Draw participants who do not count, (participants, conditions), for pages that can show them.
+def left_out_lines(axes: Axes, table: Values, people: Sequence[str], *, kind: str = OUT) -> None:
+    """Draw participants who do not count, (participants, conditions), for pages that can show them;
+    with the kind `ALL`, those who count as they would be with the trials that were left out.
 
     They are hidden until a page shows them, and leave the axes as they are.
     """
+    look, size = _HIDDEN[kind]
     limits = axes.get_xlim(), axes.get_ylim()
     x = np.arange(table.shape[1])
     for row, one in zip(table, people, strict=True):
-        drawn = axes.plot(x, row, "x--", color=BLACK, linewidth=0.8, markersize=5, alpha=0.7)[0]
-        name_after(one, drawn, is_out=True)
+        drawn = axes.plot(
+            x, row, look, color=BLACK, linewidth=0.8, markersize=size, alpha=0.7, mfc="none"
+        )[0]
+        name_after(one, drawn, kind=kind)
     axes.set_xlim(limits[0])
     axes.set_ylim(limits[1])
 
@@ -112,12 +120,12 @@ def dots(axes: Axes, x: Values, y: Values, people: Sequence[str], **look: Any) -
         name_after(one, axes.scatter(x[i : i + 1], y[i : i + 1], **look))
 
 
-def name_after(person: str, *drawn: Artist, is_out: bool = False) -> None:
-    """Say whose drawing this is, for pages; hidden where they do not count (`is_out`)."""
+def name_after(person: str, *drawn: Artist, kind: str = WHO) -> None:
+    """Say whose drawing this is, for pages; hidden but for what counts (`WHO`)."""
     for artist in drawn:
         if person:
-            artist.set_gid(f"{OUT if is_out else WHO}{person}")
-        if is_out:
+            artist.set_gid(f"{kind}{person}")
+        if kind != WHO:
             artist.set_visible(False)
 
 

@@ -10,11 +10,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from analysis.plots.panels import OUT, WHO
+from analysis.plots.panels import ALL, OUT, WHO
 from analysis.plots.style import figure_style, mark_simulated
 
 PNG_DPI = 160
-_OF_ONE = re.compile(rf'<g id="({re.escape(WHO)}|{re.escape(OUT)})([^"]*)">')
+_CLASSES = {WHO: "who", OUT: "who out", ALL: "who all"}
+_OF_ONE = re.compile(rf'<g id="({"|".join(map(re.escape, _CLASSES))})([^"]*)">')
 
 
 @dataclass(frozen=True)
@@ -60,17 +61,17 @@ def svg_text(drawn: Drawn, *, names_people: bool = False) -> str:
 
 
 def _group(found: re.Match[str]) -> str:
-    kind = "who out" if found[1] == OUT else "who"
-    return f'<g class="{kind}" data-who="{found[2]}"><title>{found[2]}</title>'
+    return f'<g class="{_CLASSES[found[1]]}" data-who="{found[2]}"><title>{found[2]}</title>'
 
 
 def svg_for_page(drawn: Drawn) -> str:
     """Return the `<svg>` element for inlining: no prolog, identifiers unique to the figure.
 
     What belongs to one participant is a group that says so (`data-who`); participants who do not
-    count are there, too, in groups of class "out", which the page hides until it is asked.
+    count are there, too, in groups of class "out", what trials left out would change in groups of
+    class "all"; the page hides both until it is asked.
     """
-    hidden = drawn.figure.findobj(lambda artist: (artist.get_gid() or "").startswith(OUT))
+    hidden = drawn.figure.findobj(lambda artist: (artist.get_gid() or "").startswith((OUT, ALL)))
     for artist in hidden:
         artist.set_visible(True)
     text = svg_text(drawn, names_people=True)

@@ -90,11 +90,13 @@ def _target(axes: Axes, summary: PowerSummary, gap: float) -> None:
     curve = summary.tests[0].curve
     axes.axhline(curve.target, color=BLACK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1)
     if curve.smallest is not None:
-        axes.axvline(curve.smallest, color=BLACK, linewidth=0.9, linestyle=(0, (1, 2)), zorder=1)
-        axes.annotate(
-            f"n = {curve.smallest}: {summary.tests[0].claim}",
-            (curve.smallest, 0.02),
-            xytext=(5, 0),
-            textcoords="offset points",
-            fontweight="bold",
+        axes.axvline(
+            curve.smallest,
+            color=BLACK,
+            linewidth=0.9,
+            linestyle=(0, (1, 2)),
+            zorder=1,
+            label=f"n = {curve.smallest}: enough for the\nthick curve"
+            if len(summary.tests) > 1
+            else f"n = {curve.smallest}: enough",
         )

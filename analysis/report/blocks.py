@@ -9,11 +9,16 @@ Status: TypeAlias = Literal["found", "partly", "not_found", "undecided"]
 
 @dataclass(frozen=True)
 class Cell:
-    """One table cell; `mark` sets its look, `hint` is shown on pointing at it."""
+    """One table cell; `mark` sets its look, `hint` is shown on pointing at it.
+
+    With a `link` it leads to a page beside the report, with a `command` it copies that.
+    """
 
     text: str
     mark: Mark = ""
     hint: str = ""
+    link: str = ""
+    command: str = ""
 
 
 @dataclass(frozen=True)

@@ -87,11 +87,23 @@
     ));
   });
 
+  // ---- trials whose pages are elsewhere: their command is copied ---------------------------------
+
+  document.querySelectorAll("button[data-command]").forEach((trial) => {
+    trial.addEventListener("click", () => {
+      copy(trial.dataset.command, safe(trial.dataset.command));
+      trial.classList.add("copied");
+      setTimeout(() => trial.classList.remove("copied"), 2500);
+    });
+  });
+
   // ---- one participant through all panels, and those who do not count --------------------------
 
   const WHO = document.documentElement.lang.startsWith("de")
-    ? { label: "Person hervorheben", all: "alle", out: "Wer nicht zählt, mit zeigen", note: "Mittelwerte bleiben die derer, die zählen." }
-    : { label: "Highlight a participant", all: "everybody", out: "Show who was left out", note: "Means stay those of who counts." };
+    ? { label: "Person hervorheben", all: "alle", out: "Wer nicht zählt, mit zeigen", note: "Mittelwerte bleiben die derer, die zählen.",
+        lost: "Mit ausgelassenen Durchgängen zeigen, gepunktet", dotted: "Gepunktet: dieselbe Person mit allen beendeten Durchgängen.", look: ["Durchgang zum Ansehen", "Durchgänge zum Ansehen"] }
+    : { label: "Highlight a participant", all: "everybody", out: "Show who was left out", note: "Means stay those of who counts.",
+        lost: "Show with trials left out, dotted", dotted: "Dotted: the same person with every finished trial.", look: ["trial to look at", "trials to look at"] };
   const drawn = [...document.querySelectorAll("svg [data-who]")];
   const people = [...new Set(drawn.map((group) => group.dataset.who))].sort();
   const of = (who) => drawn.filter((group) => group.dataset.who === who);
@@ -117,11 +129,25 @@
     choice.append(new Option(WHO.all, ""), ...people.map((who) => new Option(isOut.has(who) ? `${who} ✕` : who, who)));
     label.append(`${WHO.label} `, choice);
     place.append(label);
+    const trials = [...document.querySelectorAll("tr")].filter((row) => row.querySelector('[data-command], a[href^="views/"]'));
+    const look = document.createElement("button");
+    look.type = "button";
+    look.className = "look";
+    look.addEventListener("click", () => {
+      const mine = trials.find((row) => text(row.cells[0]) === chosen);
+      mine.closest("details").open = true;
+      mine.scrollIntoView({ block: "center" });
+      mine.querySelector("button, a").focus({ preventScroll: true });
+    });
     const pick = (who) => {
       chosen = who;
       choice.value = who;
       light(who);
+      const count = who ? trials.filter((row) => text(row.cells[0]) === who).length : 0;
+      look.hidden = !count;
+      look.textContent = `${count} ${WHO.look[count === 1 ? 0 : 1]}`;
     };
+    look.hidden = true;
     choice.addEventListener("change", () => {
       if (isOut.has(choice.value)) shows(true);
       pick(choice.value);
@@ -138,6 +164,16 @@
       both.title = WHO.note;
       place.append(both);
     }
+    const withLost = new Set(drawn.filter((group) => group.classList.contains("all")).map((group) => group.dataset.who));
+    if (withLost.size) {
+      const trialsToo = document.createElement("label"), ticked = document.createElement("input");
+      ticked.type = "checkbox";
+      ticked.addEventListener("change", () => document.body.classList.toggle("with-all", ticked.checked));
+      trialsToo.append(ticked, ` ${WHO.lost} (${withLost.size})`);
+      trialsToo.title = WHO.dotted;
+      place.append(trialsToo);
+    }
+    place.append(look);
     document.querySelector("nav").after(place);
     const at = (event) => (event.target instanceof Element ? event.target.closest("[data-who]") : null);
     document.addEventListener("pointerover", (event) => {

@@ -166,6 +166,16 @@ def _head(columns: tuple[Column, ...]) -> str:
     return f"<tr>{groups}</tr>\n<tr>{names}</tr>\n"
 
 
+def _shown(cell: Cell) -> str:
+    text = escape(cell.text)
+    if cell.link:
+        return f'<a href="{escape(cell.link, quote=True)}">{text}</a>'
+    if cell.command:
+        command = escape(cell.command, quote=True)
+        return f'<button type="button" data-command="{command}" title="{command}">{text}</button>'
+    return text
+
+
 def _row(row: tuple[Cell | str, ...], columns: tuple[Column, ...]) -> str:
     cells = []
     for i, (content, column) in enumerate(zip(row, columns, strict=True)):
@@ -173,5 +183,5 @@ def _row(row: tuple[Cell | str, ...], columns: tuple[Column, ...]) -> str:
         hint = f' title="{escape(cell.hint, quote=True)}"' if cell.hint else ""
         look = f"{column.align} {cell.mark}".strip()
         tag, scope = ("th", ' scope="row"') if i == 0 else ("td", "")
-        cells.append(f'<{tag}{scope} class="{look}"{hint}>{escape(cell.text)}</{tag}>')
+        cells.append(f'<{tag}{scope} class="{look}"{hint}>{_shown(cell)}</{tag}>')
     return "<tr>" + "".join(cells) + "</tr>"

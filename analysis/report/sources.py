@@ -5,9 +5,13 @@ import json
 from collections.abc import Sequence
 
 from analysis.report.provenance import ReportProvenance, SessionSource
+from analysis.session_incidents import incidents_of
+from lab.clock import SIMULATED_EPOCH_ISO
 from recording.integrity import damage_of
 from recording.manifest import Manifest
 from recording.reader import Recording
+
+VIRTUAL_TIME = "virtual time"
 
 
 def source_of(recording: Recording) -> SessionSource:
@@ -27,11 +31,17 @@ def source_of(recording: Recording) -> SessionSource:
     return SessionSource(
         participant=manifest.participant,
         session=f"ses-{manifest.session:03d}",
-        started_at=manifest.created_wall_iso,
+        started_at=VIRTUAL_TIME if on_virtual_clock(manifest) else manifest.created_wall_iso,
         status="; ".join(("damaged", *damage.summary())) if damage.is_damaged else recording.status,
         sha256=hashlib.sha256("".join(hashes).encode()).hexdigest(),
         code_revision=manifest.provenance.code_revision,
+        incidents=incidents_of(recording),
     )
+
+
+def on_virtual_clock(manifest: Manifest) -> bool:
+    """Tell whether a session began on the virtual clock, whose dates are nobody's."""
+    return manifest.is_simulated and manifest.created_wall_iso[:10] == SIMULATED_EPOCH_ISO[:10]
 
 
 def provenance_of_sessions(
@@ -39,20 +49,23 @@ def provenance_of_sessions(
     manifests: Sequence[Manifest],
     sources: Sequence[SessionSource],
     commands: tuple[str, ...],
+    folder: str = "",
 ) -> ReportProvenance:
     """Return the provenance of a report about several sessions of one study."""
     first = manifests[0]
-    dates = sorted({m.created_wall_iso[:10] for m in manifests})
-    span = dates[0] if len(dates) == 1 else f"{dates[0]} to {dates[-1]}"
+    dates = sorted({m.created_wall_iso[:10] for m in manifests if not on_virtual_clock(m)})
+    spans = [" to ".join(dict.fromkeys((dates[0], dates[-1])))] if dates else []
+    spans += [VIRTUAL_TIME] if any(map(on_virtual_clock, manifests)) else []
     plans = json.dumps([m.plan for m in manifests], sort_keys=True)
     return ReportProvenance(
         study=study,
         study_version=str(first.plan["study_version"]),
-        data_date="virtual time" if first.is_simulated and dates == ["2000-01-01"] else span,
+        data_date=", ".join(spans),
         versions={"python": first.provenance.python, **first.provenance.packages},
         sessions=tuple(sources),
         configuration_sha256=first.configuration_sha256,
         plan_sha256=hashlib.sha256(plans.encode()).hexdigest(),
         seed=first.seed,
         commands=commands,
+        folder=folder,
     )

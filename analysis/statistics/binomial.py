@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
 from analysis.statistics.errors import ConstantResponse, NotNumeric, TooFewSubjects
 from analysis.statistics.inputs import differences, paired, sample
@@ -62,12 +61,51 @@ def binomial_test(hits: int, n: int, *, expected: float = 0.5, level: float = 0.
         raise TooFewSubjects(f"{hits} of {n} cannot be tested")
     if not 0 < expected < 1:
         raise NotNumeric(f"the share expected lies between 0 and 1, not {expected:g}")
+    from scipy import stats  # late: half a second that other tests need not pay
+
     made = stats.binomtest(hits, n, expected)
     ends = made.proportion_ci(level, "exact")
     effect = Effect("share", hits / n, Interval(float(ends.low), float(ends.high), level))
     return Binomial(
         hits, n, expected, float(made.pvalue), effect, Provenance("Exact binomial test", n)
     )
+
+
+def clustered_share(
+    hits: npt.ArrayLike, of: npt.ArrayLike, *, level: float = 0.95
+) -> tuple[float, Interval]:
+    """Return the share of hits where people gave several answers each, with an interval that knows.
+
+    `hits` and `of` (n,) count per person. Answers of one person are alike, so they are worth fewer
+    than as many of different people: the interval is Clopper and Pearson's of the effective number
+    of answers, after Korn and Graubard (1998, Survey Methodology 24, 193), with the variance of a
+    ratio over people. It is that of as many answers as people where nobody differs from the
+    others, and the whole of 0 to 1 for one person.
+
+    Raises:
+        TooFewSubjects: nothing was answered.
+    """
+    counts, answers = np.asarray(hits, float), np.asarray(of, float)
+    counts, answers = counts[answers > 0], answers[answers > 0]
+    people, total = counts.size, float(answers.sum())
+    if not people:
+        raise TooFewSubjects("nobody answered, so there is no share")
+    share = float(counts.sum()) / total
+    if people == 1:
+        return share, Interval(0.0, 1.0, level)
+    from scipy import stats  # late, as below
+
+    apart = counts - share * answers
+    variance = people / (people - 1) * float(apart @ apart) / total**2
+    worth = float(people)
+    if variance > 0:
+        tail = (1 + level) / 2
+        widened = float(stats.t.ppf(tail, total - 1) / stats.t.ppf(tail, people - 1)) ** 2
+        worth = min(total, share * (1 - share) / variance * widened)
+    held = share * worth
+    low = 0.0 if share <= 0 else stats.beta.ppf((1 - level) / 2, held, worth - held + 1)
+    high = 1.0 if share >= 1 else stats.beta.ppf((1 + level) / 2, held + 1, worth - held)
+    return share, Interval(float(low), float(high), level)
 
 
 def sign_test(

@@ -7,7 +7,7 @@ adaptive Gauss-Hermite quadrature (Liu and Pierce 1994): nodes lie around each s
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 from analysis.statistics.design import Codes
 from analysis.statistics.errors import NotConverged
@@ -192,6 +192,8 @@ def log_likelihood(category: Codes, X: Array, subject: Codes, *, has_intercept: 
 
 
 def _peak(likelihood: _Likelihood) -> Array:
+    from scipy import optimize  # late: other tests need not pay for it
+
     found = optimize.minimize(
         likelihood.loss,
         likelihood.start(),

@@ -164,7 +164,7 @@ def read_table(path: Path) -> DataTable:
 def _from_parquet(path: Path) -> DataTable:
     try:
         frame = pd.read_parquet(path)
-    except (OSError, ValueError) as error:
+    except Exception as error:  # what pandas' notes in a damaged file lead to is any of them
         raise DataError(f"{path} cannot be read as Parquet ({error})") from error
     return table_of(frame, name=path.name)
 

@@ -9,9 +9,10 @@ reader may return something or refuse with an error of ours; a codec may not rai
 are tracebacks (any other error), results accepted wrong (a ray that is no unit vector, a button the
 device has not, a checked frame that nobody sent), and hangs: an input that takes more than
 `LIMIT_S` of processor time.
-`--seconds` ends a target early; how many inputs it had is printed. Files are written to memory
-where the system has such a place. With `--tally FILE` counts are kept and each run goes on where
-the last one stopped, with other inputs, until every target has had `--inputs`.
+`--seconds` ends a target early; how many inputs it had is printed. An import of a whole person does
+far more than read: its reader gets all inputs, the rest of it a hundredth of them. Files are
+written to memory where the system has such a place. With `--tally FILE` counts are kept and each
+run goes on where the last one stopped, with other inputs, until every target has had its inputs.
 """
 
 import argparse
@@ -145,11 +146,13 @@ def main() -> int:
     warnings.simplefilter("ignore")
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     outcomes = []
+    wanted = {}
     counts = tallied(options.tally, options.seed)
     with tempfile.TemporaryDirectory(dir=scratch_folder()) as scratch:
         for target in (*codecs(), *files(Path(scratch))):
             had = counts.get(target.name, dict.fromkeys(COUNTS, 0))
-            left = options.inputs - had["inputs"]
+            wanted[target.name] = round(options.inputs * target.share_01)
+            left = wanted[target.name] - had["inputs"]
             if options.only not in target.name or left <= 0:
                 continue
             outcome = fuzz(target, left, options.seconds, options.seed, had["inputs"])
@@ -168,8 +171,11 @@ def main() -> int:
                 for place, n in list(outcome.where.items())[:SHOWN]:
                     print(f"    {n} × {place}", flush=True)
     if options.tally is not None and not options.json:
-        least = min(counts.values(), key=lambda had: had["inputs"])["inputs"] if counts else 0
-        print(f"in all {sum(had['inputs'] for had in counts.values())} inputs, {least} at least")
+        done = sum(counts.get(name, {"inputs": 0})["inputs"] >= n for name, n in wanted.items())
+        print(
+            f"in all {sum(had['inputs'] for had in counts.values())} inputs; "
+            f"{done} of {len(wanted)} targets had all of theirs"
+        )
     if options.json:
         print(json.dumps([asdict(outcome) for outcome in outcomes]))
     else:

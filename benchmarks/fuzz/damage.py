@@ -5,9 +5,11 @@ reached by values that are changed and then sealed again, as another version or 
 them.
 """
 
+import io
 import json
 import zlib
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -106,6 +108,52 @@ def chained_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
 def journal_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
     """Return a journal with values changed, every line with a checksum that agrees."""
     return b"".join(map(encode_line, _records(data, drawn)))
+
+
+def arrays_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
+    """Return an .npz file of which one to three arrays are others; texts in them are JSON."""
+    arrays = dict(_arrays_of(data))
+    for _ in range(ONE_TO_THREE[next(drawn) % 5]):
+        name = list(arrays)[next(drawn) % len(arrays)]
+        found = _array_again(arrays.pop(name), drawn)
+        if found is not None:
+            arrays[name] = found
+        if not arrays:
+            break
+    written = io.BytesIO()
+    np.savez(written, allow_pickle=False, **arrays)
+    return written.getvalue()
+
+
+@lru_cache(maxsize=4)
+def _arrays_of(data: bytes) -> dict[str, Any]:
+    with np.load(io.BytesIO(data)) as file:
+        return {name: file[name] for name in file.files}
+
+
+def _array_again(array: Any, drawn: Iterator[int]) -> Any:
+    """Return another array, None for none at all."""
+    kind = next(drawn) % 8
+    if array.dtype == np.uint8 and array.tobytes()[:1] == b"{":
+        text = json.dumps(changed(json.loads(array.tobytes()), drawn)).encode()
+        return np.frombuffer(text if kind else text[: len(text) // 2], np.uint8)
+    if kind == 0:
+        return None
+    if kind == 1:
+        return array[: next(drawn) % (len(array) + 1)] if array.ndim else array.reshape(1)
+    if kind == 2:
+        return array.reshape(-1)
+    if kind == 3:
+        wanted = (np.float64, np.uint8, "U9", bool, np.complex128)[next(drawn) % 5]
+        return array.astype("U9" if array.dtype.kind not in "fiub" else wanted)
+    if array.dtype.kind not in "fiub" or not array.size:
+        return np.zeros((2, 0))
+    is_float = array.dtype.kind == "f"
+    edges = (np.nan, np.inf, -1, 0, 1e300) if is_float else (-1, 0, 255, 1 << 30, -(1 << 62))
+    edged = array.astype(np.float64 if is_float else np.int64)
+    at = next(drawn) % edged.size
+    edged.reshape(-1)[slice(None) if kind == 4 else at] = edges[next(drawn) % len(edges)]
+    return edged
 
 
 def _records(data: bytes, drawn: Iterator[int]) -> list[dict[str, Any]]:

@@ -1,21 +1,25 @@
 """What reads files: one target per reader, with a whole file of its format as sample."""
 
 import gzip
+import io
+import json
 import shutil
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from analysis.foreign_check import read_xdf_times
+from analysis.foreign_check import read_bids_times, read_xdf_times
 from analysis.gaze.bids import read_bids
 from analysis.gaze.mapped_csv import mapping_of, read_csv, read_mapping
 from analysis.gaze.readers import read_pupil, read_vive
 from analysis.session_check import check_session
 from analysis.statistics_report.table_file import read_table
 from benchmarks.fuzz.codecs import WIRES
-from benchmarks.fuzz.damage import chained_again, journal_again, sealed_again
+from benchmarks.fuzz.damage import arrays_again, chained_again, journal_again, sealed_again
 from benchmarks.fuzz.target import Target
 from devices.wirelog import read_wire_log
 from lab.clock import SimClock
@@ -27,19 +31,21 @@ from lab.yaml_lines import parse_document
 from protocol.exports_register import register_export, registered_exports
 from protocol.key_file import KeyFile
 from protocol.ledger import Ledger
+from protocol.own_body import OWN_BODY_NAME, OwnBody, read_own_body, write_own_body
+from protocol.questionnaires import SCALES_DIR, load_questionnaire
 from recording.bids import export_bids
-from recording.chained import read_lines
+from recording.chained import append_lines, read_lines
 from recording.journal import decode_line
 from recording.journal_file import read_journal
 from recording.manifest import read_with_seal
 from recording.reader import Recording
-from recording.sealed import read_sealed
+from recording.sealed import read_sealed, seal
 from recording.stream_file import read_stream_file
 from recording.xdf import export_xdf
 from stimuli.characters.gltf import import_gltf
 from stimuli.characters.gltf_figure import read_figure
 from stimuli.characters.gltf_file import read_glb
-from stimuli.characters.storage import read_character
+from stimuli.characters.storage import read_character, write_character
 from stimuli.motion.bvh import parse_bvh
 from stimuli.motion.clip import Clip
 from stimuli.motion.clip_file import read_clip, write_clip
@@ -49,18 +55,35 @@ from tests.recording.sessions import record_session
 from tests.recording.test_export import gaze_session
 from tests.stimuli.glb_figure import write_glb
 from tests.stimuli.motion.motions import SMALL_BVH
+from visavis.catalogue import find_study
+from visavis.page.elsewhere.results import read_runs
+from visavis.picture_delay import SETTING, read_sync_test
+from visavis.sessions.piecewise import read_kept
+from visavis.sessions.plan_lock import LOCK_NAME, PEEKS_NAME, lock_plan, read_lock, read_peeks
 from visavis.sessions.study_folder import StudySettings, read_settings, settle
+from visavis.texts import WORDS_DIR, read_texts
 
 TOLD_BY_IMPORT = (
     LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError,
     MemoryError,
 )  # fmt: skip
 """What `import_gltf` tells as a broken file, whatever step of it raised it."""
+IMPORTS_SHARE_01 = 0.01
+"""An import measures, thins and wraps a person: a tenth of a second where a reader takes a
+thousandth of that."""
 MAPPING = """time: {column: t, unit: s}
 space: head
 combined: {direction: [x, y, z]}
 """
 CSV = "t,x,y,z\n0,0,0,-1\n0.01,0.1,0,-1\n0.02,0.2,0,-1\n"
+RUN = (
+    {"run": "a1", "line": 0, "at_ms": 1.7e12, "arrived": {
+        "format": 1, "study": "stare", "seed": 1, "place": 0, "sha256": "00",
+        "told": {"PROLIFIC_PID": "5f0c", "STUDY_ID": "x"}}},
+    {"run": "a1", "line": 1, "at_ms": 1.7e12 + 40, "opened": {"tab": "t", "at_ms": 12.5}},
+)  # fmt: skip
+"""What one person's page hands over, line by line."""
+SYNC = {"offsets_ms": {SETTING: 12.5}, "made": "2026-01-01T00:00:00+00:00", "is_simulated": False}
 TABLE = "participant,condition,dwell_ms\n1,A,100.5\n1,B,120\n2,A,90\n2,B,140\n"
 
 
@@ -87,6 +110,14 @@ def files(scratch: Path) -> Iterator[Target]:
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (4, len(skeleton.names), 1))
     write_clip(made / "clip.npz", Clip(skeleton, 0.01, np.zeros((4, 3)), turns))
     write_glb(made / "figure.glb")
+    person = import_gltf(made / "figure.glb", gender="male")
+    person = replace(person, levels=person.levels[-1:], closed=None, measuring=())
+    write_character(person, made / "person.npz")
+    told = study / "sub-01B"
+    write_own_body(told, OwnBody("female", 1.7))
+    planned = find_study("stare")
+    lock_plan(study, planned, planned.experiment({}), 1, SimClock(), participants=3)
+    append_lines(study / PEEKS_NAME, [{"at": "2026-01-01", "sessions": 1, "reason": "asked"}])
 
     def at(name: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
         path = scratch / "read" / name
@@ -146,6 +177,29 @@ def files(scratch: Path) -> Iterator[Target]:
         "protocol.exports_register", study / "exports.jsonl", lambda p: registered_exports(p.parent)
     )
     yield from (exports, again(exports, chained_again))
+    own = target(
+        "protocol.own_body",
+        (told / OWN_BODY_NAME).read_bytes(),
+        at(f"{told.name}/{OWN_BODY_NAME}", lambda p: read_own_body(p.parent)),
+    )
+    yield from (own, again(own, sealed_again))
+    lock = of_file("visavis.plan_lock", study / LOCK_NAME, lambda p: read_lock(p.parent))
+    yield from (lock, again(lock, sealed_again))
+    peeks = of_file("visavis.plan_lock peeks", study / PEEKS_NAME, lambda p: read_peeks(p.parent))
+    yield from (peeks, again(peeks, chained_again))
+    kept = seal({"row": {"dwell_ms": 1.5}, "tables": {"looks": [{"zone": "A"}, {"zone": "B"}]}})
+    measured = target("visavis.piecewise", kept, at("kept.json", read_kept))
+    yield from (measured, again(measured, sealed_again))
+    yield target("visavis.picture_delay", json.dumps(SYNC), at("sync.json", read_sync_test))
+    told_lines = "".join(json.dumps(line) + "\n" for line in RUN)
+    yield target("visavis.elsewhere results", told_lines, at("results.jsonl", _runs))
+    yield target("visavis.elsewhere archive", zipped(told_lines), at("results.zip", _runs))
+    yield of_file("protocol.questionnaires", SCALES_DIR / "demographics.yaml", load_questionnaire)
+    yield target(
+        "visavis.texts",
+        "\n".join((WORDS_DIR / "en.yaml").read_text("utf-8").splitlines()[:6]),
+        at("texts/en.yaml", lambda p: read_texts([p.parent])),
+    )
     keys = target(
         "protocol.key_file",
         (made / "keys" / "stare.json").read_bytes(),
@@ -155,8 +209,8 @@ def files(scratch: Path) -> Iterator[Target]:
     begun = of_file("visavis.study_folder", study / "study.json", lambda p: read_settings(p.parent))
     yield from (begun, again(begun, sealed_again))
     yield target("lab.plain_files parse_json", json_sample(session), parse_json_of)
-    yield target("lab.yaml_lines", EXAMPLE.read_bytes(), _yaml)
-    yield target("lab.config", EXAMPLE.read_bytes(), _config)
+    yield target("lab.yaml_lines", config_sample(), _yaml)
+    yield target("lab.config", config_sample(), _config)
     yield of_file("devices.wirelog", WIRES / "neosensory_buzz.wire", read_wire_log)
     yield of_file("analysis.foreign_check xdf", xdf, read_xdf_times)
     yield target("analysis.gaze.readers vive", vive_text(n=20), at("v.csv", read_vive))
@@ -176,17 +230,81 @@ def files(scratch: Path) -> Iterator[Target]:
         gzip.decompress(physio.read_bytes()),
         lambda data: packed(gzip.compress(data, 1)),
     )
+    yield from foreign_bids(scratch / "foreign")
     yield target("analysis.statistics_report table", TABLE, at("t.csv", read_table))
+    packed_table = io.BytesIO()
+    pd.read_csv(io.StringIO(TABLE)).to_parquet(packed_table, index=False)
+    yield target(
+        "analysis.statistics_report parquet", packed_table.getvalue(), at("t.parquet", read_table)
+    )
     yield target("stimuli.motion.bvh", SMALL_BVH, lambda data: parse_bvh(data.decode("latin-1")))
-    yield of_file("stimuli.motion.clip_file", made / "clip.npz", read_clip)
-    # All an import does takes a tenth of a second: what reads the file has inputs of its own.
+    clip = of_file("stimuli.motion.clip_file", made / "clip.npz", read_clip)
+    yield from (clip, again(clip, arrays_again))
     figure = made / "figure.glb"
     yield replace(
         of_file("stimuli.characters glb read", figure, lambda p: read_figure(read_glb(p))),
         refusals=(LabError, *TOLD_BY_IMPORT),
     )
-    yield of_file("stimuli.characters glb", figure, lambda p: import_gltf(p, gender="male"))
-    yield of_file("stimuli.characters npz", made / "clip.npz", read_character)
+    imported = of_file("stimuli.characters glb", figure, lambda p: import_gltf(p, gender="male"))
+    yield replace(imported, share_01=IMPORTS_SHARE_01)
+    character = of_file("stimuli.characters npz", made / "person.npz", read_character)
+    yield from (character, again(character, arrays_again))
+
+
+def foreign_bids(root: Path) -> Iterator[Target]:
+    """Yield a target per file of a data set that other software wrote, as `check` reads it."""
+    motion, gaze = root / "sub-1_tracksys-a_motion.tsv", root / "sub-1_recording-eye1_physio.tsv"
+    root.mkdir(parents=True)
+    (root / "dataset_description.json").write_text("{}")
+    content = {
+        motion: "0.0\t1.5\n0.1\t1.6\nn/a\tn/a\n",
+        motion.with_suffix(".json"): '{"SamplingFrequency": 10}',
+        motion.with_name("sub-1_tracksys-a_channels.tsv"): "name\ttype\nlatency\tLATENCY\nx\tPOS\n",
+        gaze: "0.0\t1\n0.1\t2\n",
+        gaze.with_suffix(".json"): '{"SamplingFrequency": 10, "Columns": ["timestamp", "x"]}',
+    }
+
+    def written(path: Path, data: bytes) -> None:
+        if path == gaze:
+            path.with_name(f"{path.name}.gz").write_bytes(gzip.compress(data, 1))
+        else:
+            path.write_bytes(data)
+
+    def reading(path: Path, whole: bytes) -> Callable[[bytes], object]:
+        def read(data: bytes) -> object:
+            written(path, data)
+            try:
+                return read_bids_times(root)
+            finally:
+                written(path, whole)
+
+        return read
+
+    for path, text in content.items():
+        written(path, text.encode())
+    for path, text in content.items():
+        name = f"analysis.foreign_check {path.name.split('_', 1)[1]}"
+        yield Target(name, (text.encode(),), reading(path, text.encode()), (LabError,))
+
+
+def zipped(text: str) -> bytes:
+    """Return an archive of one file of results."""
+    written = io.BytesIO()
+    with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("study_result_1/comp-result_1/data.txt", text)
+    return written.getvalue()
+
+
+def _runs(path: Path) -> object:
+    runs, _ = read_runs([path])
+    return [(run.begun_ms, run.arrival, run.place) for run in runs]
+
+
+def config_sample() -> str:
+    """Return a lab's configuration without comments and with few devices: less text to parse."""
+    lines = EXAMPLE.read_text("utf-8").splitlines()
+    said = [line for line in lines if line.strip() and not line.strip().startswith("#")]
+    return "\n".join(said[: said.index("  body_tracker:")]) + "\n"
 
 
 def json_sample(session: Path) -> bytes:

@@ -16,6 +16,7 @@ class Target:
     """A reader of bytes: `samples` are whole inputs, `refusals` the errors it may answer with.
 
     `is_sound` tells of a result whether the reader may return it, however damaged the input was.
+    Of the inputs that every target gets, one that does far more than read gets `share_01`.
     """
 
     name: str
@@ -25,3 +26,4 @@ class Target:
     is_sound: Callable[[object], bool] = anything
     change: Callable[[bytes, bytes, Iterator[int]], bytes] = damaged
     """What makes an input of a sample, another sample and drawn numbers."""
+    share_01: float = 1.0

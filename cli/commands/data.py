@@ -202,7 +202,12 @@ def init(
     """
     target = folder / CONFIG_NAME
     if target.exists():
-        raise UsageError(f"{target} exists already; it was left as it is")
+        raise UsageError(
+            f"{target} exists already; it was left as it is: edit it, or give another folder"
+        )
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(SCREEN_EXAMPLE if screen else EXAMPLE, target)
-    say(f"wrote [b]{verbatim(target)}[/]; edit it, then: visavis devices list")
+    say(
+        f"wrote [b]{verbatim(target)}[/]; everything in it is simulated until you edit it; next: "
+        "visavis doctor"
+    )

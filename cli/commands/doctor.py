@@ -7,7 +7,17 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from cli.app import ConfigOption, DevicesOption, JsonOption, app, console, load_lab, say, say_json
+from cli.app import (
+    ConfigOption,
+    DevicesOption,
+    JsonOption,
+    app,
+    console,
+    load_lab,
+    say,
+    say_json,
+    verbatim,
+)
 from cli.doctor.findings import Finding
 from lab.errors import DeviceError
 
@@ -26,6 +36,12 @@ def doctor(
     self_test: Annotated[
         bool, typer.Option("--self-test", help="Listen to every device for ten seconds, too.")
     ] = False,
+    lock: Annotated[
+        bool,
+        typer.Option(
+            "--lock", help="Lock this computer's timing; every start is compared with it."
+        ),
+    ] = False,
     devices: DevicesOption = None,
     config: ConfigOption = None,
     as_json: JsonOption = False,
@@ -38,6 +54,12 @@ def doctor(
     from lab.clock import SystemClock
 
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
+    if lock:
+        from cli.doctor.station import lock as lock_station
+
+        path = lock_station(lab, SystemClock())
+        if not as_json:
+            say(f"timing of this computer locked in [b]{verbatim(path)}[/]")
     seconds = SELF_TEST_S if self_test else 0.0
     if as_json:
         report = examine(lab, SystemClock(), self_test_s=seconds)

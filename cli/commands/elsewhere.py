@@ -98,6 +98,7 @@ def import_web(
         here.ledger,
         runs,
         identify=lambda label, who: None if key_file is None else key_file.identify(label, who),
+        known=lambda label: None if key_file is None else key_file.identity(label),
         unfinished_too=unfinished,
     )
     mark = "[magenta]SIMULATED[/]  " if here.is_simulated else ""
@@ -105,6 +106,15 @@ def import_web(
     for label, path in made.sessions.items():
         moved = "; the place was somebody else's, the next one counts" * (label in made.moved)
         console.print(f"  {label}  {verbatim(str(path))}{moved}", soft_wrap=True, highlight=False)
+    for label, path in made.continued.items():
+        gone_on = f"  {label}  {verbatim(str(path))}; went on since it was recorded"
+        console.print(gone_on, soft_wrap=True, highlight=False)
+    for run, label in made.twice:
+        errors.print(
+            f"[yellow]run {verbatim(run[:8])} is {verbatim(label)} once more, from another browser "
+            "or link: it was not recorded[/]",
+            soft_wrap=True,
+        )
     if made.unfinished:
         console.print(f"{made.unfinished} are not at their end; --unfinished records them, too")
     for run in made.withdrawn:

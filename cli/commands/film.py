@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from cli.film.cameras import CameraKind
     from cli.film.film import Overlay
 
-CAMERAS = "topology, follow, eyes, above, orbit, or the .json of an earlier film's decisions"
+CAMERAS = "auto, topology, follow, eyes, above, orbit, or the .json of an earlier film's decisions"
 
 
 @app.command()
@@ -37,7 +37,7 @@ def film(
     session_path: SessionArgument,
     trial: Annotated[str, typer.Option("--trial", help="Which trial: T07.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Film: .mp4, .webm or .avi.")],
-    camera: Annotated[str, typer.Option(help=f"{CAMERAS}.")] = "topology",
+    camera: Annotated[str, typer.Option(help=f"{CAMERAS}.")] = "auto",
     shot: Annotated[str, typer.Option(help="extreme-long, long, full, medium or close.")] = "long",
     cuts: Annotated[str, typer.Option(help="auto, none or static.")] = "auto",
     overlay: Annotated[
@@ -60,11 +60,12 @@ def film(
     """Film a recorded trial of any study by a camera of your choice, whatever was drawn in it.
 
     The topology camera looks for places in the room that see the participant, and cuts by the
-    rules of film; what it decides is written beside the film (.json), to film it so again.
+    rules of film; what it decides is written beside the film (.json), to film it so again. Where
+    no place is found in the room, a film that names no camera is made by the orbit camera.
 
     Example: visavis film data/simulated/crowd/sub-S01B/ses-001 --trial T02 -o T02.mp4
     """
-    from cli.film.cameras import Cuts
+    from cli.film.cameras import CameraKind, Cuts
     from cli.film.film import write_film
     from stimuli.camera.shots import ShotSize
 
@@ -76,7 +77,8 @@ def film(
         Cuts(_one_of("--cuts", cuts, [*Cuts])),
     )
     decided = output.with_suffix(".json")
-    if decided.exists() and camera == "topology":
+    new_file(output)
+    if decided.exists() and camera in ("auto", "topology"):
         raise UsageError(f"{decided} exists already; choose another name for the film")
     if sheet is not None:
         new_file(sheet)
@@ -101,7 +103,10 @@ def film(
             overlays=overlays, seed=seed, size_px=size_px, rate_hz=rate, seconds=seconds,
             on_frame=told,
         )  # fmt: skip
-    console.print(f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s", soft_wrap=True)
+    written = f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s"
+    if camera == "auto" and made.camera is CameraKind.ORBIT:
+        written += "; no place for the topology camera in this room, so filmed by --camera orbit"
+    console.print(written, soft_wrap=True)
     if made.decisions is not None:
         made.decisions.write(decided)
         console.print(f"written [b]{verbatim(decided)}[/]", soft_wrap=True)

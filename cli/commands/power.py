@@ -53,6 +53,8 @@ from visavis.sessions.simulation import worker_count
 from visavis.sessions.study_folder import DEFAULT_SEED, read_parameters
 
 TESTS_PER_TABLE = 5
+WIDEST_COLUMN = 60
+"""Characters that the columns of one table share."""
 POOL_PEOPLE = 240
 """People simulated for --fast: as many as five large studies."""
 POOL_TIMES = 5
@@ -422,7 +424,8 @@ def _table(summary: PowerSummary, tests: tuple[TestPower, ...]) -> Table:
     )
     table.add_column("n", justify="right", no_wrap=True, min_width=10)
     for t in tests:
-        table.add_column(t.claim, justify="right", width=12)
+        width = WIDEST_COLUMN // max(len(tests), 3)
+        table.add_column(t.claim, justify="right", width=width, overflow="fold")
     for i, n in enumerate(summary.request.numbers):
         points = [t.curve.points[i] for t in tests]
         table.add_row(

@@ -28,6 +28,7 @@ from cli.preview.pictures import (
 from cli.studies import study_here
 from cli.telling import TELLING, Forecast
 from lab.clock import NS_PER_S, SystemClock
+from lab.compiled import was_compiled_before
 from lab.errors import UsageError
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
@@ -40,6 +41,11 @@ PEOPLE = "people"
 SHEET_COLUMNS, SHEET_ROWS = 4, 3
 FOLLOWING = 5
 """How many trials a film goes on with when the one asked for is shorter than the film."""
+
+COMPILES_FIRST = (
+    "compiling the numeric loops first, once after installing or updating: a minute or two, more "
+    "where other programs compute"
+)
 
 
 @app.command()
@@ -112,6 +118,13 @@ def preview(
     )  # fmt: skip
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
+    if here.study.study.on == "browser":
+        from cli.preview.on_page import preview_page
+
+        if view is not Viewpoint.EYES:
+            raise UsageError(f"{study} shows its films on a page: leave --view out")
+        preview_page(capture, here.study, label, size_px, png, sheet, video, at, seconds, rate)
+        return
     showing = _Showing(capture, picture_of, view, size_px, label)
     if png is not None:
         _write_picture(showing, png, at)
@@ -150,10 +163,15 @@ class _Showing:
         Raises:
             UsageError: nothing was ever shown.
         """
+        if not was_compiled_before():
+            TELLING.say(COMPILES_FIRST)
         with console.status("performing the trial"):
             frames = self.capture.perform(until_s)
         if not frames:
-            raise UsageError(f"trial {self.capture.trial.number} showed nothing but darkness")
+            raise UsageError(
+                f"trial {self.capture.trial.number} showed nothing but darkness; the study shows "
+                "no scene in it (t.show): choose another with --trial"
+            )
         return frames
 
 

@@ -36,9 +36,9 @@ def replay(
 ) -> None:
     """Perform a recorded session again, and say where the two first differ.
 
-    A simulated session runs once more on the virtual clock, by the same plan and drivers; of
-    people, what their devices measured is evaluated again. Exit code 5 when anything differs. To
-    see a session again, use `visavis view` or `visavis film`.
+    A session simulated on the virtual clock runs once more, by the same plan and drivers; of
+    people, and of a simulation in real time, what the devices measured is evaluated again. Exit
+    code 5 when anything differs. To see a session again, use `visavis view` or `visavis film`.
 
     Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --verify
     """
@@ -59,9 +59,15 @@ def replay(
 
 def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -> None:
     from cli.commands.checking import EXIT_RED
-    from visavis.sessions.verifying import verify
+    from visavis.sessions.verifying import is_in_real_time, verify
 
     lab = load_lab(config, "sim", only_simulates=True)
+    in_real_time = recording.is_simulated and is_in_real_time(recording)
+    if in_real_time:
+        say(
+            "simulated in real time, which no other run repeats bit for bit (--fast does): "
+            "compared are its plan, and where gaze fell, from the samples as recorded"
+        )
     with (
         console.status("performing the session again"),
         TemporaryDirectory(prefix="visavis") as scratch,
@@ -74,7 +80,8 @@ def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -
     if verdict.first is None and verdict.is_fed:
         say(
             f"[green]the same, bit for bit[/]: {rows} gaze samples, evaluated again from gaze, "
-            "head and scenes as recorded; people are not performed again"
+            "head and scenes as recorded; "
+            + ("its plan is the same, too" if in_real_time else "people are not performed again")
         )
         return
     if verdict.first is None:
@@ -83,7 +90,7 @@ def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -
             f"events and trial rows{drawn}"
         )
         return
-    say(f"[red]differs[/] first in {verbatim(verdict.first.told())}")
+    say(f"[red]differs[/], first {verbatim(verdict.first.told())}")
     for name, count in verdict.differing.items():
         say(f"  {verbatim(name)}: {count} of {verdict.compared[name]} rows differ")
     raise typer.Exit(EXIT_RED)

@@ -116,6 +116,9 @@ def page_study(
     wanted = here.wanted(seed=seed, assignments=assignments, language=language)
     require_space(lab)
     settings = here.settled(wanted, seed_given=seed is not None)
+    note = here.require_same_design(settings, wanted)
+    if note:
+        TELLING.warn(note)
     experiment = chosen.experiment(settings.parameters)
     if not isinstance(experiment, StudyExperiment):
         raise UsageError(f"{chosen.name} is not declared on the kit; it shows no page")

@@ -29,6 +29,8 @@ from cli.app import (
 )
 from cli.commands.checking import EXIT_RED, print_check
 from cli.desk.link import ACTIONS, About, SessionLink
+from cli.doctor.findings import Finding
+from cli.doctor.station import station_findings
 from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
 from cli.questions import TerminalRespondent
@@ -41,11 +43,19 @@ from protocol.experiment import Experiment, demands_of, spare_roles_of
 from protocol.identifiers import make_label
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.operator import Operator, UnattendedOperator
+from protocol.own_body import OwnBody, read_own_body
 from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from recording.reader import Recording
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
+from visavis.sessions.begun_design import (
+    changes_of_design,
+    changes_since,
+    design_of,
+    design_of_session,
+    in_words,
+)
 from visavis.sessions.cast import use_recorded_cast
 from visavis.sessions.data_root import require_space
 from visavis.sessions.perform import PageAddress, Request, perform_new, perform_rest
@@ -170,15 +180,19 @@ def who_is_shown(
         refuse_other(here.folder, settings, wanted)
     in_force = seed if seed is not None else settings.seed if settings else DEFAULT_SEED
     experiment = here.study.experiment(wanted.parameters)
-    place = _place_shown(here.ledger, participant, experiment, in_force)
-    return Shown(experiment, in_force, *place)
+    label, index, group, note = _place_shown(here.ledger, participant, experiment, in_force)
+    changes = changes_of_design(here.folder, experiment)
+    if changes:
+        told = f"The sessions in {here.folder} had another design: {in_words(changes)}."
+        note = " ".join(filter(None, (note, told)))
+    return Shown(experiment, in_force, label, index, group, note)
 
 
 def _place_shown(
     ledger: Ledger, participant: str | None, experiment: Experiment, seed: int
 ) -> tuple[str, int, str, str]:
     """Return label, place, group and a note on whether that place is allocated."""
-    label, person = "next", "the next new participant"
+    label, person = "", "the next new participant"
     if participant is not None:
         try:
             entry = ledger.resolve(participant)
@@ -198,8 +212,9 @@ def _place_shown(
 
 def _print_plan(made: SessionPlan, label: str, note: str) -> None:
     console.print(
-        f"[b]{verbatim(made.study)}[/b]  participant [b]{verbatim(label)}[/b]  "
-        f"place {made.participant_index + 1}  "
+        f"[b]{verbatim(made.study)}[/b]  "
+        + (f"participant [b]{verbatim(label)}[/b]  " if label else "[b]next new participant[/b]  ")
+        + f"place {made.participant_index + 1}  "
         f"seed {made.seed}" + (f"  group {made.group}" if made.group else "")
     )
     if note:
@@ -263,6 +278,9 @@ def run(
         check_rig(devices_for(lab, chosen.experiment(wanted.parameters), without or ()))
     require_space(lab)
     settings = here.settled(wanted, seed_given=seed is not None)
+    note = here.require_same_design(settings, wanted)
+    if note:
+        errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
     entry = here.participant(settings, participant)
     path = _session_dir(here, entry, session)
     if path.exists():
@@ -275,7 +293,7 @@ def run(
             f"  {first}\n  or run a further one: add --session {others + 1}"
         )
     if where == "lab" and not fast:
-        entry = with_body(here, settings, entry, body)
+        ask_body(here, settings, entry, body)
     _perform(
         here, settings, entry, session, fast=fast, blind=blind, resume_from=None,
         without=without, on=where, port=port,
@@ -338,9 +356,13 @@ def resume(
             f"{'sim' if recording.is_simulated else 'real'}"
         )
     if recording.status == "complete":
-        raise UsageError(f"{session_path} is complete; nothing is left to do")
+        raise UsageError(
+            f"{session_path} is complete; nothing is left to do. Look at it: visavis check "
+            f"{session_path}; a further one: visavis run {manifest.study} --participant "
+            f"{manifest.participant} --session {manifest.session + 1}"
+        )
     if fast and not recording.is_simulated:
-        raise UsageError("--fast runs on a virtual clock, which people cannot")
+        raise UsageError("--fast runs on a virtual clock, which people cannot; leave it out")
     use_recorded_cast(recording)
     folder = session_path.resolve().parent.parent
     chosen, changed = study_of_folder(folder, manifest.study)
@@ -349,6 +371,14 @@ def resume(
     settings = read_settings(folder)
     if settings is None:
         raise UsageError(f"{folder} has no study.json; restore it from a copy")
+    otherwise = changes_since(
+        design_of_session(manifest), design_of(chosen.experiment(settings.parameters))
+    )
+    if otherwise:
+        raise UsageError(
+            f"{session_path} was begun with another design: {in_words(otherwise)}. Put the study "
+            "file back as it was and give the same command again"
+        )
     prefix = SIMULATED_PREFIX if recording.is_simulated else ""
     entry = Ledger(folder, SystemClock(), prefix=prefix).resolve(manifest.participant)
     _perform(
@@ -366,7 +396,10 @@ def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
     if len(unfinished) == 1:
         return unfinished[0]
     if not unfinished:
-        raise UsageError(f"no unfinished session under {lab.data_root / kind}")
+        raise UsageError(
+            f"no unfinished session under {lab.data_root / kind}; a new one begins with "
+            f"visavis run {'STUDY' if study == '*' else study} --participant ID"
+        )
     listed = "\n  ".join(f"visavis resume {p}" for p in unfinished)
     raise UsageError(f"several sessions are unfinished; choose one:\n  {listed}")
 
@@ -395,6 +428,12 @@ def _perform(
         make_ready(
             here.study, experiment, here.lab
         )  # before the operator's screen, which would stand empty meanwhile
+    station: tuple[Finding, ...] = ()
+    if not fast and on == "lab":
+        station = station_findings(here.lab, SystemClock())
+        _tell_station(station)
+    path = resume_from or _session_dir(here, entry, session)
+    own = read_own_body(path.parent)
     with ExitStack() as stack:
         operator: Operator = UnattendedOperator()
         respondent = None
@@ -411,7 +450,6 @@ def _perform(
             _let_signals_end(screen)
             if not simulated:
                 respondent = TerminalRespondent(console, screen.suspend)
-        path = resume_from or _session_dir(here, entry, session)
         if not fast:
             about = About(
                 here.study.name, entry.label, session, str(path.resolve()), simulated, blind,
@@ -433,12 +471,14 @@ def _perform(
             effect=settings.effect,
             blind=blind,
             consent_version=entry.consent_version,
-            companion=LabCompanion(lambda said: errors.print(f"[yellow]{verbatim(said)}[/]")),
+            companion=LabCompanion(
+                lambda said: errors.print(f"[yellow]{verbatim(said)}[/]"), station
+            ),
             without=tuple(dict.fromkeys(without or ())),
             on=on,
             page=PageAddress(port, _tell_address),
-            body=entry.body,
-            stature_m=entry.stature_m,
+            body=own.body,
+            stature_m=own.stature_m,
         )
         try:
             if resume_from is None:
@@ -462,10 +502,10 @@ def _perform(
         raise typer.Exit(EXIT_RED)
 
 
-def with_body(
+def ask_body(
     here: StudyHere, settings: StudySettings, entry: Participant, given: str | None
-) -> Participant:
-    """Ask once which body somebody sees as their own, where the study wants it; kept in the ledger.
+) -> None:
+    """Ask once which body somebody sees as their own, where the study wants it, and keep it.
 
     Raises:
         UsageError: there is no such body, or nobody at the terminal who could be asked.
@@ -473,16 +513,17 @@ def with_body(
     if given is not None and given not in BODIES:
         raise UsageError(f"--body is {given!r}; {' or '.join(BODIES)}")
     wants = demands_of(here.study.experiment(settings.parameters)).own_body
-    if not wants or here.lab.display.own_body != "none" or (entry.body and not given):
-        return entry
-    if given is None and here.is_simulated:
-        return entry
+    if not wants or here.lab.display.own_body != "none":
+        return
+    own = here.ledger.own_body(entry.label)
+    if given is None and (own.body or here.is_simulated):
+        return
     if given is None and not sys.stdin.isatty():
         raise UsageError(
             f"{here.study.name} shows participants a body of their own, and nobody was asked yet "
             f"which is that of {entry.label}: add --body female or --body male"
         )
-    body, stature_m = given or "", entry.stature_m
+    body, stature_m = given or "", own.stature_m
     while body not in BODIES:
         answer = console.input(
             f"Which body does {entry.label} see as their own?  1 female  2 male > "
@@ -495,7 +536,7 @@ def with_body(
         with suppress(ValueError):
             metres = float(told.replace(",", "."))
             stature_m = metres if MIN_STATURE_M <= metres <= MAX_STATURE_M else None
-    return here.ledger.describe_body(entry.label, body, stature_m)
+    here.ledger.describe_body(entry.label, OwnBody(body, stature_m))
 
 
 def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> None:
@@ -514,6 +555,16 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
         soft_wrap=True,
         highlight=False,
     )
+
+
+def _tell_station(found: tuple[Finding, ...]) -> None:
+    """Say how the computer keeps the timing that was locked; nothing where nothing was."""
+    for one in found:
+        if one.level == "warning":
+            what = f"{one.found}\n  → {one.remedy}" if one.remedy else one.found
+            errors.print(f"[yellow]station: {verbatim(what)}[/]", soft_wrap=True, highlight=False)
+        elif one.level == "ok":
+            errors.print(f"[dim]station: {verbatim(one.found)}[/]", soft_wrap=True, highlight=False)
 
 
 def _tell_address(address: str) -> None:

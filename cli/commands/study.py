@@ -1,6 +1,7 @@
 """simulate, analyse, report, demo: a whole study."""
 
 import webbrowser
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -151,14 +152,24 @@ def report(
     accept_damage: AcceptDamageOption = False,
     peek: PeekOption = None,
     sync: SyncOption = None,
+    views: Annotated[
+        bool,
+        typer.Option("--views", help="Make pages of the trials to look at; the report links them."),
+    ] = False,
     config: ConfigOption = None,
 ) -> None:
     """Make the study's self-contained HTML report and say where it lies.
 
     Example: visavis report data/simulated/stare
     """
+    where = folder_of(folder, config)
+    make_views = None
+    if views:
+        from cli.viewer.beside_report import write_views
+
+        make_views = partial(write_views, where)
     path = analyse_study(
-        folder_of(folder, config),
+        where,
         None,
         mixture=False,
         processes=processes,
@@ -166,6 +177,7 @@ def report(
         accept_damage=accept_damage,
         peek=peek,
         sync=sync,
+        make_views=make_views,
         telling=TELLING,
     )
     say(f"report: [b]{verbatim(path)}[/]")

@@ -155,14 +155,16 @@ class DeskServer:
         try:
             action = Action(body.get("action", ""))
         except ValueError as error:
-            raise PageError("there is no such command") from error
+            known = ", ".join(action.value for action in Action)
+            raise PageError(f"there is no such command; there are {known}") from error
         if not isinstance(text, str) or len(text) > MAX_TEXT:
             raise PageError(f"a note has at most {MAX_TEXT} characters")
         if not isinstance(code, str) or not isinstance(which, str):
             raise PageError("code and which are short texts")
         live = self._watch.live.get(which) if which else self._watch.of()
         if live is not None and action not in live.about["commands"]:
-            raise PageError(f"this session takes no {action.value}")
+            taken = ", ".join(live.about["commands"]) or "nothing from the desk; its own page does"
+            raise PageError(f"this session takes no {action.value}; it takes {taken}")
         if live is not None and code and code not in live.about["incidents"]:
             known = ", ".join(live.about["incidents"])
             raise PageError(f"there is no reason {code[:40]!r}; there are {known}")

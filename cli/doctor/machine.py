@@ -194,7 +194,7 @@ def _screens(lab: LabConfig) -> Finding:
     wanted = lab.display.show
     shown: list[Monitor] = []
     try:
-        shown = _monitors()
+        shown = monitors()
         modes = [str(monitor) for monitor in shown]
     except Exception as problem:  # the graphics library's own errors are of any kind
         modes = []
@@ -274,7 +274,8 @@ class Monitor(NamedTuple):
         return f"{self.width_px}×{self.height_px} at {self.rate_hz} Hz"
 
 
-def _monitors() -> list[Monitor]:
+def monitors() -> list[Monitor]:
+    """Return the monitors of this computer; raises what the graphics library raises."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # glfw warns where there is no screen
         import glfw

@@ -9,6 +9,7 @@ from typing import Any
 from cli.app import as_json_value
 from cli.doctor.findings import Finding, worst
 from cli.doctor.machine import COMPUTER, computer, libraries, licence_of
+from cli.doctor.station import station_findings
 from cli.doctor.wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
 from cli.sync_records import MAX_AGE_DAYS, age_days, newest
 from devices.bench import Trial, capture
@@ -52,14 +53,27 @@ def examine(lab: LabConfig, clock: Clock, *, self_test_s: float = 0.0) -> Report
     there = [d for d, trial in zip(chosen, trials, strict=True) if trial is None]
     heard = iter(capture(there, clock, self_test_s or GLANCE_S) if there else ())
     done = tuple(trial if trial is not None else next(heard) for trial in trials)
-    findings = (_configuration(lab), *around, *_devices(lab, done), _sync_test(lab, clock))
+    findings = (
+        _configuration(lab),
+        *around,
+        *_devices(lab, done),
+        _sync_test(lab, clock),
+        *station_findings(lab, clock),
+    )
     return Report(clock.wall_iso(), str(lab.path), findings, done, _licences())
 
 
 def save_with_session(
-    part_dir: Path, lab: LabConfig, clock: Clock, devices: Mapping[str, Device]
+    part_dir: Path,
+    lab: LabConfig,
+    clock: Clock,
+    devices: Mapping[str, Device],
+    station: tuple[Finding, ...] = (),
 ) -> None:
-    """Write `doctor.json` into a part of a session: surroundings, and devices as they are open."""
+    """Write `doctor.json` into a part of a session: surroundings, and devices as they are open.
+
+    `station` is how the computer kept time just before.
+    """
     trials = tuple(
         Trial(
             role,
@@ -74,7 +88,7 @@ def save_with_session(
     report = Report(
         clock.wall_iso(),
         str(lab.path),
-        (*_surroundings(lab, clock, are_open=True), *_devices(lab, trials)),
+        (*_surroundings(lab, clock, are_open=True), *_devices(lab, trials), *station),
         trials,
         _licences(),
     )

@@ -1,7 +1,7 @@
 """From where a film looks, moment by moment; every camera is asked for rising times."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -27,8 +27,12 @@ PEOPLE_EVERY_NS: Final = NS_PER_S // 5
 
 
 class CameraKind(StrEnum):
-    """Cameras that films know by name; any other is the file of a film's decisions."""
+    """Cameras that films know by name; any other is the file of a film's decisions.
 
+    Of itself a film takes the topology camera, or orbit where that finds no place to stand.
+    """
+
+    AUTO = "auto"
     TOPOLOGY = "topology"
     FOLLOW = "follow"
     EYES = "eyes"
@@ -164,6 +168,17 @@ def _known(value: Any) -> Any:
     if isinstance(value, list):
         return [_known(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def films_by_topology(pictures: Iterable[Picture]) -> bool:
+    """Tell whether every room of a trial that is ever lit has places for a topology camera."""
+    try:
+        for picture in pictures:
+            if picture.brightness_01 > 0:
+                _place_of(picture.room)
+    except UsageError:
+        return False
+    return True
 
 
 _PLACES: dict[int, tuple[Room, FilmedPlace]] = {}

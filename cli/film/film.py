@@ -27,12 +27,14 @@ from cli.film.cameras import (
     Decisions,
     FilmCamera,
     FromViewpoint,
+    films_by_topology,
     style_of,
 )
 from cli.film.on_page import write_page_film
 from cli.film.stand_in import StandIn
 from cli.preview.pictures import SIMULATED, Viewpoint, labelled
 from cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
+from cli.redraw import board_at
 from cli.session_lanes import lanes_of
 from lab.clock import NS_PER_S
 from lab.errors import UsageError
@@ -57,7 +59,7 @@ LOOK_EVERY_NS: Final = NS_PER_S // 4
 LOOK_PX: Final = (256, 144)
 """How often, and in how large a picture, the participant is looked for."""
 GAZE_AT_M: Final = 2.5
-"""How far along gaze a ring stands where nobody's head was hit."""
+"""How far gaze is drawn where nobody's head was hit: seen from outside, without a ring."""
 COLOURS: Final = {"contact": (255, 107, 94), "vibration": (94, 200, 255)}
 
 
@@ -74,11 +76,12 @@ ALL_OVERLAYS: Final = tuple(Overlay)
 
 @dataclass(frozen=True, eq=False)
 class Filmed:
-    """What was made: the number of pictures, the decisions of a camera that takes any, and the
-    film's objective sheet; none of a page, which no camera films.
+    """What was made: the number of pictures, by which camera, the decisions of one that takes any,
+    and the film's objective sheet; none of a page, which no camera films.
     """
 
     pictures: int
+    camera: CameraKind | Path | None
     decisions: Decisions | None
     sheet: Sheet | None = None
 
@@ -101,6 +104,8 @@ def write_film(
 ) -> Filmed:
     """Write the film of a trial; of one on a page, the page as it was, by no camera.
 
+    A question asked in the dark is seen from the participant's eyes, by whatever camera.
+
     Raises:
         UsageError: the session has no such trial, no rate of a film, no file of decisions, or no
             place in this room from where the camera could film.
@@ -116,7 +121,7 @@ def write_film(
             study, recording, trial_id, video, clock=shows_clock, size_px=size_px,
             rate_hz=rate_hz, seconds=seconds, on_frame=on_frame,
         )  # fmt: skip
-        return Filmed(n, None)
+        return Filmed(n, None, None)
     trial = recorded_trial(recording, trial_id)
     start_ns, end_ns = trial.span_ns
     if seconds is not None:
@@ -127,12 +132,15 @@ def write_film(
     label = f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
     aspect = size_px[0] / size_px[1]
 
-    def shown_at(t_ns: int) -> Picture:
-        return picture_of(next(iter(study.views_of(trial.shown_at(t_ns)))))
-
+    shown_at = pictures_of(study, trial)
+    if camera is CameraKind.AUTO:
+        scenes = recording.events_named("scene", trial.part)["t_ns"]
+        lit = [start_ns, *(int(t) for t in scenes if start_ns < t <= end_ns)]
+        is_place = films_by_topology(shown_at(t) for t in lit)
+        camera = CameraKind.TOPOLOGY if is_place else CameraKind.ORBIT
     looks = _camera(camera, shot, cuts, aspect, start_ns, seed, trial, shown_at)
     log = FilmLog(None if isinstance(camera, Path) or camera is CameraKind.EYES else shot)
-    scene = _FilmedTrial(trial, shown_at, looks, overlays, size_px, log)
+    scene = FilmedTrial(trial, shown_at, looks, overlays, size_px, log)
     with ExitStack() as stack:
         renderer = stack.enter_context(film_renderer(FILM_ON_PROCESSOR))
         scene.looks_from(renderer)
@@ -146,7 +154,18 @@ def write_film(
                 on_frame(k + 1, len(times))
     decided = looks.decisions() if isinstance(looks, ByTopology) else None
     cut_ns = None if decided is None else np.array([cut["t_ns"] for cut in decided.cuts])
-    return Filmed(len(times), decided, log.sheet(cut_ns))
+    return Filmed(len(times), camera, decided, log.sheet(cut_ns))
+
+
+def pictures_of(study: OpenedStudy, trial: RecordedTrial) -> Callable[[int], Picture]:
+    """Return what gives the picture of a trial at a time, with the board that asked then."""
+
+    def shown_at(t_ns: int) -> Picture:
+        picture = picture_of(next(iter(study.views_of(trial.shown_at(t_ns)))))
+        board = board_at(trial.recording, study, trial.part, t_ns)
+        return picture if board is None else replace(picture, panels=(*picture.panels, board))
+
+    return shown_at
 
 
 def _camera(
@@ -168,7 +187,7 @@ def _camera(
     return FromViewpoint(Viewpoint(camera.value), aspect, start_ns)
 
 
-class _FilmedTrial:
+class FilmedTrial:
     """One trial as pictures: what was shown, who stood there, and what is written over it."""
 
     def __init__(
@@ -186,6 +205,7 @@ class _FilmedTrial:
         self._trial, self._shown_at, self._looks = trial, shown_at, looks
         self._overlays, self._size_px = overlays, size_px
         self._from_eyes = isinstance(looks, FromViewpoint) and looks.view is Viewpoint.EYES
+        self._eyes = FromViewpoint(Viewpoint.EYES, size_px[0] / size_px[1], trial.span_ns[0])
         self._stand_in = None if self._from_eyes else StandIn(trial)
         wants = Overlay.CONTACTS in overlays
         self._lanes = lanes_of(trial.recording, trial.part) if wants else []
@@ -211,11 +231,14 @@ class _FilmedTrial:
         for t_ns in times:
             head = self._trial.head_at(t_ns)
             picture = self._shown_at(t_ns)
-            camera = self._looks.at(t_ns, picture, head)
             if picture.brightness_01 <= 0:
-                width, height = self._size_px
-                yield np.full((height, width, 3), DARK_PX, np.uint8)
+                if picture.panels:
+                    yield image(picture, self._eyes.at(t_ns, picture, head), self._size_px)
+                else:
+                    width, height = self._size_px
+                    yield np.full((height, width, 3), DARK_PX, np.uint8)
                 continue
+            camera = self._looks.at(t_ns, picture, head)
             if self._stand_in is not None:
                 picture = self._stand_in.in_picture(picture, t_ns, head)
             self._noted(t_ns, picture, camera, head.position_m)
@@ -231,7 +254,8 @@ class _FilmedTrial:
         gaze = self._trial.gaze_at(t_ns)
         if gaze is None:
             return drawn
-        aim = self._seen(camera, eyes_m + GAZE_AT_M * gaze)
+        met_m = self._trial.met_m(t_ns)
+        aim = self._seen(camera, eyes_m + (GAZE_AT_M if met_m is None else met_m) * gaze)
         if aim is None:
             return drawn
         marked = Image.fromarray(drawn)
@@ -239,6 +263,8 @@ class _FilmedTrial:
         begin = None if self._from_eyes else self._seen(camera, eyes_m + 0.12 * gaze)
         if begin is not None:
             pen.line((*begin, *aim), fill=RING, width=max(2, self._size_px[1] // 300))
+        if met_m is None and not self._from_eyes:
+            return np.asarray(marked)
         radius = RING_PX * self._size_px[1] // 720 if self._from_eyes else 6
         for r, colour in ((radius + 2, (30, 30, 30)), (radius, RING)):
             pen.ellipse((aim[0] - r, aim[1] - r, aim[0] + r, aim[1] + r), outline=colour, width=3)

@@ -1,7 +1,6 @@
 """A trial on a page, drawn again: its films in time, questions below, and answers as given."""
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +21,9 @@ from visavis.page.seen import Question, SeenStep, seen_trial
 
 Pixels = npt.NDArray[np.uint8]
 FILM_SHARE: Final = 0.68
-"""Height of films as a share of the picture's."""
+"""Height of films as a share of the picture's, at most."""
+QUESTION_SHARE: Final = 0.125
+"""What a question with its options takes of it."""
 BACK, INK, QUIET, CHOSEN = (250, 250, 248), (30, 30, 32), (120, 122, 126), (38, 104, 173)
 TYPED: Final = "…"
 
@@ -91,26 +92,59 @@ def write_page_film(
     """
     from stage.movie import open_movie
 
+    def times_of(start_ns: int, end_ns: int) -> list[int]:
+        if seconds is not None:
+            end_ns = min(end_ns, start_ns + round(seconds * NS_PER_S))
+        return list(range(start_ns, end_ns, NS_PER_S // rate_hz)) or [start_ns]
+
+    label = page_label(recording, trial_id)
+    done = 0
+    with open_movie(video, size_px, rate_hz) as movie:
+        for passed_s, image, n in page_pictures(study, recording, trial_id, times_of, size_px):
+            told = f"{label}  {passed_s:.1f} s" if clock else label
+            movie.add(np.asarray(labelled(image, told)))
+            done += 1
+            if on_frame is not None:
+                on_frame(done, n)
+    return done
+
+
+def page_label(recording: Recording, trial_id: str) -> str:
+    """Return what stands under pictures of a trial."""
     row = trial_row(recording, trial_id)
-    seen = seen_trial(study, recording, row)
-    start_ns, end_ns = seen.span_ns
-    if seconds is not None:
-        end_ns = min(end_ns, start_ns + round(seconds * NS_PER_S))
-    times = list(range(start_ns, end_ns, NS_PER_S // rate_hz)) or [start_ns]
     factors = ", ".join(str(row[name]) for name in factors_of(recording, trial_id))
     label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
-    label = f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
-    with ExitStack() as stack:
-        renderer = stack.enter_context(film_renderer())
-        films = FilmPictures(seen.store, round(FILM_SHARE * size_px[1]), renderer.image)
-        movie = stack.enter_context(open_movie(video, size_px, rate_hz))
-        for k, t_ns in enumerate(times):
+    return f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
+
+
+def page_pictures(
+    study: OpenedStudy,
+    recording: Recording,
+    trial_id: str,
+    times_of: Callable[[int, int], Sequence[int]],
+    size_px: tuple[int, int],
+) -> Iterator[tuple[float, Pixels, int]]:
+    """Yield what a trial's page showed, seconds from its begin, picture, and how many there will
+    be, at the session times that `times_of` chooses between its begin and end.
+
+    Raises:
+        UsageError: the session has no such trial.
+        StageError: nothing draws here.
+    """
+    seen = seen_trial(study, recording, trial_row(recording, trial_id))
+    start_ns, end_ns = seen.span_ns
+    times = times_of(start_ns, end_ns)
+    with film_renderer() as renderer:
+        share = film_share(max((len(step.questions) for step in seen.steps), default=0))
+        films = FilmPictures(seen.store, round(share * size_px[1]), renderer.image)
+        for t_ns in times:
             image = page_picture(seen.step_at(t_ns), t_ns, films, size_px)
-            told = f"{label}  {(t_ns - start_ns) / NS_PER_S:.1f} s" if clock else label
-            movie.add(np.asarray(labelled(image, told)))
-            if on_frame is not None:
-                on_frame(k + 1, len(times))
-    return len(times)
+            yield (t_ns - start_ns) / NS_PER_S, image, len(times)
+
+
+def film_share(questions: int) -> float:
+    """Return the height of films, as a share of the picture's, that leaves room for questions."""
+    return max(0.2, min(FILM_SHARE, 0.805 - QUESTION_SHARE * questions))
 
 
 def page_picture(

@@ -6,10 +6,10 @@ without calibration; nothing is kept of the recording.
 
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
 
 from lab.clock import NS_PER_S
 from lab.config import LabConfig
@@ -18,11 +18,12 @@ from lab.frame import FrameInfo
 from lab.geometry import Pose
 from protocol.experiment import Experiment
 from protocol.plan import SessionPlan, Trial
+from recording.kept import KeptRecording
 from stage.contracts import GeometryStage, Stage, Viewer
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
-from visavis.sessions.perform import perform_new, simulated_request
+from visavis.sessions.perform import Request, of_no_session, perform_new, simulated_request
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,27 +60,24 @@ class _Watching(GeometryStage):
         return super().draw(view, frame, head)
 
 
-class _FewTrials:
+@dataclass(frozen=True, eq=False)
+class _FewTrials(StudyExperiment):
     """An experiment whose plan has only these trials, without calibration."""
 
-    def __init__(self, experiment: Experiment, trial_ids: frozenset[str]) -> None:
-        self._experiment, self._trial_ids = experiment, trial_ids
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._experiment, name)
+    trial_ids: frozenset[str] = frozenset()
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return the plan with those trials alone."""
-        plan = self._experiment.plan(participant_index, seed, group)
+        plan = super().plan(participant_index, seed, group)
         blocks = tuple(
             replace(
                 block,
-                trials=tuple(t for t in block.trials if t.trial_id in self._trial_ids),
+                trials=tuple(t for t in block.trials if t.trial_id in self.trial_ids),
                 questionnaires=(),
                 calibrate=False,
             )
             for block in plan.blocks
-            if any(t.trial_id in self._trial_ids for t in block.trials)
+            if any(t.trial_id in self.trial_ids for t in block.trials)
         )
         return replace(plan, blocks=blocks, questionnaires=())
 
@@ -133,25 +131,36 @@ class Capture:
             return self.frames[-1].t_ns - self.frames[0].t_ns >= until_s * NS_PER_S
 
         with tempfile.TemporaryDirectory(prefix="preview") as folder:
-            request = simulated_request(
-                self._study,
-                cast(StudyExperiment, _FewTrials(self._experiment, self._wanted)),
-                self._config.model_copy(update={"data_root": Path(folder)}),
-                label=f"{self._index:02d}",
-                index=self._index,
-                seed=self._seed,
-                group=self._group,
-            )
 
             def stage_for(viewers: Sequence[Viewer]) -> Stage:
                 return _Watching(viewers, self.frames, enough)
 
             try:
-                perform_new(replace(request, stage_for=stage_for, on="lab"))
+                asked = self._request(Path(folder))
+                with of_no_session():
+                    perform_new(replace(asked, stage_for=stage_for, on="lab"))
             except _EnoughError:
                 return self.frames
         self.is_whole = True
         return self.frames
+
+    @contextmanager
+    def on_page(self) -> Iterator[KeptRecording]:
+        """Perform the trial on a page; its recording is there until the context ends."""
+        with tempfile.TemporaryDirectory(prefix="preview") as folder:
+            request = self._request(Path(folder))
+            yield KeptRecording(perform_new(replace(request, on="browser")))
+
+    def _request(self, folder: Path) -> Request:
+        return simulated_request(
+            self._study,
+            _FewTrials(self._experiment.study, self._experiment.overrides, self._wanted),
+            self._config.model_copy(update={"data_root": folder}),
+            label=f"{self._index:02d}",
+            index=self._index,
+            seed=self._seed,
+            group=self._group,
+        )
 
     def leave(self) -> None:
         """Perform no further; for another thread than the one that performs."""

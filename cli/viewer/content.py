@@ -130,16 +130,19 @@ def trial_lengths_ns(recording: KeptRecording) -> dict[str, int]:
 
 
 def times_of(recording: KeptRecording) -> Times:
-    """Return where every part of a session lies on one line of seconds."""
+    """Return where every part of a session lies on one line of seconds that begins at 0.
+
+    Session times of a real clock count from the computer's start.
+    """
     offset_s, begun_s = {}, 0.0
     for part in recording.manifest.parts:
-        offset_s[part.number] = begun_s
+        offset_s[part.number] = begun_s - part.started_ns / NS_PER_S
         events = recording.journal(part.number).events
-        last_ns = max((int(e["t_ns"]) for e in events), default=0)
+        last_ns = max((int(e["t_ns"]) for e in events), default=part.started_ns)
         for name in recording.stream_names:
             t_ns = recording.stream_arrays(name, part=part.number).get("t_host_ns")
             last_ns = max(last_ns, 0 if t_ns is None or not len(t_ns) else int(t_ns[-1]))
-        begun_s += last_ns / NS_PER_S + GAP_S
+        begun_s += (last_ns - part.started_ns) / NS_PER_S + GAP_S
     return Times(offset_s)
 
 
@@ -222,7 +225,9 @@ def _stream(
     n = len(arrays["recording_part"])
     every = max(1, -(-n // (MAX_ROWS_OF_WIDE if width > WIDE else MAX_ROWS)))
     kept = np.arange(n) % every == 0
-    when_ns = arrays.get("t_sample_ns" if name == "gaze_targets" else "t_host_ns", np.zeros(n))
+    when_ns = arrays.get("t_host_ns", np.zeros(n))
+    if name == "gaze_targets":  # no later than it arrived, as a slip of a tracker's clock says
+        when_ns = np.minimum(arrays["t_sample_ns"], when_ns)
     for trial in trials if every > 1 else ():
         start_ns, end_ns = trial.span_ns
         kept |= (

@@ -115,6 +115,17 @@ void main() {
   o = vec4(c * brightness, 1.0);
 }`];
 
+// A room that was drawn before, with how far everything in it is.
+const KEPT = [`#version 300 es
+void main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1); }`,
+`#version 300 es
+precision highp float; precision highp sampler2D;
+uniform sampler2D picture; uniform sampler2D depth; out vec4 o;
+void main() {
+  o = texelFetch(picture, ivec2(gl_FragCoord.xy), 0);
+  gl_FragDepth = texelFetch(depth, ivec2(gl_FragCoord.xy), 0).r;
+}`];
+
 class Program {
   constructor(gl, [vertex, fragment], defined = '') {
     fragment = fragment.replace('#version 300 es', '#version 300 es\n' + defined);
@@ -155,8 +166,8 @@ class Drawing {
     if (!gl) throw new Error('this browser draws no WebGL 2; open the page in Firefox, Chrome, Edge or Safari of 2022 or newer');
     this.canvas = canvas;
     this.content = content;
-    this.programs = {person: new Program(gl, PERSON, '#define TEXTURED'), quick: new Program(gl, QUICK), thing: new Program(gl, THING),
-      room: new Program(gl, ROOM), holes: new Program(gl, ROOM, '#define HOLES')};
+    this.programs = {person: new Program(gl, PERSON, '#define TEXTURED'), quick: new Program(gl, QUICK), eyes: new Program(gl, QUICK_EYES), thing: new Program(gl, THING),
+      kept: new Program(gl, KEPT), room: new Program(gl, ROOM), holes: new Program(gl, ROOM, '#define HOLES')};
     this.white = this.texture(new Uint8Array([255, 255, 255, 255]), 1, 1);
     this.pictures = content.header.textures.map(() => this.white);
     this.people = content.header.people.map(() => null);
@@ -349,6 +360,44 @@ class Drawing {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   }
 
+  // Puts what `draw` draws, kept from its second time on, until `key` or the picture's size is another; tells
+  // whether it did. What is not kept is drawn after the people, who hide some of it.
+  kept(key, width, height, draw) {
+    const gl = this.gl, whole = [key, width, height].join();
+    if (whole !== this.keptKey) {
+      this.keptKey = whole;
+      return this.isKept = false;
+    }
+    const kept = this.keptTarget ||= {colour: gl.createTexture(), depth: gl.createTexture(), frame: gl.createFramebuffer(), vao: gl.createVertexArray()};
+    if (!this.isKept) {
+      this.isKept = true;
+      gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
+      for (const [texture, at, form, read, kind] of [[kept.colour, gl.COLOR_ATTACHMENT0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE],
+        [kept.depth, gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT]]) {
+        gl.activeTexture(gl.TEXTURE0);
+        gl.bindTexture(gl.TEXTURE_2D, texture);
+        gl.texImage2D(gl.TEXTURE_2D, 0, form, width, height, 0, read, kind, null);
+        for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
+        gl.framebufferTexture2D(gl.FRAMEBUFFER, at, gl.TEXTURE_2D, texture, 0);
+      }
+      gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+      draw();
+      gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    }
+    const {p, at} = this.programs.kept;
+    gl.useProgram(p);
+    gl.bindVertexArray(kept.vao);
+    [[at.picture, kept.colour], [at.depth, kept.depth]].forEach(([place, texture], k) => {
+      gl.activeTexture(gl.TEXTURE0 + k);
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.uniform1i(place, k);
+    });
+    gl.depthFunc(gl.ALWAYS);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.depthFunc(gl.LESS);
+    return true;
+  }
+
   use(name, seen, room, brightness) {
     const gl = this.gl, {p, at} = this.programs[name];
     gl.useProgram(p);
@@ -400,7 +449,7 @@ class Drawing {
     const fine = {n, bone, weight, rest: c.rows(told.place), detail: c.rows(told.detail), normal: this.padded(told.normal),
       colour: this.padded(told.colour), surface: c.plainRows(told.surface), morph: c.flat(told.morph), deltas: c.rows(told.deltas),
       index: outward(c.flat(told.index), c.rows(told.place), this.padded(told.normal), told.openFrom), openFrom: told.openFrom, eyeFrom: told.eyeFrom};
-    fine.coarse = coarser(fine);
+    fine.coarse = COARSER.map(([, cell]) => coarser(fine, cell));
     return person.lightMesh = fine;
   }
 

@@ -8,6 +8,7 @@ const KEY_OF = {g: 'gaze', o: 'areas', h: 'heat', p: 'path', b: 'body', l: 'labe
 const CAMERAS = ['free', 'eyes', 'follow', 'above', 'topology'];
 const CEILING_M = 2.7;
 const SHARES = [1, 0.75, 0.5], ON_TIME_MS = 20, LATE_MS = 30;
+const TELL_MS = 100; // between two times that words beside the picture change while it moves, where the processor draws
 const REST_MS = 300; // after which people are drawn in full where the processor draws
 
 class Viewer {
@@ -26,7 +27,7 @@ class Viewer {
     this.above = {zoom: 1, by: [0, 0]};
     this.held = new Set();
     this.drawn = 0; this.spent = 0;
-    this.moved = -1e9; this.quick = false;
+    this.moved = -1e9; this.quick = false; this.toldAt = -1e9;
     this.coarse = 0; this.pace = ON_TIME_MS; this.timed = false;
     this.line = new Timeline($('line'), header, this.streams, t => this.seek(t), this.drawing.slow);
     this.over = $('overlay').getContext('2d', {willReadFrequently: this.drawing.slow});
@@ -36,6 +37,8 @@ class Viewer {
     this.startView();
     const wanted = new URLSearchParams(location.hash.slice(1));
     if (wanted.get('t')) this.seek(Number(wanted.get('t')));
+    const named = this.header.trials.findLast(s => s.t0 !== null && s.id === wanted.get('trial'));
+    if (named) this.seek(named.t0 + 0.01);
     if (CAMERAS.includes(wanted.get('camera'))) this.setCamera(wanted.get('camera'));
     const trial = this.trialAt(this.t);
     if (trial) this.line.show(trial.t0 - 1, trial.t1 + 1);
@@ -78,19 +81,25 @@ class Viewer {
   setCamera(name) { $('camera').value = name; this.above = {zoom: 1, by: [0, 0]}; this.dirty = true; }
   get camera() { return $('camera').value; }
 
+  // The middle and the reach of everybody throughout a scene, so that the view from above stands still.
   middle(scene) {
-    const points = [];
-    const head = this.streams.headAt(this.t);
-    if (head) points.push(head.at);
-    if (scene) {
-      scene.pose(this.t);
+    if (scene?.middle) return scene.middle;
+    const points = [], {t0, t1} = scene ? scene.told : {t0: this.t, t1: this.t};
+    for (const share of [0, 0.25, 0.5, 0.75, 0.999]) {
+      const t = t0 + share * (t1 - t0), head = this.streams.headAt(t);
+      if (head) points.push(head.at);
+      if (!scene) continue;
+      scene.pose(t);
       for (let i = 0; i < scene.told.cast.length; i++) points.push([...scene.place.subarray(3 * i, 3 * i + 3)]);
     }
+    if (scene) scene.pose(this.t);
     if (!points.length) points.push([0, 1, 0]);
     const low = [0, 1, 2].map(k => Math.min(...points.map(p => p[k]))), high = [0, 1, 2].map(k => Math.max(...points.map(p => p[k])));
     const centre = low.map((v, k) => (v + high[k]) / 2);
     centre[1] = 1;
-    return {centre, radius: Math.max(1.6, ...points.map(p => Math.hypot(p[0] - centre[0], p[2] - centre[2]) + 0.5))};
+    const middle = {centre, radius: Math.max(1.6, ...points.map(p => Math.hypot(p[0] - centre[0], p[2] - centre[2]) + 0.5))};
+    if (scene) scene.middle = middle;
+    return middle;
   }
 
   startView() { // behind and beside the participant, who looks at what there is
@@ -196,19 +205,22 @@ class Viewer {
     this.timed = quick;
     d.begin(Math.round(width * share), Math.round(height * share), room && room.lamps.length ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
     if (scene) {
+      const drawRoom = () => { if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light, quick ? share * height : 0); };
+      // A camera that stands still sees the same room again.
+      const isThere = quick && d.kept([scene.told.room, this.show.room, light, ...view.seen].join(), Math.round(width * share), Math.round(height * share), drawRoom);
       if (this.show.people && scene.told.cast.length) {
         const chosen = this.inView(scene, view);
         if (quick) (scene.quick ||= new QuickPeople(d, scene.told.cast)).draw(chosen, scene, view, share * height, room, light);
         else d.drawPeople(scene.told.cast, chosen, scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
       }
-      if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light, quick ? share * height : 0);
+      if (!isThere) drawRoom();
       d.drawThings(scene.told.moving.map(m => ({mesh: m.mesh, model: placed(m.at, m.turn), glow: m.glow})), view.seen, room, light);
     }
     if (this.show.body) d.drawThings(this.bodyThings(), view.seen, null, 1);
     const step = this.pages.at(t);
     if (step) this.drawPage(step, width, height);
     else this.drawOver(scene, view, width, height, light);
-    this.tell(scene, light, step);
+    if (!quick || begun - this.toldAt >= TELL_MS) { this.toldAt = begun; this.tell(scene, light, step); }
     this.drawn++;
     this.spent += performance.now() - begun;
   }
@@ -302,7 +314,8 @@ class Viewer {
         g.lineWidth = 2 * ratio;
         g.beginPath(); g.moveTo(a[0], a[1]); g.lineTo(b[0], b[1]); g.stroke();
       }
-      if (b) this.ring(g, b, 9 * ratio, ratio);
+      // In the air in front of nobody there is nothing to ring, but for their own eyes.
+      if (b && (gaze.hit >= 0 || this.camera === 'eyes')) this.ring(g, b, 9 * ratio, ratio);
     }
     if (this.show.gaze && gaze && !gaze.valid) this.label(g, 'gaze lost', width / 2, height - 16 * ratio, '#ff6b5e', ratio);
     if (this.show.body && this.streams.has('pointer')) {
@@ -423,7 +436,10 @@ class Viewer {
     for (const [name, value] of rows) {
       const row = table.insertRow();
       row.insertCell().textContent = name;
-      row.insertCell().textContent = typeof value === 'number' && !Number.isInteger(value) ? shortNumber(value) : /_ns$/.test(name) ? clockText(value / 1e9, 3) : String(value);
+      const cell = row.insertCell();
+      cell.textContent = typeof value === 'number' && !Number.isInteger(value) ? shortNumber(value) : /_ns$/.test(name) ? clockText(value / 1e9, 3)
+        : /_sha256$/.test(name) ? String(value).slice(0, 12) + ' …' : String(value);
+      cell.title = String(value);
     }
     box.append(table);
   }

@@ -14,7 +14,6 @@ from analysis.collisions import (
     nearest_part,
     speed_at,
 )
-from experiments.crowd.replay import Walk
 from experiments.crowd.surfaces import (
     MeshSurface,
     Surface,
@@ -25,6 +24,7 @@ from experiments.crowd.surfaces import (
     person_surface,
 )
 from experiments.crowd.walk_kernel import volumes_of_walk
+from experiments.crowd.walks import Walk
 from lab.geometry import Vector
 from stimuli.contact.body import CAPSULE_JOINTS, capsule_body
 from stimuli.contact.common import volumes_along

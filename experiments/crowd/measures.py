@@ -11,9 +11,9 @@ from analysis.collisions import Rule
 from analysis.gait import clearance_m, crossing_angles_deg, walk_measures
 from experiments.crowd.collision_measures import WalkVolumes, collision_rows, walk_volumes
 from experiments.crowd.pedestrian import has_pedpy, pedestrian_measures
-from experiments.crowd.replay import Walk
 from experiments.crowd.surfaces import Surface
 from experiments.crowd.tracking import named_durations
+from experiments.crowd.walks import Walk
 from lab.clock import NS_PER_S
 from lab.errors import ConfigError, UsageError
 from lab.geometry import Vector

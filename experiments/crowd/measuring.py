@@ -13,7 +13,7 @@ from experiments.crowd.measures import (
     measure_walk,
 )
 from experiments.crowd.pulses import pulse_rows
-from experiments.crowd.replay import walk_of, walk_records
+from experiments.crowd.walks import walk_of, walk_records
 from protocol.questionnaires import load_questionnaire
 from recording.reader import Recording
 from stimuli.scenes.station_crowd import DENSITY_PER_M2

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from experiments.crowd.replay import STEP_NS, Walk
+from experiments.crowd.walks import STEP_NS, Walk
 from lab.errors import UsageError
 from lab.geometry import Vector
 from stimuli.contact.idle import crowd_poses

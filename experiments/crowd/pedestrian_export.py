@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from experiments.crowd.pedestrian import write_pedpy_files
-from experiments.crowd.replay import load_walk, walk_records
 from experiments.crowd.study import study
+from experiments.crowd.walks import load_walk, walk_records
 from lab.errors import UsageError
 from recording.reader import Recording
 

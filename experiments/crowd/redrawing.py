@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from experiments.crowd.replay import crowd_from_record
+from experiments.crowd.walks import crowd_from_record
 from lab.errors import DataError
 from protocol.shown import Shown
 from stimuli.scene import SceneFrame

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from lab.plain_files import read_arrays
+from lab.plain_files import parse_json, read_arrays
 from stimuli.characters.character import (
     BodyCapsule,
     Character,
@@ -170,7 +170,7 @@ def read_character(path: Path) -> Character:
     """
     try:
         arrays = read_arrays(path)
-        head = json.loads(arrays["head"].tobytes())
+        head = parse_json(arrays["head"].tobytes())
         if head["format"] not in _READ:
             raise CharacterError(
                 f"{path}: format {head['format']}, this version reads {FORMAT}; import it again"
@@ -180,7 +180,10 @@ def read_character(path: Path) -> Character:
         raise CharacterError(
             f"{path}: no such character; `visavis character list` names all"
         ) from e
-    except (OSError, ValueError, KeyError, TypeError) as e:
+    except (
+        OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError,
+        Image.DecompressionBombError,
+    ) as e:  # fmt: skip
         raise CharacterError(f"{path}: not a whole character file ({e}); import it again") from e
 
 

@@ -52,7 +52,7 @@ def test_shipped_lab_is_ready(lab_file: Path) -> None:
     report = json.loads(result.output)
     assert result.exit_code == 0
     assert report["verdict"] in ("ok", "note", "warning")
-    assert {"computer", "libraries", "runtimes", "ports", "network", "devices"} == {
+    assert {"computer", "libraries", "runtimes", "ports", "network", "devices", "station"} == {
         f["section"] for f in report["findings"]
     }
     assert report["licences"]["pyserial"] in ("BSD", "not stated")

@@ -23,7 +23,7 @@ REAL_KEYS = TEXT.replace(
 
 
 def finding(monkeypatch, *monitors, text=TEXT):
-    monkeypatch.setattr(doctor_machine, "_monitors", lambda: list(monitors))
+    monkeypatch.setattr(doctor_machine, "monitors", lambda: list(monitors))
     return doctor_machine._screens(parse_config(text, Path("lab_config.yaml"), OPTION_MODELS))
 
 

@@ -4,17 +4,23 @@ import json
 import stat
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from cli.app import app
-from cli.film.on_page import FilmPictures, page_picture
+from cli.film.cameras import FromViewpoint
+from cli.film.film import FilmedTrial, pictures_of
+from cli.film.on_page import FilmPictures, film_share, page_picture
 from cli.film.stand_in import StandIn
+from cli.preview.pictures import Viewpoint
 from cli.recorded_trial import recorded_trial, trial_row
+from cli.redraw import board_at
 from cli.session_lanes import lanes_of
 from lab.errors import DesignError, UsageError
 from lab.geometry import Pose
@@ -24,10 +30,12 @@ from recording.kept import KeptRecording
 from recording.reader import Recording
 from stage.errors import StageError
 from stage.renderer import LIGHTEST, Renderer
+from stimuli.camera.sheet import FilmLog
 from stimuli.dressing.picture_of import picture_of
 from stimuli.motion.skeleton import forward
 from tests.visavis.sessions import opened, perform
-from visavis.page.seen import seen_trial
+from visavis.films import Film
+from visavis.page.seen import Question, SeenStep, seen_trial
 from visavis.sessions.study_folder import settle, wanted_settings
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -55,7 +63,7 @@ def test_a_film_by_the_topology_camera_is_cut_again_from_its_decisions(
     session: Path, tmp_path: Path
 ) -> None:
     first, again = tmp_path / "a.avi", tmp_path / "b.avi"
-    done = filmed(session, first, "--shot", "full")
+    done = filmed(session, first, "--shot", "full", "--camera", "topology")
     assert done.exit_code == 0, done.output
     decided = json.loads((tmp_path / "a.json").read_text())
     assert ["start"] == [cut["reason"] for cut in decided["cuts"]]
@@ -101,10 +109,52 @@ def test_a_room_without_a_place_for_the_camera_names_other_cameras_and_leaves_no
 
     monkeypatch.setattr("cli.film.cameras.prepare", nowhere)
     monkeypatch.setattr("cli.film.cameras._PLACES", {})
-    done = filmed(session, tmp_path / "a.mp4")
+    done = filmed(session, tmp_path / "a.mp4", "--camera", "topology")
     assert isinstance(done.exception, UsageError)
     assert "--camera follow, eyes, above or orbit" in str(done.exception)
     assert [] == list(tmp_path.iterdir())
+    done = filmed(session, tmp_path / "a.avi")
+    assert done.exit_code == 0, done.output
+    assert "filmed by --camera orbit" in done.output
+    assert ["a.avi"] == [path.name for path in tmp_path.iterdir()]
+
+
+def test_a_film_goes_on_in_the_dark_where_no_camera_finds_a_place(
+    session: Path, tmp_path: Path
+) -> None:
+    done = filmed(session, tmp_path / "a.avi", "--seconds", "20", "--rate", "1")
+    assert done.exit_code == 0, done.output  # the question is asked in the dark
+    views = json.loads((tmp_path / "a.json").read_text())["views"]
+    start_ns, end_ns = recorded_trial(KeptRecording(session), "T01").span_ns
+    assert 0 < len(views) < (end_ns - start_ns) / 1e9
+
+
+def test_a_question_in_the_dark_is_in_the_film_by_any_camera(session: Path) -> None:
+    recording = KeptRecording(session)
+    (told,) = (
+        told for told in recording.events_named("answered", 1)["payload"]
+        if told["trial_id"] == "T01"
+    )  # fmt: skip
+    study = opened("duel")
+    board = board_at(recording, study, 1, told["asked_ns"])
+    assert board is not None
+    assert (9, None) == (len(board.choices), board.chosen)
+    marked = board_at(recording, study, 1, told["answered_ns"])
+    assert marked is not None
+    assert told["answer"] == marked.choices[marked.chosen or 0]
+    assert board_at(recording, study, 1, told["asked_ns"] - 1) is None
+    try:
+        renderer = Renderer(quality=LIGHTEST)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    trial = recorded_trial(recording, "T01")
+    with renderer:
+        scene = FilmedTrial(
+            trial, pictures_of(study, trial), FromViewpoint(Viewpoint.ABOVE, 16 / 9, 0), (),
+            (160, 90), FilmLog(None),
+        )  # fmt: skip
+        seen = next(scene.pictures([told["answered_ns"]], renderer.image))
+    assert seen.max() > 100
 
 
 def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None:
@@ -121,6 +171,22 @@ def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None
     eyes = placed.position_m[[skeleton.index("left_eye"), skeleton.index("right_eye")]].mean(axis=0)
     assert np.abs(eyes - head.position_m)[[0, 2]].max() < 1e-6
     assert abs(eyes[1] - head.position_m[1]) < 0.06
+
+
+def test_gaze_is_drawn_as_far_as_the_head_it_met(session: Path) -> None:
+    trial = recorded_trial(KeptRecording(session), "T01")
+    assert trial.gaze is not None
+    start_ns, end_ns = trial.span_ns
+    t_ns, hit = trial.gaze["t_sample_ns"], trial.gaze["hit"]
+    inside = (t_ns >= start_ns) & (t_ns < end_ns) & trial.gaze["valid"]
+    assert (np.diff(t_ns) >= 0).all()  # also where the tracker's clock slipped
+    met, missed = (np.flatnonzero(inside & asked)[0] for asked in (hit >= 0, hit < 0))
+    head = trial.shown_at(int(t_ns[met])).scene.agents[hit[met]]
+    far_m = trial.met_m(int(t_ns[met]))
+    assert far_m is not None
+    end_m = trial.gaze["origin_world_m"][met] + far_m * trial.gaze["direction_world"][met]
+    assert np.linalg.norm(end_m - head.head_centre_m) < 1.5 * head.head_radius_m
+    assert trial.met_m(int(t_ns[missed])) is None
 
 
 @pytest.fixture(scope="module")
@@ -149,6 +215,22 @@ def test_a_trial_on_a_page_is_led_again_through_what_was_on_the_page(on_page: Pa
     assert seen.step_at(pair.films_on_ns) is pair
     once_ns = pair.films_on_ns + round(1e9 * (0.5 + 0.2))
     assert pytest.approx(0.2) == pair.film_time_s(pair.films["left"], once_ns)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_questions_below_a_film_leave_room_for_the_line_that_says_what_it_is(n: int) -> None:
+    low = np.array([0, 255, 0])
+
+    def film(*_: object) -> npt.NDArray[np.uint8]:
+        return np.full((round(film_share(n) * 540), 400, 3), low, np.uint8)
+
+    question = Question("q", "Which?", (("a", "left"), ("b", "right")), None, None)
+    shown = Film(cast(Any, None), 1.0, (400, 300), 10)
+    step = SeenStep(0, 10**9, 0, {"film": shown}, "", (question,) * n)
+    films = cast(FilmPictures, SimpleNamespace(at=film))
+    page = page_picture(step, 1, films, (960, 540))
+    assert n * 0.1 * 540 < 540 - np.flatnonzero((page == low).all(axis=2).any(axis=1))[-1]
+    assert (page[-25:] == page[-1, -1]).all()
 
 
 def test_a_film_of_a_page_shows_its_films_in_time_and_marks_the_answer(

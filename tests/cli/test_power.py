@@ -14,6 +14,7 @@ from analysis.power import (
     PowerRequest,
     PrintedTest,
     Replicate,
+    draw_power,
     jobs_of,
     run_job,
     study_seed,
@@ -266,6 +267,15 @@ def test_simulated_power_that_parts_from_the_printed_is_warned_of() -> None:
         notes({12: 96, 16: 100})
     )
     assert "WARNING" not in notes({12: 60, 16: 85})
+
+
+def test_the_figure_names_what_is_enough_beside_its_curves() -> None:
+    drawn = draw_power(summary_of(made_up({4: 50, 8: 95, 12: 95})))
+    axes = drawn.figure.axes[0]
+    legend = axes.get_legend()
+    assert legend is not None
+    assert ["n = 8: enough", "the first"] == sorted(t.get_text() for t in legend.get_texts())
+    assert [] == [t.get_text() for t in axes.texts if "n =" in t.get_text()]
 
 
 def test_one_lucky_number_does_not_decide() -> None:

@@ -12,6 +12,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from cli.app import load_lab
+from cli.film.on_page import BACK
 from cli.main import app
 from cli.preview import people as preview_people
 from cli.preview import pictures as preview_pictures
@@ -25,6 +26,7 @@ from stage.renderer import Renderer
 from stimuli.characters.cast import load_cast
 from stimuli.picture import Camera
 from tests.stage import figures
+from tests.visavis.sessions import STUDIES
 from visavis.catalogue import find_study
 
 
@@ -221,3 +223,23 @@ def test_views_from_outside_hold_everybody(view: Viewpoint, passed_s: float) -> 
 def test_view_from_the_eyes_is_the_participant_s_head() -> None:
     head = Pose(np.array([0.1, 1.6, 1.0]), np.array([1.0, 0, 0, 0]))
     assert camera_of(Viewpoint.EYES, figures.picture(1), head, 1.6, passed_s=0).pose is head
+
+
+def test_trial_on_a_page_shows_its_film_with_the_question_below(tmp_path: Path) -> None:
+    study, path = STUDIES / "films.py", tmp_path / "page.png"
+    preview(study, "--trial", 2, "--png", path, "--at", 0.5, "--size", "480x300")
+    with Image.open(path) as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    films, below = pixels[30:220], pixels[230:290]
+    assert 1 == len(parts_of(np.abs(films - BACK).sum(axis=2).max(axis=0) > 30))
+    assert (np.abs(below - BACK).sum(axis=2) > 30).any()
+    with pytest.raises(UsageError, match=r"--at 900\.0 s: the trial lasts"):
+        preview(study, "--png", tmp_path / "late.png", "--at", 900)
+    with pytest.raises(UsageError, match="on a page: leave --view out"):
+        preview(study, "--png", tmp_path / "above.png", "--view", "above")
+
+
+def parts_of(columns: np.ndarray) -> list[int]:
+    """Return where runs of at least 40 true columns begin."""
+    edges = np.flatnonzero(np.diff(np.r_[0, columns.astype(int), 0]))
+    return [int(a) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 40]

@@ -14,10 +14,12 @@ from typer.testing import CliRunner
 
 from cli.app import app
 from cli.film.on_page import FilmPictures
+from cli.redraw import UNDRAWN_PX
 from recording.folder import study_dir
 from recording.reader import Recording
 from stage.errors import StageError
-from stage.renderer import LIGHTEST, Renderer
+from stage.renderer import LIGHTEST, Quality, Renderer
+from stage.stills import still_quality
 from tests.visavis.test_every_study import SMALL, config_for, name_of
 from visavis.catalogue import find_study
 from visavis.sessions.perform import perform_new, simulated_request
@@ -93,20 +95,28 @@ def test_a_session_is_filmed(session: Session, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_a_frame_of_a_session_is_drawn_again(session: Session, tmp_path: Path) -> None:
+def test_a_frame_of_a_session_is_drawn_again(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     if session.reference == ON_PAGE:
         asked = ["redraw", str(session.path), "--frame", "1", "--png", str(tmp_path / "p.png")]
         assert "visavis film" in str(CliRunner().invoke(app, asked).exception)
         return
-    if session.reference != "stare":
-        pytest.skip("drawn again in small pictures by tests/stage/test_redraw_of_studies.py")
     recording = Recording(session.path)
     trials = recording.trials()
     begin_ns = int(trials[trials["trial_id"] == "T01"].iloc[0]["t_start_ns"])
     frames = recording.stream_arrays("frames")
     frame = int(frames["frame_index"][np.searchsorted(frames["t_host_ns"], begin_ns + LATER_NS)])
-    png = tmp_path / "frame.png"
+    png, times, asked_for = tmp_path / "frame.png", still_quality()[0], []
+
+    def opened(quality: Quality) -> Renderer:
+        asked_for.append(quality.samples)
+        return Renderer(quality=quality)
+
+    monkeypatch.setattr("cli.redraw.Renderer", opened)
     session.run("redraw", session.path, "--frame", frame, "--png", png)
+    assert [4 if times == 1 else 0] == asked_for  # samples cost a processor most of its time
+    assert 2 * UNDRAWN_PX[0] == np.asarray(Image.open(png)).shape[1]
     assert np.asarray(Image.open(png).convert("L")).std() > 5
 
 

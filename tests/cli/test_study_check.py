@@ -12,6 +12,7 @@ from lab.clock import SimClock
 from lab.config_files import EXAMPLE
 from lab.errors import DataError
 from protocol.ledger import Ledger
+from protocol.own_body import OwnBody, write_own_body
 from tests.recording.sessions import record_session
 from tests.visavis.sessions import perform
 from visavis.sessions.study_check import repair_study, study_problems
@@ -27,6 +28,7 @@ def study(tmp_path: Path) -> Path:
         ledger.add()
     for person in ("S01A", "S02B"):
         record_session(tmp_path, 2, participant=person)
+        write_own_body(folder / f"sub-{person}", OwnBody("female", 1.7))
     return folder
 
 
@@ -80,7 +82,13 @@ def test_every_cut_and_every_swap_of_files_is_named(study: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["study.json", "participants.jsonl", "sub-S01A/ses-001/manifest.json"]
+    "name",
+    [
+        "study.json",
+        "participants.jsonl",
+        "sub-S01A/own_body.json",
+        "sub-S01A/ses-001/manifest.json",
+    ],
 )
 def test_recover_puts_damaged_files_back(study: Path, name: str) -> None:
     path = study / name
@@ -94,6 +102,16 @@ def test_recover_puts_damaged_files_back(study: Path, name: str) -> None:
 
     assert 0 == done.exit_code, done.output
     assert "put back from its copy" in done.output
+    assert data == path.read_bytes()
+    assert () == study_problems(study)
+
+
+@pytest.mark.parametrize("name", ["study.copy.json", "sub-S01A/own_body.copy.json"])
+def test_recover_renews_a_damaged_copy_and_leaves_the_original(study: Path, name: str) -> None:
+    path = study / name
+    data = path.read_bytes()
+    put(path, b"{}")
+    assert (f"{path} was renewed",) == repair_study(study)
     assert data == path.read_bytes()
     assert () == study_problems(study)
 

@@ -28,6 +28,28 @@ from visavis.sessions.study_folder import settle, wanted_settings
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
+ROOM_KEPT = """() => {
+    const gl = viewer.drawing.gl, d = viewer.drawing;
+    const picture = () => { viewer.seek(viewer.header.scenes[0].t0 + 0.2); viewer.draw();
+        const w = gl.drawingBufferWidth, h = gl.drawingBufferHeight, p = new Uint8Array(4 * w * h);
+        gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p);
+        return p.join(); };
+    viewer.share = () => 1;
+    viewer.startView(); viewer.setCamera('free');
+    d.keptKey = null;
+    const drawn = picture();
+    if (d.isKept) throw new Error('kept at first sight');
+    picture();
+    const kept = picture();
+    if (!d.isKept) throw new Error('not kept');
+    viewer.free.yaw += 0.3;
+    const other = picture();
+    if (d.isKept) throw new Error('another view was not drawn');
+    return [drawn, kept, other];
+}"""
+"""Three pictures of one moment: drawn, with the room of the picture before, from another place."""
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("view")
@@ -156,6 +178,9 @@ def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(page
         assert tab.evaluate(seek)
         assert tab.evaluate(f"() => {{ {seek}; return ({colours})(); }}") > 200
         tab.wait_for_function("!viewer.quick", timeout=60_000)
+        drawn, kept, other = tab.evaluate(ROOM_KEPT)
+        assert drawn == kept
+        assert drawn != other
         browser.close()
     assert [] == problems
 

@@ -1,24 +1,33 @@
 """What a fuzzer found: readers refuse these in words, none lets a traceback through."""
 
 import gzip
+import json
 import zipfile
 from contextlib import suppress
 from pathlib import Path
 
 import msgpack
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from analysis.foreign_check import check_foreign
 from analysis.gaze.bids import read_bids
 from analysis.gaze.text_table import read_text_table
+from analysis.statistics_report.table_file import read_table
 from devices.wirelog import FORMAT, VERSION, read_wire_log
 from lab.errors import DataError
 from lab.plain_files import read_arrays, read_packed
+from recording.chained import append_lines
+from stimuli.characters.cast import DATA
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.storage import read_character
 from stimuli.motion.clip_file import read_clip
 from stimuli.motion.errors import MotionError
+from visavis.page.elsewhere.results import read_runs
+from visavis.picture_delay import read_sync_test
+from visavis.sessions.plan_lock import PEEKS_NAME, read_peeks
 
 SIDECAR = """{"PhysioType": "eyetrack", "Columns": ["timestamp"], "timestamp": {"Units": "s"},
 "SamplingFrequency": 100, "RecordedEye": "left", "SampleCoordinateSystem": "eye-in-head"}"""
@@ -104,3 +113,89 @@ def test_a_time_of_too_many_digits_is_refused(cell: str, tmp_path: Path) -> None
     path.write_text(f"t,x\n0,1\n{cell},1\n", "utf-8")
     with pytest.raises(DataError, match="line 3, column 't'"):
         read_text_table(path, delimiter=",").stamps("t", "s", from_first=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("sub-1_tracksys-a_channels.tsv", "name\ttype\nx\tPOS\ny\tPOS\nlatency\tLATENCY\n"),
+        ("sub-1_tracksys-a_motion.json", '{"SamplingFrequency": [10]}'),
+        ("sub-1_tracksys-a_motion.json", "[1]"),
+        ("sub-1_recording-eye1_physio.json", '{"Columns": 1}'),
+    ],
+)
+def test_a_data_set_whose_files_disagree_is_refused(name: str, text: str, tmp_path: Path) -> None:
+    said = {
+        "dataset_description.json": "{}",
+        "sub-1_tracksys-a_motion.tsv": "0.0\t1\n0.1\t2\n",
+        "sub-1_tracksys-a_motion.json": '{"SamplingFrequency": 10}',
+        "sub-1_tracksys-a_channels.tsv": "name\ttype\nlatency\tLATENCY\nx\tPOS\n",
+        "sub-1_recording-eye1_physio.json": '{"Columns": ["timestamp"]}',
+    }
+    for file, content in {**said, name: text}.items():
+        (tmp_path / file).write_text(content, "utf-8")
+    gaze = tmp_path / "sub-1_recording-eye1_physio.tsv.gz"
+    gaze.write_bytes(gzip.compress(b"0.0\n0.1\n"))
+    with pytest.raises(DataError, match="cannot be read with"):
+        check_foreign(tmp_path)
+
+
+@pytest.mark.parametrize("line", [{"at": "x"}, {"at": "x", "sessions": "many", "reason": ""}])
+def test_a_look_at_results_that_no_analysis_wrote_is_refused(
+    line: dict[str, str], tmp_path: Path
+) -> None:
+    append_lines(tmp_path / PEEKS_NAME, [line])
+    with pytest.raises(DataError, match="restore it from a copy"):
+        read_peeks(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"made": "2026", "is_simulated": false, "offsets_ms": null}',
+        '{"made": "2026", "is_simulated": false, "offsets_ms": {"picture_delay_ms": "late"}}',
+        "[" * 100_000,
+    ],
+)
+def test_what_is_no_synchronisation_test_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "sync.json"
+    path.write_text(text, "utf-8")
+    with pytest.raises(DataError, match="no test that visavis sync-test kept"):
+        read_sync_test(path)
+
+
+@pytest.mark.parametrize("at", [60, 80])
+def test_a_damaged_archive_of_results_is_refused(at: int, tmp_path: Path) -> None:
+    path = tmp_path / "results.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("comp-result_1/data.txt", '{"run": "a", "line": 0, "arrived": {}}\n')
+    data = bytearray(path.read_bytes())
+    assert 1 == len(read_runs([path])[0])
+    data[at] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(DataError):
+        read_runs([path])
+
+
+def test_results_nested_without_end_are_counted_as_unreadable(tmp_path: Path) -> None:
+    path = tmp_path / "results.jsonl"
+    path.write_text('{"run": "a", "line": 0, "arrived": {}}\n' + "[" * 100_000 + "\n", "utf-8")
+    runs, unreadable = read_runs([path])
+    assert (1, 1) == (len(runs), unreadable)
+
+
+def test_a_parquet_file_whose_notes_are_damaged_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "trials.parquet"
+    pq.write_table(pa.table({"x": [1]}).replace_schema_metadata({"pandas": "{}"}), path)
+    with pytest.raises(DataError, match="cannot be read as Parquet"):
+        read_table(path)
+
+
+def test_a_character_whose_materials_are_none_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "person.npz"
+    with np.load(DATA / "anna.npz") as file:
+        arrays = {name: file[name] for name in file.files}
+    head = {**json.loads(arrays["head"].tobytes()), "materials": ["cloth"]}
+    np.savez(path, **{**arrays, "head": np.frombuffer(json.dumps(head).encode(), np.uint8)})
+    with pytest.raises(CharacterError, match="not a whole character file"):
+        read_character(path)

@@ -1,12 +1,15 @@
 """Files from anywhere end in an error that names them, never in a wait or an overflow."""
 
+import gzip
 import os
+import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from lab.errors import ConfigError
-from lab.plain_files import open_plain, parse_json, read_plain
+from lab.plain_files import open_plain, parse_json, read_packed, read_plain
 from lab.yaml_lines import parse_document, read_document
 
 
@@ -26,6 +29,23 @@ def test_a_folder_and_a_file_too_large_are_refused(tmp_path: Path) -> None:
     (tmp_path / "large").write_bytes(b"x" * 101)
     with pytest.raises(OSError, match="larger than 100 bytes"):
         read_plain(tmp_path / "large", max_bytes=100)
+
+
+@pytest.mark.parametrize(("read", "pack"), [(read_plain, bytes), (read_packed, gzip.compress)])
+@pytest.mark.parametrize("size", [0, 1, 1 << 20, (1 << 20) + 1, 3_000_000])
+def test_reading_takes_memory_for_what_is_there_not_for_the_most_there_may_be(
+    tmp_path: Path, read: Callable[..., bytes], pack: Callable[[bytes], bytes], size: int
+) -> None:
+    data = bytes(range(256)) * (size // 256) + b"x" * (size % 256)
+    path = tmp_path / "small"
+    path.write_bytes(pack(data))
+    read(path, max_bytes=1 << 36)  # 64 GiB; what is imported once does not count
+    tracemalloc.start()
+    try:
+        assert data == read(path, max_bytes=1 << 36)
+        assert tracemalloc.get_traced_memory()[1] < 3 * size + (1 << 21)
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import ast
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
 
@@ -13,16 +13,34 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 PACKAGES = [p.rstrip("*") for p in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]]
 TESTING = ROOT / "devices" / "testing"
 """The other ends of wires, for the tests of drivers."""
+NAMES_ITS_EXTRA = {
+    "visavis/page/client.py": "aiohttp",
+    "visavis/page/server.py": "aiohttp",
+    "cli/desk/server.py": "aiohttp",
+}
+"""Files that need a library of an extra; who imports them says first which one to install."""
 OWN = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()}
 
 
 def modules(file: Path) -> Iterator[str]:
     """Yield the first part of the name of every module that a file imports, wherever in it."""
     for node in ast.walk(ast.parse(file.read_bytes())):
-        if isinstance(node, ast.Import):
-            yield from (name.name.partition(".")[0] for name in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield (node.module or "").partition(".")[0]
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield from modules_of(node)
+
+
+def modules_of(node: ast.Import | ast.ImportFrom) -> list[str]:
+    """Return the first part of the names of the modules that a statement imports."""
+    if isinstance(node, ast.ImportFrom):
+        return [(node.module or "").partition(".")[0]]
+    return [name.name.partition(".")[0] for name in node.names]
+
+
+def modules_at_once(file: Path) -> Iterator[str]:
+    """Yield the first part of the name of every module whose import makes that of a file fail."""
+    for node in ast.parse(file.read_bytes()).body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield from modules_of(node)
 
 
 def declared(*, for_developers: bool) -> set[str]:
@@ -30,6 +48,10 @@ def declared(*, for_developers: bool) -> set[str]:
     extras = PROJECT["project"]["optional-dependencies"]
     asked = [a for name, some in extras.items() if for_developers or name != "dev" for a in some]
     wanted = [*PROJECT["project"]["dependencies"], *asked]
+    return names_of(wanted)
+
+
+def names_of(wanted: Iterable[str]) -> set[str]:
     return {plain(re.split(r"[\[<>=;~! ]", text)[0]) for text in wanted}
 
 
@@ -50,3 +72,15 @@ def test_installed_packages_import_each_other_and_declared_libraries_alone() -> 
                 if name in OWN or (of and not of & wanted):
                     undeclared.add(f"{file.relative_to(ROOT)}: {name}")
     assert set() == undeclared
+
+
+def test_what_a_file_needs_at_once_comes_without_any_extra() -> None:
+    always = names_of(PROJECT["project"]["dependencies"])
+    provided = metadata.packages_distributions()
+    missing = {}
+    for package in PACKAGES:
+        for file in (ROOT / package).rglob("*.py"):
+            for name in set(modules_at_once(file)) - OWN - set(sys.stdlib_module_names):
+                if not {plain(d) for d in provided.get(name, ())} & always:
+                    missing[file.relative_to(ROOT).as_posix()] = name
+    assert missing == NAMES_ITS_EXTRA

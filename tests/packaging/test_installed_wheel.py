@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 
 from stage.errors import StageError
 from stage.renderer import LIGHTEST, Renderer
+from tests.packaging.test_fresh_install import absent_without, brought
 from tests.visavis.sessions import STUDIES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,10 +40,23 @@ EVERY_VERB = [
     "power ./duel.py --participants 4 --replicates 2 --fast --pool 5 --processes 1 -o power",
     "replay ./duel.py --verify",
     "film ./duel.py --trial T01 -o trial.avi --seconds 0.2 --rate 5 --size 128x96",
+    "view ./duel.py --trial T01 -o trial.html",
     "export ./duel.py -o out",
 ]
 """In the order a lab types them."""
 DRAWING = {"preview", "film"}
+WITHOUT_EXTRAS = """
+import sys
+from importlib.abc import MetaPathFinder
+
+class Absent(MetaPathFinder):
+    names = frozenset({absent!r})
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in self.names:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Absent())
+"""
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 
@@ -80,7 +95,9 @@ def pip(*arguments: str, cwd: Path) -> None:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
-    """Visavis from a wheel, with the libraries of the environment that runs the tests."""
+    """Visavis from a wheel without extras: of the libraries of the environment that runs the tests
+    it finds those that `pip install visavis` brings.
+    """
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     shutil.copytree(ROOT, source, ignore=LEFT_BEHIND)
@@ -97,6 +114,9 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     # clone is one) are not read.
     where = sysconfig.get_path("purelib", vars={"base": str(environment)})
     (Path(where) / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n", "utf-8")
+    asked = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    absent = absent_without(brought(*asked))
+    (Path(where) / "sitecustomize.py").write_text(WITHOUT_EXTRAS.format(absent=absent), "utf-8")
     shutil.rmtree(source)
     with zipfile.ZipFile(wheel) as held:
         (listed,) = (n for n in held.namelist() if n.endswith("/top_level.txt"))
@@ -138,6 +158,8 @@ def test_every_package_is_the_wheels_own(installed: Installed, tmp_path: Path) -
 def test_the_version_is_that_of_the_wheel(installed: Installed, tmp_path: Path) -> None:
     expected = installed.wheel.name.split("-")[1]
     assert f"visavis {expected}\n" == said(installed.run("visavis", "--version", cwd=tmp_path))
+    as_module = installed.run("python", "-m", "visavis", "--version", cwd=tmp_path)
+    assert f"visavis {expected}\n" == said(as_module)
     assert f'version = "{expected}"' in (ROOT / "pyproject.toml").read_text("utf-8")
 
 

@@ -14,7 +14,8 @@ from lab.errors import LedgerError
 from protocol.exports_register import ANALYSIS, register_export
 from protocol.key_file import KeyFile
 from protocol.ledger import Ledger, WithdrawnParticipant
-from recording.chained import read_lines
+from protocol.own_body import OwnBody
+from recording.chained import append_lines, read_lines
 from recording.lock import SessionLock
 from recording.sealed import read_sealed, seal
 
@@ -196,6 +197,39 @@ def test_a_damaged_table_is_named_and_the_rest_is_done(book, data):
     with pytest.raises(LedgerError, match=r"a\.parquet: its rows cannot be removed"):
         book.withdraw("7", [data])
     assert "participant\n" == (derived / "b.csv").read_text()
+
+
+def test_nothing_that_tells_of_a_body_is_left(book, data, tmp_path):
+    book.describe_body("7", OwnBody("female", 1.83))
+    book.describe_body("8", OwnBody("male", 1.74))
+    record(data, "07H")
+    book.withdraw("7", [data])
+    left = b"".join(p.read_bytes() for p in data.rglob("*") if p.is_file())
+    assert b"1.83" not in left
+    assert OwnBody() == book.own_body("07H")
+    assert OwnBody("male", 1.74) == book.own_body("08J")
+
+
+def test_a_body_goes_where_the_study_lies_in_none_of_the_data_roots(book, tmp_path):
+    book.describe_body("7", OwnBody("female", 1.83))
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    removal = book.withdraw("7", [elsewhere])
+    assert {"own_body.json", "own_body.copy.json"} == {p.name for p in removal.removed}
+    assert OwnBody() == book.own_body("07H")
+
+
+def test_who_was_only_asked_for_their_body_frees_their_place(book, data):
+    book.describe_body("7", OwnBody("female", None))
+    book.withdraw("7", [data])
+    assert [True, False] == [p.has_freed_place for p in book.list()]
+
+
+def test_a_ledger_that_held_bodies_is_read(book):
+    line = {"event": "body", "label": "07H", "at": "x", "body": "female", "stature_m": 1.83}
+    append_lines(book.path, [line])
+    assert "active" == book.resolve("7").status
+    assert OwnBody() == book.own_body("07H")
 
 
 # ---- the key file ----------------------------------------------------------------------------

@@ -30,6 +30,7 @@ from recording.blurring import (
     smoothed_turns,
     tells_length,
 )
+from recording.journal import encode_line
 from recording.reader import Recording
 from recording.sharing import SharedRecording, Sharing
 from stimuli.motion.skeleton import canonical_skeleton, forward
@@ -201,6 +202,7 @@ def test_lengths_of_the_body_are_known_by_their_names() -> None:
         "left_arm_m",
         "ipd_mm",
         "reach_m",
+        "stature_told_m",
     )
     assert all(tells_length(name) for name in lengths)
     assert not any(tells_length(n) for n in ("path_m", "clearance_min_m", "armed_ms", "dwell_ms"))
@@ -219,6 +221,22 @@ def test_streams_that_cannot_be_blurred_are_left_out(tmp_path: Path) -> None:
     assert public.stream("gaze")["left_pupil_mm"].isna().all()
     part = public.stream_arrays("head", part=1, t_start_ns=5 * NS_PER_S, t_end_ns=6 * NS_PER_S)
     assert 90 == len(part["seq"])
+
+
+def test_the_stature_that_somebody_told_is_in_no_blurred_event(tmp_path: Path) -> None:
+    session = gaze_session(tmp_path).path
+    journal = session / "part-01" / "events.jsonl"
+    *lines, end = journal.read_bytes().splitlines(keepends=True)
+    told = {"body": "female", "stature_told_m": 1.93}
+    lines.append(encode_line({"kind": "event", "name": "own_body", "t_ns": 1, "payload": told}))
+    journal.chmod(0o600)
+    journal.write_bytes(b"".join([*lines, end]))
+    shown = {
+        blurs: SharedRecording(session, Sharing("X1", "shared", lambda *_: False, blurs=blurs))
+        for blurs in (False, True)
+    }
+    own = {b: r.events().set_index("name").loc["own_body", "payload"] for b, r in shown.items()}
+    assert {False: told, True: {**told, "stature_told_m": None}} == own
 
 
 @pytest.mark.slow

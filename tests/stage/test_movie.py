@@ -62,6 +62,21 @@ def test_film_never_replaces_a_file(tmp_path):
     assert path.read_bytes() == b"precious"
 
 
+@pytest.mark.parametrize("name", ["film.avi", "film.mp4"])
+def test_a_film_that_is_given_up_leaves_no_file_and_can_be_made_again(name, tmp_path):
+    try:
+        film_program(tmp_path / name)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    film = open_movie(tmp_path / name, SIZE, 25)
+    film.add(next(iter(frames())))
+    film.__exit__(KeyError, KeyError("no camera"), None)
+    assert [] == list(tmp_path.iterdir())
+    with open_movie(tmp_path / name, SIZE, 25) as film:
+        film.add(next(iter(frames())))
+    assert [name] == [path.name for path in tmp_path.iterdir()]
+
+
 def test_frame_of_another_size_is_refused(tmp_path):
     with (
         open_movie(tmp_path / "film.avi", SIZE, 25) as film,

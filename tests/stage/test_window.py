@@ -15,7 +15,7 @@ from stage.mirror import gaze_in_picture, gaze_on_eye
 
 SHOW = """
 import numpy as np
-from cli.doctor.machine import _monitors
+from cli.doctor.machine import monitors
 from stage.mirror import Mirror
 from stage.renderer import Renderer
 from stage.targets import EyeTarget
@@ -23,7 +23,7 @@ from stage.window import Window
 from tests.stage import figures
 
 window = Window("test", (320, 240))
-print("screens", len(_monitors()) > 0)  # asked at every session's start: the window stays usable
+print("screens", len(monitors()) > 0)  # asked at every session's start: the window stays usable
 renderer = Renderer(window.context)
 target = EyeTarget(window.context, (160, 120), renderer.quality.samples)
 mirror = Mirror(window)

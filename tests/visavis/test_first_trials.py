@@ -87,8 +87,10 @@ def test_a_rehearsal_that_fails_is_told_and_keeps_no_session_from_being_run(
 def test_whoever_ends_a_rehearsal_from_the_keyboard_ends_the_command(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    ended = SessionAborted("interrupted from the keyboard")
+    ended.__cause__ = KeyboardInterrupt()  # as a session tells it
     with pytest.raises(KeyboardInterrupt):
-        rehearsed(monkeypatch, SessionAborted("interrupted from the keyboard"))
+        rehearsed(monkeypatch, ended)
 
 
 class Performed(BaseException):

@@ -12,6 +12,7 @@ from experiments.crowd.study import look_down
 from lab.clock import SimClock
 from lab.errors import UsageError
 from protocol.ledger import Ledger
+from protocol.own_body import read_own_body
 from protocol.steps import Answered, Mark, NextFrame, Prompt
 from tests.faults.sessions import lab
 from visavis.catalogue import find_study
@@ -64,10 +65,11 @@ class Terminal:
     def run(self, given: str | None = None, **set_to: Any) -> Any:
         entry = self.ledger.resolve(self.entry.label)
         settings: Any = SimpleNamespace(parameters=set_to)
-        return commands.with_body(self.here, settings, entry, given)
+        commands.ask_body(self.here, settings, entry, given)
+        return self.ledger.own_body(entry.label)
 
 
-def test_body_and_stature_are_asked_once_and_kept_in_the_ledger(
+def test_body_and_stature_are_asked_once_and_kept_in_the_folder_of_the_person(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terminal = Terminal(tmp_path, monkeypatch, ["3", "2", "17", "1,74"])
@@ -75,8 +77,8 @@ def test_body_and_stature_are_asked_once_and_kept_in_the_ledger(
     assert ("male", 1.74) == (first.body, first.stature_m)
     assert first == terminal.run()
     assert 4 == len(terminal.asked)
-    again = Ledger(tmp_path / "crowd", SimClock()).resolve(first.label)
-    assert ("male", 1.74) == (again.body, again.stature_m)
+    assert first == read_own_body(tmp_path / "crowd" / f"sub-{terminal.entry.label}")
+    assert "1.74" not in terminal.ledger.path.read_text("utf-8")
 
 
 def test_body_that_is_given_is_not_asked_for_and_another_takes_its_place(

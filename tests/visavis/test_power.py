@@ -40,6 +40,40 @@ def test_terms_of_several_factors_are_effects_and_interactions() -> None:
     assert ("a", "b", "a:b") == Compare("y", within="a", between="b").terms
 
 
+CLAIMED = """from visavis import Compare, Factor, Rating, Study
+
+study = Study(
+    "near",
+    factors=[Factor("motion", ["idle", "wave"]), Factor("far_m", [1.5, 3.0])],
+    compare=[Compare("nice", within=["motion", "far_m"], claim="waving is nicer when near")],
+)
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Rating("nice"))
+"""
+
+
+def test_a_claim_is_put_to_the_interaction_which_decides_and_other_effects_are_named(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "near.py").write_text(CLAIMED, "utf-8")
+    near = KitPower(str(tmp_path / "near.py"), tracker_of)
+    assert {
+        "nice:motion:far_m": "nice depends on motion × far_m: waving is nicer when near",
+        "nice:motion": "nice depends on motion",
+        "nice:far_m": "nice depends on far_m",
+    } == dict(near.tests)
+    assert "nice:motion:far_m" == near.shown_tests[0]
+
+
+@pytest.mark.parametrize("term", ["motion:far_m", "far_m:motion"])
+def test_a_claim_is_about_the_effect_of_all_factors(term: str) -> None:
+    of = Compare("nice", within=["motion", "far_m"], claim="waving is nicer when near")
+    assert (True, False) == (of.is_claimed(term), of.is_claimed("motion"))
+
+
 @pytest.mark.slow
 def test_people_of_the_quick_path_are_those_of_sessions(people: pd.DataFrame) -> None:
     plan = opened("duel").experiment({}).plan(2, 1)

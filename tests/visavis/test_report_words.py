@@ -18,7 +18,10 @@ study = Study(
     practice=1,
     texts="texts",
     measures=[dwell_on("person")],
-    compare=[Compare("comfort", within=["far_m", "eyes"]), Compare("dwell_ms", within="eyes")],
+    compare=[
+        Compare("comfort", within=["far_m", "eyes"], claim="Distance calms"),
+        Compare("dwell_ms", within="eyes"),
+    ],
 )
 
 
@@ -53,6 +56,10 @@ def test_the_sampling_rate_is_told_of_every_study_with_gaze(said: str) -> None:
     assert re.search(
         r"Sampling rate, nominal and effective \d+ Hz nominal, \d+\.\d Hz effective", said
     )
+
+
+def test_a_claim_is_read_in_the_report(said: str) -> None:
+    assert "Comfort: not tested – distance calms" in said
 
 
 def test_the_checklist_is_true_to_the_session(said: str) -> None:

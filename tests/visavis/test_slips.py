@@ -79,3 +79,40 @@ def test_a_motion_s_own_settings_are_taken_by_its_scene(tmp_path: Path) -> None:
     path.write_text(STUDY.replace('"person"', '"person", motion="idle", lively=0.5'), "utf-8")
 
     assert find_study(str(path)).experiment({}).read
+
+
+RULE = 'Exclusion("min_comfort_ms", "trial", "comfort_ms", 200, "too fast", above=False)'
+WITH_RULE = STUDY.replace("Confusion, Factor", "Confusion, Exclusion, Factor").replace(
+    "practice=1,", f"practice=1,\n    exclusions=[{RULE}],"
+)
+RULE_SLIPS = [
+    ('"comfort_ms"', '"comfrot_ms"', "no column of trials 'comfrot_ms'; did you mean 'comfort_ms'"),
+    ('"trial"', '"trail"', "no level 'trail'; did you mean 'trial'?"),
+    ('"trial", "comfort_ms"', '"participant", "bad_trial_01"', "did you mean 'bad_trials_01'?"),
+]
+
+
+@pytest.mark.parametrize(("right", "wrong", "said"), RULE_SLIPS, ids=[s[1] for s in RULE_SLIPS])
+def test_an_exclusion_that_would_leave_out_nobody_is_refused(
+    tmp_path: Path, right: str, wrong: str, said: str
+) -> None:
+    path = tmp_path / "mood.py"
+    assert right in WITH_RULE
+    path.write_text(WITH_RULE.replace(right, wrong, 1), "utf-8")
+
+    with pytest.raises(DesignError) as refused:
+        find_study(str(path)).experiment({})
+
+    assert f"{path}, line 7" in str(refused.value)
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "column", ["comfort", "comfort_ms", "seen", "distance", "dwell_ms", "scene_frames", "attempt",
+               "gaze_lost_01", "frames_dropped"],
+)  # fmt: skip
+def test_an_exclusion_may_be_about_any_column_of_trials(tmp_path: Path, column: str) -> None:
+    path = tmp_path / "mood.py"
+    path.write_text(WITH_RULE.replace('"comfort_ms"', f'"{column}"'), "utf-8")
+
+    assert find_study(str(path)).experiment({}).read

@@ -12,7 +12,7 @@ import pytest
 from devices.registry import OPTION_MODELS
 from lab.clock import SimClock
 from lab.config import LabConfig, load_config
-from lab.errors import SessionAborted, UsageError
+from lab.errors import DataError, SessionAborted, UsageError
 from protocol.operator import Action, Command, UnattendedOperator
 from protocol.states import SessionState
 from recording.kept import KeptRecording
@@ -247,3 +247,43 @@ class Without(Recording):
     def stream_names(self) -> tuple[str, ...]:
         """Return the streams but those of gaze."""
         return tuple(name for name in super().stream_names if "gaze" not in name)
+
+
+def in_real_time(recording: Recording) -> Recording:
+    """Take a session for one that ran on the machine's clock."""
+    manifest = recording.manifest
+    parts = (replace(p, started_wall_iso="2026-11-23T09:00:00+01:00") for p in manifest.parts)
+    recording.manifest = replace(manifest, parts=tuple(parts))
+    return recording
+
+
+def test_what_was_simulated_in_real_time_is_fed_and_its_plan_compared(
+    duel: Recording, tmp_path: Path
+) -> None:
+    verdict = verify(in_real_time(Recording(duel.path)), opened("duel"), lab(tmp_path), tmp_path)
+    assert verdict.is_fed
+    assert verdict.first is None
+    assert [] == list(tmp_path.iterdir())
+    changed = in_real_time(Recording(duel.path))
+    changed.manifest = replace(changed.manifest, seed=changed.manifest.seed + 1)
+    with pytest.raises(DataError, match="plans another session"):
+        verify(changed, opened("duel"), lab(tmp_path), tmp_path)
+
+
+def test_real_time_without_gaze_says_what_repeats(duel: Recording, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--fast"):
+        verify(in_real_time(Without(duel.path)), opened("duel"), lab(tmp_path), tmp_path)
+
+
+def test_never_more_rows_differ_than_there_are(duel: Recording) -> None:
+    class Longer(KeptRecording):
+        def stream_arrays(self, name: str, **limits: Any) -> Columns:
+            arrays = super().stream_arrays(name, **limits)
+            if name != "head":
+                return arrays
+            return {k: np.concatenate([v, v[-1:] + (v.dtype != bool)]) for k, v in arrays.items()}
+
+    n = len(duel.stream_arrays("head")["seq"])
+    for recorded, again in ((duel, Longer(duel.path)), (Longer(duel.path), duel)):
+        verdict = compared(recorded, again)
+        assert (1, n + 1) == (verdict.differing["head"], verdict.compared["head"])

@@ -13,7 +13,7 @@ UNPLANNED: Final = "not planned"
 _PART: Final[Mapping[str, str]] = {
     "parameters": "parameter", "factors": "factor", "measures": "measure",
     "comparisons": "comparison", "families": "family", "tests": "test rule",
-    "exclusions": "exclusion", VERSIONS: "version",
+    "exclusions": "exclusion", VERSIONS: "version", "questions": "question", "scenes": "scene",
 }  # fmt: skip
 
 
@@ -48,7 +48,7 @@ def deviations_between(
 
     The study's file is named where it changed and nothing that the plan freezes did.
     """
-    found = tuple(d for part in COMPARED for d in _differing(part, planned[part], done[part]))
+    found = tuple(d for part in COMPARED for d in differing(part, planned[part], done[part]))
     before, after = str(planned[FILE_SHA256]), str(done[FILE_SHA256])
     in_file = any(d.part != VERSIONS for d in found)
     if before != after and before and after and not in_file:
@@ -57,7 +57,8 @@ def deviations_between(
     return found
 
 
-def _differing(part: str, planned: Any, done: Any) -> Iterator[Deviation]:
+def differing(part: str, planned: Any, done: Any) -> Iterator[Deviation]:
+    """Yield in what one part of a content differs, name by name."""
     if not isinstance(planned, Mapping):
         if planned != done:
             yield Deviation(part, "", _said(planned), _said(done))

@@ -4,15 +4,19 @@ The same replies give the same course. Whoever performs it writes every reply do
 step goes out, so that after a crash the replies lead it back to the step where it was.
 """
 
+import base64
 import hashlib
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
+import numpy as np
+
 from protocol.plan import Block, SessionPlan, Trial, asked_after
 from protocol.questionnaires import Question, Questionnaire, read_answer
 from protocol.steps import Mark, Row
 from visavis.experiment import StudyExperiment
+from visavis.page.spoken import HOW_MANY, NOT_HEARD, spoken, spoken_digits
 from visavis.page.steps import PageStep, Reply, mapping, number, put
 from visavis.page.trial import FilmFailed, FilmFiles, perform_on_page
 from visavis.trial import TrialScript
@@ -21,6 +25,9 @@ QUESTIONS_A_PAGE: Final = 8
 CARD_MM: Final = (85.6, 53.98)
 """A bank card (ISO/IEC 7810, ID-1), which everybody has at hand."""
 SCREEN_MEASURED: Final = "screen_measured"
+SOUND_CHECKED: Final = "sound_checked"
+SOUND_STREAM: Final = 0x50D
+"""Of the random numbers of a session: which digits are said."""
 STOPPED: Final = "stopped"
 WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
@@ -48,6 +55,13 @@ class Notes:
     """What happened around the steps of a trial, flagged in its row."""
 
     flags: list[str] = field(default_factory=list)
+    standing: list[str] = field(default_factory=list)
+    """Flags of every trial to come."""
+
+    @property
+    def all(self) -> list[str]:
+        """The flags of a trial."""
+        return [*self.standing, *self.flags]
 
     def add(self, flag: str) -> None:
         """Flag the trial that goes on; each flag once."""
@@ -116,6 +130,8 @@ def course(visit: Visit) -> Course:
         if "card" in experiment.study.screening:
             reply = yield from _step(PageStep("card", {"card_mm": CARD_MM}))
             yield Event(SCREEN_MEASURED, {"px_per_mm": reply.content["px_per_mm"]})
+        if "sound" in experiment.study.screening:
+            yield from _sound(visit)
         films = [visit.files(film) for film in experiment.films]
         if films:
             reply = yield from _step(PageStep("preload", {"films": films}))
@@ -130,6 +146,23 @@ def course(visit: Visit) -> Course:
         yield Event("stopped", {"keep": stop.keep})
         return STOPPED if stop.keep else WITHDRAWN
     return DONE
+
+
+def _sound(visit: Visit) -> Generator[Out, Reply | None, None]:
+    """Say digits; who types others, or hears nothing, is flagged and goes on."""
+    experiment, plan = visit.experiment, visit.plan
+    files = spoken_digits(experiment.language, experiment.settings.folder)
+    rng = np.random.default_rng([plan.seed, plan.participant_index, SOUND_STREAM])
+    digits = [int(digit) for digit in rng.integers(0, 10, HOW_MANY)]
+    wav = base64.b64encode(spoken(digits, files)).decode()
+    reply = yield from _step(PageStep("sound", {"wav": wav}))
+    told, said = reply.content["heard"], "".join(map(str, digits))
+    yield Event(
+        SOUND_CHECKED,
+        {"said": said, "heard": told, "is_right": told == said, "played": reply.content["played"]},
+    )
+    if told != said:
+        visit.notes.standing.append(NOT_HEARD)
 
 
 def _block(visit: Visit, block: Block) -> Generator[Out, Reply | None, None]:
@@ -195,7 +228,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
             "attempt": 1,
             "status": status,
             "reason": reason,
-            "flags": ";".join(visit.notes.flags),
+            "flags": ";".join(visit.notes.all),
             **trial.factors,
             **row,
             "t_start_ns": row.get("t_start_ns", start_ns),

@@ -1,7 +1,7 @@
 """One participant's session on a page: events in, each acknowledged once on the disk; steps out."""
 
 import secrets
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -27,6 +27,7 @@ class Past:
 
     `events` are (part, session time, payload); `rows` trials whose row is there, `answers`
     (questionnaire, question), `answered` (trial, question), `complete` whole questionnaires.
+    A trial that goes on in a later part is flagged with `broken_by`; "" where nothing broke it.
     """
 
     events: Sequence[tuple[int, int, Mapping[str, Any]]] = ()
@@ -35,6 +36,7 @@ class Past:
     answers: frozenset[tuple[str, str]] = frozenset()
     answered: frozenset[tuple[str, str]] = frozenset()
     complete: frozenset[str] = frozenset()
+    broken_by: str = RESTARTED
 
 
 @dataclass
@@ -83,7 +85,7 @@ class PageDesk:
         self._is_replaying = self.past is not None
         self._advance(None)
         if self.past is not None:
-            self._replay(self.past.events)
+            self._replay(self.past)
             self._is_replaying = False
 
     # ---- what a page asks --------------------------------------------------------------------
@@ -217,20 +219,24 @@ class PageDesk:
         elif not (self._is_replaying and self.past is not None and _is_known(out, self.past)):
             self.recorder.event(out.name, self.clock.now_ns(), **out.payload)
 
-    def _replay(self, events: Iterable[tuple[int, int, Mapping[str, Any]]]) -> None:
+    def _replay(self, past: Past) -> None:
         """Lead the course to where it was; a trial that a restart broke into is flagged."""
         part = None
-        for its_part, t_ns, payload in events:
+        for its_part, t_ns, payload in past.events:
             if part is not None and its_part != part:
-                self.notes.add(RESTARTED)
+                self._broken(past)
             part = its_part
             if payload["kind"] == "opened":
                 self._opened(payload, t_ns)
             else:
                 self._apply(payload, t_ns)
-        self.notes.add(RESTARTED)
+        self._broken(past)
         self._has_left = False
         self._heard_ns = self.clock.now_ns()
+
+    def _broken(self, past: Past) -> None:
+        if past.broken_by:
+            self.notes.add(past.broken_by)
 
 
 def _is_known(event: Event, past: Past) -> bool:

@@ -22,12 +22,14 @@ import platformdirs
 from lab.clock import NS_PER_S
 from lab.errors import ConfigError, DesignError
 from lab.geometry import Pose
+from lab.plain_files import parse_json, read_plain
 from lab.version import version
 from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.films import MIME, Film, Lens
+from visavis.page.spoken import spoken_digits
 from visavis.reading import still_view
 from visavis.scenes import Maker, Staged, Staging, stage
 
@@ -89,12 +91,12 @@ class FilmStore:
         """Return a film's file; None where it was not built, or is not what was built."""
         path = self.folder / f"{self.name_of(film)}.webm"
         try:
-            about = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+            built = parse_json(read_plain(path.with_suffix(".json")))["sha256"]
             content = path.read_bytes()
-        except (OSError, ValueError):
+        except (OSError, ValueError, KeyError, TypeError):
             return None
         digest = hashlib.sha256(content).hexdigest()
-        return FilmFile(path, digest, len(content)) if about.get("sha256") == digest else None
+        return FilmFile(path, digest, len(content)) if built == digest else None
 
     def build(self, films: Sequence[Film], told: Callable[[int, int], None]) -> None:
         """Draw and encode the films that are not there yet; `told` hears frames of how many."""
@@ -135,7 +137,9 @@ class FilmStore:
             return told | {"sha256": "", "bytes": 0}
         found = self.file_of(film)
         if found is None:
-            raise ConfigError(f"film {name[:12]} of {film.scene.name} is not built; build it first")
+            raise ConfigError(
+                f"film {name[:12]} of {film.scene.name} is not built; begin again, which builds it"
+            )
         return told | {"sha256": found.sha256, "bytes": found.size_bytes}
 
     def frames(self, film: Film) -> Iterator[SceneFrame]:
@@ -181,7 +185,7 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
     """Return the films of a study.
 
     Raises:
-        DesignError: its trials have steps that no page can show.
+        DesignError: its trials have steps that no page can show, or digits that it cannot say.
     """
     if not all(read.fits_a_page for read in experiment.read.values()):
         raise DesignError(
@@ -189,6 +193,8 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             "frame, or vibrate, and a page shows t.watch, t.ask, t.wait and t.dark. Perform it in "
             "the laboratory (visavis run), or show its scenes as films (t.watch)"
         )
+    if "sound" in experiment.study.screening:
+        spoken_digits(experiment.language, experiment.settings.folder)
     return FilmStore(experiment.settings.makers, experiment.settings.folder)
 
 

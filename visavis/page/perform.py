@@ -37,6 +37,7 @@ from visavis.page.desk import PageDesk, Past
 from visavis.page.film_store import FilmStore, film_store
 from visavis.page.server import Held, PageServer
 from visavis.page.visitor import Visitor, visitor_of
+from visavis.sessions.begun_design import DESIGN_KEY, design_of
 from visavis.sessions.perform import PageAddress, Request, behaviour_seed, end_part
 from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rig import is_simulated
@@ -87,6 +88,7 @@ def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
             "sha256": request.config.sha256,
             "effect": request.effect,
             **carried_by_session(folder, request.study, experiment, request.seed),
+            DESIGN_KEY: design_of(experiment),
         },
         devices=(),
         consent_version=consent[1]

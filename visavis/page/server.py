@@ -10,6 +10,7 @@ from typing import Any, Final, Protocol
 from aiohttp import web
 
 from lab.errors import DeviceError, RecordingError
+from lab.plain_files import parse_json
 from visavis.page.desk import PageDesk
 from visavis.page.errors import OpenElsewhereError, PageError
 
@@ -304,7 +305,7 @@ def _refused(status: int, why: str) -> web.Response:
 
 async def body_of(request: web.Request) -> Mapping[str, Any]:
     """Return what was posted; raises PageError where that is no object."""
-    body = await request.json()
+    body = await request.json(loads=parse_json)
     if not isinstance(body, Mapping):
         raise PageError("a request is an object")
     return body

@@ -13,6 +13,7 @@ from visavis.responses import Choice, Number, Rating, Response, SideBySide, Text
 
 WAYS: Final = ("keys", "mouse", "touch", "pen")
 NUMBER: Final = re.compile(r"-?\d{1,12}([.,]\d{1,12})?")
+HEARD: Final = re.compile(r"\d{1,8}")
 MAX_TEXT: Final = 10_000
 """Characters of an answer in words that are kept."""
 MIN_PX_PER_MM: Final = 0.5
@@ -154,6 +155,11 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
         raise PageError("consent was neither given nor declined")
     if step.kind == "card":
         _check_size(content.get("px_per_mm", ""))
+    if step.kind == "sound":
+        count(content.get("played"), "played")
+        told = content.get("heard", "")
+        if told is not None and not (isinstance(told, str) and HEARD.fullmatch(told)):
+            raise PageError(f"heard are digits, not {str(told)[:40]!r}")
     if step.kind == "preload":
         mapping(content.get("films", {}), "films")
     if step.kind not in ("watch", "questions"):

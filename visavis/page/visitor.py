@@ -3,7 +3,8 @@
 They see what the films show and read what is asked, nothing else.
 """
 
-from collections.abc import Callable, Mapping
+import base64
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Final
@@ -16,6 +17,7 @@ from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.films import Film, Lens, Pair, films_of, scene_of, seconds_of
 from visavis.page.film_store import FilmStore
+from visavis.page.spoken import heard, spoken_digits
 from visavis.page.steps import PageStep
 from visavis.person import StudyPerson
 from visavis.reading import still_view
@@ -49,6 +51,8 @@ class Visitor:
     views: Views
     store: FilmStore
     now_ms: float = 0.0
+    digits: Sequence[bytes] = ()
+    """How digits sound in the language of the page."""
     _trial: tuple[int, bool] = field(default=(0, False), repr=False)
 
     def reply(self, step: PageStep) -> dict[str, Any]:
@@ -61,6 +65,9 @@ class Visitor:
             case "card":
                 self.now_ms += READING_S * 1000
                 return {"px_per_mm": PX_PER_MM}
+            case "sound":
+                self.now_ms += READING_S * 1000
+                return {"heard": heard(base64.b64decode(content["wav"]), self.digits), "played": 1}
             case "preload":
                 return {"films": {f["film"]: "simulated" for f in content["films"]}}
             case "text":
@@ -164,7 +171,14 @@ def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Vi
             "@study.answer, or perform it on the lab's devices"
         )
     films = {store.told(film, is_simulated=True)["film"]: film for film in experiment.films}
-    return Visitor(person, films, experiment.words, scenes_seen(_seen_by(store)), store)
+    digits = (
+        spoken_digits(experiment.language, experiment.settings.folder)
+        if "sound" in experiment.study.screening
+        else ()
+    )
+    return Visitor(
+        person, films, experiment.words, scenes_seen(_seen_by(store)), store, digits=digits
+    )
 
 
 def _seen_by(store: FilmStore) -> Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]:

@@ -34,6 +34,7 @@ from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseSta
 from stage.contracts import Stage, Viewer
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
+from visavis.sessions.begun_design import DESIGN_KEY, design_of
 from visavis.sessions.cast import use_cast_of, use_recorded_cast
 from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rehearsal import FewTrials
@@ -158,6 +159,7 @@ def perform_new(request: Request) -> Path:
             "effect": request.effect,
             **_screen(config),
             **_locked(request, config),
+            DESIGN_KEY: design_of(request.experiment),
             **cast,
         },
         devices=(),
@@ -229,6 +231,17 @@ def _screen(config: LabConfig) -> dict[str, Any]:
     return {} if screen is None else {"screen": screen.model_dump()}
 
 
+@contextmanager
+def of_no_session() -> Iterator[None]:
+    """Let an interruption be one where what is performed is not kept: nothing could be resumed."""
+    try:
+        yield
+    except SessionAborted as ended:
+        if isinstance(ended.__cause__, KeyboardInterrupt):
+            raise KeyboardInterrupt from ended
+        raise
+
+
 _READY: WeakSet[StudyExperiment] = WeakSet()
 
 
@@ -269,9 +282,8 @@ def get_ready(
             study, few, lab, label="REHEARSAL", index=0, seed=0, on_trial=rehearsed
         )
         try:
-            perform_new(replace(request, on="lab"))
-        except SessionAborted as ended:  # nobody is there to end it but from the keyboard
-            raise KeyboardInterrupt from ended
+            with of_no_session():
+                perform_new(replace(request, on="lab"))
         except LabError as problem:
             trouble = f"not rehearsed, so the first frames may be late: {problem}"
     forget_old_kernels()
@@ -402,6 +414,7 @@ def _setup(
         participant=devices.participant,
         progress=progress,
         blind=request.blind,
+        idle_roles=frozenset() if request.experiment.rests_on_gaze else frozenset({"eye_tracker"}),
         timing=request.timing,
         lost_device_s=request.lost_device_s,
         on_trial=request.on_trial,

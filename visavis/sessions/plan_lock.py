@@ -199,4 +199,12 @@ def read_peeks(folder: Path) -> tuple[Peek, ...]:
             f"{path}:{found.damaged_line[0]} is damaged; `visavis recover {folder}` puts its copy "
             "in its place"
         )
-    return tuple(Peek(str(r["at"]), int(r["sessions"]), str(r["reason"])) for r in found.records)
+    try:
+        return tuple(
+            Peek(str(r["at"]), int(r["sessions"]), str(r["reason"])) for r in found.records
+        )
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise DataError(
+            f"{path} holds a line that no analysis of this Visavis writes ({error!r}); another "
+            "program made or changed it: restore it from a copy"
+        ) from error

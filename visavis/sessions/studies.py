@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from analysis.report.notation import counted
+from analysis.report.sources import on_virtual_clock
 from lab.clock import SimClock, StopWatch, SystemClock
 from lab.config import LabConfig
 from lab.errors import DataError, LedgerError, SessionAborted
@@ -27,6 +28,13 @@ from visavis.locked.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.opened import OpenedStudy, overrides_of
 from visavis.picture_delay import SETTING, read_sync_test, required_for
 from visavis.pieces import Pieces
+from visavis.sessions.begun_design import (
+    as_recorded,
+    in_words,
+    require_recorded_factors,
+    require_same_design,
+    told_of_designs,
+)
 from visavis.sessions.cast import use_recorded_cast
 from visavis.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.sessions.data_root import prepare_data_root
@@ -48,10 +56,12 @@ from visavis.sessions.study_folder import (
     one_per_participant,
     read_parameters,
     read_settings,
+    session_folders,
     sessions_of,
     settle,
     study_of_folder,
 )
+from visavis.worth_a_look import Striking
 
 
 class Telling(Protocol):
@@ -102,7 +112,7 @@ def simulate_study(
     """Simulate what is missing of a study; sessions already there are kept.
 
     Raises:
-        UsageError: the folder was begun with other settings.
+        UsageError: the folder was begun with other settings, or with another design.
     """
     study, effect = reference_of(chosen), wanted.effect
     data_root = data_root.resolve()
@@ -110,8 +120,18 @@ def simulate_study(
     folder = data_root / SIMULATED_ROOT / chosen.name
     chosen.experiment(wanted.parameters)
     prepare_data_root(lab)
-    settings = settle(folder, wanted, seed_given=True)
+    settings = settle(folder, wanted, seed_given=True, way_out="choose another --output")
     experiment = chosen.experiment(settings.parameters)
+    require_same_design(
+        folder, experiment, "Choose another --output; or put the study file back as it was, and "
+        "the same command goes on with what is missing",
+    )  # fmt: skip
+    changed = settings.source_sha256 not in ("", wanted.source_sha256)
+    if changed and session_folders(folder):
+        telling.say(
+            f"{wanted.source}, or a text beside it, has changed since {folder} was begun: sessions "
+            "there stay as they are, further ones are made with it as it is now"
+        )
     entries = [
         _entry(folder, number, experiment.plan, settings.seed)
         for number in range(1, participants + 1)
@@ -164,6 +184,7 @@ def analyse_study(
     accept_damage: bool = False,
     peek: str | None = None,
     sync: Path | None = None,
+    make_views: Callable[[Path, Sequence[Striking]], None] | None = None,
     telling: Telling = QUIET,
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path.
@@ -210,8 +231,7 @@ def analyse_study(
     make_folder(out_dir, exist_ok=True)
     use_recorded_cast(Recording(sessions[0]))  # before anything of the study is made
     chosen, changed = study_of_folder(folder, study)
-    if changed:
-        telling.warn(changed)
+    chosen = _with_recorded_design(chosen, changed, folder, manifests, telling)
     settings = read_parameters(list(measure))
     if sync is not None:
         test = read_sync_test(sync)
@@ -234,13 +254,13 @@ def analyse_study(
     ordered = [replace(one, manifest=m) for one, m in zip(ordered, manifests, strict=True)]
     analysis = chosen.analysis_of(ordered, settings)
     ordered = [one.without_tables() for one in ordered]  # the analysis holds everybody's
-    report_path = replace(chosen, tell=telling.warn).write(
+    report_path = replace(chosen, tell=telling.warn, make_views=make_views).write(
         analysis,
         ordered,
         out_dir,
         is_simulated=True in kinds,
         commands=(
-            *_origin(folder),
+            *_origin(folder, manifests),
             " ".join(
                 [
                     "visavis analyse",
@@ -252,6 +272,7 @@ def analyse_study(
             ),
         ),
         example=Recording(sessions[0]),
+        folder=_from_root(folder),
     )
     write_damage(damaged, out_dir)
     write_deviations(review, out_dir)
@@ -265,6 +286,34 @@ def analyse_study(
         telling.warn(str(error))
     telling.say(f"{counted(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
     return report_path
+
+
+def _with_recorded_design(
+    chosen: OpenedStudy,
+    changed: str,
+    folder: Path,
+    manifests: Sequence[Manifest],
+    telling: Telling,
+) -> OpenedStudy:
+    """Return a study with the levels its sessions had; warn of what was changed since, by name.
+
+    Raises:
+        DataError: it has a factor now that none of its sessions had.
+    """
+    begun = read_settings(folder)
+    now = chosen.experiment({} if begun is None else begun.parameters)
+    changes, mixed = told_of_designs(manifests, now)
+    require_recorded_factors(folder, manifests, now)
+    if changes:
+        telling.warn(
+            f"the study has changed since {folder} was begun: {in_words(changes)}. Analysed is "
+            "what the sessions had"
+        )
+    elif changed:
+        telling.warn(f"{changed}. What sessions show and ask is the same")
+    if mixed:
+        telling.warn(mixed)
+    return as_recorded(chosen, manifests)
 
 
 def _reviewed(
@@ -332,9 +381,12 @@ def _from_root(folder: Path) -> str:
     return "/".join(folder.parts[-3:])
 
 
-def _origin(folder: Path) -> tuple[str, ...]:
+def _origin(folder: Path, manifests: Sequence[Manifest]) -> tuple[str, ...]:
+    """Return the command that would simulate these sessions again; none performed in real time."""
     settings = read_settings(folder)
     if settings is None or not settings.is_simulated:
+        return ()
+    if not all(on_virtual_clock(m) and len(m.parts) == 1 for m in manifests):
         return ()
     count = len(list(folder.glob("sub-*")))
     options = [f"--participants {count}", f"--seed {settings.seed}"]

@@ -1,12 +1,14 @@
 """Look through every file of a study's folder, and put back what has an intact copy."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from lab.clock import SystemClock
 from lab.errors import LabError, RecordingError
 from protocol.exports_register import REGISTER_NAME, registered_exports
 from protocol.ledger import LEDGER_NAME, Ledger
+from protocol.own_body import FILE_NAMES, OWN_BODY_NAME, read_own_body
 from recording.chained import read_lines, repair_lines
 from recording.durable import replace_file, sha256_of
 from recording.folder import SIMULATED_ROOT
@@ -34,6 +36,7 @@ def study_problems(folder: Path, sessions: Sequence[Path] | None = None) -> tupl
     """
     problems = [*_settings_problems(folder), *_ledger_problems(folder), *_export_problems(folder)]
     problems += _lock_problems(folder)
+    problems += [problem for path in _bodies(folder) for problem in _body_problems(path)]
     for session in session_folders(folder) if sessions is None else sessions:
         problems += session_problems(session)
     return tuple(problems)
@@ -54,34 +57,36 @@ def repair_study(folder: Path) -> tuple[str, ...]:
     Raises RecordingError where the ledger and its copy are both damaged.
     """
     done = []
-    settings = folder / SETTINGS_NAME
     if _settings_problems(folder):
-        try:
-            intact = read_settings(folder)
-        except LabError:
-            intact = None
-        if intact is None and restore(settings):
-            done.append(f"{settings} was put back from its copy")
-        elif intact is not None:
-            _renew_copy(settings)
-            done.append(f"{copy_path(settings)} was renewed")
+        done += _mended(folder / SETTINGS_NAME, lambda: read_settings(folder))
     for name in (LEDGER_NAME, REGISTER_NAME, PEEKS_NAME):
         try:
             repaired = repair_lines(folder / name)
         except ValueError as error:
             raise RecordingError(str(error)) from error
         done += [repaired] if repaired else []
-    lock = folder / LOCK_NAME
-    if _lock_problems(folder) and restore(lock):
-        done.append(f"{lock} was put back from its copy")
+    if _lock_problems(folder):
+        done += _mended(folder / LOCK_NAME, lambda: read_lock(folder))
+    for told in _bodies(folder):
+        if _body_problems(told):
+            done += _mended(told, partial(read_own_body, told.parent))
     for session in session_folders(folder):
         done += recover(session).repaired
     return tuple(done)
 
 
-def _renew_copy(path: Path) -> None:
-    """Make a file's copy anew from the file."""
+def _mended(path: Path, read: Callable[[], object]) -> list[str]:
+    """Put a sealed file back from its copy, or renew the copy of one that `read` returns."""
+    try:
+        is_intact = read() is not None
+    except LabError:
+        is_intact = False
+    if not is_intact:
+        return [f"{path} was put back from its copy"] if restore(path) else []
+    if copy_state(path) == "same":
+        return []
     replace_file(copy_path(path), path.read_bytes())
+    return [f"{copy_path(path)} was renewed"]
 
 
 def _settings_problems(folder: Path) -> list[str]:
@@ -107,6 +112,21 @@ def _lock_problems(folder: Path) -> list[str]:
     state = copy_state(path)
     renewed = [] if locked is None or state == "same" else [f"{copy_path(path)} is {state}"]
     return renewed + list(read_lines(folder / PEEKS_NAME).notes)
+
+
+def _bodies(folder: Path) -> list[Path]:
+    """Return where people's own bodies are kept, or were: the copy is left."""
+    found = (path for name in FILE_NAMES for path in folder.glob(f"sub-*/{name}"))
+    return sorted({path.with_name(OWN_BODY_NAME) for path in found})
+
+
+def _body_problems(path: Path) -> list[str]:
+    try:
+        read_own_body(path.parent)
+    except LabError as error:
+        return [str(error)]
+    state = copy_state(path)
+    return [] if state == "same" else [f"{copy_path(path)} is {state}"]
 
 
 def _export_problems(folder: Path) -> list[str]:

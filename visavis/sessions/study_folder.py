@@ -144,6 +144,7 @@ def settle(
     *,
     seed_given: bool,
     fits: Callable[[StudySettings], bool] | None = None,
+    way_out: str = "",
 ) -> StudySettings:
     """Return the settings in force, writing them when the study is new.
 
@@ -167,7 +168,7 @@ def settle(
     if changed != present and may_become(folder, present, wanted) and fits and fits(changed):
         write_sealed(folder / SETTINGS_NAME, asdict(changed))
         return changed
-    refuse_other(folder, present, wanted)
+    refuse_other(folder, present, wanted, way_out)
     return present
 
 
@@ -182,8 +183,10 @@ def session_folders(folder: Path) -> tuple[Path, ...]:
     return tuple(sorted(p for p in folder.glob("sub-*/ses-*") if p.is_dir() and any(p.iterdir())))
 
 
-def refuse_other(folder: Path, present: StudySettings, wanted: StudySettings) -> None:
-    """Refuse parameters that a study was not begun with.
+def refuse_other(
+    folder: Path, present: StudySettings, wanted: StudySettings, way_out: str = ""
+) -> None:
+    """Refuse parameters that a study was not begun with; `way_out` is what else can be done.
 
     Raises:
         UsageError: naming those it was begun with.
@@ -193,7 +196,7 @@ def refuse_other(folder: Path, present: StudySettings, wanted: StudySettings) ->
         raise UsageError(
             f"{folder} was begun with {kept or 'no --set'}"
             f"{'' if present.effect else ' and --no-effect'}, which holds for all of its sessions; "
-            "leave --set out, or choose another --output or data_root"
+            f"leave --set out, or {way_out or 'choose another data_root in lab_config.yaml'}"
         )
 
 
@@ -240,7 +243,8 @@ def sessions_of(folder: Path) -> tuple[Path, ...]:
     if not found:
         inner = sorted(p.parent for p in folder.glob(f"*/{SETTINGS_NAME}"))
         inner += sorted(p.parent for p in folder.glob(f"*/*/{SETTINGS_NAME}"))
-        hint = f"; did you mean {inner[0]}?" if inner else ""
+        begin = f"perform one: visavis run {folder.name} --participant 1, or give another folder"
+        hint = f"; did you mean {inner[0]}?" if inner else f"; {begin}"
         raise UsageError(f"{folder} holds no sessions (sub-…/ses-…){hint}")
     return found
 
@@ -262,8 +266,5 @@ def study_of_folder(folder: Path, name: str) -> tuple[OpenedStudy, str]:
             "back, or name it: visavis analyse PATH/OF/STUDY.py"
         )
     changed = settings is not None and digest_of(path) != settings.source_sha256
-    warning = (
-        f"{source} has changed since {folder} was begun: what is read from the recordings may not "
-        "be what was planned"
-    )
+    warning = f"{source}, or a text beside it, has changed since {folder} was begun"
     return find_study(source), warning if changed else ""

@@ -4,7 +4,8 @@ A simulated session is its plan, its seed and its devices: the same code perform
 virtual clock, through the same drivers over the same simulated wires, and every sample, event and
 trial row must come out bit for bit. A part that went on with a session goes on again from the
 earlier parts as recorded, and what an operator did is done again at the same moments. People are
-not performed again: the samples of their devices are fed to the engine as recorded.
+not performed again, nor is what was simulated in real time, whose every time is another in the next
+run: the samples of the devices are fed to the engine as recorded.
 """
 
 import json
@@ -18,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from lab.clock import NS_PER_S, SimClock
+from lab.clock import NS_PER_S, SIMULATED_EPOCH_ISO, SimClock
 from lab.config import DeviceConfig, LabConfig
 from lab.errors import DataError, SessionAborted, UsageError
 from protocol.operator import Action, Command, Operator, SessionStatus, UnattendedOperator
@@ -29,7 +30,7 @@ from recording.reader import PART_COLUMN, Recording, component_names
 from recording.stream_file import Columns
 from visavis.opened import OpenedStudy, overrides_of
 from visavis.sessions.evaluated_again import TARGETS, targets_again
-from visavis.sessions.perform import Request, perform_new, perform_rest
+from visavis.sessions.perform import Request, of_no_session, perform_new, perform_rest
 
 DRAWN: Final = ("drawn", "drawn_views", "mirror")
 """Streams of what was drawn: nothing is drawn when a session is performed again."""
@@ -57,7 +58,7 @@ class Difference:
 
     def told(self) -> str:
         """Return it as a sentence."""
-        frame = "before the first frame" if self.frame is None else f"frame {self.frame}"
+        frame = "before the first frame" if self.frame is None else f"in frame {self.frame}"
         frame = frame if self.has_frames else "on the page"
         frame = f"part {self.part}, {frame}" if self.part > 1 else frame
         trial = f", trial {self.trial_id}" if self.trial_id else ""
@@ -69,10 +70,12 @@ class Difference:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What performing a session again found; `compared` counts rows by stream.
+    """What performing a session again found; `compared` counts rows by stream, of whichever of
+    both recordings has more, and `differing` those of them that are not the same in both.
 
     `ended_early` are parts that were cut off: what is there of them was compared. `is_fed` where
-    people were recorded: the engine was fed with what their devices measured.
+    people were recorded, or a simulation in real time: the engine was fed with what the devices
+    measured.
     """
 
     first: Difference | None
@@ -96,6 +99,9 @@ def verify(recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Pa
         raise UsageError(f"{recording.path} is being recorded; verify it when it has ended")
     if not recording.manifest.is_simulated:
         return _fed(recording, study)
+    if is_in_real_time(recording):
+        _require_same_plan(recording, study)
+        return _fed(recording, study)
     verdicts = []
     for part in recording.manifest.parts:
         below = scratch / part.folder
@@ -103,6 +109,28 @@ def verify(recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Pa
         verdicts.append(compared(recording, again, part.number))
         shutil.rmtree(below)
     return _joined(verdicts)
+
+
+def is_in_real_time(recording: Recording) -> bool:
+    """Tell whether any part of a session ran on the machine's clock, which no other run repeats."""
+    return any(p.started_wall_iso != SIMULATED_EPOCH_ISO for p in recording.manifest.parts)
+
+
+def _require_same_plan(recording: Recording, study: OpenedStudy) -> None:
+    """Refuse a session of which this version plans another; see `verify`."""
+    manifest = recording.manifest
+    plan: Mapping[str, Any] = manifest.plan
+    planned = as_json(
+        study.experiment(overrides_of(plan)).plan(
+            int(plan["participant_index"]), manifest.seed, str(plan.get("group") or "")
+        )
+    )
+    if planned != plan:
+        raise DataError(
+            f"{recording.path}: this version of Visavis, or of the study, plans another session "
+            f"({_first_of(plan, planned)}); check out the version named in manifest.json "
+            "(provenance)"
+        )
 
 
 def perform_again(
@@ -124,6 +152,7 @@ def perform_again(
     if on == "browser":  # who is simulated there looks at the page and needs no device
         devices = dict(lab.devices)
     config = lab.model_copy(update={"data_root": scratch, "devices": devices})
+    _require_same_plan(recording, study)
     plan: Mapping[str, Any] = manifest.plan
     experiment = study.experiment(overrides_of(plan))
     clock = SimClock()
@@ -141,18 +170,11 @@ def perform_again(
         effect=bool(kept.get("effect", True)),
         on=on,
     )
-    planned = as_json(experiment.plan(request.participant_index, request.seed, request.group))
-    if planned != plan:
-        raise DataError(
-            f"{recording.path}: this version of Visavis, or of the study, plans another session "
-            f"({_first_of(plan, planned)}); check out the version named in manifest.json "
-            "(provenance)"
-        )
     path = session_dir(
         scratch, manifest.study, manifest.participant, manifest.session, is_simulated=True
     )
     before = tuple(p for p in manifest.parts if p.number < part)
-    with suppress(SessionAborted):  # as the recorded part was
+    with suppress(SessionAborted), of_no_session():  # as the recorded part was
         if before:
             _put_down(recording, before, path)
             perform_rest(request, path)
@@ -205,17 +227,22 @@ def _operator_of(recording: Recording, part: int, clock: SimClock) -> Operator:
 def _fed(recording: Recording, study: OpenedStudy) -> Verdict:
     """Feed the engine with the recorded samples of real devices, and compare what it makes."""
     if TARGETS not in recording.stream_names:
+        of = "with people, whom"
+        if recording.manifest.is_simulated:
+            of = "in real time (run or simulate with --fast gives sessions that repeat), which"
         raise UsageError(
-            f"{recording.path} was recorded with people, whom nothing performs again, and without "
-            "gaze, which could be evaluated again; `visavis check` compares it with its plan"
+            f"{recording.path} was recorded {of} nothing performs again, and without gaze, which "
+            "could be evaluated again; `visavis check` compares it with its plan"
         )
     verdicts = []
     for part in recording.manifest.parts:
         old = recording.stream_arrays(TARGETS, part=part.number)
-        first, count = _of_stream(TARGETS, old, targets_again(recording, study, part.number))
+        new = targets_again(recording, study, part.number)
+        first, count = _of_stream(TARGETS, old, new)
         placed = None if first is None else _placed(first, recording, part.number)
         differing = {TARGETS: count} if count else {}
-        verdicts.append(Verdict(placed, differing, {TARGETS: len(old["seq"])}, (), is_fed=True))
+        rows = {TARGETS: max(len(old["seq"]), len(new["seq"]))}
+        verdicts.append(Verdict(placed, differing, rows, (), is_fed=True))
     return _joined(verdicts)
 
 
@@ -278,7 +305,7 @@ def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
         if cut_off:
             n = int((old["t_host_ns"] < _last_frame_ns(recorded, part)).sum()) if old else 0
             old, new = ({c: values[:n] for c, values in side.items()} for side in (old, new))
-        rows[name] = len(old.get("seq", ()))
+        rows[name] = max(len(old.get("seq", ())), len(new.get("seq", ())))
         first, count = _of_stream(name, old, new)
         if first is not None:
             found.append(first)
@@ -288,8 +315,8 @@ def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
         ("events", old_journal.events, new_journal.events),
         ("trial rows", old_journal.trials, new_journal.trials),
     ):
-        rows[where] = len(old_lines)
         kept = new_lines[: len(old_lines)] if cut_off else new_lines
+        rows[where] = max(len(old_lines), len(kept))
         different = list(_of_lines(where, old_lines, kept))
         if different:
             found.append(different[0])

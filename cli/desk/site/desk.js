@@ -38,6 +38,11 @@ function el(name, content = {}, ...inner) {
   return made;
 }
 
+// Text with commands between backticks, as parts of an element.
+function worded(text) {
+  return text.split("`").map((part, i) => (i % 2 ? el("code", { text: part }) : part)).filter(Boolean);
+}
+
 async function post(path, content = {}) {
   const answer = await fetch(path, {
     method: "POST", headers: { "Content-Type": "application/json", "X-Visavis-Key": key }, body: JSON.stringify(content),
@@ -260,7 +265,7 @@ function verdictOf(verdict, label) {
   return el("div", { class: `verdict ${verdict.level}` },
     el("strong", { text: verdict.answer }),
     el("span", { text: `Participant ${label}: ${verdict.done} of ${count(verdict.planned, "trial")} done.` }),
-    el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy", text: step }))),
+    el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...worded(step)))),
     el("details", {}, el("summary", { text: "what was looked at" }),
       el("ul", { class: "plain" }, ...verdict.findings.map((finding) =>
         el("li", { class: finding.level === "red" ? "bad" : finding.level === "amber" ? "look" : "", text: `${finding.subject}: ${finding.message}` })))));
@@ -281,7 +286,7 @@ function person(who) {
   const state = who.session && who.state !== "to come" ? `session ${who.session} ${who.state}` : who.state;
   return el("div", { class: "person" }, el("b", { text: who.label }), el("span", { text: state }),
     verdict ? el("div", { class: short, text: `${verdict.answer} ${verdict.done} of ${verdict.planned} trials done.` }) : null,
-    verdict && who.state === "complete" ? el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy", text: step }))) : null,
+    verdict && who.state === "complete" ? el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...worded(step)))) : null,
     who.command ? el("div", {}, el("code", { text: who.command }), document.createTextNode(" "), copied(who.command)) : null);
 }
 

@@ -117,14 +117,14 @@ class EyeLink(GazeDevice):
         text = raw[VERDICT.size :].decode("utf-8", "replace").strip()
         if code == NO_RESULT:
             self._calibration = None
-            fault = self._warning(
+            fault = self._uncalibrated(
                 "the host has not calibrated since it was connected",
                 "calibrate with `visavis devices setup`; an earlier calibration may still hold, "
                 "which the validation measures",
             )
         else:
             self._calibration = CalibrationOutcome(code == 0, text or VERDICTS.get(code, str(code)))
-            fault = self._warning(
+            fault = self._uncalibrated(
                 f"not calibrated: {self._calibration.message}",
                 "calibrate with `visavis devices setup`",
             )

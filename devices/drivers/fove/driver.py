@@ -147,7 +147,7 @@ class Fove(GazeDevice):
                 self._note_calibrated(True)
 
     def _note_calibrated(self, calibrated: bool) -> None:
-        fault = self._warning("not calibrated", "calibrate")
+        fault = self._uncalibrated("not calibrated", "calibrate")
         self._note("calibrated", None if calibrated else fault)
 
     def _own_faults(self) -> Iterable[Fault]:

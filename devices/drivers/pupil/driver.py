@@ -203,7 +203,7 @@ class PupilCore(GazeDevice):
         for text in self._parts.stopped.values():
             yield self._blocking(text, "look at Pupil Capture and start it again")
         if not self._is_calibrated:
-            yield self._warning("not calibrated since it was opened", "calibrate")
+            yield self._uncalibrated("not calibrated since it was opened", "calibrate")
 
     def _decode(self, message: Message) -> Iterable[Sample]:
         """Take what is not gaze; gaze is decoded by the batch."""

@@ -157,5 +157,8 @@ class MessageDevice(ABC):
     def _warning(self, message: str, remedy: str) -> Fault:
         return Fault(self.info.role, "warning", message, remedy)
 
+    def _uncalibrated(self, message: str, remedy: str) -> Fault:
+        return Fault(self.info.role, "warning", message, remedy, is_uncalibrated=True)
+
     def _blocking(self, message: str, remedy: str) -> Fault:
         return Fault(self.info.role, "blocking", message, remedy)

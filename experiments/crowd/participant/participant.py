@@ -1,9 +1,9 @@
 """A simulated participant of the crowd study: walks through, reads the board, feels, answers.
 
 It receives what the display shows and what the armbands do, and nothing else. What it does not
-model: hesitating, stepping back, changing the way after a contact, tiredness, practice without
-vibration, headset weight. What it has learned from vibrations stays from trial to trial, and is
-recorded with each, so that a resumed session goes on with it.
+model: hesitating, stepping back, changing the way after a contact, headset weight; tiredness and
+practice only as a form that wanders by chance. What it has learned from vibrations stays from
+trial to trial, and is recorded with each, so that a resumed session goes on with it.
 """
 
 import zlib
@@ -16,7 +16,13 @@ import numpy.typing as npt
 from devices.contracts import EYES_DTYPE
 from experiments.crowd.participant.answers import answer_question
 from experiments.crowd.participant.route import STEP_M, Way, choose_gaps, gap_graph, way_through
-from experiments.crowd.participant.traits import DEFAULT_POPULATION, SPREAD, Population, draw_person
+from experiments.crowd.participant.traits import (
+    DEFAULT_POPULATION,
+    SPREAD,
+    Population,
+    draw_person,
+    in_form,
+)
 from experiments.crowd.participant.walking import (
     ALARM,
     CAUTION,
@@ -44,7 +50,7 @@ MAX_ROWS: Final = 30_000
 EYES_M: Final = (0.0, 0.061 * REFERENCE_STATURE_M, -0.053 * REFERENCE_STATURE_M)
 """From the head's joint to the middle between the eyes at the reference stature."""
 GIVE_UP_S: Final = 10.0
-_N_PERSON, _N_TASTE, _N_WALK, _N_ANSWER = range(4)
+_N_PERSON, _N_TASTE, _N_WALK, _N_ANSWER, _N_FORM = range(5)
 _JOINTS = frozenset(BODY_JOINTS)
 _STANDING, _OUT, _READING, _BACK, _HOME = range(5)
 _ARRIVED_M = 0.06
@@ -89,6 +95,7 @@ class CrowdParticipant:
         """Stand on the mark and begin a new stretch of behaviour at this session time."""
         learned = self._states[self._row, [CAUTION, ALARM]].copy()
         self._stretch, self._origin_ns = stretch, t_ns
+        self._traits = in_form(self.person, self.population, self.form(stretch))
         self._rng_walk = self._rng(_N_WALK, stretch)
         self._noise = self._rng_walk.standard_normal((MAX_ROWS, 2))
         self._row = 0
@@ -176,7 +183,7 @@ class CrowdParticipant:
             self._states,
             self._row_of(t_ns),
             self.person.stature_m,
-            float(self.person.traits[SPREAD]),
+            float(self._traits[SPREAD]),
             self._parents,
             self._offsets,
             self._eyes_m,
@@ -232,6 +239,13 @@ class CrowdParticipant:
         """Whether the way there and back is done."""
         return self._doing == _HOME
 
+    def form(self, stretch: int) -> Vector:
+        """Return how the person is on a walk, (4,), standard normal between two of its turns."""
+        turn, share = divmod(stretch / self.population.form_walks, 1.0)
+        one, other = (self._rng(_N_FORM, int(turn) + k).standard_normal(4) for k in (0, 1))
+        between: Vector = np.cos(share * np.pi / 2) * one + np.sin(share * np.pi / 2) * other
+        return between
+
     # ---- within ----
 
     def _pose(self, t_ns: npt.NDArray[np.int64]) -> tuple[Vector, Vector]:
@@ -244,7 +258,7 @@ class CrowdParticipant:
                 self._states,
                 rows,
                 self.person.stature_m,
-                float(self.person.traits[SPREAD]),
+                float(self._traits[SPREAD]),
                 self._parents,
                 self._offsets,
                 positions,
@@ -267,7 +281,7 @@ class CrowdParticipant:
                 self._states,
                 self._row,
                 to,
-                self.person.traits,
+                self._traits,
                 self._way.point_m,
                 self._way.heading_rad,
                 self._way.free_m,

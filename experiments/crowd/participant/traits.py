@@ -30,8 +30,13 @@ class Population:
     the way truer by the share `caution_wander`. How far arms come in differs by
     `caution_tuck_spread`, with Student's t of `response_tail` degrees of freedom, and is less
     in the loose (`loose_response`): below none, arms come out, as of somebody who gets
-    careless. Alarm slows by the share `alarm_slowing` and widens the margin by
-    `alarm_margin_m`, both with a spread on the log scale.
+    careless. Alarm slows by the share `alarm_slowing`, with a spread on the log scale, and widens
+    the margin by `alarm_margin_m`, with a normal one, so that it narrows it in some. Who keeps a
+    wide margin learns a wide one (`careful_with_own`) and is alarmed more (`alarm_with_own`).
+
+    Form: how somebody is just now wanders over about `form_walks` walks, whatever is felt, round
+    what they are: pace by `form_pace` and sway by `form_wander` (both log scale), looseness by
+    `form_loose`, in spreads between people, and the margin by `form_margin_m`.
 
     Shoulder width and depth, the limits of turns and the times (`turn_s`, `wander_s`,
     `reading_s`, `reaction_s`, `alarm_*_s`) are assumed; everything else was tuned by hand to
@@ -69,17 +74,24 @@ class Population:
     caution_forgotten_s: float = 3600.0
     alarm_per_s: float = 0.5
     alarm_forgotten_s: float = 12.0
-    careful_margin_m: float = 0.060
-    careful_margin_spread_m: float = 0.010
-    caution_tuck: float = 0.42
+    careful_margin_m: float = 0.066
+    careful_margin_spread_m: float = 0.020
+    careful_with_own: float = 0.7
+    caution_tuck: float = 0.50
     caution_tuck_spread: float = 0.35
     caution_wander: float = 0.62
     alarm_slowing: float = 0.10
     alarm_slowing_spread: float = 0.50
-    alarm_margin_m: float = 0.020
-    alarm_margin_spread: float = 1.1
+    alarm_margin_m: float = 0.030
+    alarm_margin_spread_m: float = 0.060
+    alarm_with_own: float = 0.7
     loose_response: float = 0.60
     response_tail: float = 4.0
+    form_walks: int = 8
+    form_pace: float = 0.095
+    form_loose: float = 0.27
+    form_margin_m: float = 0.008
+    form_wander: float = 0.6
 
 
 DEFAULT_POPULATION: Final = Population()
@@ -130,6 +142,11 @@ class Person:
     traits: Vector
 
 
+def _correlated(z: float, fresh: float, r: float) -> float:
+    """Return a standard normal with correlation `r` to `z`."""
+    return float(r * z + np.sqrt(1 - r * r) * fresh)
+
+
 def draw_person(population: Population, rng: np.random.Generator, *, feels: bool) -> Person:
     """Draw a person; who does not feel is blind to vibration, everything else alike."""
     q = population
@@ -159,12 +176,16 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     traits[CAUTION_FORGOTTEN] = q.caution_forgotten_s
     traits[ALARM_PER_S] = q.alarm_per_s * responsive if feels else 0.0
     traits[ALARM_FORGOTTEN] = q.alarm_forgotten_s
-    traits[CAREFUL_MARGIN] = q.careful_margin_m + q.careful_margin_spread_m * shoulders
+    traits[CAREFUL_MARGIN] = q.careful_margin_m + q.careful_margin_spread_m * _correlated(
+        z[1], shoulders, q.careful_with_own
+    )
     answer = 1.0 + q.caution_tuck_spread * arms - q.loose_response * loose
     traits[CAUTION_TUCK] = min(q.caution_tuck * answer, 1.0 - traits[TUCK])
     traits[CAUTION_WANDER] = q.caution_wander
     traits[ALARM_SLOWING] = q.alarm_slowing * np.exp(q.alarm_slowing_spread * slowing)
-    traits[ALARM_MARGIN] = q.alarm_margin_m * np.exp(q.alarm_margin_spread * alarmed)
+    traits[ALARM_MARGIN] = q.alarm_margin_m + q.alarm_margin_spread_m * _correlated(
+        z[1], alarmed, q.alarm_with_own
+    )
     traits[SPREAD] = min(q.spread_rad * np.exp(q.loose_spread * loose), MAX_SPREAD_RAD)
     return Person(
         sex=sex,
@@ -176,3 +197,17 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
         embodiment=np.array([6.0, 3.6, 5.0]) + np.array([0.7, 1.2, 1.1]) * rng.standard_normal(3),
         traits=traits,
     )
+
+
+def in_form(person: Person, population: Population, form: Vector) -> Vector:
+    """Return the traits (24,) of a walk; `form` (4,), N(0, 1): pace, looseness, margin, sway."""
+    q, traits = population, person.traits.copy()
+    pace, loose = q.form_pace * form[0], q.form_loose * form[1]
+    traits[FREE_SPEED] *= np.exp(pace)
+    traits[STRIDE] *= np.exp(-q.loose_stride * loose)
+    traits[SWING] = min(traits[SWING] * np.exp(q.loose_swing * loose), MAX_SWING_RAD)
+    traits[SPREAD] = min(traits[SPREAD] * np.exp(q.loose_spread * loose), MAX_SPREAD_RAD)
+    traits[MARGIN] += q.form_margin_m * form[2]
+    traits[CAREFUL_MARGIN] += q.form_margin_m * form[2]
+    traits[WANDER] *= np.exp(q.form_wander * form[3])
+    return traits

@@ -10,12 +10,13 @@ import pytest
 from matplotlib.figure import Figure
 
 from analysis.plots import draw, new_figure, svg_for_page
-from analysis.plots.panels import left_out_lines, paired_lines
+from analysis.plots.panels import ALL, left_out_lines, paired_lines
 from analysis.plots.written import svg_text
 from analysis.report.blocks import (
     Cell,
     Column,
     Facts,
+    Fold,
     Page,
     Picture,
     Section,
@@ -59,6 +60,18 @@ def test_nothing_of_a_report_is_cut_off(width: int, browser: Any, tmp_path: Path
     moves = wide.evaluate("place => place.scrollWidth > place.clientWidth")
     assert (width == 390) == moves
     assert wide.get_attribute("tabindex") == "0"  # which the keyboard can move, too
+
+
+def test_a_list_of_words_is_read_on_a_phone_without_moving_it(browser: Any, tmp_path: Path) -> None:
+    rows = (("Calibration: procedure, points, acceptance", "own procedure, then validation " * 4),
+            ("Recordings: SHA-256 of all together", "f" * 64))  # fmt: skip
+    table = Table((Column("Item"), Column("This study")), rows, "Reporting list")
+    made = Page("A study", "?", Facts(()), False, (Section("one", "One", (table,)),))
+    page = browser.new_page(viewport={"width": 390, "height": 800})
+    page.goto(write_page(made, tmp_path / "list.html").as_uri())
+    place = page.locator(".scroll")
+    assert place.evaluate("place => place.scrollWidth <= place.clientWidth")
+    assert 120 <= page.locator("tbody th").first.bounding_box()["width"]
 
 
 @pytest.mark.parametrize("is_simulated", [True, False])
@@ -109,7 +122,7 @@ def test_a_table_is_copied_as_apa_wants_it(
 
 
 def figure(name: str, values: list[float]) -> Picture:
-    """Return a figure of three people, of whom the last does not count."""
+    """Return a figure of three people: one lost trials to a rule, the last does not count."""
 
     def make() -> Figure:
         made = new_figure(4, 3)
@@ -117,6 +130,7 @@ def figure(name: str, values: list[float]) -> Picture:
         table = np.array([values, values[::-1]])
         paired_lines(axes, table, ["a", "b"], ["#0b5d8f", "#d55e00"], people=["07K", "08M"])
         left_out_lines(axes, np.array([[0.0, 1.0]]), ["09X"])
+        left_out_lines(axes, table[:1], ["08M"], kind=ALL)
         return made
 
     drawn = draw(name, make, title=name, caption="C", alternative="A", is_simulated=False)
@@ -165,6 +179,46 @@ def test_who_was_left_out_is_shown_when_asked_and_not_before(browser: Any, tmp_p
     assert out.is_visible()
     box.uncheck()
     assert not out.is_visible()
+
+
+def test_what_trials_left_out_would_change_is_shown_when_asked(
+    browser: Any, tmp_path: Path
+) -> None:
+    page = browser.new_page()
+    page.goto(people_report(tmp_path))
+    with_all = page.locator("svg .all[data-who='08M']").first
+    assert not with_all.is_visible()
+    box = page.get_by_label("Show with trials left out, dotted (1)")
+    box.check()
+    assert with_all.is_visible()
+    box.uncheck()
+    assert not with_all.is_visible()
+
+
+def test_a_trial_opens_its_page_or_copies_the_command_that_shows_it(
+    browser: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "views").mkdir()
+    (tmp_path / "views" / "07K.html").write_text("<p>T03 again</p>", encoding="utf-8")
+    rows = (
+        ("07K", Cell("T03", link="views/07K.html#trial=T03")),
+        ("08M", Cell("T05", command="visavis view data --trial T05 --show")),
+    )
+    table = Table((Column("Participant"), Column("Trial")), rows, "Trials to look at")
+    blocks = (figure("one", [1.0, 2.0]), Fold("Trials to look at: 2", (table,)))
+    made = Page("A study", "?", Facts(()), False, (Section("one", "One", blocks),))
+    path = write_page(made, tmp_path / "trials.html")
+    context = browser.new_context(permissions=["clipboard-read", "clipboard-write"])
+    page = context.new_page()
+    page.goto(path.as_uri())
+    page.get_by_label("Highlight a participant").get_by_role("combobox").select_option("08M")
+    page.get_by_role("button", name="1 trial to look at").click()
+    page.get_by_role("button", name="T05", exact=True).click()
+    copied = page.evaluate("() => navigator.clipboard.readText()")
+    assert "visavis view data --trial T05 --show" == copied
+    page.get_by_role("link", name="T03").click()
+    page.wait_for_url("**/views/07K.html#trial=T03")
+    assert "T03 again" == page.inner_text("p")
 
 
 def test_a_figures_own_file_names_nobody_and_hides_who_was_left_out() -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.crowd.replay import Walk
+from experiments.crowd.walks import Walk
 from stimuli.contact.idle import crowd_poses, people_of
 from stimuli.scenes.station_crowd import START_M, Crowd, station_crowd
 

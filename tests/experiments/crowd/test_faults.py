@@ -6,8 +6,8 @@ import pytest
 from experiments.crowd.design import CrowdParameters
 from experiments.crowd.haptics import BAND_ROLES
 from experiments.crowd.measures import MeasureParameters
-from experiments.crowd.replay import walks
 from experiments.crowd.trial import run_trial
+from experiments.crowd.walks import walks
 from lab.body_joints import BODY_JOINTS
 from lab.errors import DesignError
 from protocol.plan import Trial

@@ -10,8 +10,8 @@ from experiments.crowd.measures import cells_of
 from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.quick_measures import quick_measures
 from experiments.crowd.quick_study import quick_walk, walked
-from experiments.crowd.replay import STEP_NS, Walk
 from experiments.crowd.study import plan_session
+from experiments.crowd.walks import STEP_NS, Walk
 from lab.body_joints import BODY_JOINTS
 from stimuli.scenes.station_crowd import BOARD_M
 from visavis.catalogue import find_study

@@ -8,7 +8,7 @@ from analysis.session_check import check_session
 from experiments.crowd.design import CONDITIONS
 from experiments.crowd.haptics import BAND_ROLES
 from experiments.crowd.measures import MeasureParameters
-from experiments.crowd.replay import walks
+from experiments.crowd.walks import walks
 from stimuli.contact.body import ARM_JOINTS, capsule_body
 from stimuli.contact.touch import TouchSensor
 from tests.experiments.crowd.sessions import session

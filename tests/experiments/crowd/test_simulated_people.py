@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.participant.route import STEP_M
 from experiments.crowd.participant.traits import (
     ALARM_MARGIN,
@@ -13,11 +14,13 @@ from experiments.crowd.participant.traits import (
     CAUTION_PER_S,
     CAUTION_TUCK,
     DEFAULT_POPULATION,
+    FREE_SPEED,
     MARGIN,
     MAX_SPREAD_RAD,
     SPREAD,
     TUCK,
     draw_person,
+    in_form,
 )
 from experiments.crowd.participant.walking import (
     ALARM,
@@ -54,7 +57,45 @@ def turned_rad(traits, *, caution=0.0, alarm=0.0, gap_m=0.5):
 
 def test_margins_kept_after_learning_differ_less_than_own_ones():
     people = traits_of()
-    assert 0.5 * people[:, MARGIN].std() > people[:, CAREFUL_MARGIN].std() > 0
+    printed = 3.7 / 6.0  # SD of shoulder turns in the last block and in the first
+    assert people[:, MARGIN].std() * printed > people[:, CAREFUL_MARGIN].std() > 0
+
+
+def test_who_keeps_a_wide_margin_learns_a_wide_one_and_is_alarmed_more():
+    people = traits_of()
+    assert 0.5 < np.corrcoef(people[:, MARGIN], people[:, CAREFUL_MARGIN])[0, 1] < 0.9
+    assert 0.5 < np.corrcoef(people[:, MARGIN], people[:, ALARM_MARGIN])[0, 1] < 0.9
+
+
+def test_alarm_narrows_the_margin_in_some_and_widens_it_on_average():
+    alarmed = traits_of()[:, ALARM_MARGIN]
+    assert 0.02 < alarmed.mean()
+    assert 0.1 < (alarmed < 0).mean() < 0.5
+
+
+def test_form_changes_a_walk_round_what_the_person_is():
+    person = draw_person(DEFAULT_POPULATION, np.random.default_rng(0), feels=True)
+    rng = np.random.default_rng(1)
+    walks = np.array(
+        [in_form(person, DEFAULT_POPULATION, z) for z in rng.standard_normal((500, 4))]
+    )
+    assert person.traits.tolist() == in_form(person, DEFAULT_POPULATION, np.zeros(4)).tolist()
+    pace = np.log(walks[:, FREE_SPEED] / person.traits[FREE_SPEED])
+    assert DEFAULT_POPULATION.form_pace == pytest.approx(pace.std(), rel=0.1)
+    assert pace.mean() == pytest.approx(0.0, abs=0.02)
+    assert walks[:, SPREAD].max() <= MAX_SPREAD_RAD
+
+
+def test_form_of_a_walk_hangs_on_person_and_walk_alone_and_changes_over_walks():
+    once, again = CrowdParticipant(0, 3), CrowdParticipant(0, 3, effect=False)
+    again.prepare(17, 5_000_000_000)
+    later = again.form(2)
+    assert once.form(2).tolist() == later.tolist()
+    forms = np.array([once.form(walk) for walk in range(1, 400)])
+    assert 1.0 == pytest.approx(forms.std(), abs=0.15)
+    near, far = (np.corrcoef(forms[:-k].ravel(), forms[k:].ravel())[0, 1] for k in (1, 24))
+    assert near > 0.9
+    assert abs(far) < 0.3
 
 
 def test_caution_brings_unlike_people_to_like_turns():
@@ -68,8 +109,11 @@ def test_caution_brings_unlike_people_to_like_turns():
 
 def test_alarm_turns_shoulders_farther_by_what_a_person_answers():
     (person,) = traits_of(1)
+    person[ALARM_MARGIN] = 0.05
     calm = turned_rad(person)
     assert turned_rad(person, alarm=1.0) > calm + 0.02
+    person[ALARM_MARGIN] = -0.05
+    assert turned_rad(person, alarm=1.0) < calm - 0.02
     person[ALARM_MARGIN] = 0.0
     assert calm == pytest.approx(turned_rad(person, alarm=1.0))
 

@@ -1,15 +1,17 @@
 """The study of hybrid animation: its clips, its raters, and its tables."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from benchmarks.hybrid_votes import held
 from benchmarks.simulated_tracker import tracker_of
 from experiments.hybrid.clips import CLIPS, Flaws, hybrid_clip, key_frame_clip, period_s
 from experiments.hybrid.sections import consistency, sign_test_p
-from experiments.hybrid.study import faults, study
+from experiments.hybrid.study import looks_of, study
 from stimuli.motion.clip import placed_joints
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
@@ -19,6 +21,7 @@ MANY = 150
 SAME_M = 1e-6
 
 
+@cache
 def judged(people: int = PEOPLE, **parameters: Any) -> pd.DataFrame:
     """Return simulated votes."""
     opened = OpenedStudy(study)
@@ -36,9 +39,9 @@ def test_a_clip_and_its_hybrid_come_round_at_the_same_time(name: str) -> None:
 
 def test_a_limp_is_in_the_clip_alone_as_a_hybrid_mirrors_the_other_half() -> None:
     seconds = 3 * period_s("run")
-    clip = faults(key_frame_clip("run", Flaws()), seconds)[1]
-    sound = faults(key_frame_clip("run", Flaws(limp=0.0)), seconds)[1]
-    made = faults(hybrid_clip("run", 0, "neighbours", Flaws()), seconds)[1]
+    clip = looks_of(key_frame_clip("run", Flaws()), seconds).lame_cm
+    sound = looks_of(key_frame_clip("run", Flaws(limp=0.0)), seconds).lame_cm
+    made = looks_of(hybrid_clip("run", 0, "neighbours", Flaws()), seconds).lame_cm
     assert clip > 2.0
     assert sound < 0.2
     assert made < 0.2
@@ -48,6 +51,17 @@ def test_the_hybrid_run_is_preferred_only_because_the_clip_limps() -> None:
     as_source, sound = judged(), judged(limp=0.0)
     assert as_source.loc[as_source["clip"] == "run", "preference"].mean() > 0.2
     assert sound.loc[sound["clip"] == "run", "preference"].mean() < 0.0
+
+
+def test_votes_lie_as_the_source_describes_its_bars() -> None:
+    found = held(judged(MANY))
+    assert [] == [name for name, is_so in found.items() if not is_so]
+
+
+def test_what_is_seen_of_two_figures_alone_decides_whichever_is_the_hybrid() -> None:
+    rows = judged(MANY)
+    swapped = rows.assign(preference=-rows["preference"])
+    assert sum(held(swapped).values()) <= 4
 
 
 def test_votes_do_not_depend_on_the_side_of_the_hybrid() -> None:

@@ -1,17 +1,23 @@
 """What is acknowledged is on the disk, and a session that broke off goes on at the same step."""
 
+import base64
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lab.clock import NS_PER_S
 from lab.errors import DesignError
 from recording.reader import Recording
 from tests.visavis.page.pages import TAB, begun, gone_on, study
+from visavis.careless import Careless
 from visavis.page.desk import LEASE_NS, RELOADED, RESTARTED
 from visavis.page.errors import OpenElsewhereError, PageError
+from visavis.page.server import FILES, SITE
+from visavis.page.spoken import HOW_MANY, NOT_HEARD, heard, spoken, spoken_digits
 
 
 def answers_in(path: Path) -> list[tuple[str, Any]]:
@@ -201,6 +207,70 @@ def test_the_width_of_a_card_tells_how_large_a_screen_is(
     assert pytest.approx(96 / 25.4) == measured["px_per_mm"]
 
 
+@pytest.mark.parametrize("hears", [True, False])
+def test_who_does_not_type_the_digits_that_were_said_is_flagged_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hears: bool
+) -> None:
+    monkeypatch.setattr(study().study, "screening", ("sound",))
+    with begun(tmp_path) as (page, path):
+        while page.desk.told()["step"]["kind"] != "sound":
+            page.answer()
+        sent = page.event()
+        assert HOW_MANY == len(sent["reply"]["heard"])
+        for wrong in ({"heard": "a", "played": 1}, {"heard": 123, "played": 1}, {"heard": None}):
+            with pytest.raises(PageError):
+                page.desk.take(TAB, [{**sent, "reply": wrong}])
+        if not hears:
+            page.desk.take(TAB, [{**sent, "reply": {"heard": None, "played": 0}}])
+        else:
+            page.desk.take(TAB, [sent])
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    recording = Recording(path)
+    events = recording.events()
+    (checked,) = events.loc[events["name"] == "sound_checked", "payload"]
+    assert hears == checked["is_right"]
+    flags = recording.trials()["flags"].fillna("")
+    assert [("" if hears else NOT_HEARD)] * len(flags) == list(flags)
+    facts = Careless("lively", max_sound_failed=0.0).facts(recording.trials())
+    assert [float(not hears)] == list(facts["sound_failed"])
+
+
+@given(digits=st.lists(st.integers(0, 9), min_size=1, max_size=5))
+@pytest.mark.parametrize("language", ["en", "de", "fr"])
+def test_what_is_said_is_what_somebody_hears_who_knows_the_voice(
+    language: str, digits: list[int]
+) -> None:
+    files = spoken_digits(language, None)
+    assert "".join(map(str, digits)) == heard(spoken(digits, files), files)
+
+
+def test_a_page_with_three_spoken_digits_is_below_300_kilobytes() -> None:
+    page = sum((SITE / name).stat().st_size for name in FILES.values())
+    for language in ("en", "de", "fr"):
+        files = spoken_digits(language, None)
+        longest = max(range(10), key=lambda digit: len(files[digit]))
+        said = base64.b64encode(spoken([longest] * HOW_MANY, files))
+        assert 300_000 > page + len(said)
+
+
+def test_a_lab_s_own_voice_comes_first_and_a_language_without_one_is_told(tmp_path: Path) -> None:
+    own = tmp_path / "digits" / "it"
+    own.mkdir(parents=True)
+    with pytest.raises(DesignError, match=r"digits/es beside the study"):
+        spoken_digits("es", tmp_path)
+    with pytest.raises(DesignError, match=r"0\.wav: no digit can be spoken"):
+        spoken_digits("it", tmp_path)
+    for k, content in enumerate(spoken_digits("fr", None)):
+        (own / f"{k}.wav").write_bytes(content)
+    assert spoken_digits("fr", None) == spoken_digits("it", tmp_path)
+    (own / "9.wav").write_bytes(b"RIFF")
+    spoken_digits.cache_clear()
+    with pytest.raises(DesignError, match=r"9\.wav"):
+        spoken_digits("it", tmp_path)
+
+
 def test_a_study_says_what_is_measured_of_a_screen() -> None:
+    other: Any = ("ruler",)
     with pytest.raises(DesignError, match="screening knows no 'ruler'"):
-        replace(study().study, screening=("ruler",))
+        replace(study().study, screening=other)

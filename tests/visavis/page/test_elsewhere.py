@@ -1,5 +1,6 @@
 """A study on another web host: its bundle in a real browser, and its results as recordings."""
 
+import base64
 import contextlib
 import functools
 import hashlib
@@ -16,6 +17,7 @@ import pytest
 
 from lab.clock import SystemClock
 from lab.errors import DesignError, UsageError
+from protocol.experiment import untold
 from protocol.ledger import Ledger
 from protocol.operator import UnattendedOperator
 from recording.reader import Recording
@@ -25,6 +27,7 @@ from visavis.experiment import StudyExperiment
 from visavis.page.elsewhere.bundle import steps_of_place, write_bundle
 from visavis.page.elsewhere.results import import_runs, read_runs
 from visavis.page.film_store import FilmStore, film_store
+from visavis.page.spoken import heard, spoken_digits
 from visavis.sessions.perform import Request
 
 STUDY = """
@@ -97,7 +100,13 @@ class Host:
     def imported(self, *files: Path, **options: Any) -> Any:
         runs, _ = read_runs(files)
         return import_runs(
-            self.base, self.store, self.ledger, runs, identify=self.who.__setitem__, **options
+            self.base,
+            self.store,
+            self.ledger,
+            runs,
+            identify=self.who.__setitem__,
+            known=self.who.get,
+            **options,
         )
 
 
@@ -187,6 +196,69 @@ def test_who_left_is_recorded_when_asked_for_and_who_withdrew_never(host: Host) 
     made = host.imported(results, unfinished_too=True)
     (path,) = made.sessions.values()
     assert ("aborted", 1) == (Recording(path).status, len(Recording(path).trials()))
+
+
+def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_there(
+    host: Host,
+) -> None:
+    bundle = host.exported()
+    begun = host.imported(
+        written(host.root / "r.jsonl", lines_of(bundle, 0, replies=5)), unfinished_too=True
+    )
+    later = lines_of(bundle, 0)
+    later.insert(7, {"run": "r1", "line": 7, "at_ms": later[6]["at_ms"] + 500,
+                     "opened": {"tab": "t", "at_ms": 5200.0, "about": {}}})  # fmt: skip
+    for n, line in enumerate(later):
+        line["line"] = n
+    results = written(host.root / "r.jsonl", later)
+    made = host.imported(results)
+    assert ((), {}) == (made.refused, made.sessions)
+    assert begun.sessions == made.continued
+    (path,) = made.continued.values()
+    recording = Recording(path)
+    assert "complete" == recording.status
+    rows = recording.trials()
+    assert [1.0] * 4 == list(rows["answer"])
+    assert [5.0] * 4 == list(rows["share"])
+    assert [""] * 4 == list(rows["flags"].fillna(""))
+    replies = [e["n"] for e in recording.events()["payload"] if e.get("kind") == "reply"]
+    assert sorted(set(replies)) == replies
+    assert [0] == [entry.index for entry in host.ledger.list()]
+    again = host.imported(results)
+    assert (1, {}, {}) == (again.known, again.sessions, again.continued)
+
+
+def test_one_identifier_in_two_browsers_is_one_participant_whose_whole_run_counts(
+    host: Host,
+) -> None:
+    bundle, who = host.exported(), {"PROLIFIC_PID": "5f3a99c"}
+    first = lines_of(bundle, 0, replies=4, told=who)
+    whole, third = (lines_of(bundle, k, key=f"r{k + 1}", told=who) for k in (1, 2))
+    made = host.imported(written(host.root / "r.jsonl", first, whole, third), unfinished_too=True)
+    ((label, path),) = made.sessions.items()
+    assert "r2" == Recording(path).manifest.configuration["imported"]["run"]
+    assert {("r1", label), ("r3", label)} == {*made.twice}
+    later = host.imported(written(host.root / "r.jsonl", third))
+    assert ({}, (("r3", label),)) == (later.sessions, later.twice)
+    assert 1 == len(host.ledger.list())
+
+
+def test_a_link_that_names_somebody_of_the_ledger_is_recorded_as_theirs(host: Host) -> None:
+    host.ledger.add()
+    entry = host.ledger.add()
+    bundle = host.exported()
+    made = host.imported(
+        written(
+            host.root / "r.jsonl",
+            lines_of(bundle, 1, told={"participant": "2"}),
+            lines_of(bundle, 2, key="r2", told={"participant": entry.label}),
+            lines_of(bundle, 2, key="r3", told={"participant": "2H-99"}),
+        )
+    )
+    assert (("r2", entry.label),) == made.twice
+    assert [entry.label, host.ledger.list()[2].label] == list(made.sessions)
+    assert "complete" == Recording(made.sessions[entry.label]).status
+    assert () == made.refused
 
 
 @pytest.mark.parametrize(
@@ -378,6 +450,35 @@ def test_a_bundle_on_a_plain_host_goes_from_beginning_to_a_file_of_answers(
     assert {"panel": "link", "identifier": "abc-123"} == host.who[label]
 
 
+@pytest.mark.slow
+def test_who_types_what_the_page_says_has_heard_it(tmp_path: Path, browser: Any) -> None:
+    host = Host(tmp_path, STUDY.replace("uses=()", 'uses=(), screening=["sound"]'))
+    bundle = host.exported()
+    steps = json.loads((bundle / "places" / "1.json").read_text("utf-8"))["steps"]
+    (wav,) = (base64.b64decode(step["wav"]) for step in steps if step["kind"] == "sound")
+    digits = heard(wav, spoken_digits("en", None))
+    page = browser.new_context(accept_downloads=True).new_page()
+    with served_files(bundle) as address:
+        page.goto(f"{address}?place=2")
+        page.wait_for_selector("#heard")
+        assert page.query_selector("#main button:has-text('Continue')[disabled]")
+        page.click("text=Play the voice")
+        page.wait_for_function("document.activeElement.id === 'heard'")  # it plays
+        page.keyboard.type(digits)
+        page.keyboard.press("Enter")
+        answer_until(page, "Save my answers")
+        with page.expect_download() as download:
+            page.click("#main a[download]")
+        results = host.root / "sent.jsonl"
+        download.value.save_as(results)
+    made = host.imported(results)
+    assert () == made.refused
+    (path,) = made.sessions.values()
+    events = Recording(path).events()
+    (checked,) = events.loc[events["name"] == "sound_checked", "payload"]
+    assert {"said": digits, "heard": digits, "is_right": True, "played": 1} == checked
+
+
 @contextlib.contextmanager
 def served_files(folder: Path) -> Iterator[str]:
     """Serve files and nothing else."""
@@ -417,6 +518,33 @@ def test_a_film_that_cannot_be_played_ends_its_trial_and_the_results_are_taken(
     assert () == made.refused
     (path,) = made.sessions.values()
     assert ["skipped", "skipped"] == list(Recording(path).trials()["status"])
+
+
+@pytest.mark.slow
+def test_a_page_that_is_reloaded_without_a_network_goes_on_with_its_films(
+    tmp_path: Path, browser: Any
+) -> None:
+    host = Host(tmp_path, FILMS)
+    host.store = FilmStore(host.store.makers, host.store.study_folder, tmp_path / "films")
+    host.store.build(host.base.experiment.films, untold)
+    page = browser.new_context(accept_downloads=True).new_page()
+    with served_files(host.exported()) as address:
+        page.goto(f"{address}?place=1")
+        page.wait_for_selector("#main button")
+        while "1 of 2" not in page.inner_text("#progress"):
+            answer(page)
+    page.reload()  # nobody serves it any more
+    answer_until(page, "Save my answers")
+    with page.expect_download() as download:
+        page.click("#main a[download]")
+    results = host.root / "sent.jsonl"
+    download.value.save_as(results)
+    made = host.imported(results)
+    assert () == made.refused
+    (path,) = made.sessions.values()
+    rows = Recording(path).trials()
+    assert ["complete"] * 2 == list(rows["status"])
+    assert (rows["film_frames"] > 0).all()
 
 
 def run_of(page: Any) -> str:

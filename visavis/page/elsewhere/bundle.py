@@ -159,7 +159,8 @@ def _write(
     (folder / "bundle.json").write_bytes(_json(told))
     for name in FILES.values():
         shutil.copyfile(SITE / name, folder / name)
-    shutil.copyfile(SITE / "bundle" / "wire.js", folder / "wire.js")
+    for name in ("wire.js", "worker.js"):
+        shutil.copyfile(SITE / "bundle" / name, folder / name)
     _write_page(folder / "index.html", results, is_archive)
     for film in experiment.films:
         built = store.file_of(film)
@@ -262,6 +263,8 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
             return {"agreed": True}
         case "card":
             return {"px_per_mm": None}
+        case "sound":
+            return {"heard": None, "played": 0}
         case "questions":
             return {"answers": {q["name"]: choose(q) for q in content["questions"]}}
         case "watch":

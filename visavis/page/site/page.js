@@ -300,6 +300,28 @@ const steps = {
     draw();
   },
 
+  // Who types what was said can hear this computer; who hears nothing says so.
+  sound(step) {
+    const bytes = Uint8Array.from(atob(step.wav), (c) => c.charCodeAt(0));
+    const voice = new Audio(URL.createObjectURL(new Blob([bytes], { type: "audio/wav" })));
+    let played = 0;
+    const hint = paragraph("", "hint");
+    const field = element("input", { type: "text", class: "number", id: "heard", inputmode: "numeric", maxlength: 8, autocomplete: "off" });
+    const go = button(say("next"), () => done(field.value.trim()));
+    go.disabled = true;
+    const done = (heard) => { cleanUp(); reply({ heard, played }); };
+    const play = button(say("sound_play"), () => {
+      voice.currentTime = 0;
+      voice.play().then(() => { played += 1; field.focus(); }, (error) => { hint.textContent = String(error.message || error); });
+    });
+    field.addEventListener("input", () => { go.disabled = !/^\d{1,8}$/.test(field.value.trim()); });
+    field.addEventListener("keydown", (e) => { if (e.key === "Enter" && !go.disabled) go.click(); });
+    cleanUp = () => { voice.pause(); cleanUp = () => {}; };
+    put("narrow", element("h1", {}, say("sound_title")), paragraph(say("sound_text")), element("div", { class: "buttons" }, play), hint,
+      element("div", {}, element("label", { class: "prompt", for: "heard" }, say("sound_heard")), field),
+      element("div", { class: "buttons" }, go, button(say("sound_none"), () => done(null), true)));
+  },
+
   async preload(step) {
     const bar = element("progress", { max: step.films.length, value: 0, "aria-label": say("loading", { n: 0, m: step.films.length }) });
     const line = paragraph(say("loading", { n: 0, m: step.films.length }));
@@ -420,7 +442,7 @@ const steps = {
 function show(step) {
   cleanUp();
   current = step;
-  stop.hidden = !["card", "preload", "text", "watch", "questions"].includes(step.kind);
+  stop.hidden = !["card", "sound", "preload", "text", "watch", "questions"].includes(step.kind);
   const progress = document.getElementById("progress");
   progress.textContent = step.trial ? (step.is_practice ? `${say("practice")} ` : "") + say("progress", { n: step.trial, m: step.trials }) : "";
   steps[step.kind](step);

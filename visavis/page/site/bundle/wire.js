@@ -5,6 +5,23 @@
 const jatos = globalThis.jatos;
 if (jatos) await new Promise((resolve) => jatos.onLoad(resolve));
 
+const WORKER_MS = 3000;
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+
+// What this page is made of is kept here too, for a reload without a network. JATOS has pages of its
+// own; a browser that allows no worker goes on without.
+async function keepFiles() {
+  const workers = navigator.serviceWorker;
+  if (jatos || !workers) return;
+  try {
+    const isHere = new Promise((resolve) => workers.addEventListener("controllerchange", resolve, { once: true }));
+    await workers.register("worker.js");
+    if (!workers.controller) await Promise.race([isHere, pause(WORKER_MS)]);
+    workers.controller?.postMessage(location.href);
+  } catch { /* goes on without */ }
+}
+await keepFiles();
+
 const bundle = await (await fetch("bundle.json", { cache: "no-store" })).json();
 const CLAIM_TRIES = 12;
 const CLAIM_PAUSE_MS = 400;
@@ -136,7 +153,6 @@ function completion() {
 
 // ---- what the server would answer -------------------------------------------------------------
 
-const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const claimName = (place) => `visavis-${bundle.id}-${place}`;
 
 // JATOS keeps one list for all who come: everybody claims the first place that nobody has. Null

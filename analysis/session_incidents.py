@@ -1,0 +1,102 @@
+"""What happened in a session besides its trials: pauses and their reasons, ends before the end."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from lab.clock import NS_PER_S
+from recording.reader import Recording
+
+
+@dataclass(frozen=True)
+class Incident:
+    """Something between trials; `where` is the trial before it, `why` is empty where nobody said.
+
+    Notes are not among them: they may say who somebody is.
+    """
+
+    where: str
+    what: str
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class _Trial:
+    name: str
+    start_ns: int
+    end_ns: int
+
+
+def incidents_of(recording: Recording) -> tuple[Incident, ...]:
+    """Return what happened outside trials, in order.
+
+    A reason belongs to the last pause, wherever it was given, or to the last flag outside a trial;
+    flags and reasons within trials stand in their rows.
+    """
+    events = recording.events()
+    found: list[Incident] = []
+    for part in recording.manifest.parts:
+        mine = events[events["recording_part"] == part.number]
+        trials = [
+            _Trial(str(e["row"]["trial_id"]), int(e["row"]["t_start_ns"]), int(e["t_ns"]))
+            for e in recording.trial_entries(part.number)
+            if e["row"].get("t_start_ns") is not None
+        ]
+        found += _of_part(
+            [(int(e["t_ns"]), str(e["name"]), e["payload"]) for e in mine.to_dict("records")],
+            trials,
+        )
+        if part.status in ("aborted", "crashed"):
+            ended = "ended early" if part.status == "aborted" else "broke off"
+            where = f"after {trials[-1].name}" if trials else "before the first trial"
+            found.append(Incident(where, f"part {part.number} {ended}", part.reason))
+    return tuple(found)
+
+
+def _of_part(
+    events: Sequence[tuple[int, str, Mapping[str, Any]]], trials: Sequence[_Trial]
+) -> list[Incident]:
+    found: list[Incident] = []
+    explained, began_ns = -1, 0  # which of those found the next reason is about
+    for t_ns, name, payload in events:
+        action = payload.get("action") if name == "operator" else None
+        within = any(t.start_ns <= t_ns <= t.end_ns for t in trials)
+        if name == "pause_start":
+            began_ns = t_ns
+            if explained < 0 or found[explained].what != "pause":
+                found.append(Incident(_before(t_ns, trials), "pause"))
+                explained = len(found) - 1
+            else:
+                found[explained] = replace(found[explained], where=_before(t_ns, trials))
+        elif name == "pause_end" and found and found[explained].what == "pause":
+            lasted_s = (t_ns - began_ns) / NS_PER_S
+            found[explained] = replace(found[explained], what=f"pause of {lasted_s:.0f} s")
+        elif action == "pause" and explained >= 0 and found[explained].what == "pause":
+            both = "; ".join(filter(None, (found[explained].why, _why(payload))))
+            found[explained] = replace(found[explained], why=both)
+        elif action == "pause":
+            found.append(Incident(_before(t_ns, trials), "pause", _why(payload)))
+            explained = len(found) - 1
+        elif action == "flag":
+            explained = -1
+            if not within:
+                found.append(Incident(_before(t_ns, trials), "moment flagged", _why(payload)))
+                explained = len(found) - 1
+        elif action == "reason" and explained >= 0:
+            both = "; ".join(filter(None, (found[explained].why, _why(payload))))
+            found[explained] = replace(found[explained], why=both)
+        elif action == "reason" and not within:
+            found.append(Incident(_before(t_ns, trials), "reason given", _why(payload)))
+    return found
+
+
+def _why(payload: Mapping[str, Any]) -> str:
+    return ": ".join(str(payload[k]) for k in ("code", "text") if payload.get(k))
+
+
+def _before(t_ns: int, trials: Sequence[_Trial]) -> str:
+    """Return where in a part a moment is."""
+    begun = [t for t in trials if t.start_ns <= t_ns]
+    if not begun:
+        return "before the first trial"
+    return f"{'in' if t_ns <= begun[-1].end_ns else 'after'} {begun[-1].name}"

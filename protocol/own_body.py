@@ -1,0 +1,67 @@
+"""Which body somebody sees as their own, and how tall they say they are.
+
+It is kept in the person's folder, not in the ledger, which only grows: a withdrawal removes it.
+"""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from lab.errors import LedgerError
+from recording.durable import make_folder
+from recording.sealed import copy_path, read_sealed, write_sealed
+
+OWN_BODY_NAME = "own_body.json"
+FILE_NAMES = (OWN_BODY_NAME, copy_path(Path(OWN_BODY_NAME)).name)
+
+
+@dataclass(frozen=True)
+class OwnBody:
+    """`body` is "female" or "male", `stature_m` with shoes, as told; empty and None until asked."""
+
+    body: str = ""
+    stature_m: float | None = None
+
+
+def read_own_body(person: Path) -> OwnBody:
+    """Return what the folder of a person keeps.
+
+    Raises:
+        LedgerError: the file is damaged.
+    """
+    path = person / OWN_BODY_NAME
+    if not path.exists() and not copy_path(path).exists():
+        return OwnBody()
+    try:
+        found = read_sealed(path)
+        if not found.is_sealed:
+            raise ValueError("it lost its checksum")
+        content = found.content
+        if content["participant"] != _label_of(person):
+            raise ValueError(f"it is of {content['participant']}")
+        body, stature_m = content["body"], content["stature_m"]
+        if not isinstance(body, str) or not isinstance(stature_m, int | float | None):
+            raise ValueError("body or stature is none")
+    except (OSError, ValueError, KeyError) as error:
+        raise LedgerError(
+            f"{path} cannot be read ({error}); `visavis recover {person.parent}` puts its copy in "
+            "its place where that is intact, or delete it and its copy: it is asked again"
+        ) from error
+    return OwnBody(body, stature_m)
+
+
+def write_own_body(person: Path, own: OwnBody) -> None:
+    """Keep it in the folder of a person; what was there is replaced."""
+    make_folder(person, exist_ok=True)
+    write_sealed(person / OWN_BODY_NAME, {"participant": _label_of(person), **asdict(own)})
+
+
+def remove_own_body(person: Path) -> tuple[Path, ...]:
+    """Remove what the folder of a person keeps; return the files that were there."""
+    found = tuple(path for name in FILE_NAMES if (path := person / name).exists())
+    for path in found:
+        path.unlink()
+    return found
+
+
+def _label_of(person: Path) -> str:
+    return person.name.removeprefix("sub-")

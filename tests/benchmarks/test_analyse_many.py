@@ -1,0 +1,23 @@
+"""People who stand in for more of them: the same recordings, whole, under labels of their own."""
+
+from pathlib import Path
+
+from benchmarks.analyse_many import repeat
+from recording.integrity import damage_of
+from recording.reader import Recording
+from tests.recording.sessions import record_session
+
+
+def test_people_that_are_added_have_whole_recordings_and_labels_of_their_own(
+    tmp_path: Path,
+) -> None:
+    session = record_session(tmp_path, 2, participant="S01B")
+    study = session.parents[1]
+    repeat(study, 3)
+    people = sorted(study.glob("sub-*"))
+    assert ["sub-S01B", "sub-S02C", "sub-S03D"] == [p.name for p in people]
+    for person in people:
+        recording = Recording(person / "ses-001")
+        assert () == damage_of(recording).problems
+        assert person.name == f"sub-{recording.manifest.participant}"
+    assert 2 == len(Recording(people[2] / "ses-001").trials())

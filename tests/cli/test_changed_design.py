@@ -1,0 +1,162 @@
+"""A folder holds sessions of one design: what changed since is named, and does not mix."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cli.main import app
+from lab.errors import UsageError
+from recording.manifest import read_manifest
+from tests.faults.sessions import CONFIG
+from visavis.catalogue import find_study
+from visavis.sessions.begun_design import (
+    changes_since,
+    design_of,
+    design_of_session,
+    in_words,
+    told_of_designs,
+)
+
+STUDY = """
+from visavis import Compare, Factor, Rating, Scene, Study
+
+study = Study(
+    "meet",
+    factors=[Factor("motion", ["idle", "wave"])],
+    repetitions=1,
+    parameters={"person_s": 0.2},
+    calibrate=False,
+    uses=[],
+    compare=[Compare("nice", within="motion", claim="who waves is nice")],
+)
+
+
+@study.trial
+def trial(t):
+    yield t.show(Scene("person", motion=t.motion, distance_m=1.5), seconds=t.person_s)
+    yield t.ask(Rating("nice", 1, 7))
+"""
+CHANGES = [
+    ('["idle", "wave"]', '["idle", "wave", "talk"]',
+     "factor motion: levels idle, wave, now idle, wave, talk"),
+    ("repetitions=1", "repetitions=2", "parameter repetitions 1, now 2"),
+    ('"person_s": 0.2', '"person_s": 0.3', "parameter person_s 0.2, now 0.3"),
+    ('"nice", 1, 7', '"nice", 1, 5',
+     "question nice: options 1, 2, 3, 4, 5, 6, 7, now 1, 2, 3, 4, 5"),
+    ("distance_m=1.5", "distance_m=2.5", "scene person: distance_m 1.5, now 2.5"),
+    ("    yield t.show", "    yield t.dark(0.5)\n    yield t.show",
+     "trials seconds 2.7, now 3.2"),
+]  # fmt: skip
+
+
+def visavis(*arguments: str) -> str:
+    result = CliRunner().invoke(app, [*arguments, "--config", str(CONFIG)])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return " ".join(result.output.split())
+
+
+def simulated(file: Path, root: Path, participants: int) -> str:
+    people = ("--participants", str(participants), "--processes", "1")
+    return visavis("simulate", str(file), *people, "--output", str(root))
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a study's file, and one session of it in `out`."""
+    root = tmp_path_factory.mktemp("begun")
+    (root / "meet.py").write_text(STUDY, "utf-8")
+    simulated(root / "meet.py", root / "out", 1)
+    return root
+
+
+@pytest.fixture
+def file(begun: Path) -> Path:
+    (begun / "meet.py").write_text(STUDY, "utf-8")
+    return begun / "meet.py"
+
+
+@pytest.mark.parametrize(("right", "other", "said"), CHANGES, ids=[c[1].strip() for c in CHANGES])
+def test_a_study_of_another_design_is_not_simulated_into_a_folder(
+    file: Path, right: str, other: str, said: str
+) -> None:
+    assert right in STUDY
+    file.write_text(STUDY.replace(right, other), "utf-8")
+
+    with pytest.raises(UsageError) as refused:
+        simulated(file, file.parent / "out", 2)
+
+    assert said in str(refused.value)
+    assert "another --output" in str(refused.value)
+    assert 1 == len(list((file.parent / "out/simulated/meet").glob("sub-*/ses-*")))
+
+
+def test_a_session_of_another_design_is_not_run(file: Path, tmp_path: Path) -> None:
+    config = tmp_path / "lab_config.yaml"
+    config.write_text(CONFIG.read_text("utf-8"), "utf-8")
+    shutil.copytree(file.parent / "out", tmp_path / "data")
+    file.write_text(STUDY.replace('"wave"]', '"wave", "talk"]'), "utf-8")
+    run = ("run", str(file), "--participant", "2", "--devices", "sim", "--fast")
+    result = CliRunner().invoke(app, [*run, "--config", str(config)])
+
+    assert isinstance(result.exception, UsageError)
+    said = str(result.exception)
+    assert "levels idle, wave, now idle, wave, talk" in said
+    assert "--output" not in said
+    assert "data_root in lab_config.yaml" in said
+    plan = CliRunner().invoke(app, ["plan", str(file), "--config", str(config)]).output
+    assert "had another design" in " ".join(plan.split())
+
+
+def test_what_is_read_or_analysed_may_change_and_is_told(file: Path, tmp_path: Path) -> None:
+    shutil.copytree(file.parent / "out", tmp_path / "out")
+    file.write_text(STUDY.replace("is nice", "seems nice"), "utf-8")
+
+    assert "has changed since" in simulated(file, tmp_path / "out", 2)
+    sessions = list((tmp_path / "out/simulated/meet").glob("sub-*/ses-*"))
+    assert 2 == len(sessions)
+
+
+def test_analysis_names_what_changed_and_states_what_sessions_had(
+    file: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(file.parent / "out", tmp_path / "out")
+    folder = tmp_path / "out/simulated/meet"
+    file.write_text(STUDY.replace('"wave"]', '"wave", "talk"]'), "utf-8")
+
+    said = visavis("analyse", str(folder), "--processes", "1")
+    methods = (folder / "derived/report.html").read_text("utf-8")
+
+    assert "factor motion: levels idle, wave, now idle, wave, talk" in said
+    assert "motion (idle, wave; within participants)" in methods
+    assert "once: 2 trials" in methods
+
+
+def test_sessions_of_two_designs_in_a_folder_are_told_apart(file: Path, tmp_path: Path) -> None:
+    manifest = read_manifest(next((file.parent / "out").rglob("ses-001")))
+    file.write_text(STUDY.replace("repetitions=1", "repetitions=3"), "utf-8")
+    experiment = find_study(str(file)).experiment({})
+    later = manifest.__class__(**{
+        **vars(manifest), "participant": "S02C", "configuration": {"design": design_of(experiment)},
+    })  # fmt: skip
+
+    changes, mixed = told_of_designs([manifest, later], experiment)
+
+    assert "parameter repetitions 1, now 3" == in_words(changes)
+    assert "1 of 2 sessions" in mixed
+    assert "S02C: parameter repetitions 1, now 3" in mixed
+
+
+def test_a_session_recorded_before_designs_were_kept_tells_its_parameters(file: Path) -> None:
+    manifest = read_manifest(next((file.parent / "out").rglob("ses-001")))
+    before = manifest.__class__(**{**vars(manifest), "configuration": {}})
+    experiment = find_study(str(file)).experiment({})
+    assert () == changes_since(design_of_session(before), design_of(experiment))
+    file.write_text(STUDY.replace("0.2", "0.4"), "utf-8")
+    longer = find_study(str(file)).experiment({})
+
+    changes = changes_since(design_of_session(before), design_of(longer))
+
+    assert "parameter person_s 0.2, now 0.4" == in_words(changes)

@@ -1,0 +1,34 @@
+"""A device that nothing of a study rests on flags no trial and leaves the check green."""
+
+from pathlib import Path
+
+import pytest
+
+from analysis.session_check import check_session
+from analysis.session_verdict import Level
+from recording.reader import Recording
+from tests.visavis.sessions import STUDIES, perform
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    return perform("greeting", tmp_path_factory.mktemp("idle"))
+
+
+def test_a_study_without_gaze_is_green_though_its_tracker_was_never_calibrated(
+    session: Recording,
+) -> None:
+    check = check_session(session)
+    assert {""} == set(session.trials()["flags"])
+    assert Level.GREEN is check.level, check.findings
+
+
+def test_who_measures_by_gaze_and_calibrates_nothing_is_warned(tmp_path: Path) -> None:
+    text = (STUDIES / "greeting.py").read_text()
+    text = text.replace("Study\n", "Study, dwell_on\n", 1)
+    text = text.replace("    compare", '    measures=[dwell_on("person")],\n    compare')
+    path = tmp_path / "greeting.py"
+    path.write_text(text)
+    session = perform(str(path), tmp_path / "data", repetitions=1, practice=0)
+    assert {"eye_tracker_warning"} == set(session.trials()["flags"])
+    assert Level.AMBER is check_session(session).level
