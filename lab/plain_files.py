@@ -75,11 +75,12 @@ def _at_most(file: BufferedReader | gzip.GzipFile, most: int, piece: int) -> byt
 def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of an .npz file by name.
 
-    Raises OSError when it cannot be read, and ValueError for anything that is no whole .npz file.
+    Raises OSError when it cannot be read, and ValueError for anything that is no whole .npz file
+    of real numbers and texts.
     """
     try:
         with open_plain(path) as file, np.load(file, allow_pickle=False) as arrays:
-            return {name: np.asarray(arrays[name]) for name in arrays.files}
+            found = {name: np.asarray(arrays[name]) for name in arrays.files}
     except (
         ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, NotImplementedError,
         RecursionError, RuntimeError, SyntaxError, TypeError, tokenize.TokenError,
@@ -87,6 +88,10 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     ) as error:  # fmt: skip
         # zipfile and NumPy's header parser let through whatever a damaged byte leads them to.
         raise ValueError(f"no whole .npz file: {error or type(error).__name__}") from error
+    for name, array in found.items():
+        if array.dtype.kind == "c":
+            raise ValueError(f"array {name!r} holds complex numbers")
+    return found
 
 
 def parse_json(data: bytes | str, *, max_depth: int = MAX_DEPTH) -> Any:

@@ -131,10 +131,18 @@ def _arrays_of(data: bytes) -> dict[str, Any]:
         return {name: file[name] for name in file.files}
 
 
+def _is_json(data: bytes) -> bool:
+    """Tell whether it is a whole object; one that was cut before is bytes like others."""
+    try:
+        return isinstance(json.loads(data), dict)
+    except ValueError:
+        return False
+
+
 def _array_again(array: Any, drawn: Iterator[int]) -> Any:
     """Return another array, None for none at all."""
     kind = next(drawn) % 8
-    if array.dtype == np.uint8 and array.tobytes()[:1] == b"{":
+    if array.dtype == np.uint8 and _is_json(array.tobytes()):
         text = json.dumps(changed(json.loads(array.tobytes()), drawn)).encode()
         return np.frombuffer(text if kind else text[: len(text) // 2], np.uint8)
     if kind == 0:

@@ -60,6 +60,9 @@ def _unpack_mesh(arrays: Mapping[str, npt.NDArray[Any]], key: str) -> SkinnedMes
     normals = get("normals").astype(np.float32)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     weights = get("weights").astype(np.float32)
+    weighing = weights.sum(axis=1, keepdims=True)
+    if not ((weighing > 0) & np.isfinite(weighing)).all():
+        raise ValueError(f"{key}: a vertex hangs on no joint")
     prefix = f"{key}_morph_"
     morphs = {
         name.removeprefix(prefix)[:-2]: Morph(
@@ -75,7 +78,7 @@ def _unpack_mesh(arrays: Mapping[str, npt.NDArray[Any]], key: str) -> SkinnedMes
         colour_srgb=get("colour"),
         uv=uv,
         joints=get("joints"),
-        weights=weights / weights.sum(axis=1, keepdims=True),
+        weights=weights / weighing,
         triangles=get("triangles").astype(np.int32),
         triangle_part=get("part"),
         triangle_material=get("material"),

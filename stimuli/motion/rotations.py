@@ -26,7 +26,8 @@ def unit_quats(q: npt.ArrayLike, what: str = "rotations") -> Vector:
     array = np.asarray(q, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != 4:
         raise MotionError(f"{what} have shape {array.shape}; give arrays (..., 4), w first")
-    length = np.linalg.norm(array, axis=-1, keepdims=True)
+    with np.errstate(over="ignore"):  # a length beyond all numbers is none of 1
+        length = np.linalg.norm(array, axis=-1, keepdims=True)
     wrong = ~(np.abs(length[..., 0] - 1.0) <= UNIT_TOLERANCE)
     if wrong.any():
         where = tuple(int(i) for i in np.argwhere(wrong)[0])

@@ -16,7 +16,7 @@ def test_data_of_a_simulated_study_are_named_where_only_those_lie(
     config = tmp_path / "lab_config.yaml"
     shutil.copy(EXAMPLE, config)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(UsageError, match="simulate it first: visavis simulate stare"):
+    with pytest.raises(UsageError, match="the whole study: visavis simulate stare"):
         folder_of(Path("stare"), config)
     simulated = tmp_path / "data" / "dry_runs" / "stare_n3_seed1" / "simulated" / "stare"
     simulated.mkdir(parents=True)

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from lab.clock import SystemClock
+from lab.clock import StopWatch, SystemClock
 from lab.errors import DesignError, UsageError
 from protocol.experiment import untold
 from protocol.ledger import Ledger
@@ -30,6 +30,7 @@ from visavis.page.film_store import FilmStore, film_store
 from visavis.page.spoken import heard, spoken_digits
 from visavis.sessions.perform import Request
 
+PATIENCE_S = 60.0
 STUDY = """
 from visavis import Factor, Number, Rating, Study
 
@@ -463,7 +464,7 @@ def test_who_types_what_the_page_says_has_heard_it(tmp_path: Path, browser: Any)
         page.wait_for_selector("#heard")
         assert page.query_selector("#main button:has-text('Continue')[disabled]")
         page.click("text=Play the voice")
-        page.wait_for_function("document.activeElement.id === 'heard'")  # it plays
+        page.wait_for_selector("#heard:focus")  # it plays
         page.keyboard.type(digits)
         page.keyboard.press("Enter")
         answer_until(page, "Save my answers")
@@ -656,8 +657,10 @@ def test_in_jatos_answers_are_handed_over_and_the_run_is_ended(
     else:
         page.reload()
         answer_until(page, "Thank you")
-    page.wait_for_function("JSON.parse(sessionStorage.told).ended.length > 0")
-    told = json.loads(page.evaluate("sessionStorage.getItem('told')"))
+    watch = StopWatch()
+    while not (told := json.loads(page.evaluate("sessionStorage.getItem('told')")))["ended"]:
+        assert watch.elapsed_s() < PATIENCE_S, told
+        page.wait_for_timeout(50)
     if stops:
         assert ([["abort", "stop and delete"]], "", {}) == (
             told["ended"],
