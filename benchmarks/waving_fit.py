@@ -13,11 +13,7 @@ loss of the constants in use; `--starts 0` does the last alone, `--seen` keeps w
 `CHECK_SEED` on. `--try` searches nothing: it runs the constants in use, and these with one number
 changed.
 
-How the constants in use came about: from a point of an earlier search two starts were run over 120
-studies; the better one was searched again within a factor of 1.7, over 240 studies, and the result
-rounded. With these the evaluation (`benchmarks.waving_participants`, seeds 0 to 99) was looked at;
-a further search that weighed the interaction more came to worse means and was not taken. Fits
-draw from `FIT_SEED`, but for the first two starts, which drew from another seed.
+How the constants in use came about: docs/waving.md tells it.
 
 `--starts 1 --rounds 3 --check 0` is a short run. The search starts from the constants in use: run
 again it says whether better ones are near.

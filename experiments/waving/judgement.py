@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (2.46, 0.585, 37.3, 1.42)
+    blur_deg: tuple[float, float, float, float] = (1.73, 0.579, 31.2, 1.4)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (1.37, 11.3, 12.3, 19.5)
-    sharpness: float = 0.917
-    reach_power: float = 47.5
-    least_reach_01: float = 0.601
-    self_bias: float = 1.49
+    looseness_deg: tuple[float, float, float, float] = (1.92, 19.6, 13.1, 25.2)
+    sharpness: float = 1.03
+    reach_power: float = 32.9
+    least_reach_01: float = 0.371
+    self_bias: float = 2.6
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.065
-    lapse_01: float = 0.0028
-    lapse_sd: float = 0.188
+    acuity_sd: float = 1.35
+    lapse_01: float = 0.00288
+    lapse_sd: float = 0.181
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
