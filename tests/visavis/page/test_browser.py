@@ -96,21 +96,24 @@ def state_of(page: Any) -> dict[str, Any]:
 
 
 def step_on(page: Any) -> None:
-    """Do what the page asks for, as far as it can be done now."""
+    """Do one thing the page asks for, if any can be done now: the next may be another page's."""
     if page.query_selector("#agree") and not page.is_checked("#agree"):
         page.check("#agree")
+        return
     for field_set in page.query_selector_all("fieldset"):
-        if field_set.query_selector("input:checked"):
-            continue
         radios = field_set.query_selector_all("input[type=radio]:not([disabled])")
-        if radios:
+        if radios and not field_set.query_selector("input:checked"):
             radios[len(radios) // 2].click()
+            return
         slider = field_set.query_selector(".untouched input:not([disabled])")
         if slider:
             slider.focus()
             page.keyboard.press("ArrowRight")
+            return
     for number in page.query_selector_all("input.number"):
-        number.fill("33")
+        if not number.input_value():
+            number.fill("33")
+            return
     button = page.query_selector("#main button:not([disabled]):not(.quiet)")
     if button:
         button.click(timeout=2000)
