@@ -20,10 +20,10 @@ KEY_FRAME: Final = 0x10
 Picture = npt.NDArray[np.uint8]
 
 COLOURS: Final = (
-    "-vf", "scale=out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd+full_chroma_int",
-    "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1",
-    "-color_range", "tv", "-pix_fmt", "yuv420p",
-)  # fmt: skip
+    "-vf scale=out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd+full_chroma_int "
+    "-colorspace bt709 -color_primaries bt709 -color_trc iec61966-2-1 -color_range tv "
+    "-pix_fmt yuv420p"
+).split()
 """sRGB, told to the player; the halved colour resolution is all that every player can show."""
 CODECS: Final = {
     ".mp4": ("-c:v", "libx264", "-crf", "18", "-movflags", "+faststart"),
@@ -253,11 +253,14 @@ class PipedMovie:
         width, height = size_px
         self._path, self._size_px = named, size_px
         codec = CODECS[path.suffix.lower()]
+        options = (
+            f"-loglevel error -y -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate_hz} -i -"
+        )
         self._process: subprocess.Popen[bytes] | None = subprocess.Popen(  # noqa: S603  (a fixed program; the path is one argument)
-            [program, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24",
-             "-s", f"{width}x{height}", "-r", str(rate_hz), "-i", "-", *COLOURS, *codec, str(path)],
-            stdin=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
+            [program, *options.split(), *COLOURS, *codec, str(path)],
+            stdin=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
 
     def __enter__(self) -> "PipedMovie":
         """Return itself."""

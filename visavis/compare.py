@@ -71,8 +71,9 @@ class Compare:
             value = getattr(self, name)
             object.__setattr__(self, name, (value,) if isinstance(value, str) else tuple(value))
         if not self.within and not self.between:
-            raise DesignError(f"the comparison of {self.dv} names no factor; add within= or "
-                              "between=")  # fmt: skip
+            raise DesignError(
+                f"the comparison of {self.dv} names no factor; add within= or between="
+            )
         if self.model not in get_args(Model):
             known = ", ".join(name for name in get_args(Model) if name)
             raise DesignError(f"model is {self.model!r}; it is {known} or left out")

@@ -284,10 +284,18 @@ def sensitivity_rows(
     span = _span(row)
     samples = targets.between(span.start_ns, span.end_ns)
     found = sensitivity_of_trial(
-        samples.t_ns, samples.angle_deg, samples.radius_deg, samples.pad_limit_deg, samples.hit,
-        span.active, span.start_ns, span.end_ns,
-        pads_deg=pads_deg, minima_ms=minima_ms, params=params.looks,
-    )  # fmt: skip
+        samples.t_ns,
+        samples.angle_deg,
+        samples.radius_deg,
+        samples.pad_limit_deg,
+        samples.hit,
+        span.active,
+        span.start_ns,
+        span.end_ns,
+        pads_deg=pads_deg,
+        minima_ms=minima_ms,
+        params=params.looks,
+    )
     for one in found:
         measures = one.measures.as_row()
         yield {

@@ -101,9 +101,15 @@ def fuzz(target: Target, inputs: int, seconds: float, seed: int, begun: int = 0)
         finally:
             signal.setitimer(signal.ITIMER_VIRTUAL, 0)
     return Outcome(
-        target.name, done, refused, wrong, sum(where.values()) - hangs, hangs,
-        round(watch.elapsed_s(), 1), dict(where),
-    )  # fmt: skip
+        target.name,
+        done,
+        refused,
+        wrong,
+        sum(where.values()) - hangs,
+        hangs,
+        round(watch.elapsed_s(), 1),
+        dict(where),
+    )
 
 
 def scratch_folder() -> str | None:

@@ -64,9 +64,14 @@ from visavis.sessions.study_folder import StudySettings, read_settings, settle
 from visavis.texts import WORDS_DIR, read_texts
 
 TOLD_BY_IMPORT = (
-    LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError,
+    LookupError,
+    TypeError,
+    ValueError,
+    ArithmeticError,
+    AttributeError,
+    RecursionError,
     MemoryError,
-)  # fmt: skip
+)
 """What `import_gltf` tells as a broken file, whatever step of it raised it."""
 IMPORTS_SHARE_01 = 0.01
 """An import measures, thins and wraps a person: a tenth of a second where a reader takes a
@@ -215,8 +220,13 @@ def files(scratch: Path) -> Iterator[Target]:
     yield of_file("analysis.foreign_check xdf", xdf, read_xdf_times)
     yield target("analysis.gaze.readers vive", vive_text(n=20), at("v.csv", read_vive))
     yield target("analysis.gaze.readers pupil", PUPIL, at("gaze_positions.csv", read_pupil))
-    mapping = mapping_of({"time": {"column": "t", "unit": "s"}, "space": "head",
-                          "combined": {"direction": ["x", "y", "z"]}})  # fmt: skip
+    mapping = mapping_of(
+        {
+            "time": {"column": "t", "unit": "s"},
+            "space": "head",
+            "combined": {"direction": ["x", "y", "z"]},
+        }
+    )
     yield target("analysis.gaze.mapped_csv", CSV, at("m.csv", lambda p: read_csv(p, mapping)))
     yield target("analysis.gaze.mapped_csv mapping", MAPPING, at("map.yaml", read_mapping))
     bids = scratch / "read"

@@ -104,9 +104,14 @@ def test_a_corner_lies_in_the_shade_and_a_plain_does_not() -> None:
     wall = _piece(floor.vertices_m[:, [1, 0, 2]] + [0.0, SIDE_M / 2, 0.0], floor.triangles)
     upwards = np.tile([0.0, 1.0, 0.0], (len(floor.vertices_m), 1))
     floor = Piece(
-        floor.vertices_m, floor.triangles, floor.weights, floor.colour, floor.part, "top",
+        floor.vertices_m,
+        floor.triangles,
+        floor.weights,
+        floor.colour,
+        floor.part,
+        "top",
         normals=upwards,
-    )  # fmt: skip
+    )
     (open_01,) = open_shares([floor], [floor, wall])
     from_wall = floor.vertices_m[:, 0]
     assert open_01[from_wall > 0.18].min() > 0.95

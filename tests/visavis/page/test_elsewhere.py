@@ -83,10 +83,18 @@ class Host:
         experiment = study.experiment({})
         assert isinstance(experiment, StudyExperiment)
         self.base = Request(
-            study=study, experiment=experiment, config=config(root), participant_label="",
-            participant_index=0, group="", session=1, seed=7, clock=SystemClock(),
-            operator=UnattendedOperator(), on="browser",
-        )  # fmt: skip
+            study=study,
+            experiment=experiment,
+            config=config(root),
+            participant_label="",
+            participant_index=0,
+            group="",
+            session=1,
+            seed=7,
+            clock=SystemClock(),
+            operator=UnattendedOperator(),
+            on="browser",
+        )
         self.store: FilmStore = film_store(experiment)
         self.who: dict[str, Any] = {}
         folder = self.base.config.data_root / "simulated" / "apart"
@@ -116,8 +124,14 @@ def host(tmp_path: Path) -> Host:
     return Host(tmp_path)
 
 
-def lines_of(bundle: Path, place: int, *, key: str = "r1", replies: int = 99,
-             told: dict[str, str] | None = None) -> list[dict[str, Any]]:  # fmt: skip
+def lines_of(
+    bundle: Path,
+    place: int,
+    *,
+    key: str = "r1",
+    replies: int = 99,
+    told: dict[str, str] | None = None,
+) -> list[dict[str, Any]]:
     """Return what a page hands over that answers every step by its first option."""
     about = json.loads((bundle / "bundle.json").read_text("utf-8"))
     steps = json.loads((bundle / "places" / f"{place}.json").read_text("utf-8"))
@@ -207,8 +221,15 @@ def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_th
         written(host.root / "r.jsonl", lines_of(bundle, 0, replies=5)), unfinished_too=True
     )
     later = lines_of(bundle, 0)
-    later.insert(7, {"run": "r1", "line": 7, "at_ms": later[6]["at_ms"] + 500,
-                     "opened": {"tab": "t", "at_ms": 5200.0, "about": {}}})  # fmt: skip
+    later.insert(
+        7,
+        {
+            "run": "r1",
+            "line": 7,
+            "at_ms": later[6]["at_ms"] + 500,
+            "opened": {"tab": "t", "at_ms": 5200.0, "about": {}},
+        },
+    )
     for n, line in enumerate(later):
         line["line"] = n
     results = written(host.root / "r.jsonl", later)

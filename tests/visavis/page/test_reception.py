@@ -54,10 +54,18 @@ class Place:
 
     def reception(self) -> Reception:
         base = Request(
-            study=study(), experiment=experiment(), config=self.lab, participant_label="",
-            participant_index=0, group="", session=1, seed=SEED, clock=self.clock,
-            operator=UnattendedOperator(), on="browser",
-        )  # fmt: skip
+            study=study(),
+            experiment=experiment(),
+            config=self.lab,
+            participant_label="",
+            participant_index=0,
+            group="",
+            session=1,
+            seed=SEED,
+            clock=self.clock,
+            operator=UnattendedOperator(),
+            on="browser",
+        )
         return Reception(
             base,
             film_store(experiment()),
