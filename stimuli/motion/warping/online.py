@@ -10,11 +10,11 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from lab.clock import NS_PER_S, Clock
+from lab.closing import Closing
 from lab.geometry import Vector
 from stimuli.motion.errors import MotionError
 from stimuli.motion.warping.clips import follow
@@ -66,7 +66,7 @@ class _Moment:
     camera: Camera
 
 
-class OnlineWarp:
+class OnlineWarp(Closing):
     """Warp one body for one observer, frame by frame. Use as a context manager, or `close` it."""
 
     def __init__(
@@ -140,12 +140,6 @@ class OnlineWarp:
             self._thread.join()
             self._thread = None
         self._pool.shutdown()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _solve_when_due(self, t_ns: int) -> None:
         if self._due_ns is None or t_ns >= self._due_ns:
