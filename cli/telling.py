@@ -31,7 +31,7 @@ SOON_S = 10.0
 def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
     """Return a bar that says how many of how many are done, since when and how much longer."""
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),

@@ -18,7 +18,7 @@ from analysis.gaze.aoi import (
 )
 from analysis.gaze.events import (
     IDT_HEADSET,
-    IVT_HEADSET,
+    IVT_SCREEN,
     Fixations,
     IdtParameters,
     IvtParameters,
@@ -128,7 +128,7 @@ class MeasureParameters:
 
     pad_deg: float = DEFAULT_PAD_DEG
     looks: LookParameters = field(default=LOOKS)
-    ivt: IvtParameters = field(default=IVT_HEADSET)
+    ivt: IvtParameters = field(default=IVT_SCREEN)
     idt: IdtParameters = field(default=IDT_HEADSET)
     adaptive: MovementParameters = field(default=AUTO)
 

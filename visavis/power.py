@@ -104,11 +104,11 @@ class KitPower:
                 if printed.df is not None:
                     df1, df2 = printed.df
                     found[f"{compare.dv}:{term}"] = PrintedTest(
-                        f"F({df1}, {df2}) = {number(printed.statistic)}",
+                        f"F({df1:g}, {df2:g}) = {number(printed.statistic)}",
                         printed.statistic,
                         df1,
                         df2,
-                        df2 // df1 + 1,
+                        round(df2 / df1) + 1,
                     )
         return found
 
