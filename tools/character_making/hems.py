@@ -20,6 +20,8 @@ _SHORTENED_FROM_M = 0.03
 """Height above the hips from which on a top that is too long is drawn up."""
 _NEIGHBOURS, _NEAR_M = 8, 0.005
 _BETWEEN_LEGS_M, _SIDE_M, _FADE_M = 0.10, 0.06, 0.05
+_BEHIND_SHARE = 0.4
+"""Of the thighs' weight stays with cloth behind."""
 _INSIDE_M, _COVERED_M = 0.014, 0.008
 """How far inside a trouser leg a shoe stays, from so far above the hem on."""
 _WITH_SHIN_M, _ON_SHOE_M, _ON_SHOE_SHARE = 0.02, 0.05, 0.5
@@ -99,7 +101,9 @@ def _top(cloth: _Cloth) -> None:
         cloth.uv[top, 1] -= (cloth.vertices_m[top, 1] - before_m) / TILE_M
     legs = [cloth.skeleton.index(f"{side}_upper_leg") for side, _ in SIDES]
     places, worn = cloth.vertices_m[below], cloth.weights[below]
-    cloth.weigh(top, _with_thighs(cloth.vertices_m[top], cloth.weights[top], places, worn, legs))
+    hips = cloth.skeleton.index("hips")
+    weights = _with_thighs(cloth.vertices_m[top], cloth.weights[top], places, worn, hips, legs)
+    cloth.weigh(top, weights)
 
 
 def _trouser_leg(cloth: _Cloth, side: str) -> None:
@@ -146,7 +150,12 @@ def _round_ankle(off_m: Vector) -> tuple[Vector, Vector]:
 
 
 def _with_thighs(
-    points_m: Vector, weights: Vector, below_m: Vector, below_weights: Vector, legs: list[int]
+    points_m: Vector,
+    weights: Vector,
+    below_m: Vector,
+    below_weights: Vector,
+    hips: int,
+    legs: list[int],
 ) -> Vector:
     """Return weights (v, joints) with which cloth before the hips goes with the trousers (b, 3) it
     hangs over; left passes into right where trousers have their seam.
@@ -161,6 +170,10 @@ def _with_thighs(
     worn[:, left], worn[:, right] = both * to_left, both * (1 - to_left)
     share = np.clip(-points_m[:, 1] / _FADE_M, 0, 1)
     # Behind it hangs from the seat: drawn along, it would go under whoever sits.
-    share *= np.clip(0.5 - points_m[:, 2] / _SIDE_M, 0, 1)
-    mixed: Vector = (1 - share[:, None]) * weights + share[:, None] * worn
+    before = np.clip(0.5 - points_m[:, 2] / _SIDE_M, 0, 1)
+    behind = weights.copy()
+    behind[:, legs] *= _BEHIND_SHARE
+    behind[:, hips] += (weights - behind)[:, legs].sum(axis=1)
+    share, before = share[:, None], before[:, None]
+    mixed: Vector = (1 - share) * weights + share * (before * worn + (1 - before) * behind)
     return mixed
