@@ -1,6 +1,6 @@
 """Write a study as files that any web host can serve, or as an archive that JATOS imports.
 
-JATOS 3 (its study archive, format 3, and jatos.js 3.10) was read for what the archive holds.
+JATOS 3 (its study archive, format 3, and jatos.js 3.10.4) was read for what the archive holds.
 """
 
 import hashlib

@@ -6,6 +6,7 @@ import * as film from "./film.js";
 import * as wire from "./wire.js";
 
 const BEAT_MS = 4000;
+const WAITING_MS = 3000;
 const RETRY_MS = [200, 400, 800, 1500, 2000];
 const REPEAT_ASKING_MS = 2500;
 
@@ -75,10 +76,12 @@ async function flush() {
   if (isSending || isOver) return;
   isSending = true;
   let failures = 0;
+  let isLate = false;
   try {
     do {
       const sent = queue.slice(0, 200);
       let answer;
+      const waiting = setTimeout(() => { isLate = true; tell(say("waiting")); }, WAITING_MS);
       try {
         answer = await post("/api/events", { tab, events: sent });
       } catch {
@@ -86,6 +89,8 @@ async function flush() {
         if (failures > 1) tell(say("lost"));
         await new Promise((r) => setTimeout(r, RETRY_MS[Math.min(failures, RETRY_MS.length) - 1]));
         continue;
+      } finally {
+        clearTimeout(waiting);
       }
       if (answer.status === 409) { elsewhere(); return; }
       if (answer.status === 400 && failures < 3) { // a server that began anew and knows us not yet
@@ -96,8 +101,8 @@ async function flush() {
         continue;
       }
       if (answer.status !== 200 || answer.told.failed) { broken(answer.told.refused || answer.told.failed); return; }
-      if (failures) tell("");
-      failures = 0;
+      if (failures || isLate) tell("");
+      [failures, isLate] = [0, false];
       await take(answer.told);
     } while (queue.length && !isOver); // what happens after the end is recorded nowhere
   } finally {
@@ -431,11 +436,12 @@ const steps = {
     const said = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks";
     put("narrow", element("h1", {}, say(said)));
     let file = null;
-    try { file = await wire.ended(step.outcome); } catch { tell(say("lost")); }
+    let isTold = true;
+    try { file = await wire.ended(step.outcome); } catch { isTold = false; tell(say("lost")); }
     if (file) main.append(paragraph(say("hand_in")), element("p", {}, element("a", { href: file.address, download: file.name }, say("save"))));
     if (!completion || step.outcome !== "done") return;
     main.append(element("p", {}, element("a", { href: completion }, say("onward"))));
-    if (!file) setTimeout(() => location.assign(completion), ONWARD_MS);
+    if (isTold && !file) setTimeout(() => location.assign(completion), ONWARD_MS);
   },
 };
 
