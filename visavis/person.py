@@ -279,3 +279,14 @@ def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> A
     if isinstance(response, Choice | SideBySide | Keys):
         return response.options[int(rng.integers(len(response.options)))]
     return None
+
+
+def plain_answer(
+    age: int, gender: str, question_id: str, options: Sequence[str], rng: np.random.Generator
+) -> str | None:
+    """Answer a questionnaire with age and gender, and any of the options; None leaves it out."""
+    if question_id == "age":
+        return str(age)
+    if question_id == "gender":
+        return gender if gender in options else None
+    return options[int(rng.integers(len(options)))] if options else None

@@ -7,13 +7,11 @@ surface is modelled; nor are events, camera setup, drift checks and the content 
 import re
 import struct
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from devices.contracts import Body
 from devices.drivers.streaming.gaze_rays import Screen
-from devices.faults import FaultSchedule
-from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from devices.transports import Frames
 from lab.clock import NS_PER_MS, Clock
 
@@ -34,32 +32,20 @@ class EyeLinkSimulator(GazePeer):
     library that would say it, those of the options.
     """
 
+    usual_rate_hz = 1000.0
+    usual_epoch_ns = 3_600_000 * NS_PER_MS
+    is_calibrated_before = True
+
     def __init__(
         self,
         body: Body,
         *,
-        seed: int,
-        clock: Clock,
-        rate_hz: float = 1000.0,
-        faults: FaultSchedule | None = None,
-        error: TrackerErrorModel | None = None,
-        drift_ppm: float = 0.0,
         screen: Screen | None = None,
         screen_px: tuple[int, int] = (1920, 1080),
         verdict: int = OK_RESULT,
+        **measuring: Unpack[Measuring],
     ) -> None:
-        source = GazeSource(
-            body,
-            seed=seed,
-            clock=clock,
-            rate_hz=rate_hz,
-            faults=faults,
-            error=error,
-            drift_ppm=drift_ppm,
-            epoch_ns=3_600_000 * NS_PER_MS,
-        )
-        super().__init__(source, seed=seed)
-        source.calibrated_fit = body.fit()  # in its own program, before the session
+        super().__init__(body, **measuring)
         self.messages: list[str] = []
         self.verdict = verdict
         self._screen = screen or Screen()

@@ -11,11 +11,10 @@ import struct
 import subprocess
 import threading
 from pathlib import Path
+from typing import Unpack
 
 from devices.contracts import Body
-from devices.faults import FaultSchedule
-from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from devices.transports import Frames
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceNotFound
@@ -40,25 +39,11 @@ class FoveSimulator(GazePeer):
         self,
         body: Body,
         *,
-        seed: int,
-        clock: Clock,
-        rate_hz: float = 120.0,
-        faults: FaultSchedule | None = None,
-        error: TrackerErrorModel | None = None,
-        drift_ppm: float = 0.0,
         vector_code: int = 0,
         quality: int = SUCCEEDED_HIGH,
+        **measuring: Unpack[Measuring],
     ) -> None:
-        source = GazeSource(
-            body,
-            seed=seed,
-            clock=clock,
-            rate_hz=rate_hz,
-            faults=faults,
-            error=error,
-            drift_ppm=drift_ppm,
-        )
-        super().__init__(source, seed=seed)
+        super().__init__(body, **measuring)
         self._vector_code = vector_code
         self._quality = quality
         self._started_ns: int | None = None

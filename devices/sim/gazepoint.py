@@ -10,14 +10,13 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable
+from typing import Unpack
 
 import numpy as np
 
 from devices.contracts import Body
 from devices.drivers.streaming.gaze_rays import Screen, Triple
-from devices.faults import FaultSchedule
-from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from devices.transports import Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 
@@ -37,37 +36,25 @@ class GazepointSimulator(GazePeer):
     `camera_m` is the camera's place in the frame of the viewing place.
     """
 
+    usual_rate_hz = 60.0
+
     def __init__(
         self,
         body: Body,
         *,
-        seed: int,
-        clock: Clock,
-        rate_hz: float = 60.0,
-        faults: FaultSchedule | None = None,
-        error: TrackerErrorModel | None = None,
-        drift_ppm: float = 0.0,
         screen: Screen | None = None,
         camera_m: Triple = (0.0, -0.18, -0.65),
         split_share: float = SPLIT_SHARE,
         moved_m: Callable[[int], Triple] = lambda t_ns: (0.0, 0.0, 0.0),
+        **measuring: Unpack[Measuring],
     ) -> None:
-        source = GazeSource(
-            body,
-            seed=seed,
-            clock=clock,
-            rate_hz=rate_hz,
-            faults=faults,
-            error=error,
-            drift_ppm=drift_ppm,
-        )
-        super().__init__(source, seed=seed)
+        super().__init__(body, **measuring)
         self.annotations: deque[str] = deque(maxlen=MAX_ANNOTATIONS)
         self._screen = screen or Screen()
         self._camera = camera_m
         self._split_share = split_share
         self._moved_m = moved_m
-        self._splits = np.random.default_rng([seed, _SPLIT_STREAM])
+        self._splits = np.random.default_rng([measuring["seed"], _SPLIT_STREAM])
         self._enabled: set[str] = set()
         self._user = ""
         self._calibration_ns: int | None = None

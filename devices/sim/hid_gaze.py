@@ -6,13 +6,11 @@ capabilities, changes of mode. Linux' own hidraw is tried apart, with umockdev.
 
 import struct
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Unpack
 
 from devices.contracts import Body
 from devices.drivers.streaming.gaze_rays import Screen, Triple
-from devices.faults import FaultSchedule
-from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from devices.transports import Frames
 from lab.clock import NS_PER_S, Clock
 
@@ -58,32 +56,19 @@ class HidGazeSimulator(GazePeer):
     `status` is the configuration status: 1 ready, 4 calibration needed.
     """
 
+    is_calibrated_before = True
+
     def __init__(
         self,
         body: Body,
         *,
-        seed: int,
-        clock: Clock,
-        rate_hz: float = 120.0,
-        faults: FaultSchedule | None = None,
-        error: TrackerErrorModel | None = None,
-        drift_ppm: float = 0.0,
         screen: Screen | None = None,
         ticks_per_s: int = 1_000_000,
         status: int = 1,
         descriptor: bytes = DESCRIPTOR,
+        **measuring: Unpack[Measuring],
     ) -> None:
-        source = GazeSource(
-            body,
-            seed=seed,
-            clock=clock,
-            rate_hz=rate_hz,
-            faults=faults,
-            error=error,
-            drift_ppm=drift_ppm,
-        )
-        super().__init__(source, seed=seed)
-        source.calibrated_fit = body.fit()  # in its own program, before the session
+        super().__init__(body, **measuring)
         self.modes: list[int] = []
         self.descriptor = descriptor
         self._screen = screen or Screen()

@@ -8,17 +8,15 @@ import json
 import math
 import struct
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from devices.contracts import Body
 from devices.drivers.streaming.gaze_rays import Triple
-from devices.faults import FaultSchedule
-from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from devices.transports import Frames
-from lab.clock import NS_PER_MS, Clock
+from lab.clock import NS_PER_MS
 
 STAMP = struct.Struct("<qH")
 ECHO = struct.Struct("!Q")
@@ -36,32 +34,20 @@ class NeonSimulator(GazePeer):
     knows: what a newer app would send. `battery_level` is a percentage.
     """
 
+    usual_rate_hz = 200.0
+    usual_epoch_ns = EPOCH_NS
+    is_calibrated_before = True
+
     def __init__(
         self,
         body: Body,
         *,
-        seed: int,
-        clock: Clock,
-        rate_hz: float = 200.0,
-        faults: FaultSchedule | None = None,
-        error: TrackerErrorModel | None = None,
-        drift_ppm: float = 0.0,
         payload_size: int = 105,
         battery_level: int = 80,
         distortion: tuple[float, ...] = (0.0,) * 8,
+        **measuring: Unpack[Measuring],
     ) -> None:
-        source = GazeSource(
-            body,
-            seed=seed,
-            clock=clock,
-            rate_hz=rate_hz,
-            faults=faults,
-            error=error,
-            drift_ppm=drift_ppm,
-            epoch_ns=EPOCH_NS,
-        )
-        super().__init__(source, seed=seed)
-        source.calibrated_fit = body.fit()  # in its own program, before the session
+        super().__init__(body, **measuring)
         self.events: list[tuple[str, int]] = []
         self.battery_level = battery_level
         self.has_glasses = True

@@ -8,13 +8,10 @@ import ctypes
 import struct
 from pathlib import Path
 
-from devices.contracts import Body
-from devices.faults import FaultSchedule
-from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, Shot
 from devices.sim.native_build import build_library
 from devices.transports import Frames
-from lab.clock import NS_PER_MS, Clock
+from lab.clock import NS_PER_MS
 
 ONE_EYE = struct.Struct("<Q3f3fff2f")
 ALL_VALID, ONLY_OPENNESS = 0x1F, 0x08
@@ -23,28 +20,7 @@ ALL_VALID, ONLY_OPENNESS = 0x1F, 0x08
 class SranipalSimulator(GazePeer):
     """Deliver frames of a body's eyes."""
 
-    def __init__(
-        self,
-        body: Body,
-        *,
-        seed: int,
-        clock: Clock,
-        rate_hz: float = 120.0,
-        faults: FaultSchedule | None = None,
-        error: TrackerErrorModel | None = None,
-        drift_ppm: float = 0.0,
-    ) -> None:
-        source = GazeSource(
-            body,
-            seed=seed,
-            clock=clock,
-            rate_hz=rate_hz,
-            faults=faults,
-            error=error,
-            drift_ppm=drift_ppm,
-            epoch_ns=10**12,
-        )
-        super().__init__(source, seed=seed)
+    usual_epoch_ns = 10**12
 
     def to_message(self, shot: Shot) -> Frames:
         """Return one frame, as the library fills it in."""

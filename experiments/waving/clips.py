@@ -5,10 +5,10 @@ seconds to find and is kept, in memory and on the computer under the hash of eve
 from. For a participant a loop corrects it while it is seen (`stimuli.motion.warping.track`).
 """
 
-import json
-from dataclasses import asdict, astuple, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass, replace
 from functools import cache, lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from stimuli.motion.people import Person
 from stimuli.motion.warping.clips import warp_clip
 from stimuli.motion.warping.control import ControlSettings, Situation
 from stimuli.motion.warping.features import FeatureTarget
-from stimuli.motion.warping.track import Reached, WarpTrack, reached_by, solved
+from stimuli.motion.warping.track import Reached, WarpTrack, planned_track, reached_by, solved
 from stimuli.motion.warping.units import units_named
 from stimuli.scenes import office as places
 from stimuli.scenes.office import Waving
@@ -116,6 +116,14 @@ def study_wave(
     return StudyWave(waving, digest_of(clip.root_m, clip.orientation_wxyz, omega), planned)
 
 
+def wave_of(factors: Mapping[str, Any], making: Making, eye_height_m: float) -> StudyWave:
+    """Return the wave of a trial; one at the participant is made for their planned eye height."""
+    is_own = factors["target_place"] == factors["participant_place"]
+    clerk, target, technique = (str(factors[n]) for n in ("clerk", "target_place", "technique"))
+    eyes_m = eye_height_m if is_own else places.STANDING_EYE_M
+    return study_wave(clerk, target, technique, making, eyes_m)
+
+
 @lru_cache(maxsize=8)
 def base_clip(clerk: str, wave_s: float) -> Clip:
     """Return a clerk's wave straight ahead on their seat, from when the arm begins to rise."""
@@ -178,48 +186,27 @@ def _planned(
     clerk, clip = waving.clerk, waving.clip
     body, view = seen_body_of(clerk), view_of(clerk, eye_m, target_place)
     targets, units = targets_of(increment), units_named(UNITS)
-    said = json.dumps(
-        [
-            [asdict(t) for t in targets],
-            UNITS,
-            asdict(SETTINGS),
-            asdict(REFINING),
-            FINE_PX,
-            waving.heading_deg,
-            waving.start_s,
-            FADE_S,
-            clerk,
-        ],
-        sort_keys=True,
-    )
+    asked = (targets, UNITS, SETTINGS, REFINING, FINE_PX, waving.heading_deg, waving.start_s)
+    seen = (view.eye, view.behind, view.lamps, view.maps)
     key = digest_of(
-        clip.root_m,
-        clip.orientation_wxyz,
-        body.rest,
-        body.triangles,
-        view.eye,
-        view.behind,
-        view.lamps,
-        view.maps,
-        said=said + digest_of_code(stimuli.motion.warping),
+        *(clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, *seen),
+        said=f"{asked} {FADE_S} {clerk} {digest_of_code(stimuli.motion.warping)}",
     )
     kept = read_kept(KEPT_AS, key)
     if kept is None:
         found = warp_clip(drawn_clip(waving), body, view, targets, units, SETTINGS)
-        gap_s = (waving.end_s - waving.start_s) / max(len(found.omega_rad) - 1, 1)
-        track = WarpTrack(units, waving.start_s, gap_s, found.omega_rad.copy(), FADE_S)
-        for k, t_s in enumerate(track.key_s):
-            situation = situation_of(waving, target_place, eye_m, float(t_s), increment)
-            track.omega_rad[k] = solved(situation, track.omega_rad[k], REFINING)
-        times = track.key_s[:-1] + gap_s / 2
-        between = (situation_of(waving, target_place, eye_m, float(t), increment) for t in times)
-        came_to = reached_by(between, np.array([track.at(float(t)) for t in times]))
-        at_keys = np.minimum(np.searchsorted(found.frame_s, found.key_s), len(found.original) - 1)
-        seen = found.original[at_keys].all(axis=1)
+        track, came_to = planned_track(
+            found,
+            waving.start_s,
+            waving.end_s,
+            FADE_S,
+            lambda t_s: situation_of(waving, target_place, eye_m, t_s, increment),
+            REFINING,
+        )
         kept = {
             "omega_rad": track.omega_rad,
-            "gap_s": np.array(gap_s),
-            "numbers": np.array([*astuple(came_to)[:3], (found.pose_reached & seen).mean()]),
+            "gap_s": np.array(track.gap_s),
+            "numbers": np.array(astuple(came_to)),
         }
         keep(KEPT_AS, key, kept)
     track = WarpTrack(units, waving.start_s, float(kept["gap_s"]), kept["omega_rad"], FADE_S)

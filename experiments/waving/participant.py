@@ -14,7 +14,6 @@ import numpy as np
 from experiments.waving.judgement import (
     DEFAULT_POPULATION,
     Judgement,
-    Person,
     Population,
     draw_person,
     judge,
@@ -35,6 +34,7 @@ from stimuli.scenes.office import (
     shift_m,
 )
 from visavis.body import POINT_S, StandingBody
+from visavis.person import plain_answer
 
 _PERSON, _TRIAL, _BODY, _ANSWER = range(4)
 EYE_HEIGHT_SD_M: Final = 0.06
@@ -107,7 +107,12 @@ class WavingParticipant(StandingBody):
         if question_id in ("who", "realism") and self._judgement is not None:
             return options[self._choice(question_id)]
         rng = self.rng(_ANSWER, zlib.crc32(question_id.encode()))
-        return questionnaire_answer(self.person, question_id, options, rng)
+        if question_id == "strategy":
+            alone = rng.random() < EYES_ONLY_01
+            return EYES_ONLY if alone else STRATEGIES[int(rng.integers(len(STRATEGIES)))]
+        if question_id == "comment":
+            return None if rng.random() < 0.5 else COMMENTS[int(rng.integers(len(COMMENTS)))]
+        return plain_answer(self.person.age, self.person.gender, question_id, options, rng)
 
     def see(self, view: SceneFrame, t_display_ns: int) -> None:
         """Receive what the display shows from `t_display_ns` on."""
@@ -155,20 +160,3 @@ class WavingParticipant(StandingBody):
         takes_s = judgement.who_s if question == "who" else judgement.realism_s
         choice_m = choice_centre_m(panel, self._choice(question))
         self.answer_at(panel.pose.position_m, choice_m, t_s, max(takes_s, POINT_S + 0.15))
-
-
-def questionnaire_answer(
-    person: Person, question_id: str, options: Sequence[str], rng: np.random.Generator
-) -> str | None:
-    """Return an answer in the words of the options, or free text; None leaves it out."""
-    if question_id == "age":
-        return str(person.age)
-    if question_id == "gender":
-        return person.gender if person.gender in options else None
-    if question_id == "strategy":
-        if rng.random() < EYES_ONLY_01:
-            return EYES_ONLY
-        return STRATEGIES[int(rng.integers(len(STRATEGIES)))]
-    if question_id == "comment":
-        return None if rng.random() < 0.5 else COMMENTS[int(rng.integers(len(COMMENTS)))]
-    return options[int(rng.integers(len(options)))] if options else None

@@ -5,6 +5,7 @@ furniture and people, from the observer's eyes. Bearings are horizontal angles a
 positive to the observers' right.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import Final
@@ -112,30 +113,25 @@ def _reach_view(clerk: str, place: str) -> Outlook:
     return view_of(clerk, eye_at(place), place, REACH_PX)
 
 
-def _ids(clerk: str, poses: Frames, view: Outlook) -> npt.NDArray[np.uint8]:
-    return perceived(seen_body_of(clerk), view, poses.root_m, poses.orientation_wxyz)
+def _seen_and_free(clerk: str, poses: Frames, view: Outlook) -> Iterator[npt.NDArray[np.uint8]]:
+    """Yield the parts drawn in every pixel, then those drawn with nothing in between."""
+    body = seen_body_of(clerk)
+    for one in (view, replace(view, behind=np.zeros_like(view.behind))):
+        yield perceived(body, one, poses.root_m, poses.orientation_wxyz)
 
 
-def _uncovered(view: Outlook) -> Outlook:
-    return replace(view, behind=np.zeros_like(view.behind))
-
-
-def _pixels(clerk: str, poses: Frames, view: Outlook) -> tuple[Vector, Vector]:
+def _pixels(clerk: str, poses: Frames, view: Outlook) -> list[Vector]:
     counted = []
-    for one in (view, _uncovered(view)):
-        ids = _ids(clerk, poses, one)
+    for ids in _seen_and_free(clerk, poses, view):
         by_part = np.bincount(ids.ravel(), minlength=len(PARTS)) / LOOKS
-        counted.append(
-            np.array([by_part[mask_of(parts)[: len(by_part)]].sum() for parts in CUE_PARTS])
-        )
-    return counted[0], counted[1]
+        counted.append(np.array([by_part[mask_of(p)[: len(by_part)]].sum() for p in CUE_PARTS]))
+    return counted
 
 
 def _reach(clerk: str, poses: Frames, view: Outlook) -> float:
     mask = mask_of(REACH_PARTS)
-    seen = mask[_ids(clerk, poses, view)].sum()
-    free = mask[_ids(clerk, poses, _uncovered(view))].sum()
-    return float(seen) / max(float(free), 1.0)
+    seen, free = (float(mask[ids].sum()) for ids in _seen_and_free(clerk, poses, view))
+    return seen / max(free, 1.0)
 
 
 def _bearing_deg(way: Vector) -> float:

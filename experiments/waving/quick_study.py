@@ -20,14 +20,13 @@ from experiments.waving.perception import (
     Evidence,
     evidence_of,
 )
-from experiments.waving.scene import office_eyes, scene_of
-from experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES
+from experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, SCENE_SEED
 from lab.clock import NS_PER_S
 from lab.geometry import Vector
 from lab.kept import digest_of, keep, read_kept
 from protocol.plan import SessionPlan, Trial
 from stimuli.dressing.office import PARTS as ROLES
-from stimuli.dressing.office import roles_of
+from stimuli.dressing.office import office_eyes, office_scene, roles_of
 from stimuli.dressing.office_view import body_mesh, eye_at, seen_body_of
 from stimuli.rooms.office import office
 from stimuli.scenes.office import (
@@ -91,7 +90,7 @@ def evidence_for(stimulus: Stimulus, making: Making = DEFAULT_MAKING) -> Evidenc
 
 def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector:
     """Return where the waving clerk's eyes point (3,), at a participant who stands still."""
-    scene = scene_of(participant_place, waving)
+    scene = office_scene(participant_place, waving, SCENE_SEED)
     eyes = office_eyes(scene, target_place, 0, 1.0, 0.0)
     standing = eye_at(participant_place) + shift_m(participant_place)
     gaze, _, _ = eyes.at(10 * NS_PER_S, standing)

@@ -5,7 +5,6 @@ The source is A. Jovane, Virtual humans: from motion to interaction (thesis, Uni
 """
 
 from collections.abc import Callable, Generator, Iterator, Mapping
-from concurrent.futures import Future
 from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -26,8 +25,8 @@ from experiments.waving.clips import (
     StudyWave,
     reached_in,
     solved_key,
+    wave_of,
 )
-from experiments.waving.scene import office_eyes, scene_of, wave_of
 from lab.clock import NS_PER_S
 from lab.geometry import Pose, Vector
 from protocol.columns import Column
@@ -37,6 +36,7 @@ from protocol.participants import SimulatedParticipant
 from protocol.plan import Trial
 from protocol.shown import Shown
 from protocol.steps import FrameView, NextFrame, Scalar, Show, known
+from stimuli.dressing.office import office_eyes, office_scene
 from stimuli.dressing.office_view import VIEW_PX
 from stimuli.motion.warping.track import (
     Reached,
@@ -104,10 +104,10 @@ PRACTICE: Final = {"direction": "self", "participant_place": "place_3"}
 REALISM: Final = Rating("realism", 1, 9)
 BOARD_SIZE_M: Final = (1.5, 0.5)
 BOARD_AT: Final = Pose(np.array([0.0, 1.12, -1.7]), np.array([1.0, 0.0, 0.0, 0.0]))
+SCENE_SEED: Final = 7
+"""Of what everybody does beside the wave: the same in all trials."""
 FOLLOW_STEP_M: Final = 0.01
 """The eyes follow the participant's head in steps of this size."""
-LOOK_S: Final = 0.1
-"""How often what a corrected wave came to is measured."""
 
 _PARTS: Final = " and of ".join(" with ".join(p) for p in WARPED_PARTS).replace("_", " ")
 
@@ -282,7 +282,6 @@ class Office(WithEyes):
     step_m: float = FOLLOW_STEP_M
     start_ns: int = 0
     loop: TrackLoop | None = None
-    looked: list[tuple[float, Vector]] = field(default_factory=list)
 
     def frame(self, view: FrameView, elapsed_ns: int) -> OfficeFrame:
         """Return what to show from the coming frame on."""
@@ -302,15 +301,10 @@ class Office(WithEyes):
 
     def correct(self, t_ns: int) -> dict[str, Scalar | None] | None:
         """Let the wave be warped for where the participant is; return the key that was taken."""
-        waving = self.scene.waving
-        if self.loop is None or waving is None or not self.observer_m.any():
+        if self.loop is None or not self.observer_m.any():
             return None
-        t_s = (t_ns - self.start_ns) * 1e-9
         eye_m = self.observer_m - shift_m(self.scene.participant_place)
-        due_s = self.looked[-1][0] + LOOK_S if self.looked else waving.start_s
-        if due_s <= t_s < waving.end_s:
-            self.looked.append((t_s, eye_m))
-        key = self.loop.step(t_s, eye_m)
+        key = self.loop.step((t_ns - self.start_ns) * 1e-9, eye_m)
         if key is None:
             return None
         eye = dict(zip(("eye_x_m", "eye_y_m", "eye_z_m"), eye_m.tolist(), strict=True))
@@ -323,7 +317,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     wave, planned = None, told_of(None)
     if not t.is_read:
         wave = wave_of(t.trial.factors, making_of(t.settings.parameters), t.eye_height_m)
-    scene = scene_of(t.participant_place, None if wave is None else wave.waving)
+    scene = office_scene(t.participant_place, None if wave is None else wave.waving, SCENE_SEED)
     scene_s = t.before_s + t.wave_s + t.after_s
     longest_s = scene_s + 2 * t.settings.ways.limit_s + 5.0
     eyes = office_eyes(scene, t.target_place, t.trial.seed, longest_s, t.before_s - 0.3)
@@ -348,7 +342,8 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
         yield Show(office.frame(view, view.t_ns - start_ns))
         view = yield NextFrame()
         frames += 1
-    measured = measured_beside(t, office)
+    loop = office.loop
+    measured = None if loop is None else loop.came_to(partial(reached_in, about_of(t)))
     t.row |= {
         "t_start_ns": start_ns,
         "scene_frames": frames,
@@ -357,12 +352,12 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     }
     for question in (who_question(t.participant_place), REALISM):
         yield t.ask(question, over_scene=True, at=BOARD_AT, size_m=BOARD_SIZE_M)
-    if office.loop is not None and measured is not None:
+    if loop is not None and measured is not None:
         t.row |= told_of(measured.result())
         t.row["target_reachable_01"] = planned["target_reachable_01"]
         t.row |= {
-            "warp_loop_hz": round(office.loop.taken / t.wave_s, 2),
-            "warp_late": office.loop.late,
+            "warp_loop_hz": round(loop.taken / t.wave_s, 2),
+            "warp_late": loop.late,
         }
     told = t.row["who"]
     t.row["is_right"] = None if told is None else told == t.target_place
@@ -413,15 +408,6 @@ def loop_of(t: TrialScript, wave: StudyWave | None) -> TrackLoop | None:
     return TrackLoop(track, partial(solved_key, about_of(t)), t.beside)
 
 
-def measured_beside(t: TrialScript, office: Office) -> Future[Reached] | None:
-    """Let be measured what a corrected wave came to; None where there is none."""
-    if office.loop is None or not office.looked:
-        return None
-    times, eyes = (np.array(column) for column in zip(*office.looked, strict=True))
-    omega = np.array([office.loop.track.at(float(time)) for time in times])
-    return t.beside.submit(reached_in, about_of(t), times, omega, eyes)
-
-
 def told_of(found: Reached | None) -> dict[str, Scalar | None]:
     """Return what a trial's row tells of the warp: wanted, reached, frames on target, reachable."""
     names = ("coverage_wanted", "coverage_reached", "target_met_01", "target_reachable_01")
@@ -457,7 +443,7 @@ def _office_shown(
     making = replace(making_of(experiment.parameters), increment=0.0)
     plain = wave_of(script.trial.factors, making, script.eye_height_m)
     planned = track_shown(plain.waving, wave, [])
-    return script, plain, scene_of(script.participant_place, planned)
+    return script, plain, office_scene(script.participant_place, planned, SCENE_SEED)
 
 
 @study.views

@@ -11,10 +11,14 @@ from typing import Final
 
 import numpy as np
 
+from lab.chance import generator
+from lab.clock import NS_PER_S
 from lab.geometry import Vector, rotate
 from stimuli.characters.character import MORPHS, Character
 from stimuli.dressing.casting import Casting, build_of, default_casting
 from stimuli.dressing.telephone import holding_telephone
+from stimuli.gaze.behaviour import EyeBehaviour
+from stimuli.gaze.blinks import draw_blinks
 from stimuli.gaze.turning import Aimed
 from stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Talk, Text
 from stimuli.motion.people import Doing, PeopleMotion, Person
@@ -47,6 +51,7 @@ BUSY: Final[dict[str, Kind]] = {
     "bystander_right": Phone(hand="right"),
 }
 HEAD_RADIUS_M: Final = 0.12
+SCREEN_FROM_CLERK_M: Final = (-0.52, 0.95, 0.57)
 NOBODY: Final = PosedPeople(np.zeros((0, 3)), np.zeros((0, 55, 4)), np.zeros((0, len(MORPHS))))
 WORKING: Final = Sit(seat_m=places.SEAT_M, hands="thighs", lean_back_deg=2.0)
 
@@ -130,6 +135,7 @@ def look_of(character: Character, root_m: Vector, turns: Vector) -> tuple[Vector
     return eyes - 0.09 * facing, eyes, facing
 
 
+@lru_cache(maxsize=128)
 def agents_of(
     participant_place: str, waving: Waving | None, seed: int, at_s: float
 ) -> tuple[Agent, ...]:
@@ -146,6 +152,48 @@ def agents_of(
         head, eyes, facing = look_of(dressed.cast[i], posed.root_m[i], posed.orientation_wxyz[i])
         agents.append(Agent(role, PARTS[role], role, head, HEAD_RADIUS_M, facing, eyes))
     return tuple(agents)
+
+
+def office_scene(participant_place: str, waving: Waving | None, seed: int) -> OfficeScene:
+    """Return the office seen from a place; heads are where they are in the middle of the wave."""
+    middle_s = 0.0 if waving is None else (waving.start_s + waving.end_s) / 2
+    return OfficeScene(
+        name=f"office_{participant_place}",
+        agents=agents_of(participant_place, waving, seed, middle_s),
+        participant_place=participant_place,
+        waving=waving,
+        seed=seed,
+    )
+
+
+def office_eyes(
+    scene: OfficeScene, target_place: str, seed: int, duration_s: float, turn_s: float
+) -> EyeBehaviour:
+    """Return what all eyes do, times from the onset.
+
+    Clerks look at their screens, others before them; the waving clerk turns the eyes to who is
+    waved at `turn_s` after the onset: to the participant wherever they are, or to the eyes of a
+    customer. `seed` draws the blinks.
+    """
+    by = places.shift_m(scene.participant_place)
+    blinks = draw_blinks(generator(seed, 1), len(scene.agents), duration_s)
+    eyes = EyeBehaviour.of_scene(scene, target_m=np.zeros(3), blinks=blinks)
+    targets = eyes.targets_m.copy()
+    for i, agent in enumerate(scene.agents):
+        targets[:, i] = agent.eye_centre_m + 3.0 * agent.facing
+        if agent.place in (c.name for c in places.CLERKS):
+            targets[:, i] = places.place(agent.place).floor_m + by + np.array(SCREEN_FROM_CLERK_M)
+    who = scene.waver
+    if who is None:
+        return replace(eyes, targets_m=targets)
+    follows, turn_ns = eyes.follows_observer.copy(), eyes.turn_ns.copy()
+    turn_ns[who] = round(turn_s * NS_PER_S)
+    if target_place == scene.participant_place:
+        follows[1, who] = True
+    else:
+        target = next(a for a in scene.agents if a.place == target_place)
+        targets[1, who] = target.eye_centre_m
+    return replace(eyes, targets_m=targets, follows_observer=follows, turn_ns=turn_ns)
 
 
 def gaze_of(frame: SceneFrame) -> Aimed:

@@ -2,11 +2,10 @@
 
 import asyncio
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final
 
-from lab.clock import Clock
 from lab.errors import ConfigError, SessionAborted
 from protocol.experiment import untold
 from protocol.key_file import KeyFile
@@ -18,7 +17,7 @@ from recording.journal import as_json
 from recording.manifest import Manifest
 from recording.provenance import provenance
 from recording.reader import Recording
-from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, Recorder
+from recording.writer import Recorder
 from visavis.experiment import StudyExperiment
 from visavis.films import MIME
 from visavis.opened import OpenedStudy
@@ -38,7 +37,13 @@ from visavis.page.film_store import FilmStore, film_store
 from visavis.page.server import Held, PageServer
 from visavis.page.visitor import Visitor, visitor_of
 from visavis.sessions.begun_design import DESIGN_KEY, design_of
-from visavis.sessions.perform import PageAddress, Request, behaviour_seed, end_part
+from visavis.sessions.perform import (
+    PageAddress,
+    Request,
+    behaviour_seed,
+    recorded_part,
+    recorder_of,
+)
 from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rig import is_simulated
 
@@ -211,17 +216,6 @@ def port_before(recording: Recording) -> int:
     return int(found[-1]["port"]) if found else 0
 
 
-def recorder_of(part_dir: Path, clock: Clock, *, is_simulated: bool) -> Recorder:
-    """Return the recorder of a part of a session on a page."""
-    return Recorder(
-        part_dir,
-        clock,
-        threaded=not clock.is_virtual,
-        max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
-        is_simulated=is_simulated,
-    )
-
-
 def held_of(
     request: Request,
     experiment: StudyExperiment,
@@ -275,11 +269,8 @@ def _perform_part(
     past: Past | None,
     port: int,
 ) -> None:
-    clock, simulated = request.clock, folder.manifest.is_simulated
-    part_dir = folder.begin_part(clock)
-    recorder: Recorder | None = None
-    try:
-        recorder = recorder_of(part_dir, clock, is_simulated=simulated)
+    make = partial(recorder_of, clock=request.clock, is_simulated=folder.manifest.is_simulated)
+    with recorded_part(request.clock, folder, make, "every answer is kept") as recorder:
         outcome = asyncio.run(_served(request, experiment, store, folder, recorder, past, port))
         if outcome in ENDINGS:
             todo = (
@@ -287,17 +278,6 @@ def _perform_part(
                 f"{request.participant_label}"
             )
             raise SessionAborted(ENDINGS[outcome] + (todo if outcome == WITHDRAWN else ""))
-    except KeyboardInterrupt as error:
-        reason = "interrupted from the keyboard or by the system"
-        end_part(clock, folder, recorder, "aborted", reason, error)
-        raise SessionAborted(f"{reason}; every answer is kept") from error
-    except SessionAborted as error:
-        end_part(clock, folder, recorder, "aborted", str(error).partition(";")[0], error)
-        raise
-    except BaseException as error:
-        end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
-        raise
-    end_part(clock, folder, recorder, "complete", "", None)
 
 
 async def _served(

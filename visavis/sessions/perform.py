@@ -4,6 +4,7 @@ import importlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Protocol
@@ -336,26 +337,11 @@ def _perform_companied(
     plan: SessionPlan,
     progress: Progress,
 ) -> None:
-    clock = request.clock
-    part_dir = folder.begin_part(clock)
-    recorder: Recorder | None = None
-    try:
-        recorder = _recorder(request, folder, part_dir)
-        with _guarded(devices, clock) as guarded:
+    make = partial(_recorder, request, folder)
+    with recorded_part(request.clock, folder, make, "every finished trial is kept") as recorder:
+        with _guarded(devices, request.clock) as guarded:
             setup = _setup(request, guarded, folder, plan, progress, recorder)
             Session(setup).run()
-    except KeyboardInterrupt as error:
-        reason = "interrupted from the keyboard or by the system"
-        end_part(clock, folder, recorder, "aborted", reason, error)
-        raise SessionAborted(f"{reason}; every finished trial is kept") from error
-    except SessionAborted as error:
-        reason = str(error).partition(";")[0]
-        end_part(clock, folder, recorder, "aborted", reason, error)
-        raise
-    except BaseException as error:
-        end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
-        raise
-    end_part(clock, folder, recorder, "complete", "", None)
 
 
 def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Recorder:
@@ -365,14 +351,50 @@ def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Record
         own = request.companion.recorder(request, part_dir, is_simulated=simulated)
         if own is not None:
             return own
+    return recorder_of(part_dir, clock, is_simulated=simulated, awaits_disk=not clock.is_virtual)
+
+
+def recorder_of(
+    part_dir: Path, clock: Clock, *, is_simulated: bool, awaits_disk: bool = False
+) -> Recorder:
+    """Return the recorder of a part, in a thread and with short batches in real time."""
     return Recorder(
         part_dir,
         clock,
         threaded=not clock.is_virtual,
         max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
-        is_simulated=simulated,
-        awaits_disk=not clock.is_virtual,
+        is_simulated=is_simulated,
+        awaits_disk=awaits_disk,
     )
+
+
+@contextmanager
+def recorded_part(
+    clock: Clock, folder: SessionFolder, make: Callable[[Path], Recorder], kept: str
+) -> Iterator[Recorder]:
+    """Record a part of a session; however the block is left, files and manifest say how.
+
+    `make` gets the part's folder, `kept` tells whoever interrupts what is not lost.
+
+    Raises:
+        SessionAborted: it ended early.
+    """
+    part_dir = folder.begin_part(clock)
+    recorder: Recorder | None = None
+    try:
+        recorder = make(part_dir)
+        yield recorder
+    except KeyboardInterrupt as error:
+        reason = "interrupted from the keyboard or by the system"
+        end_part(clock, folder, recorder, "aborted", reason, error)
+        raise SessionAborted(f"{reason}; {kept}") from error
+    except SessionAborted as error:
+        end_part(clock, folder, recorder, "aborted", str(error).partition(";")[0], error)
+        raise
+    except BaseException as error:
+        end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
+        raise
+    end_part(clock, folder, recorder, "complete", "", None)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ eye images, slow slippage of the headset, a different latency per eye.
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Required, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -214,14 +214,54 @@ class GazeSource:
         return (shot, shot) if happens("duplicate", _DUPLICATE) else (shot,)
 
 
+class Measuring(TypedDict, total=False):
+    """How a simulated tracker measures, as every `GazePeer` takes it."""
+
+    seed: Required[int]
+    clock: Required[Clock]
+    rate_hz: float | None
+    faults: FaultSchedule | None
+    error: TrackerErrorModel | None
+    drift_ppm: float
+    epoch_ns: int | None
+
+
 class GazePeer(ABC):
     """The other end of a message wire, fed by a `GazeSource`; a simulator says the bytes.
 
     `to_message` turns a shot into frames (None: nothing is sent); `answer` answers a request.
     """
 
-    def __init__(self, source: GazeSource, *, seed: int) -> None:
-        self.source = source
+    usual_rate_hz = 120.0
+    usual_epoch_ns: int | None = None
+    """Of the device's clock; None: drawn from the seed."""
+    is_calibrated_before = False
+    """Whether it was calibrated in a program of its own, before the session."""
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        seed: int,
+        clock: Clock,
+        rate_hz: float | None = None,
+        faults: FaultSchedule | None = None,
+        error: TrackerErrorModel | None = None,
+        drift_ppm: float = 0.0,
+        epoch_ns: int | None = None,
+    ) -> None:
+        self.source = GazeSource(
+            body,
+            seed=seed,
+            clock=clock,
+            rate_hz=self.usual_rate_hz if rate_hz is None else rate_hz,
+            faults=faults,
+            error=error,
+            drift_ppm=drift_ppm,
+            epoch_ns=self.usual_epoch_ns if epoch_ns is None else epoch_ns,
+        )
+        if self.is_calibrated_before:
+            self.source.calibrated_fit = body.fit()
         self._legs = np.random.default_rng([seed, _LEG_STREAM])
         self._outbox: deque[Message] = deque()
         self._unsorted = False

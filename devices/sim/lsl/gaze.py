@@ -6,14 +6,12 @@ recovery (the real outlet has them), other streams of a session.
 
 import struct
 import threading
-from typing import Any
+from typing import Any, Unpack
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from devices.contracts import GAZE, Body
 from devices.drivers.streaming.gaze_rays import Screen
-from devices.faults import FaultSchedule
-from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from devices.transports import Frames
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.xdf_channels import describe
@@ -39,32 +37,17 @@ LAYOUTS = ("xdf", "screen", "titta")
 class LslGazeSimulator(GazePeer):
     """Send samples of one layout: our own outlets' names, points on a screen, or TittaLSL's."""
 
+    is_calibrated_before = True
+
     def __init__(
         self,
         body: Body,
         *,
-        seed: int,
-        clock: Clock,
-        rate_hz: float = 120.0,
-        faults: FaultSchedule | None = None,
-        error: TrackerErrorModel | None = None,
-        drift_ppm: float = 0.0,
         layout: str = "xdf",
         screen: Screen | None = None,
-        epoch_ns: int | None = None,
+        **measuring: Unpack[Measuring],
     ) -> None:
-        source = GazeSource(
-            body,
-            seed=seed,
-            clock=clock,
-            rate_hz=rate_hz,
-            faults=faults,
-            error=error,
-            drift_ppm=drift_ppm,
-            epoch_ns=epoch_ns,
-        )
-        super().__init__(source, seed=seed)
-        source.calibrated_fit = body.fit()  # in its own program, before the session
+        super().__init__(body, **measuring)
         self.layout = layout
         self._screen = screen or Screen()
 

@@ -7,14 +7,14 @@ What a body does is not in it: the numbers only have to be recognised after a re
 import math
 import struct
 from collections.abc import Sequence
+from typing import Unpack
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from devices.contracts import Body
 from devices.drivers.lsl.inlet import OFFSET
-from devices.faults import FaultSchedule
-from devices.sim.gaze.source import GazePeer, GazeSource, Shot
+from devices.sim.gaze.source import GazePeer, Measuring, Shot
 from devices.transports import Frames
-from lab.clock import NS_PER_S, Clock
+from lab.clock import NS_PER_S
 
 ROUND_TRIP_S = 2e-4
 
@@ -22,29 +22,19 @@ ROUND_TRIP_S = 2e-4
 class LslStreamSimulator(GazePeer):
     """Send `channels` with their unit, at a rate."""
 
+    usual_rate_hz = 250.0
+    usual_epoch_ns = 90 * NS_PER_S
+
     def __init__(
         self,
         body: Body,
         *,
-        clock: Clock,
-        seed: int,
         channels: Sequence[str] = ("Fz", "Cz", "Pz"),
         unit: str = "microvolts",
         stream_type: str = "EEG",
-        rate_hz: float = 250.0,
-        faults: FaultSchedule | None = None,
-        drift_ppm: float = 0.0,
+        **measuring: Unpack[Measuring],
     ) -> None:
-        source = GazeSource(
-            body,
-            seed=seed,
-            clock=clock,
-            rate_hz=rate_hz,
-            faults=faults,
-            drift_ppm=drift_ppm,
-            epoch_ns=90 * NS_PER_S,
-        )
-        super().__init__(source, seed=seed)
+        super().__init__(body, **measuring)
         self.channels = tuple(channels)
         self._unit = unit
         self._type = stream_type

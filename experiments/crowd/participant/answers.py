@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from experiments.crowd.participant.traits import Person
+from visavis.person import plain_answer
 
 _SUBSCALES = ("agency", "change", "ownership")
 _NOISE = 0.6
@@ -24,13 +25,7 @@ def answer_question(
     for subscale, level in zip(_SUBSCALES, person.embodiment, strict=True):
         if question_id.startswith(subscale):
             return _rating(float(level), options, rng)
-    if question_id == "age":
-        return str(person.age)
-    if question_id == "gender":
-        return person.sex
-    if options:
-        return options[int(rng.integers(len(options)))]
-    return None
+    return plain_answer(person.age, person.sex, question_id, options, rng)
 
 
 def _rating(level: float, options: Sequence[str], rng: np.random.Generator) -> str:

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from lab.geometry import Vector
+from stimuli.motion.warping.clips import WarpedClip
 from stimuli.motion.warping.control import (
     ControlSettings,
     Situation,
@@ -30,6 +31,8 @@ LEAD_S: Final = 0.15
 """How long before it shapes what is shown a key is asked for: a solution and a frame or two."""
 SHOWN_AHEAD_S: Final = 0.05
 """A frame's light leaves at most so long after the plan has shown it."""
+LOOK_S: Final = 0.1
+"""How often it is noted from where a corrected movement is seen."""
 _SHAPED: Final = 2
 """A key shapes the curve from so many keys before it on."""
 
@@ -110,12 +113,16 @@ class TrackLoop:
     def __init__(self, track: WarpTrack, solve: Solve, beside: Executor) -> None:
         self.track = track
         self.taken = self.late = 0
+        self._looked: list[tuple[float, Vector]] = []
         self._solve, self._beside = solve, beside
         self._last = -1
         self._asked: Future[Vector] | None = None
 
     def step(self, t_s: float, eye_m: Vector) -> int | None:
         """Take a key that is there and ask for the next; return which was taken in this frame."""
+        due_s = self._looked[-1][0] + LOOK_S if self._looked else self.track.start_s
+        if due_s <= t_s < self.track.key_s[-1]:
+            self._looked.append((t_s, eye_m))
         taken = None
         if self._asked is not None and self._asked.done():
             found = self._asked.result()
@@ -133,6 +140,19 @@ class TrackLoop:
                 self._last = key
                 self._asked = self._beside.submit(self._solve, time_s, start, eye_m)
         return taken
+
+    def came_to(
+        self, reached_in: Callable[[Vector, Vector, Vector], "Reached"]
+    ) -> "Future[Reached] | None":
+        """Let be measured beside what the track came to; None where nobody has looked yet.
+
+        `reached_in` gets times (n,), offsets (n, w) and eyes (n, 3): a function like a `Solve`.
+        """
+        if not self._looked:
+            return None
+        times, eyes = (np.array(column) for column in zip(*self._looked, strict=True))
+        omega = np.array([self.track.at(float(t_s)) for t_s in times])
+        return self._beside.submit(reached_in, times, omega, eyes)
 
 
 @dataclass(frozen=True)
@@ -162,6 +182,31 @@ def reached_by(situations: Iterable[Situation], omega_rad: Vector) -> Reached:
         met += bool(original.all()) and is_within(wanted, original, now, situation)
     whole = sums[0] if sums[0] > 0 else np.nan
     return Reached(float(sums[1] / whole), float(sums[2] / whole), met / max(len(omega_rad), 1))
+
+
+def planned_track(
+    found: WarpedClip,
+    start_s: float,
+    end_s: float,
+    fade_s: float,
+    situation_at: Callable[[float], Situation],
+    settings: ControlSettings,
+) -> tuple[WarpTrack, Reached]:
+    """Return a clip's offsets as a track between two times, and what that comes to.
+
+    Every key is solved once more, by `settings`, in its situation; what it comes to is told half
+    way between keys, and of the keys the share whose pose alone came to its target.
+    """
+    gap_s = (end_s - start_s) / max(len(found.omega_rad) - 1, 1)
+    track = WarpTrack(found.units, start_s, gap_s, found.omega_rad.copy(), fade_s)
+    for k, t_s in enumerate(track.key_s):
+        track.omega_rad[k] = solved(situation_at(float(t_s)), track.omega_rad[k], settings)
+    times = track.key_s[:-1] + gap_s / 2
+    omega = np.array([track.at(float(t_s)) for t_s in times])
+    came_to = reached_by((situation_at(float(t_s)) for t_s in times), omega)
+    at_keys = np.minimum(np.searchsorted(found.frame_s, found.key_s), len(found.original) - 1)
+    seen = found.original[at_keys].all(axis=1)
+    return track, replace(came_to, reachable_01=float((found.pose_reached & seen).mean()))
 
 
 def key_record(track: WarpTrack, key: int) -> dict[str, int | float]:

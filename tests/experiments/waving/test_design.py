@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from experiments.waving import scene
+from experiments.waving import clips
 from experiments.waving.clips import DEFAULT_MAKING, TECHNIQUES
 from experiments.waving.study import DIRECTIONS, study, who_question
 from lab.errors import DesignError
@@ -86,8 +86,8 @@ def test_a_wave_at_the_participant_is_made_for_the_planned_eye_height_others_for
     factors = {"clerk": "clerk_left", "technique": "warping", "participant_place": "place_3"}
     for target in ("place_3", "place_2"):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(scene, "study_wave", lambda *args: heights.append(args[-1]))
-            scene.wave_of({**factors, "target_place": target}, DEFAULT_MAKING, 1.5)
+            patch.setattr(clips, "study_wave", lambda *args: heights.append(args[-1]))
+            clips.wave_of({**factors, "target_place": target}, DEFAULT_MAKING, 1.5)
     assert [1.5, STANDING_EYE_M] == heights
 
 

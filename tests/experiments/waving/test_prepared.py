@@ -5,8 +5,7 @@ from typing import Any
 import pytest
 
 import experiments.waving.clips as clips
-from experiments.waving.clips import study_wave
-from experiments.waving.scene import wave_of
+from experiments.waving.clips import study_wave, wave_of
 from experiments.waving.study import making_of
 from stimuli.motion.warping.track import Reached
 from visavis.catalogue import find_study

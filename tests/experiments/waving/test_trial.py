@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from experiments.waving.clips import UNITS, Making, StudyWave, base_clip, study_wave
-from experiments.waving.scene import scene_of
-from experiments.waving.study import study, told_of, track_shown, wave_record
+from experiments.waving.study import SCENE_SEED, study, told_of, track_shown, wave_record
 from lab.clock import NS_PER_S
 from lab.geometry import Pose, angle_deg, rotate, turn_towards, unit
 from protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
-from stimuli.dressing.office import office_picture, pose_of_waver
+from stimuli.dressing.office import office_picture, office_scene, pose_of_waver
 from stimuli.motion.skeleton import forward
 from stimuli.motion.warping.track import Reached, WarpTrack, key_record
 from stimuli.motion.warping.units import units_named
@@ -197,7 +196,7 @@ def test_the_eyes_of_a_warped_clerk_stay_on_the_addressee():
     units = units_named(("spine", "neck_head"))
     track = WarpTrack(units, MAKING.before_s, 0.1, np.full((5, len(units)), 0.1), 0.5)
     waving = replace(study_wave("clerk_left", "place_3", "orientation", MAKING).waving, warp=track)
-    scene = scene_of("place_3", waving)
+    scene = office_scene("place_3", waving, SCENE_SEED)
     ahead_m = scene.agents[0].facing
     gaze = np.tile(ahead_m, (len(scene.agents), 1))
     posed = office_picture(OfficeFrame(scene, NS_PER_S // 2, gaze, np.ones(len(gaze)))).people
