@@ -165,8 +165,17 @@ def streams_section(streams: Sequence[OwnStream], pictures: Sequence[Picture]) -
 
 
 def _arrivals(streams: Sequence[OwnStream]) -> Table:
-    heads = ("Participant", "Session", "Stream", "Samples", "Of expected", "Rate (Hz)",
-             "Stated (Hz)", "Gaps", "Longest gap (ms)")  # fmt: skip
+    heads = (
+        "Participant",
+        "Session",
+        "Stream",
+        "Samples",
+        "Of expected",
+        "Rate (Hz)",
+        "Stated (Hz)",
+        "Gaps",
+        "Longest gap (ms)",
+    )
     return Table(
         tuple(Column(h, "left" if i in (0, 2) else "right") for i, h in enumerate(heads)),
         tuple(
@@ -189,8 +198,17 @@ def _arrivals(streams: Sequence[OwnStream]) -> Table:
 
 
 def _numbers(streams: Sequence[OwnStream]) -> Table:
-    heads = ("Participant", "Stream", "Column", "Unit", "Mean", "SD", "Lowest", "Highest",
-             "Missing")  # fmt: skip
+    heads = (
+        "Participant",
+        "Stream",
+        "Column",
+        "Unit",
+        "Mean",
+        "SD",
+        "Lowest",
+        "Highest",
+        "Missing",
+    )
     return Table(
         tuple(Column(h, "left" if i < 4 else "right") for i, h in enumerate(heads)),
         tuple(

@@ -168,10 +168,18 @@ class FrameLoop:
         number = self._rig.play_sound(step)
         x_m, y_m, z_m = step.at_m or (None, None, None)
         self._recorder.event(
-            "sound", self.t_ns, number=number, sound=step.sound.name,
-            sound_sha256=step.sound.sha256, seconds=step.sound.duration_s, gain_db=step.gain_db,
-            loops=step.loops, x_m=x_m, y_m=y_m, z_m=z_m,
-        )  # fmt: skip
+            "sound",
+            self.t_ns,
+            number=number,
+            sound=step.sound.name,
+            sound_sha256=step.sound.sha256,
+            seconds=step.sound.duration_s,
+            gain_db=step.gain_db,
+            loops=step.loops,
+            x_m=x_m,
+            y_m=y_m,
+            z_m=z_m,
+        )
         if number is None:
             self._sounded.append(Sounded(step.key, None))
         else:

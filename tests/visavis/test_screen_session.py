@@ -26,9 +26,13 @@ def real(tmp_path_factory):
     command = ["xvfb-run", "-a", "-s", "-screen 0 640x360x24", sys.executable]
     done = subprocess.run(
         [*command, "-m", "tests.visavis.screen_session_child", str(folder)],
-        capture_output=True, text=True, timeout=300, cwd=ROOT, check=False,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        cwd=ROOT,
+        check=False,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    )
     if "OpenGL 3.3" in done.stderr or "no window" in done.stderr:
         pytest.skip(done.stderr.strip().splitlines()[-1])
     assert done.returncode == 0, done.stderr

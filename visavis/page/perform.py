@@ -160,8 +160,14 @@ def past_of(recording: Recording) -> Past:
                 complete.add(str(told["questionnaire"]))
     trials = recording.trials()
     rows = frozenset(map(str, trials["trial_id"])) if "trial_id" in trials else frozenset()
-    return Past(pages, rows, frozenset(started), frozenset(answers), frozenset(answered),
-                frozenset(complete))  # fmt: skip
+    return Past(
+        pages,
+        rows,
+        frozenset(started),
+        frozenset(answers),
+        frozenset(answered),
+        frozenset(complete),
+    )
 
 
 def simulated_visitor(request: Request, experiment: StudyExperiment, store: FilmStore) -> Visitor:
@@ -238,15 +244,26 @@ def held_of(
     told = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
     plan = experiment.plan(request.participant_index, request.seed, request.group)
     visit_of = Visit(
-        experiment, plan, request.participant_label, request.session,
-        folder.manifest.parts[-1].number, study.questionnaires(config), told,
-        request.clock.now_ns, notes,
-    )  # fmt: skip
+        experiment,
+        plan,
+        request.participant_label,
+        request.session,
+        folder.manifest.parts[-1].number,
+        study.questionnaires(config),
+        told,
+        request.clock.now_ns,
+        notes,
+    )
     desk = PageDesk(course(visit_of), recorder, request.clock, notes, past, key=key)
-    files = {} if virtual else {
-        told(film)["film"]: found.path
-        for film in experiment.films if (found := store.file_of(film)) is not None
-    }  # fmt: skip
+    files = (
+        {}
+        if virtual
+        else {
+            told(film)["film"]: found.path
+            for film in experiment.films
+            if (found := store.file_of(film)) is not None
+        }
+    )
     about = about_of(experiment, folder.manifest.is_simulated, config.privacy.contact)
     return Held(desk, about, files)
 
@@ -329,10 +346,23 @@ def _tell(request: Request, desk: PageDesk, planned: int) -> None:
         request.on_trial(desk.trial_id, desk.trials_done, planned)
     if request.operator.status_period_ns:
         request.operator.show(
-            SessionStatus(SessionState.TRIAL, request.participant_label, desk.trial_id,
-                          desk.trials_done, planned, "", "", None, 0.0, {}, None, None, None,
-                          ())
-        )  # fmt: skip
+            SessionStatus(
+                SessionState.TRIAL,
+                request.participant_label,
+                desk.trial_id,
+                desk.trials_done,
+                planned,
+                "",
+                "",
+                None,
+                0.0,
+                {},
+                None,
+                None,
+                None,
+                (),
+            )
+        )
 
 
 def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict[str, Any]:

@@ -206,10 +206,19 @@ class SimulatedHeadset:
         self._frame = None
         self._timing.append(
             _TIMING_ROW.pack(
-                frame.index, frame.index, frame.predicted_display_ns, self._submitted_ns,
-                frame.dropped, True, 1, int(late_by > 0), late_by, 0, np.nan,
+                frame.index,
+                frame.index,
+                frame.predicted_display_ns,
+                self._submitted_ns,
+                frame.dropped,
+                True,
+                1,
+                int(late_by > 0),
+                late_by,
+                0,
+                np.nan,
             )
-        )  # fmt: skip
+        )
         self._timing_ns.append((frame.predicted_display_ns, self._clock.now_ns()))
         self._submitted_ns = -1
 

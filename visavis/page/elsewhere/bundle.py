@@ -194,15 +194,29 @@ def _archive(request: Request, folder: Path, path: Path) -> None:
     title = experiment_of(request).study.title
     ours = uuid.uuid5(uuid.NAMESPACE_URL, f"visavis/{request.study.name}")
     component = {
-        "uuid": str(uuid.uuid5(ours, "page")), "title": title, "htmlFilePath": "index.html",
-        "reloadable": True, "active": True, "comments": "", "componentInput": None,
-    }  # fmt: skip
+        "uuid": str(uuid.uuid5(ours, "page")),
+        "title": title,
+        "htmlFilePath": "index.html",
+        "reloadable": True,
+        "active": True,
+        "comments": "",
+        "componentInput": None,
+    }
     study = {
-        "uuid": str(ours), "title": title, "description": "", "groupStudy": False,
-        "linearStudy": True, "allowPreview": False, "dirName": name, "comments": "",
-        "studyInput": None, "endRedirectUrl": None, "studyEntryMsg": None,
-        "componentList": [component], "batchList": [],
-    }  # fmt: skip
+        "uuid": str(ours),
+        "title": title,
+        "description": "",
+        "groupStudy": False,
+        "linearStudy": True,
+        "allowPreview": False,
+        "dirName": name,
+        "comments": "",
+        "studyInput": None,
+        "endRedirectUrl": None,
+        "studyEntryMsg": None,
+        "componentList": [component],
+        "batchList": [],
+    }
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(folder.rglob("*")):
             if file.is_file():
