@@ -250,12 +250,13 @@ class GazeObserver:
     """Collect gaze batches from the eye tracker and evaluate them once per frame, or later.
 
     `clock_offset_ns` is host minus device time; it is constant within a trial, so differences
-    between sample times are the device's own. The tracker's own delay (`delay_ns`) is taken off:
-    a sample's time is that of the eye, and so is the head's pose it is turned by.
+    between sample times are the device's own. Until one is set, that of the first batch stands
+    for it, None before. The tracker's own delay (`delay_ns`) is taken off: a sample's time is that
+    of the eye, and so is the head's pose it is turned by.
     """
 
     def __init__(self, targets: RowBuffer, *, delay_ns: int = 0) -> None:
-        self.clock_offset_ns = 0
+        self.clock_offset_ns: int | None = None
         self._delay_ns = delay_ns
         self._targets = targets
         self._source = targets.columns
@@ -279,7 +280,10 @@ class GazeObserver:
         """Accept a batch of the gaze stream; may be called from the device's thread."""
         self._inbox.append(batch)
         # a frame brings one or two samples, fewer than an array's own minimum is worth
-        self._delays_ns.append(min(map(sub, batch.t_host_ns.tolist(), batch.t_device_ns.tolist())))
+        least_ns = min(map(sub, batch.t_host_ns.tolist(), batch.t_device_ns.tolist()))
+        self._delays_ns.append(least_ns)
+        if self.clock_offset_ns is None:
+            self.clock_offset_ns = least_ns
 
     @property
     def least_delay_ns(self) -> int | None:
@@ -355,6 +359,7 @@ class GazeObserver:
         self, batch: SampleBatch, geometry: SceneGeometry, frames: npt.NDArray[np.int64]
     ) -> GazeView:
         n = batch.seq.shape[0]
+        assert self.clock_offset_ns is not None  # noqa: S101 - `take` saw this batch
         targets = self._targets
         at = targets.room(n)
         if targets.columns is not self._source:
