@@ -139,6 +139,10 @@ class StudyPerson(Observer):
         """Yield what was pressed since the last call."""
         return self._hand.presses(until_ns)
 
+    def next_press_ns(self) -> int | None:
+        """Return when something is pressed or let go of next."""
+        return self._hand.next_press_ns()
+
     def segments(
         self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

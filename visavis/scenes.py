@@ -137,7 +137,8 @@ class WithEyes:
         if not view.head_valid:
             return False
         moved = view.head.position_m - self.observer_m
-        if float(moved @ moved) < self.step_m**2:
+        x, y, z = moved.tolist()
+        if x * x + y * y + z * z < self.step_m**2:
             return False
         self.observer_m = np.array(view.head.position_m, np.float64)
         return True

@@ -20,6 +20,7 @@ _SHORTENED_FROM_M = 0.03
 """Height above the hips from which on a top that is too long is drawn up."""
 _NEIGHBOURS, _NEAR_M = 8, 0.005
 _BETWEEN_LEGS_M, _SIDE_M, _FADE_M = 0.10, 0.06, 0.05
+_KNEES_M, _UNDER_END_M = -0.3, -0.005
 _BEHIND_SHARE = 0.4
 """Of the thighs' weight stays with cloth behind."""
 _INSIDE_M, _COVERED_M = 0.014, 0.008
@@ -64,6 +65,13 @@ class _Cloth:
         chosen = self._mesh.triangle_material == self._names.index(material)
         return np.unique(self._mesh.triangles[chosen])
 
+    def before_hips(self, material: str) -> Indices:
+        """Return the vertices of a material about the hips, down to the knees."""
+        some = self.of(material)
+        height_m = self.vertices_m[some, 1]
+        near: Indices = some[(height_m < _SHORTENED_FROM_M) & (height_m > _KNEES_M)]
+        return near
+
     def joint_m(self, name: str) -> Vector:
         """Return where a joint is at rest."""
         place: Vector = self.skeleton.rest_m[self.skeleton.index(name)]
@@ -88,22 +96,27 @@ class _Cloth:
 
 
 def _top(cloth: _Cloth) -> None:
-    top, below = cloth.of("top"), cloth.of("bottom")
-    top = top[cloth.vertices_m[top, 1] < _SHORTENED_FROM_M]
-    if not len(top):
-        return
+    top, under, buttons, skin = (
+        cloth.before_hips(name) for name in ("top", "under", "shoe", "skin")
+    )
     before_m = cloth.vertices_m[top, 1].copy()
-    end_m = cloth.joint_m("left_upper_leg")[1] - LENGTH * cloth.stature_m
-    scale = min((_SHORTENED_FROM_M - end_m) / (_SHORTENED_FROM_M - before_m.min()), 1.0)
-    cloth.vertices_m[top, 1] = _SHORTENED_FROM_M + (before_m - _SHORTENED_FROM_M) * scale
+    top_end_m = cloth.joint_m("left_upper_leg")[1] - LENGTH * cloth.stature_m
+    scale = min((_SHORTENED_FROM_M - top_end_m) / (_SHORTENED_FROM_M - before_m.min()), 1.0)
+    for some in (top, buttons):
+        height_m = cloth.vertices_m[some, 1] - _SHORTENED_FROM_M
+        cloth.vertices_m[some, 1] = _SHORTENED_FROM_M + height_m * scale
+    # What is worn below an open jacket would look out below it where one sits.
+    cloth.vertices_m[under, 1] = np.maximum(cloth.vertices_m[under, 1], _UNDER_END_M)
     if cloth.uv is not None:
         # Cloth that was cut shorter has the pattern it had.
         cloth.uv[top, 1] -= (cloth.vertices_m[top, 1] - before_m) / TILE_M
-    legs = [cloth.skeleton.index(f"{side}_upper_leg") for side, _ in SIDES]
-    places, worn = cloth.vertices_m[below], cloth.weights[below]
-    hips = cloth.skeleton.index("hips")
-    weights = _with_thighs(cloth.vertices_m[top], cloth.weights[top], places, worn, hips, legs)
-    cloth.weigh(top, weights)
+    worn = np.concatenate([top, under])
+    cloth.weigh(worn, _with_thighs(cloth, worn, cloth.of("bottom")))
+    if len(buttons):
+        _, sewn_on = cKDTree(cloth.vertices_m[worn]).query(cloth.vertices_m[buttons])
+        cloth.weigh(buttons, cloth.weights[worn[sewn_on]])
+    # Skin that an open front would show does not come out where one sits.
+    cloth.vertices_m[skin, 2] = 0.0
 
 
 def _trouser_leg(cloth: _Cloth, side: str) -> None:
@@ -149,31 +162,27 @@ def _round_ankle(off_m: Vector) -> tuple[Vector, Vector]:
     return np.stack([angle, off_m[:, 1]], axis=1), np.hypot(off_m[:, 0], off_m[:, 2])
 
 
-def _with_thighs(
-    points_m: Vector,
-    weights: Vector,
-    below_m: Vector,
-    below_weights: Vector,
-    hips: int,
-    legs: list[int],
-) -> Vector:
-    """Return weights (v, joints) with which cloth before the hips goes with the trousers (b, 3) it
-    hangs over; left passes into right where trousers have their seam.
+def _with_thighs(cloth: _Cloth, hanging: Indices, below: Indices) -> Vector:
+    """Return weights (v, joints) with which cloth before the hips goes with the trousers it hangs
+    over; left passes into right where trousers have their seam.
     """
-    distance_m, nearest = cKDTree(below_m).query(points_m, _NEIGHBOURS)
+    points_m, weights = cloth.vertices_m[hanging], cloth.weights[hanging]
+    distance_m, nearest = cKDTree(cloth.vertices_m[below]).query(points_m, _NEIGHBOURS)
     near: Vector = 1 / (np.asarray(distance_m) + _NEAR_M)
-    worn = np.einsum("vk,vkj->vj", near / near.sum(axis=1, keepdims=True), below_weights[nearest])
-    left, right = legs
+    near /= near.sum(axis=1, keepdims=True)
+    worn: Vector = np.einsum("vk,vkj->vj", near, cloth.weights[below][nearest])
+    hips, left, right = (
+        cloth.skeleton.index(name) for name in ("hips", "left_upper_leg", "right_upper_leg")
+    )
     both = worn[:, left] + worn[:, right]
     # A person faces −z, with the left hand at −x.
     to_left = np.clip(0.5 - points_m[:, 0] / _BETWEEN_LEGS_M, 0, 1)
     worn[:, left], worn[:, right] = both * to_left, both * (1 - to_left)
-    share = np.clip(-points_m[:, 1] / _FADE_M, 0, 1)
+    share = np.clip(-points_m[:, 1] / _FADE_M, 0, 1)[:, None]
     # Behind it hangs from the seat: drawn along, it would go under whoever sits.
-    before = np.clip(0.5 - points_m[:, 2] / _SIDE_M, 0, 1)
+    before = np.clip(0.5 - points_m[:, 2] / _SIDE_M, 0, 1)[:, None]
     behind = weights.copy()
-    behind[:, legs] *= _BEHIND_SHARE
-    behind[:, hips] += (weights - behind)[:, legs].sum(axis=1)
-    share, before = share[:, None], before[:, None]
+    behind[:, [left, right]] *= _BEHIND_SHARE
+    behind[:, hips] += (weights - behind)[:, [left, right]].sum(axis=1)
     mixed: Vector = (1 - share) * weights + share * (before * worn + (1 - before) * behind)
     return mixed

@@ -258,7 +258,8 @@ def held_of(
             if (found := store.file_of(film)) is not None
         }
     )
-    return Held(desk, about_of(experiment, folder.manifest.is_simulated), files)
+    about = about_of(experiment, folder.manifest.is_simulated, config.privacy.contact)
+    return Held(desk, about, files)
 
 
 def _perform_part(
@@ -344,12 +345,13 @@ def _tell(request: Request, desk: PageDesk, planned: int) -> None:
         )
 
 
-def about_of(experiment: StudyExperiment, simulated: bool) -> dict[str, Any]:
-    """Return what a page is told once: its words, and whether it is a rehearsal."""
+def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict[str, Any]:
+    """Return what a page is told once: its words, whom to ask, and whether it is a rehearsal."""
     return {
-        "title": experiment.study.title,
+        "title": experiment.texts.find("page.title") or experiment.study.title,
         "language": experiment.language,
         "words": dict(texts_of_page(experiment)),
+        "contact": contact,
         "is_simulated": simulated,
         "mime": MIME if experiment.films else "",
     }

@@ -265,6 +265,14 @@ def test_groups_whose_changes_spread_unequally_bring_a_warning_about_pooling_the
     assert "in a group of 6 and" in told[0]
 
 
+def test_aligned_ranks_are_corrected_for_sphericity_unless_asked_otherwise() -> None:
+    question = Question("art", dv="y", within=("A",), subject="s")
+    corrected = answer(people(), question)
+    assert "Greenhouse-Geisser" == corrected.row()["sphericity_correction"]
+    assert corrected.row()["p_gg"] == corrected.p() > corrected.row()["p"]
+    assert corrected.row()["p"] == answer(people(), replace(question, correction="none")).p()
+
+
 def test_options_of_another_test_are_refused_and_not_passed_over() -> None:
     with pytest.raises(UsageError, match="a Bayes factor stands beside the test t, not rm"):
         Question("rm", dv="y", within=("A",), subject="s", bayes=True)

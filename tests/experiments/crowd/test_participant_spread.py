@@ -1,4 +1,4 @@
-"""People of the crowd differ, and change from block to block, as much as the printed tests imply."""
+"""People of the crowd differ, and change between blocks, as much as the printed tests imply."""
 
 import numpy as np
 import pytest

@@ -152,7 +152,8 @@ def _write(
         digests.append(digest_of(steps))
         content = {"sha256": digests[-1], "steps": _as_told(steps)}
         (folder / "places" / f"{index}.json").write_bytes(_json(content))
-    about = about_of(experiment, is_simulated(request.config))
+    config = request.config
+    about = about_of(experiment, is_simulated(config), config.privacy.contact)
     head = {"format": FORMAT, "study": request.study.name, "seed": request.seed}
     told = {**head, "places": places, "about": about, "completion": completion, "results": results}
     told["id"] = hashlib.sha256(_json([told, digests])).hexdigest()[:12]

@@ -49,6 +49,8 @@ const say = (name, values = {}) => (words[name] || "").replace(/\{(\w+)\}/g, (_,
 const button = (text, act, quiet = false) => element("button", { type: "button", class: quiet ? "quiet" : false, onclick: act }, text);
 const paragraph = (text, kind) => element("p", { class: kind || false }, text);
 
+const whomToAsk = () => (contact ? paragraph(say("contact", { contact }), "contact") : null);
+
 function tell(text, ...more) {
   notice.replaceChildren(...(text ? [paragraph(text), ...more] : []));
 }
@@ -206,13 +208,13 @@ function broken(why) {
   cleanUp();
   isOver = true;
   stop.hidden = true;
-  put("narrow", paragraph(say("failed") || "Something failed."), paragraph(why || "", "hint"),
+  put("narrow", paragraph(say("failed") || "Something failed."), paragraph(why || "", "hint"), whomToAsk(),
     element("div", { class: "buttons" }, button(say("again") || "Try again", () => location.reload())));
 }
 
 stop.addEventListener("click", () => {
   cleanUp();
-  put("narrow", element("h1", {}, say("stop_title")), paragraph(say("stop_text")),
+  put("narrow", element("h1", {}, say("stop_title")), paragraph(say("stop_text")), whomToAsk(),
     element("div", { class: "buttons" },
       button(say("stop_back"), () => { const step = current; show(step); }),
       button(say("stop_keep"), () => reply({ stop: "keep" }), true),
@@ -286,7 +288,8 @@ const steps = {
     const go = button(say("begin"), () => reply({ agreed: true, version: step.version }));
     go.disabled = true;
     put("narrow", element("h1", {}, step.title), step.information ? paragraph(step.information) : null, paragraph(step.text),
-      element("p", {}, box, " ", element("label", { for: "agree" }, say("agree"))),
+      element("div", { class: "agree" }, box, element("label", { for: "agree" }, say("agree"))),
+      whomToAsk(),
       element("div", { class: "buttons" }, go, button(say("decline"), () => reply({ agreed: false, version: step.version }), true)));
   },
 
@@ -370,6 +373,7 @@ const steps = {
     for (const v of videos) v.muted = true;
     const films = step.films.length ? element("div", { class: `films ${step.films.length > 1 ? "pair" : ""}` },
       ...step.films.map((f, i) => element("figure", {}, videos[i], step.films.length > 1 ? element("figcaption", {}, say(f.place)) : null))) : null;
+    films?.style.setProperty("--shape", Math.max(...step.films.map((f) => f.width_px / f.height_px)));
     put("watch", step.caption ? paragraph(step.caption, "caption") : null, films, hint, ...questions.map((q) => q.field),
       element("div", { class: "buttons" }, go));
     const keys = (e) => {
@@ -434,7 +438,7 @@ const steps = {
     isOver = true;
     remembered((kept) => kept.removeItem(SESSION));
     const said = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks";
-    put("narrow", element("h1", {}, say(said)));
+    put("narrow", element("h1", {}, say(said)), whomToAsk());
     let file = null;
     let isTold = true;
     try { file = await wire.ended(step.outcome); } catch { isTold = false; tell(say("lost")); }
@@ -508,6 +512,7 @@ function isTheirs() {
 let isLocked = false;
 let isRemembered = false;
 let completion = "";
+let contact = "";
 
 async function begin(takesOver) {
   if (!key) await arrive();
@@ -549,6 +554,7 @@ async function begin(takesOver) {
   const told = answer.told;
   words = told.words;
   completion = told.completion || "";
+  contact = told.contact || "";
   document.documentElement.lang = told.language;
   document.title = told.title;
   document.getElementById("title").textContent = told.title;
