@@ -150,7 +150,3 @@ class FaultSchedule:
             if t_ns >= fault.start_ns:
                 error_ns += round(fault.amount * NS_PER_S)
         return error_ns
-
-    def any_between(self, start_ns: int, end_ns: int) -> bool:
-        """Tell whether any fault is in force in [start, end]; lets a quiet wire be quick."""
-        return any(f.start_ns <= end_ns and start_ns < f.end_ns for f in self.faults)

@@ -15,7 +15,6 @@ from stimuli.gaze.gaze_plan import LookAt
 from stimuli.motion.errors import MotionError
 
 LISTENING_01: Final = 0.75
-TALKING_01: Final = 0.40
 MEAN_GLANCE_S: Final = 3.0
 SHAPE: Final = 4.0
 """Of the gamma distribution of durations; ours."""

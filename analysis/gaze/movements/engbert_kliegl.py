@@ -3,9 +3,6 @@
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.event_kernels import runs_where
-from analysis.gaze.movements.velocity import Rows
-from analysis.gaze.stamps import Times
 from lab.geometry import Vector
 
 
@@ -37,21 +34,3 @@ def outside_ellipse(
             velocity[:, 1] / up
         ) ** 2 > 1.0
     return outside
-
-
-def saccades_engbert_kliegl(
-    t_ns: Times,
-    velocity: Vector,
-    stretch: Rows,
-    *,
-    noise_multiple: float,
-    minimum_deg_s: float,
-    minimum_ns: int,
-    step_ns: int,
-) -> Rows:
-    """Return (k, 2) first and last row of saccades that last at least `minimum_ns`."""
-    runs = np.empty((len(t_ns), 2), np.int64)
-    count = runs_where(outside_ellipse(velocity, noise_multiple, minimum_deg_s), stretch, runs)
-    runs = runs[:count]
-    lasted = t_ns[runs[:, 1]] - t_ns[runs[:, 0]] + step_ns
-    return runs[lasted >= minimum_ns]

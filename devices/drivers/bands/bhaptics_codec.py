@@ -16,8 +16,6 @@ FRAME_MS = 100
 FULL = 100
 PORT = 15881
 PATH = "/v2/feedbacks"
-POSITIONS = ("ForearmL", "ForearmR")
-UNIT_POINTS = 6
 
 
 def submit_frame(

@@ -20,7 +20,6 @@ from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTi
 
 T = TypeVar("T")
 
-UART_SERVICE = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"
 UART_WRITE = "6e400002-b5a3-f393-e0a9-e50e24dcca9e"
 UART_NOTIFY = "6e400003-b5a3-f393-e0a9-e50e24dcca9e"
 

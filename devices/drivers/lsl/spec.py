@@ -73,7 +73,6 @@ class LslStreamOptions(StreamOptions):
         return {**super().for_simulator(), **own}
 
 
-GazeSite = Site[LslGazeOptions]
 BodySite = Site[LslBodyOptions]
 
 

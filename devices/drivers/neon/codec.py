@@ -26,7 +26,6 @@ STAMP = struct.Struct("<qH")
 """Before each payload: phone's Unix time in ns and the RTP packet's 16-bit number."""
 
 MONO = struct.Struct("!ffB")
-DUAL = struct.Struct("!ffBff")
 LAYOUTS = {
     9: "",
     17: "dual",

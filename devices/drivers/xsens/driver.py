@@ -14,8 +14,6 @@ from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceTimeout
 
-DEFAULT_PORT = 9763
-
 
 class XsensMvn(BodyDevice):
     """Follow the `BodyTracker` contract over MVN's stream; `character` counts from 0."""

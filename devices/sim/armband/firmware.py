@@ -400,13 +400,6 @@ def duty_of(amplitude: int, rate_hz: float) -> int:
     return LOWEST_DUTY + round((hz - LOWEST_HZ) * span / (HIGHEST_HZ - LOWEST_HZ))
 
 
-def rate_of(duty: float) -> float:
-    """Return the rate in Hz at which a motor turns at a duty, by the published range."""
-    return LOWEST_HZ + (duty - LOWEST_DUTY) * (HIGHEST_HZ - LOWEST_HZ) / (
-        HIGHEST_DUTY - LOWEST_DUTY
-    )
-
-
 def _duties(course: _Course, now_us: int) -> tuple[int, ...]:
     if course.pattern is None:
         pairs = zip(course.amplitudes, course.rates_hz, strict=True)

@@ -64,9 +64,6 @@ class _Counts:
 @dataclass
 class _Refusals:
     submit: int = 0
-    wait: int = 0
-    init: int = 0
-    other_version: bool = False
     haptics: list[tuple[int, int]] = field(default_factory=list)
 
 
@@ -170,17 +167,9 @@ class SimulatedVrRuntime:
         """Answer every submission with this `EVRCompositorError`; 0 accepts again."""
         self._refusals.submit = error
 
-    def refuse_wait(self, error: int) -> None:
-        """Answer every wait for poses with this `EVRCompositorError`; 0 goes on."""
-        self._refusals.wait = error
-
     def refuse_init(self, error: int) -> None:
         """Refuse to initialise with this `EVRInitError`; 0 accepts again."""
         self._native.visavis_vr_set_init(error, 0)
-
-    def speak_other_version(self) -> None:
-        """Know none of the interface versions that the package asks for."""
-        self._native.visavis_vr_set_init(0, 1)
 
     def quit(self) -> None:
         """Tell every program that the runtime closes."""
@@ -236,9 +225,6 @@ class SimulatedVrRuntime:
     # ---- the runtime's functions -------------------------------------------------------------
 
     def _wait_get_poses(self, render: Any, n: int, game: Any, m: int) -> int:
-        if self._refusals.wait:
-            self._clock.sleep_until_ns(self._clock.now_ns() + NS_PER_S // 10)
-            return self._refusals.wait
         scale = NS_PER_S * MILLI_HZ
         ready_ns = self._clock.now_ns() + self._running_start_ns
         due = -(-ready_ns * self._rate_milli_hz // scale)

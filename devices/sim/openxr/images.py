@@ -27,8 +27,6 @@ FORMAT_UNSUPPORTED, REQUIREMENTS_CALL_MISSING, GRAPHICS_DEVICE_INVALID = -26, -5
 PROJECTION, OPENGL_IMAGES = 35, 3
 OFFERED_FORMATS = (SRGB8_ALPHA8, 0x881A)
 
-FirstHandle = Callable[[Any], int]
-
 
 @dataclass(frozen=True, eq=False)
 class ShownEye:
