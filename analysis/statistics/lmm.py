@@ -6,16 +6,14 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
-from scipy import special
 
-from analysis.statistics.anova import Anova, AnovaEffect
+from analysis.statistics.anova import Anova
 from analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
-from analysis.statistics.effects import partial_eta_squared
 from analysis.statistics.errors import NotConverged, UnknownColumn
 from analysis.statistics.linear import model_matrix
 from analysis.statistics.marginal import marginal_contrasts
-from analysis.statistics.mixed import design_matrix, slopes_text
+from analysis.statistics.mixed import contrast_effect, design_matrix, slopes_text
 from analysis.statistics.random_effects import (
     Derivatives,
     LinearMixedModel,
@@ -104,7 +102,7 @@ def linear_mixed(
     kept: RandomEffects = "maximal" if random == "maximal" and len(steps) == 1 else "components"
     text = _random_text(design, subject, kept)
     effects = tuple(
-        _effect(model, term, np.eye(X.shape[1])[columns], text)
+        contrast_effect(model, term, np.eye(X.shape[1])[columns], text)
         for term, columns in place.items()
         if term
     )
@@ -126,31 +124,6 @@ def linear_mixed(
     )
     return LinearMixed(
         effects, design, provenance, subject, model=model, random=kept, steps=tuple(steps)
-    )
-
-
-def _effect(
-    model: LinearMixedModel, term: tuple[str, ...], L: Array, error_term: str
-) -> AnovaEffect:
-    F, df = model.test(L)
-    q = L.shape[0]
-    p = float(special.fdtrc(q, df, F))
-    return AnovaEffect(
-        term=term,
-        F=F,
-        df1=q,
-        df2=df,
-        p=p,
-        ss=None,
-        ss_error=None,
-        error_term=error_term,
-        eta=partial_eta_squared(F, q, df),
-        ges=None,
-        sphericity=None,
-        correction="none",
-        df1_used=q,
-        df2_used=df,
-        p_used=p,
     )
 
 

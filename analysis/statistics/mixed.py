@@ -273,6 +273,32 @@ def level_rows(design: Design, names: Sequence[str]) -> Array:
     return np.stack([X[code == c].mean(axis=0) for c in range(count)])
 
 
+def contrast_effect(
+    fit: LinearMixedModel | RandomIntercept, term: tuple[str, ...], L: Array, error_term: str
+) -> AnovaEffect:
+    """Return a term's F test, that Lβ = 0 in the fitted model; L has full row rank (q, p)."""
+    F, df = fit.test(L)
+    q = L.shape[0]
+    p = float(special.fdtrc(q, df, F))
+    return AnovaEffect(
+        term=term,
+        F=F,
+        df1=q,
+        df2=df,
+        p=p,
+        ss=None,
+        ss_error=None,
+        error_term=error_term,
+        eta=partial_eta_squared(F, q, df),
+        ges=None,
+        sphericity=None,
+        correction="none",
+        df1_used=q,
+        df2_used=df,
+        p_used=p,
+    )
+
+
 def mixed_effects(
     design: Design,
     y: Array,
@@ -287,24 +313,4 @@ def mixed_effects(
     for term, columns in place.items():
         if not term or (only is not None and term != tuple(only)):
             continue
-        L = np.eye(X.shape[1])[columns]
-        F, df = fit.test(L)
-        q = L.shape[0]
-        p = float(special.fdtrc(q, df, F))
-        yield AnovaEffect(
-            term=term,
-            F=F,
-            df1=q,
-            df2=df,
-            p=p,
-            ss=None,
-            ss_error=None,
-            error_term=error,
-            eta=partial_eta_squared(F, q, df),
-            ges=None,
-            sphericity=None,
-            correction="none",
-            df1_used=q,
-            df2_used=df,
-            p_used=p,
-        )
+        yield contrast_effect(fit, term, np.eye(X.shape[1])[columns], error)
