@@ -6,19 +6,22 @@ Such a stream (a belt, an amplifier) is known by nothing but its columns and the
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.figure import Figure
 
-from analysis.plots import BLUE, Drawn, draw, new_figure
 from analysis.report import Column, Paragraph, Picture, Section, Table
 from analysis.report.notation import decimal, percentage
 from devices.meter import GAP_PERIODS
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.config import ARMBAND_ROLE, ROLES, TAKEN_STREAMS
 from recording.reader import PART_COLUMN, Recording, flattened
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from analysis.plots import Drawn
 
 MAX_CURVES: Final = 12
 """Columns of one stream that are drawn; an amplifier's others look like them."""
@@ -162,8 +165,17 @@ def streams_section(streams: Sequence[OwnStream], pictures: Sequence[Picture]) -
 
 
 def _arrivals(streams: Sequence[OwnStream]) -> Table:
-    heads = ("Participant", "Session", "Stream", "Samples", "Of expected", "Rate (Hz)",
-             "Stated (Hz)", "Gaps", "Longest gap (ms)")  # fmt: skip
+    heads = (
+        "Participant",
+        "Session",
+        "Stream",
+        "Samples",
+        "Of expected",
+        "Rate (Hz)",
+        "Stated (Hz)",
+        "Gaps",
+        "Longest gap (ms)",
+    )
     return Table(
         tuple(Column(h, "left" if i in (0, 2) else "right") for i, h in enumerate(heads)),
         tuple(
@@ -186,8 +198,17 @@ def _arrivals(streams: Sequence[OwnStream]) -> Table:
 
 
 def _numbers(streams: Sequence[OwnStream]) -> Table:
-    heads = ("Participant", "Stream", "Column", "Unit", "Mean", "SD", "Lowest", "Highest",
-             "Missing")  # fmt: skip
+    heads = (
+        "Participant",
+        "Stream",
+        "Column",
+        "Unit",
+        "Mean",
+        "SD",
+        "Lowest",
+        "Highest",
+        "Missing",
+    )
     return Table(
         tuple(Column(h, "left" if i < 4 else "right") for i, h in enumerate(heads)),
         tuple(
@@ -206,12 +227,14 @@ def _numbers(streams: Sequence[OwnStream]) -> Table:
     )
 
 
-def figures_of_streams(streams: Sequence[OwnStream]) -> Iterator[Drawn]:
+def figures_of_streams(streams: Sequence[OwnStream]) -> "Iterator[Drawn]":
     """Yield a figure per stream that has numbers, drawn as asked for: columns over the session."""
     return (_drawn(stream) for stream in streams if any(len(c.curve) for c in stream.columns))
 
 
-def _drawn(stream: OwnStream) -> Drawn:
+def _drawn(stream: OwnStream) -> "Drawn":
+    from analysis.plots import draw  # late: half a second of matplotlib that a page's server saves
+
     shown = [c for c in stream.columns if len(c.curve)][:MAX_CURVES]
     left_out = len(stream.columns) - len(shown)
     more = f" {left_out} further columns are not drawn." if left_out else ""
@@ -226,7 +249,9 @@ def _drawn(stream: OwnStream) -> Drawn:
     )
 
 
-def _figure(columns: Sequence[OwnColumn]) -> Figure:
+def _figure(columns: Sequence[OwnColumn]) -> "Figure":
+    from analysis.plots import BLUE, new_figure  # late, as above
+
     figure = new_figure(9.6, 0.7 + 1.2 * len(columns))
     grid = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     for axes, column in zip(grid, columns, strict=True):

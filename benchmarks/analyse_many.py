@@ -109,9 +109,16 @@ def main() -> int:
         if len(list(study.glob("sub-*"))) < simulated:
             settings = [f"--set={setting}" for setting in SHORT]
             visavis(
-                "simulate", STUDY, "--participants", str(simulated), "--seed", "1",
-                "--output", str(root), *settings,
-            )  # fmt: skip
+                "simulate",
+                STUDY,
+                "--participants",
+                str(simulated),
+                "--seed",
+                "1",
+                "--output",
+                str(root),
+                *settings,
+            )
         repeat(study, options.participants)
         # The first is not counted: it compiles kernels and fills caches for those after it.
         folders = [some_of(study, MIN_PARTICIPANTS, Path(scratch, "first"))]

@@ -192,9 +192,13 @@ def clock_rows() -> list[Row]:
         # MVN's time code has whole milliseconds, cut off: half of one is no fault of the fit.
         note = " (time code of 1 ms)" if name == "MVN" else ""
         rows.append(
-            Row(f"{name}: offset error after {CLOCK_SECONDS} s, seed {seed}{note}",
-                   error_ms, "ms", OFFSET_LIMIT_MS)
-        )  # fmt: skip
+            Row(
+                f"{name}: offset error after {CLOCK_SECONDS} s, seed {seed}{note}",
+                error_ms,
+                "ms",
+                OFFSET_LIMIT_MS,
+            )
+        )
     return rows
 
 
@@ -234,7 +238,7 @@ def damage_rows(frames: int) -> list[Row]:
     return [
         Row(f"exceptions in {frames} damaged messages", float(failures), "", 0.0),
         Row("  of them readable all the same", float(accepted), ""),
-    ]  # fmt: skip
+    ]
 
 
 def pacing_rows() -> list[Row]:

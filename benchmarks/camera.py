@@ -101,11 +101,16 @@ def in_station(configuration: int) -> Callable[[int], Moment]:
         n = len(places)
         people = np.stack(
             [
-                places[:, 0], np.full(n, PERSON_M), places[:, 1],
-                places[:, 0], crowd.stature_m - 0.1, places[:, 1], np.full(n, PERSON_M),
+                places[:, 0],
+                np.full(n, PERSON_M),
+                places[:, 1],
+                places[:, 0],
+                crowd.stature_m - 0.1,
+                places[:, 1],
+                np.full(n, PERSON_M),
             ],
             axis=1,
-        )  # fmt: skip
+        )
         return Moment(np.array([x, 0.0, z]), HEIGHT_M, people)
 
     return moment
@@ -316,11 +321,19 @@ def measure(seconds: int) -> list[Row]:
             ),
             row(f"{room.name}, roadmap: subject visible", theirs["visible"], None),
         ]
-    crowds = [judged(prepare_once, STYLES["long-cuts"], in_station(k), seconds, k)["visible"]
-              for prepare_once in (prepare(station(), seed=1),)
-              for k in range(1, CONFIGURATIONS + 1)]  # fmt: skip
-    rows.append(row("station, all crowds, long-cuts: subject visible", float(np.mean(crowds)), 0.95,
-                    more=True))  # fmt: skip
+    crowds = [
+        judged(prepare_once, STYLES["long-cuts"], in_station(k), seconds, k)["visible"]
+        for prepare_once in (prepare(station(), seed=1),)
+        for k in range(1, CONFIGURATIONS + 1)
+    ]
+    rows.append(
+        row(
+            "station, all crowds, long-cuts: subject visible",
+            float(np.mean(crowds)),
+            0.95,
+            more=True,
+        )
+    )
     rows.append(row("station, worst crowd: subject visible", min(crowds), None))
     return rows
 

@@ -177,9 +177,14 @@ def measure(edge_m: float, limit_ms: float, n_pairs: int, n_small: int, n_peers:
         rows += [
             Row(f"{size}: {name}", float(peer_ms.mean()), "CPU ms"),
             Row(f"{size}: {name}, median error", float(np.median(off)) * 100, "%"),
-            Row(f"{size}: times faster than it", float(peer_ms.sum() / ours_ms.sum()), "x", times,
-                at_least=True),
-        ]  # fmt: skip
+            Row(
+                f"{size}: times faster than it",
+                float(peer_ms.sum() / ours_ms.sum()),
+                "x",
+                times,
+                at_least=True,
+            ),
+        ]
     return rows
 
 

@@ -107,9 +107,8 @@ class DamagedStudy:
             path.unlink()
             return (path,)
         others = [
-            p for p in self.content
-            if p.name == path.name and p != path and self.content[p] != data
-        ]  # fmt: skip
+            p for p in self.content if p.name == path.name and p != path and self.content[p] != data
+        ]
         if not others:
             return ()
         other = others[int(rng.integers(len(others)))]
@@ -219,8 +218,9 @@ def measure(folder: Path, changes: int, seed: int, analysed: int) -> dict[str, o
         "changes": done,
         "files": len(study.content),
         "bytes": sum(map(len, study.content.values())),
-        "by_kind": {kind: sum(counts[kind, o] for o in ("named", "unnamed", "traceback"))
-                    for kind in KINDS},
+        "by_kind": {
+            kind: sum(counts[kind, o] for o in ("named", "unnamed", "traceback")) for kind in KINDS
+        },
         "unnamed": sum(n for (_, outcome), n in counts.items() if outcome == "unnamed"),
         "tracebacks": sum(n for (_, outcome), n in counts.items() if outcome == "traceback"),
         "analysed": numbers.total(),
@@ -229,7 +229,7 @@ def measure(folder: Path, changes: int, seed: int, analysed: int) -> dict[str, o
         "repaired": repaired[True],
         "where": {what: found[:20] for what, found in places.items()},
         "seconds": round(watch.elapsed_s(), 1),
-    }  # fmt: skip
+    }
 
 
 def _said(kind: str, changed: tuple[Path, ...], folder: Path) -> str:

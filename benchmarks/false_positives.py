@@ -65,9 +65,7 @@ def people(rng: np.random.Generator, effects: Array, *, differ: float = 0.0) -> 
 def tidy(y: Array) -> Frame:
     """Return cells (people, 2, 3) or trials (people, 2, 3, n) as a tidy frame."""
     place = np.indices(y.shape)
-    return {
-        "s": place[0].ravel(), "A": place[1].ravel(), "B": place[2].ravel(), "y": y.ravel(),
-    }  # fmt: skip
+    return {"s": place[0].ravel(), "A": place[1].ravel(), "B": place[2].ravel(), "y": y.ravel()}
 
 
 def rating(z: Array) -> Array:
@@ -295,20 +293,19 @@ def grouped_anova(frame: Frame, null: str) -> Tested:
 # ---- situations ----
 
 FACTORIAL: Mapping[str, Test] = {
-    "rm": anova, "art": art, "art uncorrected": uncorrected_art, "int": normal_scores,
+    "rm": anova,
+    "art": art,
+    "art uncorrected": uncorrected_art,
+    "int": normal_scores,
     "mixed": mixed,
-}  # fmt: skip
+}
 PAIRS: Mapping[str, Test] = {"paired": decided_pair, "t": paired_t, "wilcoxon": wilcoxon}
 CONDITIONS: Mapping[str, Test] = {"conditions": decided_conditions, "friedman": friedman}
 TRIALS: Mapping[str, Test] = {"lmm": trial_model, "gee": equations("gaussian")}
-TWO_GROUPS: Mapping[str, Test] = {
-    "t": welch_t, "student": student_t, "mannwhitney": mann_whitney,
-}  # fmt: skip
+TWO_GROUPS: Mapping[str, Test] = {"t": welch_t, "student": student_t, "mannwhitney": mann_whitney}
 SCORES: Mapping[str, Test] = {"spearman": correlated}
 GROUPED: Mapping[str, Test] = {"rm": grouped_anova}
-MORE_GROUPS: Mapping[str, Test] = {
-    "welch": welch_anova, "anova": classic_anova, "kruskal": kruskal,
-}  # fmt: skip
+MORE_GROUPS: Mapping[str, Test] = {"welch": welch_anova, "anova": classic_anova, "kruskal": kruskal}
 
 
 def within(
@@ -374,29 +371,55 @@ def situations() -> list[Situation]:
         *within("share of 9 trials", share),
         *within("people differ", lambda z, rng: z, differ=1.0),
         *within("spread differs", spread_apart),
-        Situation("missing cells, people differ", "A", holed,
-                  {"mixed": mixed, "rm": listwise, "art": mixed_art, "intercept": intercept_alone}),
+        Situation(
+            "missing cells, people differ",
+            "A",
+            holed,
+            {"mixed": mixed, "rm": listwise, "art": mixed_art, "intercept": intercept_alone},
+        ),
         Situation("single trials, people differ", "A", trial, TRIALS),
         Situation("single choices, people differ", "A", choice, {"gee": equations("binomial")}),
-        Situation("single ratings, people differ", "A", ratings,
-                  {"clmm": cumulative, "clmm ratio": likelihood_ratio}),
-        Situation("groups of 6 and 18, SD 3 and 1", "g",
-                  lambda rng: groups(rng, (6, 18), (3, 1), same), TWO_GROUPS),
-        Situation("groups of 8 and 24, ratings", "g",
-                  lambda rng: groups(rng, (8, 24), (1, 1), rating), TWO_GROUPS),
-        Situation("groups of 10 and 10, lognormal", "g",
-                  lambda rng: groups(rng, (10, 10), (1, 1), np.exp), TWO_GROUPS),
-        Situation("groups of 6, 10, 18, SD 3, 2, 1", "g",
-                  lambda rng: groups(rng, (6, 10, 18), (3, 2, 1), same), MORE_GROUPS),
+        Situation(
+            "single ratings, people differ",
+            "A",
+            ratings,
+            {"clmm": cumulative, "clmm ratio": likelihood_ratio},
+        ),
+        Situation(
+            "groups of 6 and 18, SD 3 and 1",
+            "g",
+            lambda rng: groups(rng, (6, 18), (3, 1), same),
+            TWO_GROUPS,
+        ),
+        Situation(
+            "groups of 8 and 24, ratings",
+            "g",
+            lambda rng: groups(rng, (8, 24), (1, 1), rating),
+            TWO_GROUPS,
+        ),
+        Situation(
+            "groups of 10 and 10, lognormal",
+            "g",
+            lambda rng: groups(rng, (10, 10), (1, 1), np.exp),
+            TWO_GROUPS,
+        ),
+        Situation(
+            "groups of 6, 10, 18, SD 3, 2, 1",
+            "g",
+            lambda rng: groups(rng, (6, 10, 18), (3, 2, 1), same),
+            MORE_GROUPS,
+        ),
         Situation("score of 30 people, normal", "r", scores(same, 30), SCORES),
         Situation("score of 30 people, lognormal", "r", scores(np.exp, 30), SCORES),
         Situation("score of 9 people, ratings", "r", scores(rating, 9), SCORES),
-        Situation("groups of 12 and 12 over conditions", "c:g",
-                  over_conditions((12, 12), (1, 1)), GROUPED),
-        Situation("groups of 8 and 23 over conditions", "c:g",
-                  over_conditions((8, 23), (1, 1)), GROUPED),
+        Situation(
+            "groups of 12 and 12 over conditions", "c:g", over_conditions((12, 12), (1, 1)), GROUPED
+        ),
+        Situation(
+            "groups of 8 and 23 over conditions", "c:g", over_conditions((8, 23), (1, 1)), GROUPED
+        ),
         Situation("the same, SD 3 and 1", "c:g", over_conditions((8, 23), (3, 1)), GROUPED),
-    ]  # fmt: skip
+    ]
 
 
 # ---- the table ----
@@ -450,10 +473,17 @@ def measure(situation: Situation, n_studies: int, seed: int) -> list[Rate]:
         interval = proportion_interval(hits, max(done, 1))
         rates.append(
             Rate(
-                situation.name, situation.null, name, hits / max(done, 1), interval.low,
-                interval.high, warned / max(hits, 1), done, refused,
+                situation.name,
+                situation.null,
+                name,
+                hits / max(done, 1),
+                interval.low,
+                interval.high,
+                warned / max(hits, 1),
+                done,
+                refused,
             )
-        )  # fmt: skip
+        )
     return rates
 
 

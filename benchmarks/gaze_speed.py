@@ -81,9 +81,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def add(name: str, value: float, unit: str, limit_: float, ratio: float) -> None:
         rows.append(
-            {"name": name, "value": round(value, 2), "unit": unit, "limit": limit_,
-             "ratio": round(ratio, 2)}
-        )  # fmt: skip
+            {
+                "name": name,
+                "value": round(value, 2),
+                "unit": unit,
+                "limit": limit_,
+                "ratio": round(ratio, 2),
+            }
+        )
 
     add("area of interest and looks, trial with a switch", trial_us, "us", 1000, 1000 / trial_us)
     frame_us = cpu_us(frame, 5000)

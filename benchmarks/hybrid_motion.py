@@ -102,8 +102,10 @@ def main(arguments: list[str]) -> int:
         print(json.dumps({"rows": [asdict(r) for r in rows], "squad_mquat_per_s": mquat}, indent=2))
         return 0
     for row in rows:
-        print(f"{row.clip:7s} {row.variant:20s} {row.people:4d} people {row.rate_hz:9.0f} Hz"
-              f"  ratio {row.ratio:.2f}  {row.bytes:6d} bytes")  # fmt: skip
+        print(
+            f"{row.clip:7s} {row.variant:20s} {row.people:4d} people {row.rate_hz:9.0f} Hz"
+            f"  ratio {row.ratio:.2f}  {row.bytes:6d} bytes"
+        )
     worst = min(r.ratio for r in rows if r.people == PEOPLE[-1])
     print(f"least ratio at {PEOPLE[-1]} people {worst:.2f} (limit {MIN_RATIO})")
     print(f"Squad {mquat:.0f} million turns a second (limit {MIN_MQUAT_PER_S:.0f})")

@@ -65,8 +65,9 @@ def held(rows: pd.DataFrame) -> dict[str, bool]:
         "share that is positive: idle falls": positive["idle", 1] < positive["idle", 0],
         "walk and run are positive in both": min(
             positive[c, k] for c in ("walk", "run") for k in (0, 1)
-        ) > 0.5,
-    }  # fmt: skip
+        )
+        > 0.5,
+    }
 
 
 def main(arguments: list[str]) -> int:

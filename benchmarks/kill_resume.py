@@ -404,8 +404,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--output", type=Path, help="where to record; a temporary folder without")
     options = parser.parse_args(arguments)
     studies = [options.study] if options.study else list(SHORT)
-    shares = [options.kills * (i + 1) // len(studies) - options.kills * i // len(studies)
-              for i in range(len(studies))]  # fmt: skip
+    shares = [
+        options.kills * (i + 1) // len(studies) - options.kills * i // len(studies)
+        for i in range(len(studies))
+    ]
     limit_s = options.minutes * 60 / len(studies)
     with tempfile.TemporaryDirectory(dir=options.output) as root:
         found = {

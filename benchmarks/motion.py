@@ -75,13 +75,17 @@ def posing(rng: np.random.Generator) -> list[Row]:
         Row("Slerp", slerp_ms, "ms", 0.5),
         Row("Slerp by scipy (peer)", cpu_ms(by_scipy), "ms"),
         Row("Squad", squad_ms, "ms", 1.0),
-        Row("joint placement", cpu_ms(lambda: forward(skeleton, frames.root_m,
-            frames.orientation_wxyz)), "ms", 0.5),
+        Row(
+            "joint placement",
+            cpu_ms(lambda: forward(skeleton, frames.root_m, frames.orientation_wxyz)),
+            "ms",
+            0.5,
+        ),
         Row("everybody in a cross-fade", cpu_ms(lambda: fade.at(during)), "ms", 10.0),
         Row("everybody in an inertial transition", cpu_ms(lambda: inert.at(during)), "ms", 10.0),
         Row("time of a million joints by Slerp", slerp_ms / n * 1e3, "ms", 60.0),
         Row("time of a million joints by Squad", squad_ms / n * 1e3, "ms", 120.0),
-    ]  # fmt: skip
+    ]
 
 
 def carrying_over(path: Path, unit_m: float) -> list[Row]:
@@ -93,12 +97,16 @@ def carrying_over(path: Path, unit_m: float) -> list[Row]:
     read_ms = cpu_ms(lambda: clip_of_bvh(read_bvh(path), unit_m=unit_m), 3)
     return [
         Row("reading, per second of motion", read_ms / seconds, "ms", 10.0),
-        Row("retargeting, per second of motion", cpu_ms(lambda: retarget(clip), 3) / seconds, "ms",
-            10.0),
+        Row(
+            "retargeting, per second of motion",
+            cpu_ms(lambda: retarget(clip), 3) / seconds,
+            "ms",
+            10.0,
+        ),
         Row("limb directions, worst", float(error.direction_deg.max()), "deg", 0.01),
         Row("hands and feet, median", float(np.median(error.reach_01)), "limb lengths", 0.1),
         Row("hands and feet, worst", float(error.reach_01.max()), "limb lengths", 0.1),
-    ]  # fmt: skip
+    ]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

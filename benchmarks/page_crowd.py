@@ -62,12 +62,22 @@ async def person(base: str, rng: np.random.Generator, steps_ms: list[float]) -> 
             reply: dict[str, Any] = {}
             if step["kind"] == "watch":
                 reply = {
-                    "shown_ms": at_ms, "off_ms": at_ms, "hidden_ms": 0.0, "films": {},
-                    "answers": {q["name"]: {"option": "5", "at_ms": at_ms, "by": "keys"}
-                                for q in step["questions"]},
-                }  # fmt: skip
-            event = {"n": told["ack"] + 1, "kind": "reply", "at_ms": at_ms,
-                     "step": told["number"], "reply": reply}  # fmt: skip
+                    "shown_ms": at_ms,
+                    "off_ms": at_ms,
+                    "hidden_ms": 0.0,
+                    "films": {},
+                    "answers": {
+                        q["name"]: {"option": "5", "at_ms": at_ms, "by": "keys"}
+                        for q in step["questions"]
+                    },
+                }
+            event = {
+                "n": told["ack"] + 1,
+                "kind": "reply",
+                "at_ms": at_ms,
+                "step": told["number"],
+                "reply": reply,
+            }
             sent = StopWatch()
             told = await post("/api/events", {"tab": "t", "events": [event]}, key)
             steps_ms.append(1000 * sent.elapsed_s())
@@ -101,10 +111,22 @@ def main() -> int:
             stdout=subprocess.DEVNULL,
         )
         server = subprocess.Popen(
-            [sys.executable, "-c", command, "serve", "./many.py", "--port", "0",
-             "--devices", "sim"],
-            cwd=root, env=environment, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-c",
+                command,
+                "serve",
+                "./many.py",
+                "--port",
+                "0",
+                "--devices",
+                "sim",
+            ],
+            cwd=root,
+            env=environment,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         assert server.stdout is not None
         base = ""
         for line in server.stdout:

@@ -24,8 +24,16 @@ from stimuli.motion.people import PeopleMotion, Person
 from stimuli.motion.skeleton import canonical_skeleton, forward
 
 KINDS: tuple[Kind, ...] = (
-    Idle(), Sit(), Phone(), Text(), WatchBoard(), Talk(), Wave(), Crouch(), Walk(),
-)  # fmt: skip
+    Idle(),
+    Sit(),
+    Phone(),
+    Text(),
+    WatchBoard(),
+    Talk(),
+    Wave(),
+    Crouch(),
+    Walk(),
+)
 STEP_S = 1 / 240
 
 
@@ -43,10 +51,13 @@ def crowd(count: int, kinds: Sequence[Kind] = KINDS) -> PeopleMotion:
 def gazes(count: int) -> GazePlan:
     """Return a plan in which everybody shifts gaze between the observer and a neighbour."""
     looks = {
-        i: [LookAt(0.0, "observer"), LookAt(1.0 + 0.01 * i, "person", ((i + 1) % count,)),
-            LookAt(3.0, "observer")]
+        i: [
+            LookAt(0.0, "observer"),
+            LookAt(1.0 + 0.01 * i, "person", ((i + 1) % count,)),
+            LookAt(3.0, "observer"),
+        ]
         for i in range(count)
-    }  # fmt: skip
+    }
     return GazePlan.of(count, looks).watched_from(np.array([0.0, 1.6, 0.0]))
 
 

@@ -58,11 +58,14 @@ def posed_person(
         segments = max(8, round(2 * np.pi * radius / edge_m))
         meshes.append(
             capsule(
-                start * size, end * size, radius * size,
-                segments=segments, rings=max(3, round(np.pi / 2 * radius / edge_m)),
+                start * size,
+                end * size,
+                radius * size,
+                segments=segments,
+                rings=max(3, round(np.pi / 2 * radius / edge_m)),
                 along=max(1, round(length / edge_m)),
             )
-        )  # fmt: skip
+        )
     body = union(meshes)
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])

@@ -84,10 +84,18 @@ def record(root: Path, log: list[Step]) -> Path:
     """Record a session of counted samples and trials; return its folder, its part still open."""
     clock = SimClock()
     manifest = Manifest(
-        study="power", participant="P01", session=1, is_simulated=True, plan={}, seed=1,
-        configuration={}, devices=(), consent_version="1",
-        created_wall_iso=clock.wall_iso(), provenance=provenance(),
-    )  # fmt: skip
+        study="power",
+        participant="P01",
+        session=1,
+        is_simulated=True,
+        plan={},
+        seed=1,
+        configuration={},
+        devices=(),
+        consent_version="1",
+        created_wall_iso=clock.wall_iso(),
+        provenance=provenance(),
+    )
     with create_session(root, manifest) as folder, logged(log):
         recorder = Recorder(
             folder.begin_part(clock),

@@ -3,11 +3,11 @@
     python -m benchmarks.rated_gestures [--studies N] [--people N] [--json]
 
 Of 200 studies of 97 people: how far the mean rating of each gesture by each method lies from the
-printed one on average (limit .20); in how many Squad is above both other methods by Tukey's test
-(limit 95 %), over all and gesture by gesture; in how many Slerp and LinEuler do not differ (limit
-93 %); in how many people who work with animation tell Squad from LinEuler by more than others do
-(limit 90 %); and the CPU seconds of one study, analysed (limit 60). Exits with 1 where one is
-missed.
+printed one on average (limit .20); in how many Squad is above both other methods by Tukey's test,
+over all and gesture by gesture (limit 95 %, of the deictic gesture 85 %); in how many Slerp and
+LinEuler do not differ (limit 93 %); in how many people who work with animation tell Squad from
+LinEuler by more than others do (limit 90 %); and the CPU seconds of one study, analysed (limit 60).
+Exits with 1 where one is missed.
 """
 
 import argparse
@@ -30,7 +30,8 @@ from visavis.quick import quick_study
 ALPHA = 0.05
 ASKED, LEVELS = "animation_experience", ("none", "tried", "studied", "work")
 MAX_OFF = 0.20
-MIN_ABOVE_01 = 0.95
+MIN_ABOVE_01 = {"over all": 0.95, **dict.fromkeys(GESTURES, 0.95), "deictic": 0.85}
+"""The printed differences of the deictic gesture are the smallest."""
 MIN_SAME_01 = 0.93
 MIN_APART_01 = 0.90
 MAX_CPU_S = 60.0
@@ -135,7 +136,7 @@ def main(arguments: list[str]) -> int:
     found = simulated(options.studies, options.people)
     is_well = (
         found.most_off <= MAX_OFF
-        and found.above_both_01["over all"] >= MIN_ABOVE_01
+        and all(found.above_both_01[name] >= limit for name, limit in MIN_ABOVE_01.items())
         and found.slerp_is_lineuler_01 >= MIN_SAME_01
         and found.experienced_apart_01 >= MIN_APART_01
         and found.cpu_s <= MAX_CPU_S
@@ -149,8 +150,8 @@ def main(arguments: list[str]) -> int:
         print(f"  {cell:<20} {mean:.2f}  {found.means[cell]:.2f}")
     print(f"most off {found.most_off:.2f} (limit {MAX_OFF:g})")
     for name, share in found.above_both_01.items():
-        limit = f" (limit {100 * MIN_ABOVE_01:g} %)" if name == "over all" else ""
-        print(f"Squad above both, {name}: {100 * share:.1f} % of studies{limit}")
+        limit = f"limit {100 * MIN_ABOVE_01[name]:g} %"
+        print(f"Squad above both, {name}: {100 * share:.1f} % of studies ({limit})")
     print(
         f"Slerp and LinEuler do not differ: {100 * found.slerp_is_lineuler_01:.1f} % "
         f"(limit {100 * MIN_SAME_01:g} %)"

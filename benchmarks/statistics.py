@@ -117,11 +117,14 @@ def measure(n_studies: int) -> list[Line]:
     table = analyse(frames[1])
     mixed = median_s(
         lambda: statistics.art_anova(
-            frames[1], "accuracy", subject="subject", within=("technique", "direction"),
+            frames[1],
+            "accuracy",
+            subject="subject",
+            within=("technique", "direction"),
             error="mixed",
         ),
         20,
-    )  # fmt: skip
+    )
     q = np.linspace(0.5, 6.0, 15)
     ours = median_s(lambda: statistics.studentized_range_sf(q, 6, 75.0), 100)
     theirs = median_s(lambda: stats.studentized_range.sf(q, 6, 75.0), 3)
@@ -139,10 +142,13 @@ def measure(n_studies: int) -> list[Line]:
         Line("paired decision path, 48 pairs", 1e3 * shapiro, "ms", "limit", 10.0),
         Line("import of the package", import_s("analysis.statistics"), "s", "limit", 0.5),
         Line(
-            "import of the package", import_s("analysis.statistics"), "s", "statsmodels.api",
+            "import of the package",
+            import_s("analysis.statistics"),
+            "s",
+            "statsmodels.api",
             import_s("statsmodels.api"),
         ),
-    ]  # fmt: skip
+    ]
 
 
 def null_data(kind: str, rng: np.random.Generator) -> dict[str, Any]:
@@ -173,9 +179,14 @@ def null_data(kind: str, rng: np.random.Generator) -> dict[str, Any]:
 
 
 KINDS = (
-    "normal, no effect", "normal, B differs", "subjects differ in B", "subjects differ in A",
-    "lognormal, B differs", "rating 1-9, B differs", "share of 9, B differs",
-)  # fmt: skip
+    "normal, no effect",
+    "normal, B differs",
+    "subjects differ in B",
+    "subjects differ in A",
+    "lognormal, B differs",
+    "rating 1-9, B differs",
+    "share of 9, B differs",
+)
 """Data in which A never has an effect."""
 
 

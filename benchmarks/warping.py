@@ -83,8 +83,13 @@ def row(
     ratio = None
     if limit is not None and (more or value > 0):
         ratio = float(f"{(value / limit if more else limit / value):.3g}")
-    return {"name": name, "value": float(f"{value:.3g}"), "unit": unit, "limit": limit,
-            "ratio": ratio}  # fmt: skip
+    return {
+        "name": name,
+        "value": float(f"{value:.3g}"),
+        "unit": unit,
+        "limit": limit,
+        "ratio": ratio,
+    }
 
 
 def least_s(call: Callable[[], object], now_s: Callable[[], float], rounds: int = 60) -> float:
@@ -132,8 +137,9 @@ def _steps_of(moment: Situation) -> list[Row]:
     with ThreadPoolExecutor(2) as pool:
         two_s = least_s(
             lambda: control_step(moment, omega, wanted, scale, two, pool),
-            StopWatch().elapsed_s, 200,
-        )  # fmt: skip
+            StopWatch().elapsed_s,
+            200,
+        )
     roots = np.repeat(moment.root_m[None], 45, axis=0)
     turns = np.repeat(moment.local_wxyz[None], 45, axis=0)
     turns[:, 0] = np.array([[np.cos(a), 0, np.sin(a), 0] for a in np.linspace(0, 0.1, 45)])
@@ -163,9 +169,13 @@ def presets(names: Sequence[str], moments: int = 10) -> list[Row]:
         for t_s in np.linspace(0.05, 0.95, moments) * stage.clip.duration_s:
             pose = stage.clip.at(t_s)
             moment = Situation(
-                stage.body, stage.view, case.targets, stage.units, pose.root_m,
+                stage.body,
+                stage.view,
+                case.targets,
+                stage.units,
+                pose.root_m,
                 pose.orientation_wxyz,
-            )  # fmt: skip
+            )
             found = steer(moment, replace(case.settings, most_steps=5))
             if found.is_reached:
                 met, reachable = met + 1, reachable + 1
@@ -182,10 +192,14 @@ def presets(names: Sequence[str], moments: int = 10) -> list[Row]:
             else:
                 best.append(max(shares))
         rows.append(
-            row(f"{case.name}: poses within 10 % in 5 steps, of {moments}", met, "poses",
-                math.ceil(ENOUGH_01 * reachable))
+            row(
+                f"{case.name}: poses within 10 % in 5 steps, of {moments}",
+                met,
+                "poses",
+                math.ceil(ENOUGH_01 * reachable),
+            )
             | {"reachable": reachable}
-        )  # fmt: skip
+        )
         if missed:
             said = f"of {len(missed)} missed, want more than there is with nothing in between"
             rows.append(row(f"{case.name}: {said}", sum(missed), "poses"))
@@ -195,8 +209,9 @@ def presets(names: Sequence[str], moments: int = 10) -> list[Row]:
             rows.append(row(f"{case.name}: {said} (of the spine {trunk:.3g})", largest, "°"))
         if best:
             said = "unreachable, best share of the wanted change in 60 steps"
-            rows.append(row(f"{case.name}: {said} ({len(best)} poses, median)",
-                            float(np.median(best)), "1"))  # fmt: skip
+            rows.append(
+                row(f"{case.name}: {said} ({len(best)} poses, median)", float(np.median(best)), "1")
+            )
     return rows
 
 
@@ -235,11 +250,19 @@ def clips(names: Sequence[str]) -> list[Row]:
             row(said + "largest offset", float(np.degrees(np.abs(found.omega_rad).max())), "°"),
             row(said + "beyond joint limits", past, "°"),
             row(said + f"peak speed (original {before.speed_deg_s:.3g})", after.speed_deg_s, "°/s"),
-            row(said + f"peak acceleration (original {before.acceleration_deg_s2:.3g})",
-                after.acceleration_deg_s2, "°/s²"),
-            row(said + f"peak jerk (original {before.jerk_deg_s3:.3g})", after.jerk_deg_s3, "°/s³",
-                round(max(LIVELIER * before.jerk_deg_s3, STILL_JERK_DEG_S3)), more=False),
-        ]  # fmt: skip
+            row(
+                said + f"peak acceleration (original {before.acceleration_deg_s2:.3g})",
+                after.acceleration_deg_s2,
+                "°/s²",
+            ),
+            row(
+                said + f"peak jerk (original {before.jerk_deg_s3:.3g})",
+                after.jerk_deg_s3,
+                "°/s³",
+                round(max(LIVELIER * before.jerk_deg_s3, STILL_JERK_DEG_S3)),
+                more=False,
+            ),
+        ]
     return rows
 
 
@@ -255,10 +278,12 @@ def _least_share(found: Outcome) -> float:
 def frame_times(stage: StagedCase, seconds: float) -> list[Row]:
     """Wall time of frames at 90 Hz, with the controller beside and without."""
     build = build_of_character(stage.character)
-    people = PeopleMotion((
-        Person(build, Wave(hand="both"), 5),
-        *(Person(build, Idle(), k, (float(k), 0.0, 2.0)) for k in range(11)),
-    ))  # fmt: skip
+    people = PeopleMotion(
+        (
+            Person(build, Wave(hand="both"), 5),
+            *(Person(build, Idle(), k, (float(k), 0.0, 2.0)) for k in range(11)),
+        )
+    )
     rows: list[Row] = []
     for beside in (False, True):
         clock = SystemClock()
@@ -281,9 +306,14 @@ def frame_times(stage: StagedCase, seconds: float) -> list[Row]:
         how = "with the controller beside" if beside else "without a controller"
         rows += [
             row(f"frame work {how}, median", float(np.median(work_ms)), "ms"),
-            row(f"frame work {how}, p99", float(np.quantile(work_ms, 0.99)), "ms", P99_MS,
-                more=False),
-        ]  # fmt: skip
+            row(
+                f"frame work {how}, p99",
+                float(np.quantile(work_ms, 0.99)),
+                "ms",
+                P99_MS,
+                more=False,
+            ),
+        ]
         if beside:
             rows.append(row("solutions of the controller", solutions / seconds, "1/s"))
     return rows

@@ -60,9 +60,16 @@ SD_WITHIN = 0.02
 SPAN = 3.0
 """How many times smaller or larger than at the start a constant may become."""
 FREE = (
-    *(f"blur_deg.{i}" for i in range(4)), *(f"looseness_deg.{i}" for i in range(4)),
-    "sharpness", "reach_power", "least_reach_01", "self_bias", "acuity_sd", "lapse_01", "lapse_sd",
-)  # fmt: skip
+    *(f"blur_deg.{i}" for i in range(4)),
+    *(f"looseness_deg.{i}" for i in range(4)),
+    "sharpness",
+    "reach_power",
+    "least_reach_01",
+    "self_bias",
+    "acuity_sd",
+    "lapse_01",
+    "lapse_sd",
+)
 """What is searched, on a logarithmic scale."""
 
 
@@ -244,9 +251,16 @@ def fitted(waves: Waves, start: Vector, seed: int, rounds: int, size: int = 3) -
     most = np.log([0.95 if name.endswith("_01") else np.inf for name in FREE])
     bounds = Bounds(start - np.log(SPAN), np.minimum(start + np.log(SPAN), most))
     found = differential_evolution(
-        loss_of, bounds, args=(waves, start), maxiter=rounds, popsize=size, tol=1e-6, x0=start,
-        rng=np.random.default_rng(seed), polish=False,
-    )  # fmt: skip
+        loss_of,
+        bounds,
+        args=(waves, start),
+        maxiter=rounds,
+        popsize=size,
+        tol=1e-6,
+        x0=start,
+        rng=np.random.default_rng(seed),
+        polish=False,
+    )
     best: Vector = found.x
     return best
 

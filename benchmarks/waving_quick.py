@@ -19,27 +19,40 @@ from visavis.opened import OpenedStudy
 
 
 def quick_session(
-    experiment: StudyExperiment, index: int, seed: int, *, effect: bool = True,
+    experiment: StudyExperiment,
+    index: int,
+    seed: int,
+    *,
+    effect: bool = True,
     population: Population = DEFAULT_POPULATION,
-) -> list[dict[str, Any]]:  # fmt: skip
+) -> list[dict[str, Any]]:
     """Return the rows of one participant's trials, practice left out."""
     person = WavingParticipant(index, seed, effect, population=population)
     making = making_of(experiment.parameters)
     return [
         {
-            "participant": f"{index:02d}", "trial_id": trial.trial_id,
-            **{name: str(value) for name, value in trial.factors.items()}, **answers,
-            "is_practice": False, "status": "complete", "session": 1, "attempt": 1,
+            "participant": f"{index:02d}",
+            "trial_id": trial.trial_id,
+            **{name: str(value) for name, value in trial.factors.items()},
+            **answers,
+            "is_practice": False,
+            "status": "complete",
+            "session": 1,
+            "attempt": 1,
             "is_simulated": True,
         }
         for trial, answers in quick_trials(person, experiment.plan(index, seed), making)
-    ]  # fmt: skip
+    ]
 
 
 def quick_study(
-    participants: int, seed: int, *, effect: bool = True,
-    population: Population = DEFAULT_POPULATION, parameters: Mapping[str, Any] | None = None,
-) -> pd.DataFrame:  # fmt: skip
+    participants: int,
+    seed: int,
+    *,
+    effect: bool = True,
+    population: Population = DEFAULT_POPULATION,
+    parameters: Mapping[str, Any] | None = None,
+) -> pd.DataFrame:
     """Simulate a study; one row per trial, as a session's measures have them."""
     experiment = OpenedStudy(study).experiment(parameters or {})
     people = range(participants)

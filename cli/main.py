@@ -15,9 +15,17 @@ EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1
 AGAIN_S = 0.02
 OURS = (
-    "analysis", "cli", "devices", "experiments", "lab", "protocol", "recording", "stage",
-    "stimuli", "visavis",
-)  # fmt: skip
+    "analysis",
+    "cli",
+    "devices",
+    "experiments",
+    "lab",
+    "protocol",
+    "recording",
+    "stage",
+    "stimuli",
+    "visavis",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -200,9 +200,14 @@ def board_at(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> 
 def with_board(view: SceneFrame, board: Panel) -> PanelFrame:
     """Return a view with a board in it."""
     return PanelFrame(
-        view.scene, view.t_ns, view.gaze_direction, view.eye_openness_01, view.people,
-        view.gaze_distance_m, panels=(board,),
-    )  # fmt: skip
+        view.scene,
+        view.t_ns,
+        view.gaze_direction,
+        view.eye_openness_01,
+        view.people,
+        view.gaze_distance_m,
+        panels=(board,),
+    )
 
 
 def _questionnaire_board(recording: Recording, part: int, t_ns: int) -> Iterator[Panel]:

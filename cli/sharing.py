@@ -76,8 +76,10 @@ def loss_page(table: pd.DataFrame) -> str:
     lines = ["## Public tier", BLURRED_RISK, "Means of the same trials, as recorded and as shown:"]
     head = ["measure", "values", "before", "after", "mean change", "missing after"]
     rows = [head, ["---"] * len(head)]
-    rows += [[str(r[0]), str(r[1]), *(f"{v:.4g}" for v in r[2:5]), str(r[5])]
-             for r in table.itertuples(index=False, name=None)]  # fmt: skip
+    rows += [
+        [str(r[0]), str(r[1]), *(f"{v:.4g}" for v in r[2:5]), str(r[5])]
+        for r in table.itertuples(index=False, name=None)
+    ]
     return "\n\n".join([*lines, "\n".join(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
 
 

@@ -75,9 +75,14 @@ class StudyHere:
     ) -> StudySettings:
         """Return the settings that a command asks for; see `wanted_settings`."""
         return wanted_settings(
-            self.folder, self.study, is_simulated=self.is_simulated, seed=seed,
-            assignments=assignments, language=language, usual_language=self.lab.language,
-        )  # fmt: skip
+            self.folder,
+            self.study,
+            is_simulated=self.is_simulated,
+            seed=seed,
+            assignments=assignments,
+            language=language,
+            usual_language=self.lab.language,
+        )
 
     def settled(self, wanted: StudySettings, *, seed_given: bool) -> StudySettings:
         """Return the settings in force, written where the study is new; see `settle`."""
@@ -96,9 +101,10 @@ class StudyHere:
             else 'Give the new study a name of its own, Study("NAME", …)'
         )
         require_same_design(
-            self.folder, self.study.experiment(settings.parameters),
+            self.folder,
+            self.study.experiment(settings.parameters),
             f"{whose}; or another data_root in lab_config.yaml; or put the study file back",
-        )  # fmt: skip
+        )
         if not settings.source_sha256 or settings.source_sha256 == wanted.source_sha256:
             return ""
         return (

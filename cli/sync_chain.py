@@ -110,10 +110,15 @@ def analysed(
         trace = traces[channel]
         found.append(
             delays(
-                modality, source, trace.t_ns, trace.level, asked_ns,
-                flash_ns=asked.flash_ns, frame_ns=asked.frame_ns,
+                modality,
+                source,
+                trace.t_ns,
+                trace.level,
+                asked_ns,
+                flash_ns=asked.flash_ns,
+                frame_ns=asked.frame_ns,
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -171,9 +176,15 @@ def perform_real(
         stack.callback(sensor.close)
         sensor.open()
         asked = perform(
-            sensor, clock, np.random.default_rng(), patch=patch, speaker=speaker, band=band,
-            repeats=repeats, progress=progress,
-        )  # fmt: skip
+            sensor,
+            clock,
+            np.random.default_rng(),
+            patch=patch,
+            speaker=speaker,
+            band=band,
+            repeats=repeats,
+            progress=progress,
+        )
         found = analysed(asked, sensor.traces(), channels, patch.role, band_role)
         return found, asked, sensor
 
@@ -231,9 +242,15 @@ def perform_simulated(
         patch = Patch(cast("Headset", headset), context)
         stack.callback(patch.release)
         asked = perform(
-            sensor, clock, order_rng, patch=patch, speaker=RoomSpeaker(room, clock), band=band,
-            repeats=repeats, progress=progress,
-        )  # fmt: skip
+            sensor,
+            clock,
+            order_rng,
+            patch=patch,
+            speaker=RoomSpeaker(room, clock),
+            band=band,
+            repeats=repeats,
+            progress=progress,
+        )
         found = analysed(asked, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
     commanded = {
         "picture": asked.picture_ns,

@@ -30,8 +30,13 @@ SOON_S = 10.0
 
 def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
     """Return a bar that says how many of how many are done, since when and how much longer."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-               TimeElapsedColumn(), TimeRemainingColumn())  # fmt: skip
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     return Progress(*columns, console=shown_on, disable=quiet)
 
 

@@ -32,9 +32,15 @@ Tile = npt.NDArray[np.uint8]
 
 
 def write_sheet(
-    path: Path, who: Character, before: Clip, after: Clip, body: SeenBody, view: Outlook,
-    things: Sequence[StaticMesh], lamps: Sequence[Light] = (),
-) -> bool:  # fmt: skip
+    path: Path,
+    who: Character,
+    before: Clip,
+    after: Clip,
+    body: SeenBody,
+    view: Outlook,
+    things: Sequence[StaticMesh],
+    lamps: Sequence[Light] = (),
+) -> bool:
     """Draw both clips at even times, one row each; tell whether people could be drawn.
 
     `lamps` burn instead of daylight. Without OpenGL the rows show the perceived parts in colours.
@@ -59,9 +65,14 @@ def write_sheet(
 
 
 def _people(
-    who: Character, clips: Sequence[Clip], body: SeenBody, view: Outlook,
-    things: Sequence[StaticMesh], lamps: Sequence[Light], times: Vector,
-) -> list[list[Tile]]:  # fmt: skip
+    who: Character,
+    clips: Sequence[Clip],
+    body: SeenBody,
+    view: Outlook,
+    things: Sequence[StaticMesh],
+    lamps: Sequence[Light],
+    times: Vector,
+) -> list[list[Tile]]:
     floor = level(
         "floor", (-6, -6), (6, 6), 0.0, (176, 174, 170), surfaces.plaster(3), roughness_01=0.9
     )
@@ -69,8 +80,10 @@ def _people(
         "sheet",
         (floor, *(placed(f"thing_{i}", m, (0, 0, 0), 0.0) for i, m in enumerate(things))),
         tuple(replace(lamp, casts_shadow=True) for lamp in lamps) or (DAYLIGHT,),
-        np.full(3, 0.1 if lamps else 0.55), np.full(3, 0.08 if lamps else 0.42), (196, 202, 208),
-    )  # fmt: skip
+        np.full(3, 0.1 if lamps else 0.55),
+        np.full(3, 0.08 if lamps else 0.42),
+        (196, 202, 208),
+    )
     with Stills() as stills:
         return [
             [

@@ -56,6 +56,28 @@ class Body(Protocol):
 
 
 @runtime_checkable
+class RecallingBody(Body, Protocol):
+    """A body that can be asked later what its eyes did; see `recalls_ns`."""
+
+    @property
+    def recalls_ns(self) -> int:
+        """How long after a time `eyes` returns the same for it, within one stretch."""
+        ...
+
+
+@runtime_checkable
+class ForeseeableHand(Body, Protocol):
+    """A body that can tell until when it presses nothing."""
+
+    def next_press_ns(self) -> int | None:
+        """Return the session time of the coming press, None when none is decided upon.
+
+        It holds until the body is shown or asked something.
+        """
+        ...
+
+
+@runtime_checkable
 class MovingBody(Body, Protocol):
     """A body whose limbs are tracked and whose skin feels an armband."""
 

@@ -13,7 +13,9 @@ from typing import Literal, Protocol, runtime_checkable
 
 from devices.body_contract import EYES_DTYPE as EYES_DTYPE
 from devices.body_contract import Body as Body
+from devices.body_contract import ForeseeableHand as ForeseeableHand
 from devices.body_contract import MovingBody as MovingBody
+from devices.body_contract import RecallingBody as RecallingBody
 from devices.streams import BAND as BAND
 from devices.streams import BAND_EVENTS as BAND_EVENTS
 from devices.streams import FRAME_TIMING as FRAME_TIMING
@@ -265,6 +267,15 @@ class Headset(Device, Protocol):
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
         """Hand over the eye images drawn for `frame`; an empty sequence shows nothing new."""
+        ...
+
+
+@runtime_checkable
+class PoseAtOnce(Protocol):
+    """A headset that tells the head's pose of a frame whose sample it delivers later."""
+
+    def head_now(self) -> Pose | None:
+        """Return the head at the last frame as its sample tells it; None where it is not seen."""
         ...
 
 

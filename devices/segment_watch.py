@@ -95,10 +95,20 @@ class SegmentWatch:
         at = np.ascontiguousarray(position_m, np.float64)
         turn = np.ascontiguousarray(orientation_wxyz, np.float64)
         if not _look(
-            at, turn, gap_ns, self._limit_ns, self._hips, self._floor,
-            self._last, self._changed_ns, self._still_ns, self._moved, self._hips_m, self._how,
+            at,
+            turn,
+            gap_ns,
+            self._limit_ns,
+            self._hips,
+            self._floor,
+            self._last,
+            self._changed_ns,
+            self._still_ns,
+            self._moved,
+            self._hips_m,
+            self._how,
             self._frozen,
-        ):  # fmt: skip
+        ):
             return False
         self.frozen_ns[self.frozen] += gap_ns
         return True
@@ -126,10 +136,21 @@ class SegmentWatch:
         """
         found = np.zeros(position_m.shape[:2], bool)
         _look_at_all(
-            t_ns, position_m, orientation_wxyz, self._limit_ns, self._hips, self._floor,
-            self._last, self._changed_ns, self._still_ns, self._moved, self._hips_m, self._how,
-            self._frozen, found,
-        )  # fmt: skip
+            t_ns,
+            position_m,
+            orientation_wxyz,
+            self._limit_ns,
+            self._hips,
+            self._floor,
+            self._last,
+            self._changed_ns,
+            self._still_ns,
+            self._moved,
+            self._hips_m,
+            self._how,
+            self._frozen,
+            found,
+        )
         return found
 
 
@@ -221,9 +242,20 @@ def _look_at_all(
     for i in range(position.shape[0]):
         gap_ns = t_ns[i] - t_ns[i - 1] if i else 0
         _look(
-            position[i], turn[i], gap_ns, limit_ns, hips, floor, last, changed_ns, still_ns,
-            moved, hips_m, how, frozen,
-        )  # fmt: skip
+            position[i],
+            turn[i],
+            gap_ns,
+            limit_ns,
+            hips,
+            floor,
+            last,
+            changed_ns,
+            still_ns,
+            moved,
+            hips_m,
+            how,
+            frozen,
+        )
         for s in range(n_segments):
             for c in range(2):
                 if how[s, c] != _SAME:

@@ -144,9 +144,13 @@ def spoken_by(simulator: str) -> Callable[[Site[Any]], "ByteLink"]:
         from devices.byte_links import MemoryLink
 
         peer = imported(simulator)(
-            site.role, site.clock, seed=site.own_seed, body=site.body, faults=site.faults,
+            site.role,
+            site.clock,
+            seed=site.own_seed,
+            body=site.body,
+            faults=site.faults,
             **site.options.for_simulator(),
-        )  # fmt: skip
+        )
         return MemoryLink(peer, site.clock)
 
     return link

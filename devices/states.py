@@ -65,9 +65,15 @@ def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
 def driver_states() -> tuple[DriverState, ...]:
     """Return every driver known here, eye trackers first."""
     order = (
-        "eye tracker", "headset", "responses", "body tracker", "armband", "sound output",
-        "triggers", "other",
-    )  # fmt: skip
+        "eye tracker",
+        "headset",
+        "responses",
+        "body tracker",
+        "armband",
+        "sound output",
+        "triggers",
+        "other",
+    )
     states = []
     for facts in driver_specs():
         missing = _missing(facts)

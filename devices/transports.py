@@ -112,8 +112,11 @@ class Peer(Protocol):
 class PatientPeer(Protocol):
     """A peer whose messages may be read later than they arrive, and then all at once."""
 
-    def may_wait(self) -> bool:
-        """Tell whether what it sends now is the same, with the same times, when read later."""
+    def may_wait(self, t_ns: int) -> bool:
+        """Tell whether what it sends by now is the same, with the same times, when read later.
+
+        It then does whatever cannot be done as well by a later `advance`.
+        """
         ...
 
 
@@ -173,15 +176,14 @@ class MemoryTransport:
         return messages
 
     def put_off(self) -> bool:
-        """Tell whether a later `receive` may bring what has come by now; the peer catches up.
+        """Tell whether a later `receive` may bring what has come by now.
 
         Not while the answer to a `post` is under way: it is heard when it arrives.
         """
         patient = self._patient
-        if patient is None or self._replies or not patient.may_wait():
+        if patient is None or self._replies:
             return False
-        self._peer.advance(self._clock.now_ns())
-        return True
+        return patient.may_wait(self._clock.now_ns())
 
     def send(self, port: int, frames: Frames) -> None:
         """Hand the message to the peer."""

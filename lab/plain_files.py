@@ -82,10 +82,20 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
         with open_plain(path) as file, np.load(file, allow_pickle=False) as arrays:
             found = {name: np.asarray(arrays[name]) for name in arrays.files}
     except (
-        ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, NotImplementedError,
-        RecursionError, RuntimeError, SyntaxError, TypeError, tokenize.TokenError,
-        zipfile.BadZipFile, zlib.error,
-    ) as error:  # fmt: skip
+        ArithmeticError,
+        AttributeError,
+        EOFError,
+        LookupError,
+        MemoryError,
+        NotImplementedError,
+        RecursionError,
+        RuntimeError,
+        SyntaxError,
+        TypeError,
+        tokenize.TokenError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
         # zipfile and NumPy's header parser let through whatever a damaged byte leads them to.
         raise ValueError(f"no whole .npz file: {error or type(error).__name__}") from error
     for name, array in found.items():

@@ -34,9 +34,13 @@ class Export:
 
 
 def register_export(
-    study_root: Path, clock: Clock, what: str, where: Path, labels: Sequence[str],
+    study_root: Path,
+    clock: Clock,
+    what: str,
+    where: Path,
+    labels: Sequence[str],
     files: Iterable[Path],
-) -> None:  # fmt: skip
+) -> None:
     """Note an export of a study.
 
     Raises:
@@ -47,8 +51,14 @@ def register_export(
     root = study_root.resolve()
     # Relative inside the study, so that it is found again where the study has moved or was copied.
     at = folder.relative_to(root).as_posix() if folder.is_relative_to(root) else str(folder)
-    record = {"event": "export", "at": clock.wall_iso(), "what": what, "where": at,
-              "labels": list(labels), "files": hashes}  # fmt: skip
+    record = {
+        "event": "export",
+        "at": clock.wall_iso(),
+        "what": what,
+        "where": at,
+        "labels": list(labels),
+        "files": hashes,
+    }
     path = study_root / REGISTER_NAME
     try:
         with locked(study_root / LOCK_NAME):
@@ -80,10 +90,15 @@ def registered_exports(study_root: Path) -> tuple[Export, ...]:
         )
     try:
         return tuple(
-            Export(str(r["at"]), str(r["what"]), study_root.resolve() / str(r["where"]),
-                   tuple(map(str, r["labels"])), {str(k): str(v) for k, v in r["files"].items()})
+            Export(
+                str(r["at"]),
+                str(r["what"]),
+                study_root.resolve() / str(r["where"]),
+                tuple(map(str, r["labels"])),
+                {str(k): str(v) for k, v in r["files"].items()},
+            )
             for r in found.records
-        )  # fmt: skip
+        )
     except (KeyError, TypeError, AttributeError) as error:
         raise LedgerError(
             f"{path}: a line lacks or misstates {error}; `visavis recover {study_root}` puts its "

@@ -9,7 +9,15 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
-from devices.contracts import GAZE, HEAD, POINTER, SOUND_EVENTS, Fault, OnScreen
+from devices.contracts import (
+    GAZE,
+    HEAD,
+    POINTER,
+    SOUND_EVENTS,
+    Fault,
+    OnScreen,
+    PoseAtOnce,
+)
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError
 from lab.frame import FrameInfo
@@ -123,6 +131,10 @@ class FrameLoop:
         self.gaze_tap: list[SampleBatch] | None = None
         # Without a screen to place gaze on, or a mirror to show it, a frame needs none by itself.
         self._can_wait = clock.is_virtual and self.screen is None and not stage.schemas
+        headset = rig.headset
+        self._head_now: Callable[[], Pose | None] | None = None
+        if self._can_wait and isinstance(headset, PoseAtOnce):
+            self._head_now = headset.head_now
         self._waiting: list[tuple[tuple[object, ...], int]] = []
         self._gaze_may_wait = False
         self.trial_number = -1
@@ -141,7 +153,8 @@ class FrameLoop:
             if self.gaze_tap is not None:
                 self.gaze_tap.append(batch)
         elif role == self._rig.display_role and batch.schema.name == HEAD.name:
-            self._head_inbox.append(batch)
+            if self._head_now is None:
+                self._head_inbox.append(batch)
         elif role == "responses":
             if batch.schema.name == POINTER.name:
                 self._take_rays(batch)
@@ -168,10 +181,18 @@ class FrameLoop:
         number = self._rig.play_sound(step)
         x_m, y_m, z_m = step.at_m or (None, None, None)
         self._recorder.event(
-            "sound", self.t_ns, number=number, sound=step.sound.name,
-            sound_sha256=step.sound.sha256, seconds=step.sound.duration_s, gain_db=step.gain_db,
-            loops=step.loops, x_m=x_m, y_m=y_m, z_m=z_m,
-        )  # fmt: skip
+            "sound",
+            self.t_ns,
+            number=number,
+            sound=step.sound.name,
+            sound_sha256=step.sound.sha256,
+            seconds=step.sound.duration_s,
+            gain_db=step.gain_db,
+            loops=step.loops,
+            x_m=x_m,
+            y_m=y_m,
+            z_m=z_m,
+        )
         if number is None:
             self._sounded.append(Sounded(step.key, None))
         else:
@@ -195,10 +216,15 @@ class FrameLoop:
                 self._log_view(view)
             self._display(view)
         frame = self._wait_frame()
-        is_put_off = self._rig.step(gaze_may_wait=self._gaze_may_wait)
-        self._take_head()
+        is_put_off = self._rig.step(
+            gaze_may_wait=self._gaze_may_wait, head_may_wait=self._head_now is not None
+        )
+        if self._head_now is None:
+            self._take_head()
+        else:
+            self._take_pose(self._head_now(), frame.t_ns)
         self._rig.hear_from(self.head)
-        pressed, pressed_ns = self._take_presses()
+        pressed, pressed_ns = self._take_presses() if self._press_inbox else ((), ())
         gaze: GazeView
         if is_put_off or self._waiting:
             late = self.observer.wait(frame.index, frame.t_ns, self.catch_up)
@@ -267,6 +293,7 @@ class FrameLoop:
     def flush(self) -> None:
         """Hand every held row to the recorder."""
         self.catch_up()
+        self._rig.deliver_all()
         self._frames.flush()
         self._targets.flush()
         self._scene_states.flush()
@@ -319,16 +346,18 @@ class FrameLoop:
             positions = values["position_m"].astype(np.float64)
             turns = values["orientation_wxyz"].astype(np.float64)
             for i, valid in enumerate(values["valid"].tolist()):
-                self.head_valid = valid
-                if valid:
-                    self.head = Pose(positions[i], turns[i])
-                    self.head_seen = True
-                    self.observer.add_pose(int(batch.t_host_ns[i]), self.head)
+                pose = Pose(positions[i], turns[i]) if valid else None
+                self._take_pose(pose, int(batch.t_host_ns[i]))
+
+    def _take_pose(self, pose: Pose | None, t_ns: int) -> None:
+        self.head_valid = pose is not None
+        if pose is not None:
+            self.head = pose
+            self.head_seen = True
+            self.observer.add_pose(t_ns, pose)
 
     def _take_presses(self) -> tuple[tuple[str, ...], tuple[int, ...]]:
         """Return what was pressed since the frame before, and when it was heard."""
-        if not self._press_inbox:
-            return (), ()
         pressed: list[str] = []
         pressed_ns: list[int] = []
         while self._press_inbox:
@@ -415,9 +444,11 @@ class FrameLoop:
             ("eye_openness_01", view.eye_openness_01),
             ("gaze_distance_m", view.gaze_distance_m),
         ):
-            columns[name][i] = np.nan
+            row = columns[name][i]
+            if values is None or shown < self._agent_count:
+                row[...] = np.nan
             if values is not None:
-                columns[name][i, :shown] = values
+                row[:shown] = values
         self._scene_states.commit(1, self.t_ns)
 
     def _describe(self, scene: Scene) -> dict[str, object]:

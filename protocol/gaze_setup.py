@@ -5,10 +5,13 @@ to arrive and takes two seconds of samples at each, the procedure of Schuetz and
 with fewer targets. Every attempt is stored.
 """
 
-from collections.abc import Callable
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from devices.contracts import (
     CalibrationOutcome,
@@ -20,6 +23,7 @@ from devices.contracts import (
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DeviceTimeout
 from lab.geometry import (
+    Pose,
     Vector,
     direction_from_yaw_pitch_deg,
     quat_conjugate,
@@ -142,11 +146,14 @@ class GazeSetup:
             mark_m = self._place_target(yaw_deg, pitch_deg)
             self._frames_for(timing.calibration_arrive_ms)
             end_ns = self._loop.t_ns + timing.calibration_sample_ms * NS_PER_MS
-            while self._loop.t_ns < end_ns:
-                view = self._next_frame()
-                head = self._loop.head
-                direction = rotate(quat_conjugate(head.orientation_wxyz), mark_m - head.position_m)
-                self._eye_tracker.add_reference(direction / np.linalg.norm(direction), view.t_ns)
+            with self._loop.leaving_gaze():
+                while self._loop.t_ns < end_ns:
+                    view = self._next_frame()
+                    head = self._loop.head
+                    turn = quat_conjugate(head.orientation_wxyz)
+                    direction = rotate(turn, mark_m - head.position_m)
+                    direction /= np.linalg.norm(direction)
+                    self._eye_tracker.add_reference(direction, view.t_ns)
         outcome = self._verdict()
         self._clear_target()
         return outcome
@@ -199,18 +206,35 @@ class GazeSetup:
             base = self._loop.head.orientation_wxyz
             self._frames_for(self._timing.validation_arrive_ms)
             target = rotate(quat_conjugate(base), mark_m - self._loop.head.position_m)
-            pieces: list[tuple[SampleBatch, Vector, Vector]] = []
-            end_ns = self._loop.t_ns + self._timing.validation_sample_ms * NS_PER_MS
-            while self._loop.t_ns < end_ns:
-                self._loop.gaze_tap = []
-                self._next_frame()
-                head = self._loop.head
-                aim = rotate(quat_conjugate(base), mark_m - head.position_m)
-                pieces += [(b, head.orientation_wxyz, aim) for b in self._loop.gaze_tap]
-            self._loop.gaze_tap = None
-            points.append(_point(name, target / np.linalg.norm(target), base, pieces))
+            seen = self._gaze_for(self._timing.validation_sample_ms)
+            points.append(_point(name, target / np.linalg.norm(target), base, mark_m, seen))
         self._clear_target()
         return tuple(points)
+
+    def _gaze_for(self, duration_ms: int) -> "_Seen":
+        """Let frames pass; return the gaze they brought with the head of the frame of each sample.
+
+        Where gaze was left for later, a sample's frame is the first after its arrival.
+        """
+        end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
+        t_ns: list[int] = []
+        heads: list[Pose] = []
+        told: list[int] = []
+        batches: list[SampleBatch] = []
+        self._loop.gaze_tap = batches
+        with self._loop.leaving_gaze():
+            while self._loop.t_ns < end_ns:
+                self._next_frame()
+                t_ns.append(self._loop.t_ns)
+                heads.append(self._loop.head)
+                told.append(len(batches))
+        self._loop.gaze_tap = None
+        frame = [np.empty(0, np.int64)]
+        for i, batch in enumerate(batches):
+            latest = min(bisect_right(told, i), len(told) - 1)  # the frame that delivered it
+            arrived_ns = np.maximum.accumulate(batch.t_host_ns)
+            frame.append(np.minimum(np.searchsorted(t_ns, arrived_ns), latest))
+        return _Seen(batches, heads, np.concatenate(frame))
 
     def _place_target(self, yaw_deg: float, pitch_deg: float) -> Vector:
         head = self._loop.head
@@ -235,21 +259,27 @@ class GazeSetup:
                 self._next_frame()
 
 
-def _point(
-    name: str, target: Vector, base: Vector, pieces: list[tuple[SampleBatch, Vector, Vector]]
-) -> ValidationPoint:
+class _Seen(NamedTuple):
+    """Gaze of some frames: batches, the head in every frame, and each sample's frame (n,)."""
+
+    batches: Sequence[SampleBatch]
+    heads: Sequence[Pose]
+    frame: npt.NDArray[np.int64]
+
+
+def _point(name: str, target: Vector, base: Vector, mark_m: Vector, seen: _Seen) -> ValidationPoint:
     """Put samples and target into one frame: the head's when the target appeared.
 
-    A piece holds the head's orientation and the way from the eyes to the target in that frame;
-    the head may drift while the target stands, so every sample is turned with the target.
+    The head may drift while the target stands, so every sample is turned with the target.
     """
-    if not pieces:
+    if not seen.batches:
         empty = np.empty((0, 3))
         none = np.empty(0, dtype=np.int64)
         return ValidationPoint(name, target, none, empty, empty, empty, empty, empty)
-    values = np.concatenate([batch.values for batch, _, _ in pieces])
-    turns = np.concatenate([np.tile(turn, (len(batch), 1)) for batch, turn, _ in pieces])
-    aims = np.concatenate([np.tile(aim, (len(batch), 1)) for batch, _, aim in pieces])
+    values = np.concatenate([batch.values for batch in seen.batches])
+    turns = np.array([head.orientation_wxyz for head in seen.heads])[seen.frame]
+    heads_m = np.array([head.position_m for head in seen.heads])
+    aims = rotate(quat_conjugate(base), mark_m - heads_m)[seen.frame]
     aims_head = rotate(quat_conjugate(turns), rotate(base, aims))
     still = quat_between(aims, np.broadcast_to(target, aims.shape))
     turns = quat_multiply(still, quat_multiply(quat_conjugate(base), turns))
@@ -262,7 +292,7 @@ def _point(
     return ValidationPoint(
         name=name,
         target=target,
-        t_ns=np.concatenate([batch.t_device_ns for batch, _, _ in pieces]),
+        t_ns=np.concatenate([batch.t_device_ns for batch in seen.batches]),
         combined=turned("direction_head", "valid"),
         left=turned("left_direction_head", "left_valid"),
         right=turned("right_direction_head", "right_valid"),

@@ -84,6 +84,7 @@ class RunningRig:
         }
         self._in_order = tuple(self._pumps.values())
         self._gaze_pump = self._pumps.get("eye_tracker")
+        self._display_pump = self._pumps[rig.display_role]
         self.is_muted = False
         """While true no band takes anything but silence: the operator wants none in this trial."""
         self.has_vibrated = False
@@ -228,14 +229,17 @@ class RunningRig:
         for pump in self._in_order:
             pump.start()
 
-    def step(self, *, gaze_may_wait: bool = False) -> bool:
+    def step(self, *, gaze_may_wait: bool = False, head_may_wait: bool = False) -> bool:
         """Let every device deliver what its wire has brought; nothing to do for threads.
 
-        With `gaze_may_wait` an eye tracker that can is left for later; tell whether it was.
+        With `gaze_may_wait` an eye tracker that can is left for later, and with `head_may_wait`
+        the display; tell whether the eye tracker was.
         """
         for pump in self._in_order:
-            if gaze_may_wait and pump is self._gaze_pump:
-                pump.step(may_wait=True)
+            if pump is self._gaze_pump:
+                pump.step(may_wait=gaze_may_wait)
+            elif pump is self._display_pump:
+                pump.step(may_wait=head_may_wait)
             else:
                 pump.step()
         if self._rig.on_step is not None:
@@ -249,6 +253,12 @@ class RunningRig:
         """Let the eye tracker deliver what was left for later."""
         if self._gaze_pump is not None and self._gaze_pump.is_put_off:
             self._gaze_pump.step()
+
+    def deliver_all(self) -> None:
+        """Let every device deliver what was left for later."""
+        for pump in self._in_order:
+            if pump.is_put_off:
+                pump.step()
 
     def tap_body(self, tap: Callable[[SampleBatch], None] | None) -> None:
         """Hand every batch of the body tracker to `tap` when it arrives; None ends it."""
@@ -354,7 +364,7 @@ class RunningRig:
 
     def health(self) -> dict[str, Health]:
         """Return what every device has delivered, what was lost and how often it came back."""
-        self.catch_up()
+        self.deliver_all()
         return {role: pump.health() for role, pump in self._pumps.items()}
 
 

@@ -148,6 +148,11 @@ def _events(recording: Recording, name: str, part: int) -> pd.DataFrame:
 
 def _agent(raw: dict[str, Any]) -> Agent:
     return Agent(
-        raw["agent_id"], raw["character"], raw["place"], np.array(raw["head_centre_m"]),
-        float(raw["head_radius_m"]), np.array(raw["facing"]), np.array(raw["eye_centre_m"]),
-    )  # fmt: skip
+        raw["agent_id"],
+        raw["character"],
+        raw["place"],
+        np.array(raw["head_centre_m"]),
+        float(raw["head_radius_m"]),
+        np.array(raw["facing"]),
+        np.array(raw["eye_centre_m"]),
+    )

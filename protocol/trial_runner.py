@@ -68,6 +68,7 @@ class TrialRunner:
         self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
         self._attempts = dict(setup.progress.attempts)
         self._exchanges_told_ns: dict[str, int] = {}
+        self._align_gaze()
         self.memory = dict(setup.progress.memory)
         """What a simulated participant had learned at the end of the last trial."""
         self._finished, self._skipped = set(setup.progress.finished), set(setup.progress.skipped)
@@ -93,11 +94,13 @@ class TrialRunner:
         """Perform a trial with the time before it; write its row; return how it ended."""
         setup, loop, desk = self._setup, self._loop, self._desk
         desk.announce(trial)
+        self._align_gaze()  # a tracker that went away may have come back with another clock
         self._perform(setup.experiment.intertrial(trial), interruptible=False)
         skip_reason = desk.skip_reason
         if skip_reason is None and desk.must_hold():
             return Outcome("postponed", None)
-        self._set_clock_offset()
+        self.record_exchanges()
+        self._align_gaze()
         attempt = self._attempts.get(trial.trial_id, 0) + 1
         self._attempts[trial.trial_id] = attempt
         loop.trial_number = trial.number
@@ -264,9 +267,9 @@ class TrialRunner:
                     ],
                 )
 
-    def _set_clock_offset(self) -> None:
+    def _align_gaze(self) -> None:
+        """Let gaze be dated by what is known now of the tracker's clock."""
         pairs = self._exchanges()[-RECENT_EXCHANGES:]
-        self.record_exchanges()
         observer = self._loop.observer
         if pairs:
             observer.clock_offset_ns = offset_ns(latest_quick(pairs))

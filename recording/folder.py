@@ -8,10 +8,10 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from lab.clock import Clock
+from lab.closing import Closing
 from lab.errors import UsageError
 from recording.durable import make_folder, sync_folder, write_failure
 from recording.lock import SessionLock
@@ -57,24 +57,13 @@ def list_sessions(data_root: Path, study: str, *, is_simulated: bool) -> tuple[P
     return tuple(sorted(p.parent for p in folder.glob("sub-*/ses-*/manifest.json")))
 
 
-class SessionFolder:
+class SessionFolder(Closing):
     """A session held for writing; release it with `close`."""
 
     def __init__(self, path: Path, manifest: Manifest, lock: SessionLock) -> None:
         self.path = path
         self.manifest = manifest
         self._lock = lock
-
-    def __enter__(self) -> "SessionFolder":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def begin_part(self, clock: Clock) -> Path:
         """Add a part, marked running, and return its new, empty folder for a `Recorder`."""

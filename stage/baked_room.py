@@ -65,8 +65,11 @@ def _light(
         decoded(vertices["colour"][:, :3]),
         vertices["look"][:, 1].astype(np.float32) / np.float32(255),
         np.full(len(vertices), textured),
-        *rows, CODES_OF_ROOT, FACTORS_OF_ROOT, out,
-    )  # fmt: skip
+        *rows,
+        CODES_OF_ROOT,
+        FACTORS_OF_ROOT,
+        out,
+    )
     return out
 
 

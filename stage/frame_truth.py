@@ -133,8 +133,11 @@ def views_row(
     for i, view in enumerate(views[:MAX_EYES]):
         row["offset_m"][i], row["orientation_wxyz"][i] = view.offset_m, view.orientation_wxyz
         row["tangents"][i] = (
-            view.tangent_left, view.tangent_right, view.tangent_bottom, view.tangent_top,
-        )  # fmt: skip
+            view.tangent_left,
+            view.tangent_right,
+            view.tangent_bottom,
+            view.tangent_top,
+        )
     row["samples"], row["fast"] = quality.samples, quality.fast
     row["shadows"] = SHADOWS.index(quality.shadows)
     row["shadow_map_px"] = quality.shadow_map_px

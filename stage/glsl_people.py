@@ -84,11 +84,23 @@ void main() {
 """Skins everyone once a frame; what it writes is drawn from every eye and lamp."""
 
 SKINNED_VARYINGS = (
-    "out_place", "out_normal", "out_detail", "out_albedo", "out_surface", "out_person",
-)  # fmt: skip
+    "out_place",
+    "out_normal",
+    "out_detail",
+    "out_albedo",
+    "out_surface",
+    "out_person",
+)
 SKINNED_BYTES = 56
-SKINNED_LAYOUT = ("3f4 3f4 3f4 3f4 4u1 1u4", "in_place", "in_normal", "in_detail", "in_albedo",
-                  "in_surface", "in_person")  # fmt: skip
+SKINNED_LAYOUT = (
+    "3f4 3f4 3f4 3f4 4u1 1u4",
+    "in_place",
+    "in_normal",
+    "in_detail",
+    "in_albedo",
+    "in_surface",
+    "in_person",
+)
 
 VERTEX = (
     LIGHTING

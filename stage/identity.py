@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from lab.closing import Closing
 from stage.errors import StageError
 from stage.levels import DetailRule
 from stage.renderer import Quality, Renderer
@@ -37,7 +38,7 @@ class IdentityImages:
     distance_m: npt.NDArray[np.float32]
 
 
-class IdentityBuffer:
+class IdentityBuffer(Closing):
     """Draw identity images; without a renderer it opens its own off-screen context."""
 
     def __init__(self, renderer: Renderer | None = None, *, quality: Quality = FAITHFUL) -> None:
@@ -95,12 +96,6 @@ class IdentityBuffer:
         self._release()
         if self._owns:
             self._renderer.close()
-
-    def __enter__(self) -> "IdentityBuffer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _fit(self, width: int, height: int) -> None:
         if max(width, height) > MAX_ATLAS_PX:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from lab.closing import Closing
 from stage.errors import StageError
 
 JPEG_QUALITY: Final = 92
@@ -20,10 +21,10 @@ KEY_FRAME: Final = 0x10
 Picture = npt.NDArray[np.uint8]
 
 COLOURS: Final = (
-    "-vf", "scale=out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd+full_chroma_int",
-    "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1",
-    "-color_range", "tv", "-pix_fmt", "yuv420p",
-)  # fmt: skip
+    "-vf scale=out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd+full_chroma_int "
+    "-colorspace bt709 -color_primaries bt709 -color_trc iec61966-2-1 -color_range tv "
+    "-pix_fmt yuv420p"
+).split()
 """sRGB, told to the player; the halved colour resolution is all that every player can show."""
 CODECS: Final = {
     ".mp4": ("-c:v", "libx264", "-crf", "18", "-movflags", "+faststart"),
@@ -42,21 +43,8 @@ class Movie(Protocol):
         """Finish the file; idempotent."""
         ...
 
-    def __enter__(self) -> "Movie":
-        """Return itself."""
-        ...
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Finish the file."""
-        ...
-
-
-def open_movie(path: Path, size_px: tuple[int, int], rate_hz: int) -> Movie:
+def open_movie(path: Path, size_px: tuple[int, int], rate_hz: int) -> "WholeMovie":
     """Begin a film of (width, height) at so many frames a second; never replaces a file.
 
     It is written beside its name and moved there when it is whole; what fails leaves no file.
@@ -109,15 +97,11 @@ def _ffmpeg() -> str | None:
         return shutil.which("ffmpeg")
 
 
-class WholeMovie:
+class WholeMovie(Closing):
     """A film that has its name only once it is whole; one that is given up is removed."""
 
     def __init__(self, writes: Movie, beside: Path, path: Path) -> None:
         self._writes, self._beside, self._path = writes, beside, path
-
-    def __enter__(self) -> "WholeMovie":
-        """Return itself."""
-        return self
 
     def __exit__(
         self,
@@ -166,19 +150,6 @@ class MotionJpeg:
         self._file: IO[bytes] | None = path.open("wb")
         self._file.write(self._header())
         self._movi_at = self._file.tell() - 4
-
-    def __enter__(self) -> "MotionJpeg":
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Finish the file."""
-        self.close()
 
     def add(self, frame: Picture) -> None:
         """Append a frame.
@@ -253,24 +224,14 @@ class PipedMovie:
         width, height = size_px
         self._path, self._size_px = named, size_px
         codec = CODECS[path.suffix.lower()]
+        options = (
+            f"-loglevel error -y -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate_hz} -i -"
+        )
         self._process: subprocess.Popen[bytes] | None = subprocess.Popen(  # noqa: S603  (a fixed program; the path is one argument)
-            [program, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24",
-             "-s", f"{width}x{height}", "-r", str(rate_hz), "-i", "-", *COLOURS, *codec, str(path)],
-            stdin=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
-
-    def __enter__(self) -> "PipedMovie":
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Finish the file."""
-        self.close()
+            [program, *options.split(), *COLOURS, *codec, str(path)],
+            stdin=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
 
     def add(self, frame: Picture) -> None:
         """Append a frame.

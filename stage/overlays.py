@@ -64,9 +64,11 @@ class Overlays:
             self._blobs.orphan(2 * rows.nbytes)
         self._blobs.write(rows)
         array = self._array(
-            "blob", glsl_room.BLOB_VERTEX, glsl_room.BLOB_FRAGMENT,
+            "blob",
+            glsl_room.BLOB_VERTEX,
+            glsl_room.BLOB_FRAGMENT,
             [(self._wide, "2f4", "in_corner"), (self._blobs, "4f4/i", "in_blob")],
-        )  # fmt: skip
+        )
         context.disable(moderngl.CULL_FACE)
         context.enable(moderngl.BLEND)
         context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA

@@ -41,10 +41,12 @@ def panel_image(panel: Panel) -> npt.NDArray[np.uint8]:
     largest = height // 9 if 3 * height > width else height // 2
     _fit(draw, panel.text, (margin, margin, width - margin, round(bottom * height)), largest)
     common = min(
-        (_largest(draw, choice, _pixels(box, width, height, 12), height // 10)
-         for choice, box in zip(panel.choices, boxes, strict=True)),
+        (
+            _largest(draw, choice, _pixels(box, width, height, 12), height // 10)
+            for choice, box in zip(panel.choices, boxes, strict=True)
+        ),
         default=12,
-    )  # fmt: skip
+    )
     for i, (choice, box) in enumerate(zip(panel.choices, boxes, strict=True)):
         place = _pixels(box, width, height, 0)
         fill = LIT if i == panel.highlighted else BUTTON
@@ -98,6 +100,11 @@ def _fit(
     size = _largest(draw, text, box, largest_px)
     middle = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
     draw.multiline_text(
-        middle, _wrapped(draw, text, box[2] - box[0], size), TEXT, _font(size),
-        anchor="mm", align="center", spacing=6,
-    )  # fmt: skip
+        middle,
+        _wrapped(draw, text, box[2] - box[0], size),
+        TEXT,
+        _font(size),
+        anchor="mm",
+        align="center",
+        spacing=6,
+    )

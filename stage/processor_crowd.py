@@ -148,11 +148,28 @@ class ProcessorCrowd:
 
         def pose(some: Counts) -> None:
             pose_and_light(
-                some, vertices_of, self._slot_of, self._plain_of, self.joints.rows,
-                a["rest"], a["normal"], a["column"], a["weight"], a["morph"], a["deltas"],
-                a["albedo"], a["plain_albedo"], a["wrap"], a["kind"], a["textured"],
-                *lamps, CODES_OF_ROOT, FACTORS_OF_ROOT, encode, room.posed,
-            )  # fmt: skip
+                some,
+                vertices_of,
+                self._slot_of,
+                self._plain_of,
+                self.joints.rows,
+                a["rest"],
+                a["normal"],
+                a["column"],
+                a["weight"],
+                a["morph"],
+                a["deltas"],
+                a["albedo"],
+                a["plain_albedo"],
+                a["wrap"],
+                a["kind"],
+                a["textured"],
+                *lamps,
+                CODES_OF_ROOT,
+                FACTORS_OF_ROOT,
+                encode,
+                room.posed,
+            )
 
         other_half = self._second.submit(pose, people[1::2])
         pose(people[::2])
@@ -160,10 +177,20 @@ class ProcessorCrowd:
         eyes = eyes_m if len(eyes_m) <= MAX_EYES_CULLED else eyes_m[:0]
         self._count = np.zeros(len(joined.groups), np.int64)
         gather_front(
-            people, self._model_of, self._slot_of, self._plain_of, drawing.group_of,
-            joined.stretches, a["triangles"], drawing.single_sided, room.posed,
-            np.ascontiguousarray(eyes, np.float32), drawing.first, self._count, room.corners,
-        )  # fmt: skip
+            people,
+            self._model_of,
+            self._slot_of,
+            self._plain_of,
+            drawing.group_of,
+            joined.stretches,
+            a["triangles"],
+            drawing.single_sided,
+            room.posed,
+            np.ascontiguousarray(eyes, np.float32),
+            drawing.first,
+            self._count,
+            room.corners,
+        )
         size = np.diff(vertices_of, axis=1)[:, 0]
         for first, last in _stretches(self._slot_of[people], size[people]):
             room.moving.write(room.posed[first:last], offset=POSED_BYTES * first)

@@ -9,8 +9,19 @@ import numpy.typing as npt
 
 from stage.processor_models import PLAIN, Group, Model
 
-MODEL_ARRAYS = ("rest", "normal", "column", "weight", "morph", "deltas", "albedo",
-                "plain_albedo", "wrap", "kind", "textured")  # fmt: skip
+MODEL_ARRAYS = (
+    "rest",
+    "normal",
+    "column",
+    "weight",
+    "morph",
+    "deltas",
+    "albedo",
+    "plain_albedo",
+    "wrap",
+    "kind",
+    "textured",
+)
 Counts = npt.NDArray[np.int64]
 Rank = Callable[[Group], tuple[object, ...]]
 

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from lab.closing import Closing
 from lab.geometry import Vector
 from stage.context import GL_FRAMEBUFFER_SRGB, offscreen_context
 from stage.errors import StageError
@@ -69,7 +70,7 @@ class Drawn:
     distance_m: Vector
 
 
-class Renderer:
+class Renderer(Closing):
     """Draw into textures or arrays; one per graphics context, in the thread of that context."""
 
     def __init__(
@@ -162,12 +163,6 @@ class Renderer:
         self._lighting.release()
         if self._owns_context:
             self.context.release()
-
-    def __enter__(self) -> "Renderer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     # ---- one picture -----------------------------------------------------------------------
 

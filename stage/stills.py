@@ -1,12 +1,10 @@
 """Single pictures with smooth edges, for sheets and figures, in seconds on any machine."""
 
-from types import TracebackType
-from typing import Self
-
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from lab.closing import Closing
 from stage.context import draws_on_processor, offscreen_context
 from stage.renderer import Quality, Renderer
 from stimuli.picture import Camera, Picture
@@ -34,7 +32,7 @@ def made_small(large: npt.NDArray[np.uint8], size_px: tuple[int, int]) -> npt.ND
     return np.asarray(Image.fromarray(large).resize(size_px, Image.Resampling.BOX))
 
 
-class Stills:
+class Stills(Closing):
     """Draw single pictures off-screen at full quality."""
 
     def __init__(self) -> None:
@@ -52,14 +50,3 @@ class Stills:
     def close(self) -> None:
         """Give the graphics context back."""
         self._renderer.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        problem: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

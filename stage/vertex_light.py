@@ -41,10 +41,21 @@ def lamp_rows(room: Room) -> tuple[Floats, Floats]:
 
 @compiled
 def _lit(
-    px: np.float32, py: np.float32, pz: np.float32, nx: np.float32, ny: np.float32, nz: np.float32,
-    wr: np.float32, wg: np.float32, wb: np.float32, sr: np.float32, sg: np.float32, sb: np.float32,
-    lamps: Floats, ambient: Floats,
-) -> tuple[np.float32, np.float32, np.float32]:  # fmt: skip
+    px: np.float32,
+    py: np.float32,
+    pz: np.float32,
+    nx: np.float32,
+    ny: np.float32,
+    nz: np.float32,
+    wr: np.float32,
+    wg: np.float32,
+    wb: np.float32,
+    sr: np.float32,
+    sg: np.float32,
+    sb: np.float32,
+    lamps: Floats,
+    ambient: Floats,
+) -> tuple[np.float32, np.float32, np.float32]:
     """Return the light that a surface gives back, before its own colour; it bleeds round edges
     by `w` and is spread by `s`, one number a colour.
     """
@@ -129,9 +140,21 @@ def light_points(
         nx, ny, nz = normal[v, 0], normal[v, 1], normal[v, 2]
         share = np.float32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, np.float32(1e-12)))
         r, g, b = _lit(
-            place[v, 0], place[v, 1], place[v, 2], nx * share, ny * share, nz * share,
-            none, none, none, one, one, one, lamps, ambient,
-        )  # fmt: skip
+            place[v, 0],
+            place[v, 1],
+            place[v, 2],
+            nx * share,
+            ny * share,
+            nz * share,
+            none,
+            none,
+            none,
+            one,
+            one,
+            one,
+            lamps,
+            ambient,
+        )
         own = emission[v]
         r = albedo[v, 0] * (r + (np.float32(1.0) - r) * own)
         g = albedo[v, 1] * (g + (np.float32(1.0) - g) * own)
@@ -222,9 +245,21 @@ def pose_and_light(
                 out[slot, 3], out[slot, 4], out[slot, 5] = nx, ny, nz
             else:
                 r, g, b = _lit(
-                    px, py, pz, nx, ny, nz, wrap[v, 0], wrap[v, 1], wrap[v, 2],
-                    wrap[v, 3], wrap[v, 4], wrap[v, 5], lamps, ambient,
-                )  # fmt: skip
+                    px,
+                    py,
+                    pz,
+                    nx,
+                    ny,
+                    nz,
+                    wrap[v, 0],
+                    wrap[v, 1],
+                    wrap[v, 2],
+                    wrap[v, 3],
+                    wrap[v, 4],
+                    wrap[v, 5],
+                    lamps,
+                    ambient,
+                )
                 own = plain_albedo if plain else albedo
                 r, g, b = r * own[v, 0], g * own[v, 1], b * own[v, 2]
                 if encode:

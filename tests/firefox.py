@@ -124,11 +124,22 @@ def firefox(profile: Path) -> Iterator[Firefox]:
     found = program()
     assert found is not None
     process = subprocess.Popen(
-        [found, "--headless", "--no-remote", "--profile", str(profile), "--remote-debugging-port",
-         "0", "about:blank"],
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        [
+            found,
+            "--headless",
+            "--no-remote",
+            "--profile",
+            str(profile),
+            "--remote-debugging-port",
+            "0",
+            "about:blank",
+        ],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
         env=os.environ | {"HOME": str(profile)},
-    )  # fmt: skip
+    )
     try:
         assert process.stderr is not None
         for line in process.stderr:

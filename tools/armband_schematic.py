@@ -94,12 +94,18 @@ def _channel(drawing: schemdraw.Drawing) -> None:
 
 def _processor(drawing: schemdraw.Drawing) -> None:
     pins = [
-        PIN(name="PD6", side="right"), PIN(name="PD5", side="right"),
-        PIN(name="PB3", side="right"), PIN(name="PD3", side="right"),
-        PIN(name="ADC0", side="left"), PIN(name="ADC1", side="left"),
-        PIN(name="ADC2", side="left"), PIN(name="RXD", side="bot"),
-        PIN(name="TXD", side="bot"), PIN(name="GND", side="bot"), PIN(name="VCC", side="top"),
-    ]  # fmt: skip
+        PIN(name="PD6", side="right"),
+        PIN(name="PD5", side="right"),
+        PIN(name="PB3", side="right"),
+        PIN(name="PD3", side="right"),
+        PIN(name="ADC0", side="left"),
+        PIN(name="ADC1", side="left"),
+        PIN(name="ADC2", side="left"),
+        PIN(name="RXD", side="bot"),
+        PIN(name="TXD", side="bot"),
+        PIN(name="GND", side="bot"),
+        PIN(name="VCC", side="top"),
+    ]
     drawing += (
         elements.Label()
         .at((12.0, -3.8))

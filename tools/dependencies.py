@@ -80,8 +80,11 @@ def licence_of(said: Any) -> str:
     expression = said.get("License-Expression")
     if expression:
         return str(expression)
-    classes = [c.rpartition("::")[2].strip() for c in said.get_all("Classifier") or ()
-               if c.startswith("License ::")]  # fmt: skip
+    classes = [
+        c.rpartition("::")[2].strip()
+        for c in said.get_all("Classifier") or ()
+        if c.startswith("License ::")
+    ]
     text = str(said.get("License") or "").strip().partition("\n")[0]
     return ", ".join(classes) or text
 

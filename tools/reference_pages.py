@@ -172,8 +172,14 @@ def _setting(name: str, field: FieldInfo) -> str:
         default = "**needed**"
     else:
         default = f"`{_shown(field.get_default(call_default_factory=True))}`"
-    bounds = {"ge": "from {}", "gt": "above {}", "le": "to {}", "lt": "below {}",
-              "min_length": "at least {} long", "max_length": "at most {} long"}  # fmt: skip
+    bounds = {
+        "ge": "from {}",
+        "gt": "above {}",
+        "le": "to {}",
+        "lt": "below {}",
+        "min_length": "at least {} long",
+        "max_length": "at most {} long",
+    }
     said = [
         words.format(_shown(value))
         for rule in field.metadata

@@ -116,15 +116,28 @@ class Finding:
         told = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
         rows = [(*_levels_of(row), float(row["p_adjusted"]), said, row) for row, said in told]  # type: ignore[arg-type]  # a number, as tests write it
         if not rows and len(levels) == 2:
-            rows = [(levels[0], levels[1], self.terms[0].p_corrected,
-                     " ".join(outcome.sentences), self.terms[0].row)]  # fmt: skip
+            rows = [
+                (
+                    levels[0],
+                    levels[1],
+                    self.terms[0].p_corrected,
+                    " ".join(outcome.sentences),
+                    self.terms[0].row,
+                )
+            ]
         return tuple(
             Contrast(
-                a, b, p, self.terms[0].is_significant and p < compare.alpha,
-                float(means[a] - means[b]), said, row, compare.pairs.get((a, b)),
+                a,
+                b,
+                p,
+                self.terms[0].is_significant and p < compare.alpha,
+                float(means[a] - means[b]),
+                said,
+                row,
+                compare.pairs.get((a, b)),
             )
             for a, b, p, said, row in rows
-        )  # fmt: skip
+        )
 
     def _items_compared(self) -> tuple[Contrast, ...]:
         outcome, compare = self.outcome, self.compare
@@ -318,17 +331,28 @@ def analyse_rows(
     """
     if selection.counted.empty:
         why = "; ".join(f"{left.count} {left.level}s: {left.words}" for left in selection.left)
-        raise DataError(f"no trial of {study.name} counts ({why or 'there is none'}); nothing can "
-                        "be analysed")  # fmt: skip
+        raise DataError(
+            f"no trial of {study.name} counts ({why or 'there is none'}); nothing can be analysed"
+        )
     known = {m.column: m for m in measures}
     found = [
         answered(c, selection.counted, known, dict(levels), is_simulated=is_simulated)
         for c in (study.compare if compare is None else compare)
     ]
     made = StudyAnalysis(
-        study, is_simulated, selection, people, dict(levels), tuple(measures), corrected(found),
-        tuple(cells or levels), rules=rules, tables=tables or {}, thresholds=thresholds, how=how,
-    )  # fmt: skip
+        study,
+        is_simulated,
+        selection,
+        people,
+        dict(levels),
+        tuple(measures),
+        corrected(found),
+        tuple(cells or levels),
+        rules=rules,
+        tables=tables or {},
+        thresholds=thresholds,
+        how=how,
+    )
     made = _with_families(made, known, varied)
     return made if study.further_of is None else replace(made, further=study.further_of(made))
 

@@ -91,8 +91,13 @@ def asked_elsewhere(
     return Answer(option, by, began_ns, view.t_ns, view)
 
 
-def pressed(controls: tuple[str, ...], limit_s: float, view: FrameView, from_ns: int,
-            each_frame: Callable[[FrameView], Show | None]) -> Asking:  # fmt: skip
+def pressed(
+    controls: tuple[str, ...],
+    limit_s: float,
+    view: FrameView,
+    from_ns: int,
+    each_frame: Callable[[FrameView], Show | None],
+) -> Asking:
     """Wait for one of several controls, timed from `from_ns`; missing after `limit_s`.
 
     The answer bears the time at which the press was heard, not that of the frame after it.
@@ -109,8 +114,9 @@ def pressed(controls: tuple[str, ...], limit_s: float, view: FrameView, from_ns:
         view = yield from frame()
 
 
-def pointed(limit_s: float, view: FrameView,
-            each_frame: Callable[[FrameView], Show | None]) -> Asking:  # fmt: skip
+def pointed(
+    limit_s: float, view: FrameView, each_frame: Callable[[FrameView], Show | None]
+) -> Asking:
     """Wait until a direction is pointed at and confirmed."""
     asked_ns = view.t_ns
     until_ns = asked_ns + round(limit_s * NS_PER_S)
@@ -124,8 +130,9 @@ def pointed(limit_s: float, view: FrameView,
     return Answer(None, "nothing in time", asked_ns, view.t_ns, view)
 
 
-def direction_columns(name: str, pose: Pose | None, heads_m: Vector, places: tuple[str, ...],
-                      within_deg: float = 10.0) -> dict[str, Scalar | None]:  # fmt: skip
+def direction_columns(
+    name: str, pose: Pose | None, heads_m: Vector, places: tuple[str, ...], within_deg: float = 10.0
+) -> dict[str, Scalar | None]:
     """Return who and where was pointed at: the nearest head (n, 3) within an angle of the ray."""
     if pose is None:
         return {name: None, f"{name}_yaw_deg": None, f"{name}_pitch_deg": None}
@@ -139,8 +146,11 @@ def direction_columns(name: str, pose: Pose | None, heads_m: Vector, places: tup
         nearest = int(np.argmin(chord))
         if np.degrees(2 * np.arcsin(min(1.0, float(chord[nearest]) / 2))) <= within_deg:
             who = places[nearest]
-    return {name: who, f"{name}_yaw_deg": round(float(yaw_deg), 3),
-            f"{name}_pitch_deg": round(float(pitch_deg), 3)}  # fmt: skip
+    return {
+        name: who,
+        f"{name}_yaw_deg": round(float(yaw_deg), 3),
+        f"{name}_pitch_deg": round(float(pitch_deg), 3),
+    }
 
 
 def _shown(step: Show | None) -> Generator[Step, FrameView | Answered | None, None]:

@@ -67,9 +67,16 @@ def posed(
     n = len(eyes_m)
     positions, turns = np.empty((n, p.JOINTS, 3)), np.empty((n, p.JOINTS, 4))
     _body_rows(
-        ease.controls, ease.skeleton.parents, ease.skeleton.offsets_m[None], eyes_m, head_wxyz,
-        np.ascontiguousarray(hand_m), hand_wxyz, positions, turns,
-    )  # fmt: skip
+        ease.controls,
+        ease.skeleton.parents,
+        ease.skeleton.offsets_m[None],
+        eyes_m,
+        head_wxyz,
+        np.ascontiguousarray(hand_m),
+        hand_wxyz,
+        positions,
+        turns,
+    )
     return positions, turns
 
 

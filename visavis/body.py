@@ -51,6 +51,10 @@ class PointingHand:
         while self._presses and self._presses[0][0] <= until_ns:
             yield self._presses.pop(0)
 
+    def next_press_ns(self) -> int | None:
+        """Return when something is pressed or let go of next; None when nothing is."""
+        return self._presses[0][0] if self._presses else None
+
     def pointed_at(self, t_s: Vector) -> Vector:
         """Return what is pointed to (t, 3)."""
         point = np.broadcast_to(self._points[0][1], (len(t_s), 3))
@@ -187,6 +191,10 @@ class StandingBody:
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Yield what was pressed since the last call."""
         return self.hand.presses(until_ns)
+
+    def next_press_ns(self) -> int | None:
+        """Return when something is pressed or let go of next."""
+        return self.hand.next_press_ns()
 
     # ---- for who inherits ----
 

@@ -18,8 +18,13 @@ Model = Literal["", "lmm", "gee", "clmm", "bradleyterry"]
 _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 
 
-def published_f(F: str, df1: int, df2: int, *, p: str, eta2p: str, is_significant: bool) -> Printed:
-    """Return a printed F test; its numbers are texts, so that their rounding is known."""
+def published_f(
+    F: str, df1: int | str, df2: int | str, *, p: str, eta2p: str, is_significant: bool
+) -> Printed:
+    """Return a printed F test; its numbers are texts, so that their rounding is known.
+
+    Degrees of freedom that were corrected for sphericity are texts, too ("1.56").
+    """
     test = f"F({df1}, {df2}) = {F}"
     sign = "" if p.startswith("<") else "= "
     text = f"{test}, p {sign}{p.replace('0.', '.')}, η²p = {eta2p.removeprefix('0')}"
@@ -30,7 +35,8 @@ def published_f(F: str, df1: int, df2: int, *, p: str, eta2p: str, is_significan
         for name, verdict in check.verdicts.items()
         if not verdict.is_consistent
     )
-    return Printed(is_significant, statistic=float(F), df=(df1, df2), text=text, misfits=misfits)
+    df = float(df1), float(df2)
+    return Printed(is_significant, statistic=float(F), df=df, text=text, misfits=misfits)
 
 
 @dataclass(frozen=True)
@@ -71,8 +77,9 @@ class Compare:
             value = getattr(self, name)
             object.__setattr__(self, name, (value,) if isinstance(value, str) else tuple(value))
         if not self.within and not self.between:
-            raise DesignError(f"the comparison of {self.dv} names no factor; add within= or "
-                              "between=")  # fmt: skip
+            raise DesignError(
+                f"the comparison of {self.dv} names no factor; add within= or between="
+            )
         if self.model not in get_args(Model):
             known = ", ".join(name for name in get_args(Model) if name)
             raise DesignError(f"model is {self.model!r}; it is {known} or left out")

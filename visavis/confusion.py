@@ -133,9 +133,14 @@ class Confusion:
             axes.imshow(shares, vmin=0, vmax=1, cmap="Blues")
             for i, j in np.argwhere(counts):
                 axes.text(
-                    j, i, f"{fraction(shares[i, j])}\n{counts[i, j]}", ha="center", va="center",
-                    fontsize=7.5, color="white" if shares[i, j] > DARK_01 else BLACK,
-                )  # fmt: skip
+                    j,
+                    i,
+                    f"{fraction(shares[i, j])}\n{counts[i, j]}",
+                    ha="center",
+                    va="center",
+                    fontsize=7.5,
+                    color="white" if shares[i, j] > DARK_01 else BLACK,
+                )
             axes.set_xticks(range(len(options)), names, rotation=30 if slanted else 0)
             axes.set_yticks(range(len(options)), names)
             axes.set_xlabel("Answered")

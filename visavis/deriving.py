@@ -40,11 +40,15 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
     possible = [f.name for f in dataclasses.fields(Study) if f.name not in OWN]
     for given in differs:
         if given not in possible:
-            raise DesignError(f"a study has no {given!r} to differ in"
-                              f"{did_you_mean(given, possible)}")  # fmt: skip
+            raise DesignError(
+                f"a study has no {given!r} to differ in{did_you_mean(given, possible)}"
+            )
     changed = {
-        "makers": dict(source.makers), "sections": list(source.sections), "texts": None, **differs,
-    }  # fmt: skip
+        "makers": dict(source.makers),
+        "sections": list(source.sections),
+        "texts": None,
+        **differs,
+    }
     changed |= _parameters(source, changed)
     if isinstance(changed.get("exclusions"), Mapping):
         changed["exclusions"] = _limits(source, changed["exclusions"])
@@ -70,8 +74,9 @@ def _found(base: str | Path, here: Path) -> Study:
 
 def _parameters(source: Study, changed: Mapping[str, Any]) -> dict[str, Any]:
     """Return fields of a study for its parameters, levels of factors and what every study has."""
-    given = {k: list(v) if isinstance(v, tuple) else v
-             for k, v in changed.get("parameters", {}).items()}  # fmt: skip
+    given = {
+        k: list(v) if isinstance(v, tuple) else v for k, v in changed.get("parameters", {}).items()
+    }
     if not given:
         return {"parameters": dict(source.parameters)}
     in_force = parameters_in_force(source, given)
@@ -83,9 +88,12 @@ def _parameters(source: Study, changed: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "parameters": {k: in_force[k] for k in source.parameters},
         "factors": factors,
-        **{k: v for k, v in in_force.items()
-           if k in usual and k not in source.parameters and k not in changed},
-    }  # fmt: skip
+        **{
+            k: v
+            for k, v in in_force.items()
+            if k in usual and k not in source.parameters and k not in changed
+        },
+    }
 
 
 def _limits(source: Study, limits: Mapping[str, float | None]) -> tuple[Exclusion, ...]:

@@ -103,30 +103,73 @@ def _is_missing(value: Any) -> bool:
 
 
 COMPLETENESS_RULES: Final = (
-    Exclusion("min_completed_01", "participant", "completed_01", 0.75,
-              "{value:.0%} of the planned trials finished (limit {limit:.0%})", above=False),
-    Exclusion("min_cell_trials", "participant", "smallest_cell_trials", 1.0,
-              "{value:.0f} trials in the emptiest cell (limit {limit:.0f})", above=False),
-    Exclusion("min_cell_01", "participant", "smallest_cell_01", 0.5,
-              "{value:.0%} of the trials planned for a cell count in the emptiest one "
-              "(limit {limit:.0%})", above=False),
-    Exclusion("min_answered_01", "participant", ANSWERED, 0.5,
-              "{value:.0%} of the questionnaires' required questions answered "
-              "(limit {limit:.0%})", above=False),
-)  # fmt: skip
+    Exclusion(
+        "min_completed_01",
+        "participant",
+        "completed_01",
+        0.75,
+        "{value:.0%} of the planned trials finished (limit {limit:.0%})",
+        above=False,
+    ),
+    Exclusion(
+        "min_cell_trials",
+        "participant",
+        "smallest_cell_trials",
+        1.0,
+        "{value:.0f} trials in the emptiest cell (limit {limit:.0f})",
+        above=False,
+    ),
+    Exclusion(
+        "min_cell_01",
+        "participant",
+        "smallest_cell_01",
+        0.5,
+        "{value:.0%} of the trials planned for a cell count in the emptiest one "
+        "(limit {limit:.0%})",
+        above=False,
+    ),
+    Exclusion(
+        "min_answered_01",
+        "participant",
+        ANSWERED,
+        0.5,
+        "{value:.0%} of the questionnaires' required questions answered (limit {limit:.0%})",
+        above=False,
+    ),
+)
 """What leaves out a person of whom too little is there, whatever was measured."""
 
 STANDARD_RULES: Final = (
-    Exclusion("max_trial_lost_01", "trial", LOST_COLUMN, 0.5,
-              "{value:.0%} of the scene without usable gaze (limit {limit:.0%})"),
-    Exclusion("max_head_lost_01", "trial", HEAD_LOST_COLUMN, 0.5,
-              "the head not tracked for {value:.0%} of the trial (limit {limit:.0%})"),
-    Exclusion("max_bad_trials_01", "participant", "bad_trials_01", 0.5,
-              "{value:.0%} of the trials left out (limit {limit:.0%})"),
-    Exclusion("max_calibration_error_deg", "participant", "calibration_error_deg", 3.0,
-              "mean calibration error {value:.2f}° (limit {limit:.2f}°)"),
+    Exclusion(
+        "max_trial_lost_01",
+        "trial",
+        LOST_COLUMN,
+        0.5,
+        "{value:.0%} of the scene without usable gaze (limit {limit:.0%})",
+    ),
+    Exclusion(
+        "max_head_lost_01",
+        "trial",
+        HEAD_LOST_COLUMN,
+        0.5,
+        "the head not tracked for {value:.0%} of the trial (limit {limit:.0%})",
+    ),
+    Exclusion(
+        "max_bad_trials_01",
+        "participant",
+        "bad_trials_01",
+        0.5,
+        "{value:.0%} of the trials left out (limit {limit:.0%})",
+    ),
+    Exclusion(
+        "max_calibration_error_deg",
+        "participant",
+        "calibration_error_deg",
+        3.0,
+        "mean calibration error {value:.2f}° (limit {limit:.2f}°)",
+    ),
     *COMPLETENESS_RULES,
-)  # fmt: skip
+)
 """What leaves a trial or a person out of every study, unless the study says otherwise."""
 
 STANDARD_COLUMNS: Final = frozenset(rule.column for rule in STANDARD_RULES)
@@ -135,8 +178,9 @@ STANDARD_COLUMNS: Final = frozenset(rule.column for rule in STANDARD_RULES)
 
 def needs_answer(response: str) -> Exclusion:
     """Return the rule that leaves out trials in which a question was not answered."""
-    return Exclusion(f"needs_{response}", "trial", response, 1.0,
-                     f"no answer to {response}", if_missing=True)  # fmt: skip
+    return Exclusion(
+        f"needs_{response}", "trial", response, 1.0, f"no answer to {response}", if_missing=True
+    )
 
 
 @dataclass(frozen=True)
@@ -204,8 +248,11 @@ def rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> s
     """Return what a step leaves out, in words: of a rule its column and the limit in force."""
     rule = next((r for r in rules if r.name == name), None)
     if rule is None:
-        known = {"damaged": f"unreadable, {UNREADABLE}", "unfinished": NOT_FINISHED,
-                 "repeated": REPEATED}  # fmt: skip
+        known = {
+            "damaged": f"unreadable, {UNREADABLE}",
+            "unfinished": NOT_FINISHED,
+            "repeated": REPEATED,
+        }
         return known.get(name, name.replace("_", " "))
     if rule.if_missing:
         return rule.words
@@ -275,9 +322,12 @@ def select(
         limit = limits[rule.name]
         values = table[rule.column]
         out = values.map(lambda v, r=rule, n=limit: r.breaks(v, n)).astype(bool)
-        leave(out, rule.name, "trial", [
-            rule.said(v, limit) if bad else "" for v, bad in zip(values, out, strict=True)
-        ])  # fmt: skip
+        leave(
+            out,
+            rule.name,
+            "trial",
+            [rule.said(v, limit) if bad else "" for v, bad in zip(values, out, strict=True)],
+        )
 
     leave(table["is_practice"].astype(bool), "practice", "trial", PRACTICE)
     unreadable = table["status"].isin((DAMAGED, LOST))

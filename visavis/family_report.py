@@ -186,11 +186,22 @@ def _pair_cells(test: PairTest) -> tuple[Cell | str, ...]:
     second = mean_sd(test.second_mean, test.second_sd, digits)
     if test.outcome is None:
         untested = Cell("not tested", "weak", test.problem)
-        return (_name(test), first, "", second, str(test.n_pairs), untested,
-                MISSING, "", MISSING, MISSING)  # fmt: skip
+        return (
+            _name(test),
+            first,
+            "",
+            second,
+            str(test.n_pairs),
+            untested,
+            MISSING,
+            "",
+            MISSING,
+            MISSING,
+        )
     eta, effect = test.outcome.eta, test.outcome.effect
-    bounds = "" if effect.interval is None else \
-        f" {interval(effect.interval.low, effect.interval.high)}"  # fmt: skip
+    bounds = (
+        "" if effect.interval is None else f" {interval(effect.interval.low, effect.interval.high)}"
+    )
     return (
         _name(test),
         first,

@@ -135,9 +135,13 @@ def filmed(film: Film, staged: Staged) -> FilmSeen:
     at = np.searchsorted(times, camera.cut_ns)
     cut[at[at < len(times)]] = True
     return FilmSeen(
-        times / NS_PER_S, tuple(cameras), np.array([s for _, s in log.seen]), np.array(heights),
-        cut, log.sheet(np.array(camera.cut_ns, np.int64)),
-    )  # fmt: skip
+        times / NS_PER_S,
+        tuple(cameras),
+        np.array([s for _, s in log.seen]),
+        np.array(heights),
+        cut,
+        log.sheet(np.array(camera.cut_ns, np.int64)),
+    )
 
 
 def _camera(lens: Moving, room: Room, obstacles: Obstacles, subject: _Subject) -> FilmingCamera:
@@ -149,13 +153,21 @@ def _camera(lens: Moving, room: Room, obstacles: Obstacles, subject: _Subject) -
         return Director(place, style, subject.moment, seed=lens.seed)
     if isinstance(lens, Following):
         return Follower(
-            obstacles, subject.moment, subject.front,
-            back_m=lens.back_m, above_m=lens.above_m, right_m=lens.right_m,
-        )  # fmt: skip
+            obstacles,
+            subject.moment,
+            subject.front,
+            back_m=lens.back_m,
+            above_m=lens.above_m,
+            right_m=lens.right_m,
+        )
     return TakingTurns(
-        obstacles, lens.places_m, subject.moment,
-        shot=lens.shot, fov_v_deg=lens.fov_v_deg, min_shot_s=lens.min_shot_s,
-    )  # fmt: skip
+        obstacles,
+        lens.places_m,
+        subject.moment,
+        shot=lens.shot,
+        fov_v_deg=lens.fov_v_deg,
+        min_shot_s=lens.min_shot_s,
+    )
 
 
 def _is_in(camera: Camera, place_m: Vector) -> bool:

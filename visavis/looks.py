@@ -18,7 +18,7 @@ from analysis.gaze.aoi import (
 )
 from analysis.gaze.events import (
     IDT_HEADSET,
-    IVT_HEADSET,
+    IVT_SCREEN,
     Fixations,
     IdtParameters,
     IvtParameters,
@@ -128,7 +128,7 @@ class MeasureParameters:
 
     pad_deg: float = DEFAULT_PAD_DEG
     looks: LookParameters = field(default=LOOKS)
-    ivt: IvtParameters = field(default=IVT_HEADSET)
+    ivt: IvtParameters = field(default=IVT_SCREEN)
     idt: IdtParameters = field(default=IDT_HEADSET)
     adaptive: MovementParameters = field(default=AUTO)
 
@@ -284,10 +284,18 @@ def sensitivity_rows(
     span = _span(row)
     samples = targets.between(span.start_ns, span.end_ns)
     found = sensitivity_of_trial(
-        samples.t_ns, samples.angle_deg, samples.radius_deg, samples.pad_limit_deg, samples.hit,
-        span.active, span.start_ns, span.end_ns,
-        pads_deg=pads_deg, minima_ms=minima_ms, params=params.looks,
-    )  # fmt: skip
+        samples.t_ns,
+        samples.angle_deg,
+        samples.radius_deg,
+        samples.pad_limit_deg,
+        samples.hit,
+        span.active,
+        span.start_ns,
+        span.end_ns,
+        pads_deg=pads_deg,
+        minima_ms=minima_ms,
+        params=params.looks,
+    )
     for one in found:
         measures = one.measures.as_row()
         yield {

@@ -159,9 +159,13 @@ def dwell_on(
 ) -> Measure:
     """Return the time of valid gaze on the head of the agent that plays a role."""
     return Measure(
-        column, "ms", f"Dwell time on {whom(role)}",
-        _of_looks(role, scene, pad_deg, lambda looks: looks.dwell_ms), needs_gaze=True, role=role,
-    )  # fmt: skip
+        column,
+        "ms",
+        f"Dwell time on {whom(role)}",
+        _of_looks(role, scene, pad_deg, lambda looks: looks.dwell_ms),
+        needs_gaze=True,
+        role=role,
+    )
 
 
 def fixations_on(
@@ -173,10 +177,13 @@ def fixations_on(
 ) -> Measure:
     """Return how many fixations fell on the head of the agent that plays a role."""
     return Measure(
-        column, "1", f"Fixations on {whom(role)}",
+        column,
+        "1",
+        f"Fixations on {whom(role)}",
         _of_looks(role, scene, pad_deg, lambda looks: looks.as_row()["fixation_count"]),
-        needs_gaze=True, role=role,
-    )  # fmt: skip
+        needs_gaze=True,
+        role=role,
+    )
 
 
 def first_fixation_on(
@@ -188,10 +195,13 @@ def first_fixation_on(
 ) -> Measure:
     """Return when the first fixation on a head began, from the scene's onset; missing without."""
     return Measure(
-        column, "ms", f"Time to the first fixation on {whom(role)}",
+        column,
+        "ms",
+        f"Time to the first fixation on {whom(role)}",
         _of_looks(role, scene, pad_deg, lambda looks: looks.first_fixation_time_ms),
-        needs_gaze=True, role=role,
-    )  # fmt: skip
+        needs_gaze=True,
+        role=role,
+    )
 
 
 def lost_gaze(scene: str = "scene") -> Measure:

@@ -409,9 +409,14 @@ class OpenedStudy:
         """Write tables, figures and the report of a study; return the report's path."""
         analysis = self.analysis_of(sessions, settings)
         return self.write(
-            analysis, sessions, out_dir, is_simulated=is_simulated, commands=commands,
-            example=example, folder=folder,
-        )  # fmt: skip
+            analysis,
+            sessions,
+            out_dir,
+            is_simulated=is_simulated,
+            commands=commands,
+            example=example,
+            folder=folder,
+        )
 
     def write(
         self,
@@ -440,14 +445,25 @@ class OpenedStudy:
         if self.make_views is not None:
             self.make_views(out_dir, striking_trials(analysis)[:MAX_LISTED])
         provenance = provenance_of_sessions(
-            self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands,
+            self.name,
+            [s.manifest for s in sessions],
+            [s.source for s in sessions],
+            commands,
             folder,
-        )  # fmt: skip
+        )
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
         asked = self.asked(self.study.questionnaires)
         facts = {**sessions[0].facts, **self.study.setup}
-        return write_study(analysis, experiment, asked, provenance, out_dir, facts, self.plan,
-                           [stream for s in sessions for stream in s.streams])  # fmt: skip
+        return write_study(
+            analysis,
+            experiment,
+            asked,
+            provenance,
+            out_dir,
+            facts,
+            self.plan,
+            [stream for s in sessions for stream in s.streams],
+        )
 
 
 def _facts(own: pd.DataFrame | None, people: pd.DataFrame | None) -> pd.DataFrame | None:

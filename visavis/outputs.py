@@ -91,7 +91,7 @@ def write_study(
     path = out_dir / REPORT_NAME
     return build_report(
         analysis, experiment, provenance, pictures, path, questionnaires, sections, quality
-    )  # fmt: skip
+    )
 
 
 def _figures(
@@ -164,8 +164,10 @@ def write_tables(
     described = {c.name: c for c in (*PEOPLE, *STATISTICS)}
     described |= {name: known[name] for name in marks}
     described |= columns_of_tests(analysis.study.families) if analysis.results else {}
-    for name, rows in (("statistics", statistics_rows(analysis)),
-                       ("contrasts", contrast_rows(analysis))):  # fmt: skip
+    for name, rows in (
+        ("statistics", statistics_rows(analysis)),
+        ("contrasts", contrast_rows(analysis)),
+    ):
         if rows:
             table = pd.DataFrame(rows).assign(**marks)
             write_table(table, described, out_dir / f"{name}.csv")
@@ -200,9 +202,10 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
             rows.append(about)
         for term in finding.terms:
             decided: dict[str, Any] = {
-                "term": term.name, "p_family": term.p_corrected,
+                "term": term.name,
+                "p_family": term.p_corrected,
                 "is_significant": term.is_significant,
-            }  # fmt: skip
+            }
             printed = compare.published_of(term.name)
             if printed is not None:
                 decided |= {

@@ -87,7 +87,7 @@ class Printed:
     is_wilcoxon: bool = False
     where: str = ""
     text: str = ""
-    df: tuple[int, int] | None = None
+    df: tuple[float, float] | None = None
     misfits: tuple[str, ...] = ()
     p_is_bound: bool = False
 

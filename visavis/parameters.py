@@ -40,10 +40,16 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
         problems.append(f"parameters: {', '.join((*usual, *factors))}")
     if problems:
         raise ConfigError(f"{study.name} cannot be set so: {'; '.join(problems)}")
-    refused = list(filter(None, (
-        out_of_range(name, usual[name], allowed)
-        for name, allowed in study.ranges.items() if name in usual
-    )))  # fmt: skip
+    refused = list(
+        filter(
+            None,
+            (
+                out_of_range(name, usual[name], allowed)
+                for name, allowed in study.ranges.items()
+                if name in usual
+            ),
+        )
+    )
     if refused:
         raise DesignError(f"{study.name}: {'; '.join(refused)}")
     if study.check_of is not None:

@@ -139,6 +139,10 @@ class StudyPerson(Observer):
         """Yield what was pressed since the last call."""
         return self._hand.presses(until_ns)
 
+    def next_press_ns(self) -> int | None:
+        """Return when something is pressed or let go of next."""
+        return self._hand.next_press_ns()
+
     def segments(
         self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -208,10 +212,16 @@ class StudyPerson(Observer):
     def _seen(self) -> Seen:
         passed = max(self._last_ns - self._first_ns, 1)
         return Seen(
-            self._first, self._last, passed / NS_PER_S, self._contact_ns / passed,
-            self.notices_contact, self._leaning, tuple(self._felt),
-            (self.temperament.vr_experience - 1) / 4, self._films,
-        )  # fmt: skip
+            self._first,
+            self._last,
+            passed / NS_PER_S,
+            self._contact_ns / passed,
+            self.notices_contact,
+            self._leaning,
+            tuple(self._felt),
+            (self.temperament.vr_experience - 1) / 4,
+            self._films,
+        )
 
     def _said(self, response: Response) -> str | None:
         rng = self._rng(_MIND_STREAM, self.stretch(), zlib.crc32(response.name.encode()))

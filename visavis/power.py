@@ -104,11 +104,11 @@ class KitPower:
                 if printed.df is not None:
                     df1, df2 = printed.df
                     found[f"{compare.dv}:{term}"] = PrintedTest(
-                        f"F({df1}, {df2}) = {number(printed.statistic)}",
+                        f"F({df1:g}, {df2:g}) = {number(printed.statistic)}",
                         printed.statistic,
                         df1,
                         df2,
-                        df2 // df1 + 1,
+                        round(df2 / df1) + 1,
                     )
         return found
 
@@ -132,8 +132,10 @@ class KitPower:
             n = len(pairs[0].levels) * len(pairs[0].measures)
             return f"Shapiro-Wilk, then paired t or Wilcoxon, two-sided, p < {alpha:g}/{n}"
         ways = {c.correction for c in study.compare if not c.exploratory}
-        return f"the study's own tests, corrected within families ({', '.join(sorted(ways))}), " \
-               f"p < {alpha:g}"  # fmt: skip
+        return (
+            f"the study's own tests, corrected within families ({', '.join(sorted(ways))}), "
+            f"p < {alpha:g}"
+        )
 
     def effect_meaning(self, effect: float, source: Source) -> str:
         """Return what the multiplier did."""
@@ -143,8 +145,10 @@ class KitPower:
                 return f"{as_found}, their effect as found"
             return f"{as_found}, mean differences to the first level multiplied by {effect:g}"
         if effect == 0:
-            return "Simulated people to whom nothing shown makes a difference: whatever is " \
-                   "significant is false"  # fmt: skip
+            return (
+                "Simulated people to whom nothing shown makes a difference: whatever is "
+                "significant is false"
+            )
         if effect == 1:
             return "Simulated people as the study declares them"
         return (
@@ -197,8 +201,10 @@ class KitPower:
                 "that folder or its derived/ folder"
             )
         if effect != 1 and (opened.study.compare or not families):
-            raise DataError("people who were recorded keep the effect that was found in them: "
-                            "leave --effect out")  # fmt: skip
+            raise DataError(
+                "people who were recorded keep the effect that was found in them: "
+                "leave --effect out"
+            )
         rows = pd.read_csv(path, dtype={"participant": str})
         if COUNTED not in rows:
             raise DataError(f"{path} was not made by a study on the kit; analyse it again")
@@ -312,8 +318,18 @@ def _of_families(
         found |= dict(_found(rows, made))
     if asks:
         selection = Selection(rows, people, len(rows), (), {})
-        analysis = StudyAnalysis(study, True, selection, people, levels, tuple(known.values()),
-                                 findings, (), tuple(results), rules=rules)  # fmt: skip
+        analysis = StudyAnalysis(
+            study,
+            True,
+            selection,
+            people,
+            levels,
+            tuple(known.values()),
+            findings,
+            (),
+            tuple(results),
+            rules=rules,
+        )
         found |= {c.name: Found(c.is_found) for c in analysis.conclusions}
     return {name: verdict for name, verdict in found.items() if name in tests}
 

@@ -156,9 +156,16 @@ def _name(index: int) -> str:
 
 def _row_of(trial: Trial, own: Mapping[str, Any], index: int) -> dict[str, Any]:
     return {
-        "participant": _name(index), "session": 1, "trial_id": trial.trial_id, "attempt": 1,
-        "is_practice": False, "status": "complete", "is_simulated": True, **trial.factors, **own,
-    }  # fmt: skip
+        "participant": _name(index),
+        "session": 1,
+        "trial_id": trial.trial_id,
+        "attempt": 1,
+        "is_practice": False,
+        "status": "complete",
+        "is_simulated": True,
+        **trial.factors,
+        **own,
+    }
 
 
 def quick_rows(
@@ -181,11 +188,17 @@ def quick_rows(
 
         done = page_rows(experiment, person, index=index, seed=seed)
         rows = [_row_of(trial, own, index) for trial, own in done]
-        return pd.DataFrame([
-            row | {m.column: value_of(m, TrialRecord(row, None, None)) for m in measures
-                   if m.of is not None}
-            for row in rows
-        ])  # fmt: skip
+        return pd.DataFrame(
+            [
+                row
+                | {
+                    m.column: value_of(m, TrialRecord(row, None, None))
+                    for m in measures
+                    if m.of is not None
+                }
+                for row in rows
+            ]
+        )
     plan = experiment.plan(index, seed)
     for block in plan.blocks:
         person.wear(block.index + 1)
@@ -227,8 +240,9 @@ class _Frames:
         self._person, self._tracker, self._stretch = person, tracker, stretch
         self._batches: list[SampleBatch] = []
         schema = gaze_targets_schema(experiment.agent_count, TRACKER_HZ)
-        targets = RowBuffer(schema, self._batches.append, hold_ns=NS_PER_S * 3600,
-                            capacity=TRACKER_HZ * 20)  # fmt: skip
+        targets = RowBuffer(
+            schema, self._batches.append, hold_ns=NS_PER_S * 3600, capacity=TRACKER_HZ * 20
+        )
         self._targets = targets
         self._observer = GazeObserver(targets)
         self._in_head: list[npt.NDArray[np.float32]] = []
@@ -263,8 +277,16 @@ class _Frames:
     def gaze(self) -> GazeTargets:
         """Return every gaze sample of the trial with where it fell."""
         self._targets.flush()
-        names = ("t_sample_ns", "valid", "direction_world", "angle_deg", "radius_deg",
-                 "pad_limit_deg", "hit", "gaze_seq")  # fmt: skip
+        names = (
+            "t_sample_ns",
+            "valid",
+            "direction_world",
+            "angle_deg",
+            "radius_deg",
+            "pad_limit_deg",
+            "hit",
+            "gaze_seq",
+        )
         columns = {n: np.concatenate([b.values[n] for b in self._batches]) for n in names}
         columns["direction_head"] = np.concatenate(self._in_head)[columns["gaze_seq"]]
         return GazeTargets.from_columns(columns)
@@ -286,9 +308,16 @@ class _Frames:
         sounded, self._sounded = tuple(self._sounded), []
         downs = [(at_ns, c) for at_ns, c, value in self._person.presses(t_ns) if value > 0.5]
         return FrameView(
-            self._index, t_ns, head, True, gaze, tuple(c for _, c in downs), self._hand(t_ns),
-            pressed_ns=tuple(at_ns for at_ns, _ in downs), sounded=sounded,
-        )  # fmt: skip
+            self._index,
+            t_ns,
+            head,
+            True,
+            gaze,
+            tuple(c for _, c in downs),
+            self._hand(t_ns),
+            pressed_ns=tuple(at_ns for at_ns, _ in downs),
+            sounded=sounded,
+        )
 
     def _hand(self, t_ns: int) -> BodyView | None:
         """Return the hand that answers a board; None while no board is shown."""

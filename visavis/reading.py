@@ -164,10 +164,18 @@ def read_trial(
         return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit)
     except StopIteration:
         return TrialRead(
-            seconds, tuple(responses), tuple(scenes), agents, vibrates, lit, tuple(films),
-            frozenset(roles), fits_a_page, tuple(sounds),
+            seconds,
+            tuple(responses),
+            tuple(scenes),
+            agents,
+            vibrates,
+            lit,
+            tuple(films),
+            frozenset(roles),
+            fits_a_page,
+            tuple(sounds),
             tuple(sound_columns),
-        )  # fmt: skip
+        )
     except (DesignError, TypeError) as error:
         told = in_words(error)
         if isinstance(error, TypeError) and told.startswith(TypeError.__name__):

@@ -27,27 +27,49 @@ class Reference:
 
 
 GUIDELINE: Final = Reference(
-    "dunn2024", "article", ("Dunn, M. J.", "others"), 2024,
+    "dunn2024",
+    "article",
+    ("Dunn, M. J.", "others"),
+    2024,
     "Minimal reporting guideline for research involving eye tracking (2023 edition)",
-    "Behavior Research Methods", "56", "4351--4357", "10.3758/s13428-023-02187-1",
-)  # fmt: skip
+    "Behavior Research Methods",
+    "56",
+    "4351--4357",
+    "10.3758/s13428-023-02187-1",
+)
 VALIDATION: Final = Reference(
-    "schuetz2022", "article", ("Schuetz, I.", "Fiehler, K."), 2022,
+    "schuetz2022",
+    "article",
+    ("Schuetz, I.", "Fiehler, K."),
+    2022,
     "Eye tracking in virtual reality: Vive Pro Eye spatial accuracy, precision, and calibration "
     "reliability",
-    "Journal of Eye Movement Research", "15", "3", "10.16910/jemr.15.3.3",
-)  # fmt: skip
+    "Journal of Eye Movement Research",
+    "15",
+    "3",
+    "10.16910/jemr.15.3.3",
+)
 ALIGNED_RANKS: Final = Reference(
-    "wobbrock2011", "inproceedings",
-    ("Wobbrock, J. O.", "Findlater, L.", "Gergle, D.", "Higgins, J. J."), 2011,
+    "wobbrock2011",
+    "inproceedings",
+    ("Wobbrock, J. O.", "Findlater, L.", "Gergle, D.", "Higgins, J. J."),
+    2011,
     "The aligned rank transform for nonparametric factorial analyses using only ANOVA procedures",
-    "Proceedings of CHI 2011", "", "143--146", "10.1145/1978942.1978963",
-)  # fmt: skip
+    "Proceedings of CHI 2011",
+    "",
+    "143--146",
+    "10.1145/1978942.1978963",
+)
 HOLM: Final = Reference(
-    "holm1979", "article", ("Holm, S.",), 1979,
+    "holm1979",
+    "article",
+    ("Holm, S.",),
+    1979,
     "A simple sequentially rejective multiple test procedure",
-    "Scandinavian Journal of Statistics", "6", "65--70",
-)  # fmt: skip
+    "Scandinavian Journal of Statistics",
+    "6",
+    "65--70",
+)
 
 
 def references_of(analysis: StudyAnalysis, *, with_gaze: bool) -> tuple[Reference, ...]:
@@ -78,10 +100,15 @@ def bibtex(references: Iterable[Reference]) -> str:
         key = r.key if seen[r.key] == 1 else f"{r.key}{'abcdefghij'[seen[r.key] - 1]}"
         where = "booktitle" if r.kind == "inproceedings" else "journal"
         fields = {
-            "author": " and ".join(r.authors), "year": "" if r.year is None else str(r.year),
-            "title": f"{{{r.title}}}" if r.title else "", where: r.container, "volume": r.volume,
-            "pages": r.pages, "doi": r.doi, "note": _plain(r.note),
-        }  # fmt: skip
+            "author": " and ".join(r.authors),
+            "year": "" if r.year is None else str(r.year),
+            "title": f"{{{r.title}}}" if r.title else "",
+            where: r.container,
+            "volume": r.volume,
+            "pages": r.pages,
+            "doi": r.doi,
+            "note": _plain(r.note),
+        }
         lines = ",\n".join(f"  {name} = {{{value}}}" for name, value in fields.items() if value)
         entries.append(f"@{r.kind}{{{key},\n{lines}\n}}\n")
     return "\n".join(entries)

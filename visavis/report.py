@@ -67,8 +67,9 @@ def build_report(
 
     `pictures` are the figures by name.
     """
-    checked = [] if quality is None else [_quality(analysis, experiment, quality, provenance,
-                                                   pictures)]  # fmt: skip
+    checked = (
+        [] if quality is None else [_quality(analysis, experiment, quality, provenance, pictures)]
+    )
     study = analysis.study
     page = Page(
         title=study.title,
@@ -198,8 +199,10 @@ def _direction(
         return None
     more, less = (one, other) if means[one] > means[other] else (other, one)
     texts = experiment.texts
-    return f"{finding.measure.words}: more with {label_of(texts, str(more))} than with " \
-           f"{label_of(texts, str(less))}"  # fmt: skip
+    return (
+        f"{finding.measure.words}: more with {label_of(texts, str(more))} than with "
+        f"{label_of(texts, str(less))}"
+    )
 
 
 def _sentence(finding: Finding, term: Term) -> str:
@@ -257,9 +260,13 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
             beside = contrast.agreement
             if beside is not None and contrast.printed is not None:
                 rows.append(
-                    (f"{finding.measure.words}, {contrast.name}", f"p {_p(contrast.p)}",
-                     str(contrast.printed), verdict_cell(beside))
-                )  # fmt: skip
+                    (
+                        f"{finding.measure.words}, {contrast.name}",
+                        f"p {_p(contrast.p)}",
+                        str(contrast.printed),
+                        verdict_cell(beside),
+                    )
+                )
         if not finding.terms:
             rows += [
                 (finding.compare.name, "–", str(printed), Cell("not tested", "weak"))
@@ -385,15 +392,22 @@ def _quality(
         _losses(analysis, experiment.texts),
         counts_stamps="repeated_samples" in selection.rows,
     )
-    blocks: list[Block] = [pictures["quality"], listed,
-                           Fold("Every participant", (quality_table(quality),))]  # fmt: skip
+    blocks: list[Block] = [
+        pictures["quality"],
+        listed,
+        Fold("Every participant", (quality_table(quality),)),
+    ]
     heads = tuple(Column(h) for h in ("Participant", "What", "Why"))
     errors = selection.people.get("calibration_error_deg")
     ruled = any(r.column == "calibration_error_deg" for r in analysis.study.exclusions)
     if ruled and errors is not None and errors.isna().any():
         unknown = ", ".join(selection.people.loc[errors.isna(), "participant"].astype(str))
-        blocks.append(Paragraph(f"No validation is known for {unknown}; the rule on calibration "
-                                "error could not be applied there."))  # fmt: skip
+        blocks.append(
+            Paragraph(
+                f"No validation is known for {unknown}; the rule on calibration "
+                "error could not be applied there."
+            )
+        )
     if quality.incidents:
         table = Table(heads, quality.incidents, "Interruptions and deviations")
         blocks.append(Fold(f"Interruptions and deviations: {len(quality.incidents)}", (table,)))
@@ -448,8 +462,11 @@ def _people(
             blocks.append(Paragraph(f"Age {_mean_sd(ages)} years."))
     for asked in questionnaires:
         blocks += _said(asked, people)
-    blocks += [Paragraph(_answered_by(analysis, name)) for name in experiment.responses
-               if f"{name}_by" in analysis.selection.counted]  # fmt: skip
+    blocks += [
+        Paragraph(_answered_by(analysis, name))
+        for name in experiment.responses
+        if f"{name}_by" in analysis.selection.counted
+    ]
     out = analysis.selection.people
     gone = out[~out["is_analysed"]]
     if len(gone):
@@ -498,8 +515,9 @@ def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
             "exclusions do. Practice trials are not counted."
         )
         flagged = int(rows["flags"].fillna("").ne("").sum())
-        yield Fold(f"Flagged trials: {flagged} of {len(rows)}",
-                   (Table(heads, listed, "Flags", note),))  # fmt: skip
+        yield Fold(
+            f"Flagged trials: {flagged} of {len(rows)}", (Table(heads, listed, "Flags", note),)
+        )
 
 
 def _happened(provenance: ReportProvenance) -> Iterator[Block]:
@@ -529,11 +547,14 @@ def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
                 if isinstance(text, str) and text
             )
             if words:
-                yield Fold(f"{question.prompt} ({counted(len(words), 'answer')})",
-                           (Bullets(words),))  # fmt: skip
+                yield Fold(
+                    f"{question.prompt} ({counted(len(words), 'answer')})", (Bullets(words),)
+                )
         elif question.scale.options:
-            counts = {label: int((pd.to_numeric(answers, errors="coerce") == value).sum())
-                      for value, label in question.scale.options.items()}  # fmt: skip
+            counts = {
+                label: int((pd.to_numeric(answers, errors="coerce") == value).sum())
+                for value, label in question.scale.options.items()
+            }
             counts["no answer"] = len(answers) - sum(counts.values())
             yield Paragraph(
                 f"{name.replace('_', ' ').capitalize()}: "

@@ -60,9 +60,16 @@ AUDIENCE: Final = (
     *(f"male_{i:02d}" for i in range(1, 6)),
 )
 MOTIONS: Final[Mapping[str, type[Kind]]] = {
-    "idle": Idle, "wave": Wave, "talk": Talk, "phone": Phone, "text": Text, "crouch": Crouch,
-    "walk": Walk, "sit": Sit, "watch": WatchBoard,
-}  # fmt: skip
+    "idle": Idle,
+    "wave": Wave,
+    "talk": Talk,
+    "phone": Phone,
+    "text": Text,
+    "crouch": Crouch,
+    "walk": Walk,
+    "sit": Sit,
+    "watch": WatchBoard,
+}
 """What a person can do by name; anything else is the path of a clip (.npz or .bvh)."""
 
 
@@ -130,7 +137,8 @@ class WithEyes:
         if not view.head_valid:
             return False
         moved = view.head.position_m - self.observer_m
-        if float(moved @ moved) < self.step_m**2:
+        x, y, z = moved.tolist()
+        if x * x + y * y + z * z < self.step_m**2:
             return False
         self.observer_m = np.array(view.head.position_m, np.float64)
         return True
@@ -231,8 +239,10 @@ def audience(staging: Staging, *, active: str = "centre_middle", eyes: str = "di
 
 
 SCENES: Final[Mapping[str, Maker]] = {
-    "two_people": two_people, "person": person, "audience": audience,
-}  # fmt: skip
+    "two_people": two_people,
+    "person": person,
+    "audience": audience,
+}
 """The scenes Visavis comes with."""
 
 
@@ -249,8 +259,9 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
         return _beside(staging, sides)
     maker = makers.get(name)
     if maker is None:
-        raise DesignError(f"there is no scene {name!r}{did_you_mean(name, makers)}; there are "
-                          f"{', '.join(makers)}")  # fmt: skip
+        raise DesignError(
+            f"there is no scene {name!r}{did_you_mean(name, makers)}; there are {', '.join(makers)}"
+        )
     if (known := _taken(name, maker, wanted.options)) is not None:
         for option in wanted.options:
             if option not in known:

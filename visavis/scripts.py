@@ -215,9 +215,14 @@ def simulate(
     folder = root / SIMULATED_ROOT / chosen.name
     usual = wanted_settings(folder, chosen, is_simulated=True, seed=seed, effect=effect)
     wanted = StudySettings(
-        usual.study, usual.seed, True, effect, dict(parameters or usual.parameters),
-        source=usual.source, source_sha256=usual.source_sha256,
-    )  # fmt: skip
+        usual.study,
+        usual.seed,
+        True,
+        effect,
+        dict(parameters or usual.parameters),
+        source=usual.source,
+        source_sha256=usual.source_sha256,
+    )
     made = simulate_study(lab, chosen, wanted, participants, root, processes=processes)
     return StudyData(made, chosen)
 

@@ -116,12 +116,21 @@ def sensitivity_columns(of: Pairs, measures: Mapping[str, Measure]) -> dict[str,
         column
         for name in of.measures[:2]
         for column in (
-            *(Column(f"{name}_{v}", measures[name].unit, 
-                     f"{measures[name].words}, mean: {of.called(v)}") for v in (first, second)),
-            Column(f"{name}_p", "1", f"p of {measures[name].words}, {first} against {second}, "
-                   "uncorrected"),
+            *(
+                Column(
+                    f"{name}_{v}",
+                    measures[name].unit,
+                    f"{measures[name].words}, mean: {of.called(v)}",
+                )
+                for v in (first, second)
+            ),
+            Column(
+                f"{name}_p",
+                "1",
+                f"p of {measures[name].words}, {first} against {second}, uncorrected",
+            ),
         )
-    ]  # fmt: skip
+    ]
     described = (
         Column(PAD_COLUMN, "deg", "angular padding of heads"),
         Column(MINIMUM_COLUMN, "ms", "shortest look that counts as a fixation"),

@@ -56,8 +56,15 @@ RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.starts
     "view",
 }
 """Names a trial script has already; no factor or parameter can be called so."""
-SETTABLE: Final = ("repetitions", "practice", "blocks", "order", "intertrial_s", "answer_by",
-                   "answer_limit_s")  # fmt: skip
+SETTABLE: Final = (
+    "repetitions",
+    "practice",
+    "blocks",
+    "order",
+    "intertrial_s",
+    "answer_by",
+    "answer_limit_s",
+)
 """Parameters that every study has."""
 
 On: TypeAlias = Literal["lab", "browser"]
@@ -224,8 +231,9 @@ class Study:
         ]
         names = [f.name for f in self.factors]
         problems += [f"{n!r} is a factor and a parameter" for n in names if n in self.parameters]
-        problems += [f"{n!r} is a parameter of every study" for n in self.parameters
-                     if n in SETTABLE]  # fmt: skip
+        problems += [
+            f"{n!r} is a parameter of every study" for n in self.parameters if n in SETTABLE
+        ]
         problems += [
             f"screening knows no {n!r}; it knows {', '.join(get_args(Screening))}"
             for n in self.screening

@@ -110,10 +110,13 @@ def text_problems(study: Study) -> list[str]:
         everything = {name for entries in texts.values() for name in entries}
         for language, entries in texts.items():
             at = folder / f"{language}.yaml"
-            problems += [f"{at} has no {n}, which another language has"
-                         for n in sorted(everything - set(entries))]  # fmt: skip
-            problems += [f"{at}, {name}: the text is empty"
-                         for name, text in entries.items() if not text]  # fmt: skip
+            problems += [
+                f"{at} has no {n}, which another language has"
+                for n in sorted(everything - set(entries))
+            ]
+            problems += [
+                f"{at}, {name}: the text is empty" for name, text in entries.items() if not text
+            ]
             for name, text in entries.items():
                 bare = re.sub(r"\{[^{}]*\}", "", text)
                 if re.search(r"\d", bare) and not name.startswith(OWN_NUMBERS):
@@ -163,8 +166,10 @@ def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> lis
     measures = opened.measures(experiment)
     rows = _performed(opened, experiment, measures)
     known = trial_columns(experiment, measures)
-    problems = [f"column {name!r} of the trials is not described; name it in columns or measures"
-                for name in undescribed(rows.columns, known)]  # fmt: skip
+    problems = [
+        f"column {name!r} of the trials is not described; name it in columns or measures"
+        for name in undescribed(rows.columns, known)
+    ]
     other = OpenedStudy(renamed(opened.study))
     same = renamed_parameters(opened.study, experiment.overrides)
     again = _performed(other, other.experiment(same), measures)
@@ -179,8 +184,10 @@ def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> lis
 
 def renamed(study: Study) -> Study:
     """Return a study whose conditions are called otherwise and are the same: level_1, level_2."""
-    new = {f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
-           for f in study.factors}  # fmt: skip
+    new = {
+        f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
+        for f in study.factors
+    }
     old = {name: {v: k for k, v in levels.items()} for name, levels in new.items()}
 
     def told(plan: Callable[[TrialScript], Iterator[Any]]) -> Callable[[TrialScript], Any]:
@@ -234,8 +241,10 @@ def _of_old(of: Derived, old: Mapping[str, Mapping[Any, Any]]) -> Derived:
 
 def renamed_parameters(study: Study, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters for a renamed study, levels of its factors by their new names."""
-    new = {f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
-           for f in study.factors}  # fmt: skip
+    new = {
+        f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
+        for f in study.factors
+    }
     return _told_levels(parameters, new)
 
 

@@ -59,8 +59,9 @@ class Texts:
         for ending, words in (("_in_words", "numbers"), ("_ordinal", "ordinals")):
             name = placeholder.removesuffix(ending)
             if name != placeholder and name in known:
-                return {placeholder: self.find(f"{words}.{shown(known[name])}")
-                        or shown(known[name])}  # fmt: skip
+                return {
+                    placeholder: self.find(f"{words}.{shown(known[name])}") or shown(known[name])
+                }
         return {}
 
     def find(self, *names: str, values: Mapping[str, Any] | None = None) -> str | None:

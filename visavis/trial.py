@@ -431,11 +431,14 @@ class TrialScript:
             f"{name}_on_ns": on_ns,
             f"{name}_off_ns": off_ns,
             f"{name}_frames": frames,
-            **{f"{name}_{role}": index for role, index in staged.roles.items()
-               if role in self.settings.measured
-               or role not in {a.place for a in staged.scene.agents}},
+            **{
+                f"{name}_{role}": index
+                for role, index in staged.roles.items()
+                if role in self.settings.measured
+                or role not in {a.place for a in staged.scene.agents}
+            },
             "t_end_ns": off_ns,
-        }  # fmt: skip
+        }
         return ShownScene(on_ns, off_ns, staged.roles, view)
 
     def _watch(self, watched: Watched) -> Performing:
@@ -545,10 +548,16 @@ class TrialScript:
             if isinstance(behind, PanelFrame):
                 return Show(replace(behind, t_ns=view.t_ns, panels=(panel,)))
             return Show(
-                PanelFrame(behind.scene, view.t_ns, behind.gaze_direction,
-                           behind.eye_openness_01, behind.people, behind.gaze_distance_m,
-                           panels=(panel,))
-            )  # fmt: skip
+                PanelFrame(
+                    behind.scene,
+                    view.t_ns,
+                    behind.gaze_direction,
+                    behind.eye_openness_01,
+                    behind.people,
+                    behind.gaze_distance_m,
+                    panels=(panel,),
+                )
+            )
 
         return show
 
@@ -771,10 +780,12 @@ def _payload(
         "name": name,
         "scene": wanted.name,
         "start_ns": start_ns,
-        **{f"option_{k}": v if isinstance(v, str | int | float | bool) else str(v)
-           for k, v in wanted.options.items()},
+        **{
+            f"option_{k}": v if isinstance(v, str | int | float | bool) else str(v)
+            for k, v in wanted.options.items()
+        },
         **{f"role_{role}": index for role, index in staged.roles.items()},
-    }  # fmt: skip
+    }
 
 
 def _duration(step: str, seconds: float) -> float:

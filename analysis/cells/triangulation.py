@@ -158,8 +158,9 @@ def _sweep(points: list[Point]) -> dict[Edge, int]:
     hull = [*hull, apex]
     for p in order[line + 1 :]:
         n = len(hull)
-        sees = [orientation(points[hull[i]], points[hull[(i + 1) % n]], points[p]) < 0
-                for i in range(n)]  # fmt: skip
+        sees = [
+            orientation(points[hull[i]], points[hull[(i + 1) % n]], points[p]) < 0 for i in range(n)
+        ]
         start = next(i for i in range(n) if sees[i] and not sees[i - 1])
         hull = hull[start:] + hull[:start]
         length = sum(sees)

@@ -167,10 +167,42 @@ def columns_in_both(
     change = np.empty(room, np.int8)
     over_a = over(place_a, first_a, n_u, high_a, far_a)
     over_b = over(place_b, first_b, n_u, high_a, far_b)
-    n = cast(place_a, first_a, faces_a, met_a, over_a, n_u, n_v, low_a, high_a, below_a, count,
-             column, height, change, 0, 0)  # fmt: skip
-    n = cast(place_b, first_b, faces_b, met_b, over_b, n_u, n_v, low_a, high_a, below_b, count,
-             column, height, change, n, 1)  # fmt: skip
+    n = cast(
+        place_a,
+        first_a,
+        faces_a,
+        met_a,
+        over_a,
+        n_u,
+        n_v,
+        low_a,
+        high_a,
+        below_a,
+        count,
+        column,
+        height,
+        change,
+        0,
+        0,
+    )
+    n = cast(
+        place_b,
+        first_b,
+        faces_b,
+        met_b,
+        over_b,
+        n_u,
+        n_v,
+        low_a,
+        high_a,
+        below_b,
+        count,
+        column,
+        height,
+        change,
+        n,
+        1,
+    )
     if n > room:
         return np.empty(0, np.int32), np.empty((0, 2)), n, live
     begin = np.empty(cells + 1, np.int32)
@@ -195,8 +227,18 @@ def columns_in_both(
         if count[k] == 0 and (below_a[k] <= 0 or below_b[k] <= 0):
             continue
         tile = tile_of(k % n_u, k // n_u, across)
-        m = sweep(order, begin[k], begin[k + 1], height, change, below_a[k], below_b[k],
-                  low_a[tile], high_a[tile], intervals)  # fmt: skip
+        m = sweep(
+            order,
+            begin[k],
+            begin[k + 1],
+            height,
+            change,
+            below_a[k],
+            below_b[k],
+            low_a[tile],
+            high_a[tile],
+            intervals,
+        )
         for i in range(m):
             found_column[n_found] = k
             found[n_found, 0], found[n_found, 1] = intervals[i, 0], intervals[i, 1]

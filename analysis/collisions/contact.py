@@ -67,10 +67,13 @@ def crossing_box(
                         j = owner[entry]
                         entry = after[entry]
                         if (
-                            mine[i, 0] > boxes[j, 3] or boxes[j, 0] > mine[i, 3]
-                            or mine[i, 1] > boxes[j, 4] or boxes[j, 1] > mine[i, 4]
-                            or mine[i, 2] > boxes[j, 5] or boxes[j, 2] > mine[i, 5]
-                        ):  # fmt: skip
+                            mine[i, 0] > boxes[j, 3]
+                            or boxes[j, 0] > mine[i, 3]
+                            or mine[i, 1] > boxes[j, 4]
+                            or boxes[j, 1] > mine[i, 4]
+                            or mine[i, 2] > boxes[j, 5]
+                            or boxes[j, 2] > mine[i, 5]
+                        ):
                             continue
                         f, g = near_a[i], near_b[j]
                         met += edges_through(vertices_a, faces_a, f, vertices_b, faces_b, g, found)

@@ -103,9 +103,11 @@ def _events(corners: Vector, low_x: float, high_x: float) -> Vector:
             if boxes[j, 0] > boxes[i, 3]:
                 break
             if (
-                boxes[i, 1] > boxes[j, 4] or boxes[j, 1] > boxes[i, 4]
-                or boxes[i, 2] > boxes[j, 5] or boxes[j, 2] > boxes[i, 5]
-            ):  # fmt: skip
+                boxes[i, 1] > boxes[j, 4]
+                or boxes[j, 1] > boxes[i, 4]
+                or boxes[i, 2] > boxes[j, 5]
+                or boxes[j, 2] > boxes[i, 5]
+            ):
                 continue
             span[0], span[1] = np.inf, -np.inf
             met = edges_through(vertices, faces, i, vertices, faces, j, span)

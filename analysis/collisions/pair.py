@@ -140,9 +140,19 @@ def measure_box(
     room = _ROOM
     while True:
         column, stretch, met, live = columns_in_both(
-            vertices_a, faces_a, vertices_b, faces_b, axis, low_m, step, n_u, n_v,
-            low_m[axis], high_m[axis], room,
-        )  # fmt: skip
+            vertices_a,
+            faces_a,
+            vertices_b,
+            faces_b,
+            axis,
+            low_m,
+            step,
+            n_u,
+            n_v,
+            low_m[axis],
+            high_m[axis],
+            room,
+        )
         if met <= room:
             break
         room = met

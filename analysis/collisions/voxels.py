@@ -44,9 +44,19 @@ def cubes_centred_in(
     room = _ROOM
     while True:
         column, stretch, met, _ = columns_in_both(
-            vertices_a, faces_a, vertices_b, faces_b, 1, low, step, shape[2], shape[0],
-            low[1], top, room,
-        )  # fmt: skip
+            vertices_a,
+            faces_a,
+            vertices_b,
+            faces_b,
+            1,
+            low,
+            step,
+            shape[2],
+            shape[0],
+            low[1],
+            top,
+            room,
+        )
         if met <= room:
             break
         room = met
@@ -110,9 +120,19 @@ def _fill(
     room = _ROOM
     while True:
         column, stretch, met, _ = columns_in_both(
-            vertices_m, faces, vertices_m, faces, 1, low, step, shape[2], shape[0],
-            low[1], top, room,
-        )  # fmt: skip
+            vertices_m,
+            faces,
+            vertices_m,
+            faces,
+            1,
+            low,
+            step,
+            shape[2],
+            shape[0],
+            low[1],
+            top,
+            room,
+        )
         if met <= room:
             break
         room = met

@@ -112,8 +112,15 @@ def _validations(found: SessionQuality) -> Table | Paragraph:
         tuple(
             Column(head, "left" if not n else "right")
             for n, head in enumerate(
-                ("Validation", "Accuracy (°)", "Worst target (°)", "RMS-S2S (°)", "STD (°)",
-                 "Loss", "Accepted")
+                (
+                    "Validation",
+                    "Accuracy (°)",
+                    "Worst target (°)",
+                    "RMS-S2S (°)",
+                    "STD (°)",
+                    "Loss",
+                    "Accepted",
+                )
             )
         ),
         tuple(
@@ -132,14 +139,23 @@ def _validations(found: SessionQuality) -> Table | Paragraph:
         "Validations, combined eye",
         "Accuracy is the angle from a target to the mean direction, precision the spread while "
         "the target was looked at; means over targets.",
-    )  # fmt: skip
+    )
 
 
 def _eyes(found: SessionQuality) -> Table:
     heads = (
-        "Eye", "Rows", "Usable", "Loss", "Loss by rows", "Rate (Hz)", "Effective rate (Hz)",
-        "Longest gap (ms)", "RMS-S2S (°)", "RMS-S2S, calmest (°)", "STD (°)",
-    )  # fmt: skip
+        "Eye",
+        "Rows",
+        "Usable",
+        "Loss",
+        "Loss by rows",
+        "Rate (Hz)",
+        "Effective rate (Hz)",
+        "Longest gap (ms)",
+        "RMS-S2S (°)",
+        "RMS-S2S, calmest (°)",
+        "STD (°)",
+    )
     return Table(
         tuple(Column(head, "right" if n else "left") for n, head in enumerate(heads)),
         tuple(
@@ -200,8 +216,13 @@ def _movements(found: SessionQuality) -> tuple[Paragraph, Table]:
             f"Blinks a minute: {decimal(blinks_a_minute(found), 1)}."
         ),
         Table(
-            (Column("Movement"), Column("Number", "right"), Column("Share of samples", "right"),
-             Column("Median duration (ms)", "right"), Column("Median amplitude (°)", "right")),
+            (
+                Column("Movement"),
+                Column("Number", "right"),
+                Column("Share of samples", "right"),
+                Column("Median duration (ms)", "right"),
+                Column("Median amplitude (°)", "right"),
+            ),
             tuple(
                 (
                     kind.name.lower(),
@@ -214,7 +235,7 @@ def _movements(found: SessionQuality) -> tuple[Paragraph, Table]:
             ),
             "Eye movements found",
         ),
-    )  # fmt: skip
+    )
 
 
 def _median(values: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from analysis.statistics.results import Row, number, threshold_text
 from lab.errors import UsageError
 
 MAX_PARTING = 0.05
-"""How far closed-form power may lie outside the simulated interval without a warning."""
+"""How far simulated power may lie from the closed form without a warning."""
 
 
 @dataclass(frozen=True)
@@ -180,17 +180,20 @@ def _printed_notes(
         pairs = list(zip(test.curve.points, test.printed, strict=True))
         listed = ", ".join(f"{number(power)} at {point.n}" for point, power in pairs)
         told = f"{test.claim}: the printed {study.printed[test.name].text} alone has power {listed}"
-        parted = [
-            str(point.n)
-            for point, power in pairs
-            if not point.interval.low - MAX_PARTING <= power <= point.interval.high + MAX_PARTING
-        ]
+        parted = [(p, power) for p, power in pairs if abs(p.power - power) > MAX_PARTING]
+        by_chance = [p.n for p, power in parted if p.interval.low <= power <= p.interval.high]
         if parted:
+            chance = f" (at n = {_listed(by_chance)} replicates are too few to tell it from chance)"
             told += (
-                f"; WARNING: simulated people part from it at n = {', '.join(parted)}: "
+                f"; WARNING: simulated people part from it by more than {number(MAX_PARTING)} at "
+                f"n = {_listed([p.n for p, _ in parted])}{chance if by_chance else ''}: "
                 f"plan with the smaller power of the two{_why_parted(study, test, request)}"
             )
         yield told
+
+
+def _listed(numbers: list[int]) -> str:
+    return ", ".join(map(str, numbers))
 
 
 def _why_parted(study: PowerStudy, test: TestPower, request: PowerRequest) -> str:

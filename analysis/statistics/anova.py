@@ -106,9 +106,14 @@ def rm_anova(
     `mixed_anova`. Raises a `StatisticsError` naming the row or cell.
     """
     design = read_design(
-        frame, dv, subject=subject, within=within, between=between, levels=levels,
+        frame,
+        dv,
+        subject=subject,
+        within=within,
+        between=between,
+        levels=levels,
         missing=_no_mixed(missing),
-    )  # fmt: skip
+    )
     return anova_of_design(design, subject=subject, correction=correction)
 
 

@@ -127,11 +127,20 @@ def art_anova(
         notes=notes,
     )
     return ArtAnova(
-        effects, design, provenance, name,
+        effects,
+        design,
+        provenance,
+        name,
         aligned=aligned if transform == "art" else plain,
-        ranks=used, check=check, second_opinion=second, residual_skewness=skew,
-        error=error, transform=transform, ddf=ddf, random=random,
-    )  # fmt: skip
+        ranks=used,
+        check=check,
+        second_opinion=second,
+        residual_skewness=skew,
+        error=error,
+        transform=transform,
+        ddf=ddf,
+        random=random,
+    )
 
 
 def aligned_columns(design: Design) -> dict[str, Array]:

@@ -137,13 +137,21 @@ def join_factors(design: Design, names: tuple[str, ...]) -> Design:
     is_within = any(design.factor(n).is_within for n in names)
     joined = Factor(":".join(names), tuple(product(*_levels(design, names))), codes, is_within)
     rest = tuple(f for f in design.factors if f.name not in names)
-    order = (joined, *rest) if not is_within else (
-        *(f for f in rest if not f.is_within), joined, *(f for f in rest if f.is_within)
-    )  # fmt: skip
+    order = (
+        (joined, *rest)
+        if not is_within
+        else (*(f for f in rest if not f.is_within), joined, *(f for f in rest if f.is_within))
+    )
     return Design(
-        design.dv, design.y, design.subject, design.subjects, order, design.rows,
-        design.is_complete, design.dropped,
-    )  # fmt: skip
+        design.dv,
+        design.y,
+        design.subject,
+        design.subjects,
+        order,
+        design.rows,
+        design.is_complete,
+        design.dropped,
+    )
 
 
 def _levels(design: Design, names: Sequence[str]) -> list[tuple[object, ...]]:

@@ -174,14 +174,18 @@ def oneway_anova(
     F = ss / (k - 1) / mse
     eta2 = ss / (ss + ss_error)
     return OneWay(
-        F=F, df1=k - 1, df2=N - k, p=float(special.fdtrc(k - 1, N - k, F)),
+        F=F,
+        df1=k - 1,
+        df2=N - k,
+        p=float(special.fdtrc(k - 1, N - k, F)),
         groups=_described(names, groups),
         provenance=Provenance("One-way ANOVA", N, unit="rows", error_term="within groups"),
-        ss=ss, ss_error=ss_error,
+        ss=ss,
+        ss_error=ss_error,
         eta=replace(partial_eta_squared(F, k - 1, N - k), name="η²"),
         omega2=(ss - (k - 1) * mse) / (ss + ss_error + mse),
         cohen_f=float(np.sqrt(eta2 / (1 - eta2))),
-    )  # fmt: skip
+    )
 
 
 def welch_anova(
@@ -202,14 +206,19 @@ def welch_anova(
     F /= 1 + 2 * (k - 2) / (k**2 - 1) * tail
     df2 = (k**2 - 1) / (3 * tail)
     return OneWay(
-        F=float(F), df1=k - 1, df2=float(df2), p=float(special.fdtrc(k - 1, df2, F)),
+        F=float(F),
+        df1=k - 1,
+        df2=float(df2),
+        p=float(special.fdtrc(k - 1, df2, F)),
         groups=_described(names, groups),
         provenance=Provenance(
-            "Welch's ANOVA", sum(g.size for g in groups), unit="rows",
+            "Welch's ANOVA",
+            sum(g.size for g in groups),
+            unit="rows",
             error_term="separate variances",
         ),
         eta=partial_eta_squared(float(F), k - 1, float(df2)),
-    )  # fmt: skip
+    )
 
 
 def games_howell(
@@ -230,14 +239,21 @@ def games_howell(
         raise ConstantResponse(f"{dv} does not vary in two groups; Welch's t is not defined")
     dfs = variance**2 / (inside @ (shares**2 / np.array([g.size - 1 for g in groups])))
     return contrast_family(
-        (factor,), pair_labels(names), L @ np.array([g.mean() for g in groups]),
-        np.sqrt(variance), dfs, k=len(groups), adjustment=adjust,
+        (factor,),
+        pair_labels(names),
+        L @ np.array([g.mean() for g in groups]),
+        np.sqrt(variance),
+        dfs,
+        k=len(groups),
+        adjustment=adjust,
         provenance=Provenance(
             "Games-Howell" if adjust == "tukey" else "pairwise Welch t",
-            sum(g.size for g in groups), unit="rows", error_term="separate variances",
+            sum(g.size for g in groups),
+            unit="rows",
+            error_term="separate variances",
         ),
         effects=_differences(groups),
-    )  # fmt: skip
+    )
 
 
 def _differences(groups: Sequence[Array]) -> list[Effect | None]:
@@ -277,11 +293,18 @@ def dunn(
     adjusted = adjust_p(p, adjust)
     return tuple(
         DunnPair(
-            names[a], names[b], float(off[i]), float(ses[i]), float(z[i]), float(p[i]),
-            float(adjusted[i]), adjust, _rank_difference(groups[a], groups[b]),
+            names[a],
+            names[b],
+            float(off[i]),
+            float(ses[i]),
+            float(z[i]),
+            float(p[i]),
+            float(adjusted[i]),
+            adjust,
+            _rank_difference(groups[a], groups[b]),
         )
         for i, (a, b) in enumerate(pairs)
-    )  # fmt: skip
+    )
 
 
 def levene(frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | None = None) -> OneWay:
@@ -308,11 +331,14 @@ def kruskal_wallis(
     ties = tie_sizes(every)
     H = float(H / (1 - (ties**3 - ties).sum() / (N**3 - N)))
     return KruskalWallis(
-        H, k - 1, float(special.chdtrc(k - 1, H)), rank_effect("ε²", H / (N - 1), k - 1, N - k),
+        H,
+        k - 1,
+        float(special.chdtrc(k - 1, H)),
+        rank_effect("ε²", H / (N - 1), k - 1, N - k),
         names,
         tuple(float(r.mean()) for r in ranks),
         Provenance("Kruskal-Wallis", N, unit="rows", error_term="ranks, corrected for ties"),
-    )  # fmt: skip
+    )
 
 
 def tukey_hsd(
@@ -350,9 +376,15 @@ def group_means(
     every = np.concatenate(groups)
     r2 = 1 - ss_error / float(((every - every.mean()) ** 2).sum())
     return GroupMeans(
-        ("(Intercept)", *names[1:]), estimate, se, t, 2 * special.stdtr(df, -np.abs(t)), r2,
-        names, means,
-    )  # fmt: skip
+        ("(Intercept)", *names[1:]),
+        estimate,
+        se,
+        t,
+        2 * special.stdtr(df, -np.abs(t)),
+        r2,
+        names,
+        means,
+    )
 
 
 def type_two_effects(design: Design, effects: tuple[AnovaEffect, ...]) -> tuple[AnovaEffect, ...]:

@@ -70,9 +70,14 @@ def bootstrap_interval(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an interval that cannot be had is refused below
         made = stats.bootstrap(
-            (column,), statistic, n_resamples=n_replicates, confidence_level=level,
-            method="BCa" if method == "bca" else "percentile", vectorized=True, rng=rng,
-        )  # fmt: skip
+            (column,),
+            statistic,
+            n_resamples=n_replicates,
+            confidence_level=level,
+            method="BCa" if method == "bca" else "percentile",
+            vectorized=True,
+            rng=rng,
+        )
     low, high = (float(bound) for bound in made.confidence_interval)
     if not (np.isfinite(low) and np.isfinite(high)):
         raise StatisticsError(
@@ -80,9 +85,11 @@ def bootstrap_interval(
             "BCa interval; pass method='percentile'"
         )
     return Bootstrap(
-        float(statistic(column, axis=0)), Interval(low, high, level),
-        np.asarray(made.bootstrap_distribution, dtype=np.float64), method,
+        float(statistic(column, axis=0)),
+        Interval(low, high, level),
+        np.asarray(made.bootstrap_distribution, dtype=np.float64),
+        method,
         Provenance(
             "bootstrap", int(column.size), unit="values", error_term=f"{method}, {n_replicates}"
         ),
-    )  # fmt: skip
+    )

@@ -295,8 +295,13 @@ def bradley_terry(
     if persons.size <= kinds.size:
         raise TooFewSubjects(f"{persons.size} people; a group needs more than one")
     for j, group in enumerate(kinds):
-        _refuse_unbeaten(known, a[kind == j], b[kind == j], sign[kind == j],
-                         f" in {between} {group}" if between else "")  # fmt: skip
+        _refuse_unbeaten(
+            known,
+            a[kind == j],
+            b[kind == j],
+            sign[kind == j],
+            f" in {between} {group}" if between else "",
+        )
     k = len(known)
     D = np.zeros((rows.size, k))
     D[np.arange(rows.size), a] += 1
@@ -418,9 +423,16 @@ def _odds(
         for e, s, d in zip(estimates, ses, dfs, strict=True)
     ]
     return contrast_family(
-        term, pairs, estimates, ses, dfs, k=k, adjustment=adjust, effects=effects,
+        term,
+        pairs,
+        estimates,
+        ses,
+        dfs,
+        k=k,
+        adjustment=adjust,
+        effects=effects,
         provenance=replace(made.provenance, test="log odds of being preferred", notes=()),
-    )  # fmt: skip
+    )
 
 
 def _fit(votes: _Votes, beta: Array, a: Codes, b: Codes) -> PairFit | None:

@@ -108,9 +108,15 @@ def clmm(
     if within and not subject:
         raise UnknownColumn("within factors need the column that names the subject")
     design = read_design(
-        frame, dv, subject=subject or None, within=within, between=between, levels=levels,
-        missing=missing, repeated=bool(subject),
-    )  # fmt: skip
+        frame,
+        dv,
+        subject=subject or None,
+        within=within,
+        between=between,
+        levels=levels,
+        missing=missing,
+        repeated=bool(subject),
+    )
     categories, category = np.unique(design.y, return_inverse=True)
     _refuse_answers(design, categories)
     X, place = design_matrix(design)

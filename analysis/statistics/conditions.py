@@ -109,10 +109,11 @@ def compare_conditions(
     significant = bool(np.less(p, alpha))
     steps.append(
         Step(
-            "Is it significant", f"{p_text(p)}, α = {threshold_text(alpha)}",
+            "Is it significant",
+            f"{p_text(p)}, α = {threshold_text(alpha)}",
             "yes" if significant else "no",
         )
-    )  # fmt: skip
+    )
     pairs: Contrasts | tuple[SignedRankPair, ...] = ()
     if significant or always_posthoc:
         if anova is not None:
@@ -125,14 +126,23 @@ def compare_conditions(
             lines = [(f"{c.level_1} − {c.level_2}", c.sentence(), c.p_adjusted) for c in pairs]
         kind = "paired t" if anova is not None else "Wilcoxon signed-rank"
         steps += [
-            Step(f"Post-hoc {label} ({kind}, {ADJUSTMENT_NAME[adjust]})", text,
-                 "differ" if p_pair < alpha else "no difference shown")
+            Step(
+                f"Post-hoc {label} ({kind}, {ADJUSTMENT_NAME[adjust]})",
+                text,
+                "differ" if p_pair < alpha else "no difference shown",
+            )
             for label, text, p_pair in lines
-        ]  # fmt: skip
+        ]
     return ConditionsComparison(
-        within, normality, test, significant, alpha, pairs, tuple(steps),
+        within,
+        normality,
+        test,
+        significant,
+        alpha,
+        pairs,
+        tuple(steps),
         replace(provenance, notes=(*provenance.notes, f"post-hoc {ADJUSTMENT_NAME[adjust]}")),
-    )  # fmt: skip
+    )
 
 
 def _normality_step(

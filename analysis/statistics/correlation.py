@@ -97,10 +97,15 @@ def spearman(
     else:
         p = spearman_p(rho, n)
     return Correlation(
-        "rs", rho, p, n, has_ties, method,
+        "rs",
+        rho,
+        p,
+        n,
+        has_ties,
+        method,
         _fisher(rho, n, np.sqrt(1 + rho**2 / 2), level),
         Provenance("Spearman correlation", n, unit="pairs", error_term=f"p {method}"),
-    )  # fmt: skip
+    )
 
 
 def spearman_p(rho: float, n: int) -> float:
@@ -120,10 +125,15 @@ def pearson(
     n = int(first.size)
     r = _pearson_r(first, second)
     return Correlation(
-        "r", r, two_sided_t(_t_of_r(r, n), n - 2), n, False, "t",
+        "r",
+        r,
+        two_sided_t(_t_of_r(r, n), n - 2),
+        n,
+        False,
+        "t",
         _fisher(r, n, 1.0, level),
         Provenance("Pearson correlation", n, unit="pairs", error_term="p t"),
-    )  # fmt: skip
+    )
 
 
 def _varying(x: npt.ArrayLike, y: npt.ArrayLike, names: tuple[str, str]) -> tuple[Array, Array]:

@@ -136,10 +136,23 @@ def _tost(test: TTest, low: float, high: float, unit: BoundUnit, alpha: float) -
     p = max(p_low, p_high)
     notes = (f"bounds {number(low, 3)} to {number(high, 3)}", *test.provenance.notes)
     return Equivalence(
-        test.estimate, low, high, float(t_low), float(t_high), test.df, p_low, p_high, p,
-        test.interval, alpha, bool(np.less(p, alpha)), test,
+        test.estimate,
+        low,
+        high,
+        float(t_low),
+        float(t_high),
+        test.df,
+        p_low,
+        p_high,
+        p,
+        test.interval,
+        alpha,
+        bool(np.less(p, alpha)),
+        test,
         Provenance(
-            "equivalence, " + test.provenance.test, test.provenance.n,
-            error_term=test.provenance.error_term, notes=notes,
+            "equivalence, " + test.provenance.test,
+            test.provenance.n,
+            error_term=test.provenance.error_term,
+            notes=notes,
         ),
-    )  # fmt: skip
+    )

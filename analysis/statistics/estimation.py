@@ -73,9 +73,16 @@ def estimation_plot(
     figure.supxlabel(note, fontsize=8, color="#5F6368")
     if watermark:
         figure.text(
-            0.5, 0.5, watermark, ha="center", va="center", rotation=30, fontsize=34,
-            color="#C0392B", alpha=0.16,
-        )  # fmt: skip
+            0.5,
+            0.5,
+            watermark,
+            ha="center",
+            va="center",
+            rotation=30,
+            fontsize=34,
+            color="#C0392B",
+            alpha=0.16,
+        )
     return figure
 
 

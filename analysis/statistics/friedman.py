@@ -132,13 +132,17 @@ def friedman(
     df = (k - 1, (k - 1) * (n - 1))
     F = float("inf") if 1 - W < 1e-12 else (n - 1) * chi2 / (n * (k - 1) - chi2)
     return Friedman(
-        chi2, k - 1, float(special.chdtrc(k - 1, chi2)),
-        rank_effect("Kendall's W", W, *df), F, df,
+        chi2,
+        k - 1,
+        float(special.chdtrc(k - 1, chi2)),
+        rank_effect("Kendall's W", W, *df),
+        F,
+        df,
         float(special.fdtrc(*df, F)),
         tuple(str(v) for v in design.factors[0].levels),
         tuple(ranks.mean(axis=0).tolist()),
         Provenance("Friedman", n, error_term="ranks within subjects, corrected for ties"),
-    )  # fmt: skip
+    )
 
 
 def posthoc_signed_rank(
@@ -160,11 +164,15 @@ def posthoc_signed_rank(
     pairs = list(combinations(range(len(names)), 2))
     tests = [
         wilcoxon_signed_rank(
-            table[:, i], table[:, j], method=method, zeros=zeros, continuity=continuity,
+            table[:, i],
+            table[:, j],
+            method=method,
+            zeros=zeros,
+            continuity=continuity,
             names=(names[i], names[j]),
         )
         for i, j in pairs
-    ]  # fmt: skip
+    ]
     adjusted = adjust_p([t.p for t in tests], adjust).tolist()
     return tuple(
         SignedRankPair(names[i], names[j], test, p, adjust)

@@ -120,10 +120,15 @@ class GeeEffect(Result):
     def row(self) -> Row:
         """Return the effect as one flat table row."""
         return {
-            "term": self.name, "F": self.F, "df1": self.df1, "df2": self.df2, "p": self.p,
-            "p_used": self.p, "contrast": self.compared or None,
+            "term": self.name,
+            "F": self.F,
+            "df1": self.df1,
+            "df2": self.df2,
+            "p": self.p,
+            "p_used": self.p,
+            "contrast": self.compared or None,
             **({"effect_size": None} if self.effect is None else self.effect.row()),
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True)
@@ -138,12 +143,16 @@ class Gee(EffectTable[GeeEffect]):
     ) -> Contrasts:
         """Compare marginal means on the scale of the link; the effect is a ratio, or d."""
         return marginal_contrasts(
-            self.design, self.model, term, adjust=adjust, ratio=RATIO[self.family],
+            self.design,
+            self.model,
+            term,
+            adjust=adjust,
+            ratio=RATIO[self.family],
             sd=self.model.sd,
             provenance=replace(
                 self.provenance, test=f"marginal means ({LINK[self.family]} scale)", notes=()
             ),
-        )  # fmt: skip
+        )
 
 
 def gee(
@@ -168,9 +177,15 @@ def gee(
     if not subject:
         raise UnknownColumn("estimating equations need the column that names the subject")
     design = read_design(
-        frame, dv, subject=subject, within=within, between=between, levels=levels,
-        missing=missing, repeated=True,
-    )  # fmt: skip
+        frame,
+        dv,
+        subject=subject,
+        within=within,
+        between=between,
+        levels=levels,
+        missing=missing,
+        repeated=True,
+    )
     _refuse_responses(design, family)
     X, place = design_matrix(design)
     model = _fit(design, X, family)
@@ -186,10 +201,12 @@ def gee(
     notes = [f"{design.y.size} rows of {design.n} subjects"] if design.is_repeated else []
     notes.append(f"working correlation of two rows of a subject {number(model.correlation)}")
     provenance = Provenance(
-        f"Generalized estimating equations ({family}, {LINK[family]} link)", design.n,
+        f"Generalized estimating equations ({family}, {LINK[family]} link)",
+        design.n,
         error_term=f"exchangeable within {subject}, robust errors after Mancl and DeRouen",
-        dropped=design.dropped, notes=tuple(notes),
-    )  # fmt: skip
+        dropped=design.dropped,
+        notes=tuple(notes),
+    )
     return Gee(tuple(effects), design, provenance, model, family)
 
 
@@ -261,9 +278,12 @@ def _fit(design: Design, X: Array, family: Family) -> GeeModel:
     unit = float(design.y.std()) if family == "gaussian" else 1.0
     order = np.argsort(design.subject, kind="stable")
     model = sm.GEE(
-        design.y[order] / unit, X[order], groups=design.subject[order],
-        family=families[family](), cov_struct=sm.cov_struct.Exchangeable(),
-    )  # fmt: skip
+        design.y[order] / unit,
+        X[order],
+        groups=design.subject[order],
+        family=families[family](),
+        cov_struct=sm.cov_struct.Exchangeable(),
+    )
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         fit = model.fit(
@@ -280,6 +300,10 @@ def _fit(design: Design, X: Array, family: Family) -> GeeModel:
     away = design.y - X @ beta if family == "gaussian" else np.zeros(0)
     sd = float(np.sqrt(away @ away / max(1, away.size - beta.size)))
     return GeeModel(
-        beta, covariance, np.asarray(fit.cov_robust, dtype=np.float64) * unit**2,
-        float(fit.cov_struct.dep_params), design.n - design.group_sizes.size, sd,
-    )  # fmt: skip
+        beta,
+        covariance,
+        np.asarray(fit.cov_robust, dtype=np.float64) * unit**2,
+        float(fit.cov_struct.dep_params),
+        design.n - design.group_sizes.size,
+        sd,
+    )

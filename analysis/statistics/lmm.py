@@ -82,9 +82,15 @@ def linear_mixed(
     if not within:
         raise UnknownColumn("a mixed model needs a within factor; compare groups by an ANOVA")
     design = read_design(
-        frame, dv, subject=subject, within=within, between=between, levels=levels,
-        missing=missing, repeated=True,
-    )  # fmt: skip
+        frame,
+        dv,
+        subject=subject,
+        within=within,
+        between=between,
+        levels=levels,
+        missing=missing,
+        repeated=True,
+    )
     X, place = design_matrix(design)
     steps: list[str] = []
     model = None
@@ -112,9 +118,12 @@ def linear_mixed(
         if kept == "components" and value < 0
     ]
     provenance = Provenance(
-        "Linear mixed model", design.n, error_term=f"{text}, REML, Kenward-Roger df",
-        dropped=design.dropped, notes=tuple(notes),
-    )  # fmt: skip
+        "Linear mixed model",
+        design.n,
+        error_term=f"{text}, REML, Kenward-Roger df",
+        dropped=design.dropped,
+        notes=tuple(notes),
+    )
     return LinearMixed(
         effects, design, provenance, subject, model=model, random=kept, steps=tuple(steps)
     )
@@ -127,10 +136,22 @@ def _effect(
     q = L.shape[0]
     p = float(special.fdtrc(q, df, F))
     return AnovaEffect(
-        term=term, F=F, df1=q, df2=df, p=p, ss=None, ss_error=None, error_term=error_term,
-        eta=partial_eta_squared(F, q, df), ges=None, sphericity=None, correction="none",
-        df1_used=q, df2_used=df, p_used=p,
-    )  # fmt: skip
+        term=term,
+        F=F,
+        df1=q,
+        df2=df,
+        p=p,
+        ss=None,
+        ss_error=None,
+        error_term=error_term,
+        eta=partial_eta_squared(F, q, df),
+        ges=None,
+        sphericity=None,
+        correction="none",
+        df1_used=q,
+        df2_used=df,
+        p_used=p,
+    )
 
 
 def _random_text(design: Design, subject: str, random: RandomEffects) -> str:

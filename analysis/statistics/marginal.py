@@ -61,9 +61,16 @@ def marginal_contrasts(
         for e, s, d in zip(estimates, ses, dfs, strict=True)
     ]
     return contrast_family(
-        names, pair_labels(labels), estimates, ses, dfs,
-        k=len(labels), provenance=provenance, adjustment=adjust, effects=effects,
-    )  # fmt: skip
+        names,
+        pair_labels(labels),
+        estimates,
+        ses,
+        dfs,
+        k=len(labels),
+        provenance=provenance,
+        adjustment=adjust,
+        effects=effects,
+    )
 
 
 def estimate_effect(

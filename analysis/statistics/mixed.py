@@ -244,12 +244,13 @@ def mixed_anova(
         effects,
         design,
         Provenance(
-            "Mixed model ANOVA (type III)", design.n,
+            "Mixed model ANOVA (type III)",
+            design.n,
             error_term=f"{effects[0].error_term} per subject, REML, {name} df",
             dropped=design.dropped,
         ),
         subject,
-    )  # fmt: skip
+    )
 
 
 def design_matrix(design: Design) -> tuple[Array, dict[tuple[str, ...], slice]]:
@@ -291,7 +292,19 @@ def mixed_effects(
         q = L.shape[0]
         p = float(special.fdtrc(q, df, F))
         yield AnovaEffect(
-            term=term, F=F, df1=q, df2=df, p=p, ss=None, ss_error=None, error_term=error,
-            eta=partial_eta_squared(F, q, df), ges=None, sphericity=None, correction="none",
-            df1_used=q, df2_used=df, p_used=p,
-        )  # fmt: skip
+            term=term,
+            F=F,
+            df1=q,
+            df2=df,
+            p=p,
+            ss=None,
+            ss_error=None,
+            error_term=error,
+            eta=partial_eta_squared(F, q, df),
+            ges=None,
+            sphericity=None,
+            correction="none",
+            df1_used=q,
+            df2_used=df,
+            p_used=p,
+        )

@@ -127,9 +127,8 @@ class SubjectBlocks:
             + np.einsum("rpq,tqp->rt", cP, cP, optimize=True)
         )
         return _State(
-            beta, cov, log_likelihood, score, information,
-            list(P), [list(row) for row in Q],
-        )  # fmt: skip
+            beta, cov, log_likelihood, score, information, list(P), [list(row) for row in Q]
+        )
 
 
 @dataclass(frozen=True)
@@ -237,9 +236,13 @@ def fit_components(design: Design, X: Array, y: Array) -> LinearMixedModel:
 
 
 def model_at(
-    X: Array, y: Array, subjects: Codes, derivatives: Derivatives,
-    names: Sequence[str], theta: Array,
-) -> LinearMixedModel:  # fmt: skip
+    X: Array,
+    y: Array,
+    subjects: Codes,
+    derivatives: Derivatives,
+    names: Sequence[str],
+    theta: Array,
+) -> LinearMixedModel:
     """Return the model with parameters found elsewhere."""
     centre = float(y.mean())  # keeps digits in the cross products; the intercept takes it back
     blocks = SubjectBlocks(X, y - centre, subjects, derivatives)

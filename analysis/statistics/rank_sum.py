@@ -94,10 +94,16 @@ def mann_whitney(
         p = float(min(1.0, 2 * special.ndtr(-abs(corrected) / np.sqrt(variance))))
     value = 2 * U / (m * n) - 1
     return RankSum(
-        U, z, p, m, n, has_ties, label,
+        U,
+        z,
+        p,
+        m,
+        n,
+        has_ties,
+        label,
         Effect("r_rb", value, _interval(value, m, n, level)),
         Provenance("Mann-Whitney", N, error_term=f"p {label}", notes=(f"groups of {m} and {n}",)),
-    )  # fmt: skip
+    )
 
 
 def _interval(value: float, m: int, n: int, level: float) -> Interval:

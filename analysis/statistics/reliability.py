@@ -85,10 +85,16 @@ def cronbach_alpha(
         _alpha(np.delete(keyed, i, axis=1)) if k > 2 else float("nan") for i in range(k)
     )
     return CronbachAlpha(
-        alpha, interval, k * average / (1 + (k - 1) * average), average, tuple(items),
-        tuple(name for name in items if name in reverse), left_out, _alpha(answered),
+        alpha,
+        interval,
+        k * average / (1 + (k - 1) * average),
+        average,
+        tuple(items),
+        tuple(name for name in items if name in reverse),
+        left_out,
+        _alpha(answered),
         Provenance("Cronbach's alpha", n, unit="persons", error_term="items by persons"),
-    )  # fmt: skip
+    )
 
 
 def _alpha(items: Array) -> float:

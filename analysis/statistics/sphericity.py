@@ -72,8 +72,11 @@ def _mauchly_p(W: float, q: int, df: int, series_q: int) -> float:
     z = -df * rho * np.log(W)
     f = q * (q + 1) / 2 - 1
     omega = (
-        (q + 2) * (q - 1) * (q - 2) * (2 * q**3 + 6 * q**2 + 3 * series_q + 2)
+        (q + 2)
+        * (q - 1)
+        * (q - 2)
+        * (2 * q**3 + 6 * q**2 + 3 * series_q + 2)
         / (288 * (df * q * rho) ** 2)
-    )  # fmt: skip
+    )
     first, second = special.chdtrc(f, z), special.chdtrc(f + 4, z)
     return float(np.clip(first + omega * (second - first), 0.0, 1.0))

@@ -67,7 +67,10 @@ def _log_sd_nodes(df: float) -> tuple[Array, Array]:
     step = min(0.12, 0.6 / np.sqrt(2 * df))
     t = np.linspace(low, high, max(24, int(np.ceil((high - low) / step))))
     log_density = (
-        df * t - df * np.exp(2 * t) / 2
-        + np.log(2.0) + df / 2 * np.log(df / 2) - special.gammaln(df / 2)
-    )  # fmt: skip
+        df * t
+        - df * np.exp(2 * t) / 2
+        + np.log(2.0)
+        + df / 2 * np.log(df / 2)
+        - special.gammaln(df / 2)
+    )
     return t, np.exp(log_density) * (t[1] - t[0])

@@ -5,7 +5,8 @@
     outcome = answer(frame, Question("rm", dv="dwell_ms", within=("gaze",), subject="participant"))
     print(outcome.sentences, outcome.p("gaze"))
 
-Nothing here reads the command line or prints; `read_table` and `write_outcome` alone touch files.
+Nothing here reads the command line or prints; `read_table` alone touches a file. `written`, which
+writes an outcome with its figures, is imported by itself: figures load matplotlib.
 """
 
 import difflib
@@ -23,7 +24,6 @@ from analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRun
 from analysis.statistics_report.outcome import Outcome, Question, Samples
 from analysis.statistics_report.simple import SIMPLE_TESTS
 from analysis.statistics_report.table_file import DataTable, read_table, table_of
-from analysis.statistics_report.written import outcome_data, outcome_text, write_outcome
 from lab.errors import UsageError
 
 TESTS: Mapping[str, TestRun] = {
@@ -81,11 +81,8 @@ __all__ = [
     "Samples",
     "answer",
     "counted_rows",
-    "outcome_data",
-    "outcome_text",
     "read_table",
     "rows_where",
     "table_of",
     "with_error_rates",
-    "write_outcome",
 ]

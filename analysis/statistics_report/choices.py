@@ -42,10 +42,16 @@ def _bradley_terry(table: DataTable, q: Question) -> Outcome:
     used = {*frame[first], *frame[second]}
     order = tuple(dict.fromkeys(i for i in items if i in used))
     made = bradley_terry(
-        frame, q.dv, first=first, second=second, subject=q.subject,
-        between=q.between[0] if q.between else "", items=order if used <= set(order) else (),
-        side=q.side, missing="listwise" if q.missing == "mixed" else q.missing,
-    )  # fmt: skip
+        frame,
+        q.dv,
+        first=first,
+        second=second,
+        subject=q.subject,
+        between=q.between[0] if q.between else "",
+        items=order if used <= set(order) else (),
+        side=q.side,
+        missing="listwise" if q.missing == "mixed" else q.missing,
+    )
     if len(q.within) == 1:
         effects = [replace(e, term=(*q.within, *e.term[2:])) for e in made.effects]
         made = replace(made, effects=tuple(effects))
@@ -59,7 +65,9 @@ def _bradley_terry(table: DataTable, q: Question) -> Outcome:
         **{g: pd.Categorical(tested[g]) for g in q.between},
     )
     return Outcome(
-        question=q, title=made.provenance.test, rows=made.rows(),
+        question=q,
+        title=made.provenance.test,
+        rows=made.rows(),
         sentences=(*(f"{e.sentence()}." for e in made.effects), made.order()),
         contrasts=tuple(
             {"family": name, **c.row()} for name, of in families.items() for c in of.contrasts
@@ -68,13 +76,18 @@ def _bradley_terry(table: DataTable, q: Question) -> Outcome:
             f"{c.sentence()}." for of in families.values() for c in of.contrasts
         ),
         cells=tuple(a.row() for a in made.abilities),
-        notes=tuple(dict.fromkeys(
-            (*table.notes, *(f"left out: {d}" for d in made.provenance.dropped),
-             *made.provenance.notes)
-        )),
+        notes=tuple(
+            dict.fromkeys(
+                (
+                    *table.notes,
+                    *(f"left out: {d}" for d in made.provenance.dropped),
+                    *made.provenance.notes,
+                )
+            )
+        ),
         is_simulated=table.is_simulated,
         data=tested,
-    )  # fmt: skip
+    )
 
 
 def _parted(table: DataTable, column: str, labels: list[str]) -> tuple[list[str], list[str]]:
@@ -94,8 +107,17 @@ def _sign(table: DataTable, q: Question) -> Outcome:
         prepared, y = known(table, q)
         made = sign_test_of_one(y, mu=q.mu, name=q.dv)
         words = f"{q.dv} above {q.mu:g}: {made.sentence()}."
-        return outcome_of(table, q, "Sign test", prepared, None, (made.row(),), (words,),
-                          data=pd.DataFrame({q.dv: y}), notes=made.provenance.notes)  # fmt: skip
+        return outcome_of(
+            table,
+            q,
+            "Sign test",
+            prepared,
+            None,
+            (made.row(),),
+            (words,),
+            data=pd.DataFrame({q.dv: y}),
+            notes=made.provenance.notes,
+        )
     q.one_within()
     prepared = prepare(table, q)
     design = read(prepared, q)
@@ -117,8 +139,16 @@ def _binomial(table: DataTable, q: Question) -> Outcome:
         raise NotNumeric(f"{table.name}: {q.dv} holds other numbers than 0 and 1")
     made = binomial_test(int(y.sum()), y.size, expected=q.mu or 0.5)
     said = f"{q.dv}: {made.sentence()}."
-    return outcome_of(table, q, "Exact binomial test", prepared, None, (made.row(),), (said,),
-                      data=pd.DataFrame({q.dv: y}))  # fmt: skip
+    return outcome_of(
+        table,
+        q,
+        "Exact binomial test",
+        prepared,
+        None,
+        (made.row(),),
+        (said,),
+        data=pd.DataFrame({q.dv: y}),
+    )
 
 
 CHOICE_TESTS: Mapping[str, TestRun] = {

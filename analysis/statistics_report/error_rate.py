@@ -54,9 +54,14 @@ def error_rates(
             f"rows, or ask the test rm, which takes their means (not {question.test})"
         )
     design = read_design(
-        prepared.frame, question.dv, subject=question.subject or None, within=question.within,
-        between=question.between, levels=prepared.levels, missing=question.missing,
-    )  # fmt: skip
+        prepared.frame,
+        question.dv,
+        subject=question.subject or None,
+        within=question.within,
+        between=question.between,
+        levels=prepared.levels,
+        missing=question.missing,
+    )
     asked = replace(
         question,
         posthoc="none",

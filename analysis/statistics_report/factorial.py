@@ -126,10 +126,18 @@ def _art(table: DataTable, q: Question) -> Outcome:
     prepared = prepare(table, q)
     adjust = q.adjustment("tukey" if q.transform == "art" else "holm", CONTRAST_WAYS)
     made = art_anova(
-        prepared.frame, q.dv, subject=q.subject or None, within=q.within, between=q.between,
-        levels=prepared.levels, error=cast(ArtError, q.error), missing=q.missing,
-        transform=cast(Transform, q.transform), correction=_correction(q, "gg"), alpha=q.alpha,
-    )  # fmt: skip
+        prepared.frame,
+        q.dv,
+        subject=q.subject or None,
+        within=q.within,
+        between=q.between,
+        levels=prepared.levels,
+        error=cast(ArtError, q.error),
+        missing=q.missing,
+        transform=cast(Transform, q.transform),
+        correction=_correction(q, "gg"),
+        alpha=q.alpha,
+    )
     families = _Families(q, lambda effect: _art_has_contrasts(made, effect))
     families.notes += [*_beside_listwise(table, q, made), *uneven_changes(made.design)]
     for effect in made.effects:
@@ -225,10 +233,15 @@ def _rm(table: DataTable, q: Question) -> Outcome:
     adjust = q.adjustment("holm", CONTRAST_WAYS)
     design = read(prepared, q)
     made = rm_anova(
-        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
-        levels=prepared.levels, missing="listwise" if q.missing == "listwise" else "error",
+        prepared.frame,
+        q.dv,
+        subject=q.subject,
+        within=q.within,
+        between=q.between,
+        levels=prepared.levels,
+        missing="listwise" if q.missing == "listwise" else "error",
         correction=_correction(q, "mauchly"),
-    )  # fmt: skip
+    )
     path = [f"Has every subject every cell: n = {design.n} → yes"]
     path += _sphericity_path(made)
     families = _Families(q, _is_main)
@@ -270,9 +283,13 @@ def _mixed(table: DataTable, q: Question) -> Outcome:
     q.need("subject", "within")
     prepared = prepare(table, replace(q, missing="mixed"))
     made = mixed_anova(
-        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
+        prepared.frame,
+        q.dv,
+        subject=q.subject,
+        within=q.within,
+        between=q.between,
         levels=prepared.levels,
-    )  # fmt: skip
+    )
     state = "yes" if made.design.is_complete else "no, the model uses what is there"
     families = _Families(q, lambda effect: False)
     families.notes += [
@@ -327,9 +344,14 @@ def _complete_anova(table: DataTable, q: Question) -> Anova:
     """Return the repeated-measures ANOVA of the people who have all cells."""
     prepared = prepare(table, replace(q, missing="listwise"))
     return rm_anova(
-        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
-        levels=prepared.levels, missing="listwise",
-    )  # fmt: skip
+        prepared.frame,
+        q.dv,
+        subject=q.subject,
+        within=q.within,
+        between=q.between,
+        levels=prepared.levels,
+        missing="listwise",
+    )
 
 
 def _lmm(table: DataTable, q: Question) -> Outcome:
@@ -338,9 +360,15 @@ def _lmm(table: DataTable, q: Question) -> Outcome:
     prepared = prepare(table, q, average=False)
     adjust = q.adjustment("holm", CONTRAST_WAYS)
     made = linear_mixed(
-        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
-        levels=prepared.levels, missing=q.missing, random=cast(RandomEffects, q.random),
-    )  # fmt: skip
+        prepared.frame,
+        q.dv,
+        subject=q.subject,
+        within=q.within,
+        between=q.between,
+        levels=prepared.levels,
+        missing=q.missing,
+        random=cast(RandomEffects, q.random),
+    )
     return _model_outcome(table, q, prepared, made, list(made.steps), adjust)
 
 
@@ -352,9 +380,15 @@ def _gee(table: DataTable, q: Question) -> Outcome:
     prepared = prepare(table, q, average=False)
     adjust = q.adjustment("holm", CONTRAST_WAYS)
     made = gee(
-        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
-        levels=prepared.levels, missing=q.missing, family=cast(Family, q.family),
-    )  # fmt: skip
+        prepared.frame,
+        q.dv,
+        subject=q.subject,
+        within=q.within,
+        between=q.between,
+        levels=prepared.levels,
+        missing=q.missing,
+        family=cast(Family, q.family),
+    )
     return _model_outcome(table, q, prepared, made, [], adjust)
 
 
@@ -366,16 +400,25 @@ def _clmm(table: DataTable, q: Question) -> Outcome:
     prepared = prepare(table, q, average=False)
     adjust = q.adjustment("holm", CONTRAST_WAYS)
     made = clmm(
-        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
-        levels=prepared.levels, missing=q.missing,
-    )  # fmt: skip
+        prepared.frame,
+        q.dv,
+        subject=q.subject,
+        within=q.within,
+        between=q.between,
+        levels=prepared.levels,
+        missing=q.missing,
+    )
     return _model_outcome(table, q, prepared, made, [], adjust)
 
 
 def _model_outcome(
-    table: DataTable, q: Question, prepared: Prepared, made: LinearMixed | Gee | Clmm,
-    path: list[str], adjust: str,
-) -> Outcome:  # fmt: skip
+    table: DataTable,
+    q: Question,
+    prepared: Prepared,
+    made: LinearMixed | Gee | Clmm,
+    path: list[str],
+    adjust: str,
+) -> Outcome:
     """Return the outcome of a model of single rows, contrasts of its marginal means."""
     families = _Families(q, lambda effect: len(effect.term) <= 2)
     for effect in made.effects:
@@ -392,9 +435,13 @@ def _between(table: DataTable, q: Question) -> Outcome:
     prepared = prepare(table, q)
     adjust = q.adjustment("tukey", CONTRAST_WAYS)
     made = between_anova(
-        prepared.frame, q.dv, between=q.between, subject=q.subject or None, levels=prepared.levels,
+        prepared.frame,
+        q.dv,
+        between=q.between,
+        subject=q.subject or None,
+        levels=prepared.levels,
         missing="listwise" if q.missing == "listwise" else "error",
-    )  # fmt: skip
+    )
     families = _Families(q, _is_main)
     families.notes += uneven_groups(made.design, "the test welch, for one factor")
     for effect in made.effects:
@@ -450,20 +497,27 @@ def _friedman(table: DataTable, q: Question) -> Outcome:
     pairs: tuple[SignedRankPair, ...] = ()
     if adjust != "none" and (significant or q.always_posthoc):
         pairs = posthoc_signed_rank(
-            frame, q.dv, subject=q.subject, within=within, levels=levels,
+            frame,
+            q.dv,
+            subject=q.subject,
+            within=within,
+            levels=levels,
             adjust=cast(Adjustment, adjust),
-        )  # fmt: skip
+        )
     return Outcome(
-        question=q, title="Friedman's test", rows=(made.row(),),
+        question=q,
+        title="Friedman's test",
+        rows=(made.row(),),
         sentences=(f"Friedman's test of {within} on {q.dv}: {made.sentence()}.",),
         path=tuple(path),
         contrasts=tuple({"family": within, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
         cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
-        samples=samples_of(design), is_simulated=table.is_simulated,
+        samples=samples_of(design),
+        is_simulated=table.is_simulated,
         data=tested_rows(design, q.subject),
-    )  # fmt: skip
+    )
 
 
 def _conditions(table: DataTable, q: Question) -> Outcome:
@@ -472,21 +526,31 @@ def _conditions(table: DataTable, q: Question) -> Outcome:
     adjust = q.adjustment("bonferroni", RANK_WAYS)
     design = read(prepared, q)
     made = compare_conditions(
-        _kept(prepared, design), q.dv, subject=q.subject, within=within,
-        levels=prepared.levels[within], alpha=q.alpha, normality_alpha=q.normality_alpha,
-        adjust=cast(Adjustment, adjust), always_posthoc=q.always_posthoc,
-    )  # fmt: skip
+        _kept(prepared, design),
+        q.dv,
+        subject=q.subject,
+        within=within,
+        levels=prepared.levels[within],
+        alpha=q.alpha,
+        normality_alpha=q.normality_alpha,
+        adjust=cast(Adjustment, adjust),
+        always_posthoc=q.always_posthoc,
+    )
     pairs: Any = made.pairs.contrasts if isinstance(made.pairs, Contrasts) else made.pairs
     return Outcome(
-        question=q, title=f"Conditions of {within}", rows=(made.row(),),
-        sentences=(made.sentence(),), path=tuple(str(s) for s in made.steps),
+        question=q,
+        title=f"Conditions of {within}",
+        rows=(made.row(),),
+        sentences=(made.sentence(),),
+        path=tuple(str(s) for s in made.steps),
         contrasts=tuple({"family": within, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
         cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
-        samples=samples_of(design), is_simulated=table.is_simulated,
+        samples=samples_of(design),
+        is_simulated=table.is_simulated,
         data=tested_rows(design, q.subject),
-    )  # fmt: skip
+    )
 
 
 def _kruskal(table: DataTable, q: Question) -> Outcome:
@@ -501,19 +565,24 @@ def _kruskal(table: DataTable, q: Question) -> Outcome:
     if adjust != "none" and (significant or q.always_posthoc):
         pairs = dunn(frame, q.dv, factor=factor, levels=levels, adjust=cast(Adjustment, adjust))
     return Outcome(
-        question=q, title="Kruskal-Wallis test", rows=(made.row(),),
+        question=q,
+        title="Kruskal-Wallis test",
+        rows=(made.row(),),
         sentences=(f"Kruskal-Wallis test of {factor} on {q.dv}: {made.sentence()}.",),
         path=(f"{made.sentence()}, α = {threshold_text(q.alpha)} → {_verdict(significant)}",),
         contrasts=tuple({"family": factor, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
         cells=cell_rows(design),
         notes=(
-            *prepared.notes, *left_out(design), *made.provenance.notes,
+            *prepared.notes,
+            *left_out(design),
+            *made.provenance.notes,
             *uneven_groups(design, "the test welch"),
         ),
-        samples=samples_of(design), is_simulated=table.is_simulated,
+        samples=samples_of(design),
+        is_simulated=table.is_simulated,
         data=tested_rows(design, q.subject),
-    )  # fmt: skip
+    )
 
 
 def _welch(table: DataTable, q: Question) -> Outcome:
@@ -531,16 +600,21 @@ def _welch(table: DataTable, q: Question) -> Outcome:
             factor, lambda: games_howell(frame, q.dv, factor=factor, levels=levels, adjust=way)
         )
     return Outcome(
-        question=q, title=made.provenance.test, rows=({"term": factor, **made.row()},),
+        question=q,
+        title=made.provenance.test,
+        rows=({"term": factor, **made.row()},),
         sentences=(f"{factor} on {q.dv}: {made.sentence()}.",),
-        path=(f"{factor}: {p_text(made.p)}, α = {threshold_text(q.alpha)} → "
-              f"{_verdict(significant)}",),
-        contrasts=tuple(families.rows), contrast_sentences=tuple(families.sentences),
+        path=(
+            f"{factor}: {p_text(made.p)}, α = {threshold_text(q.alpha)} → {_verdict(significant)}",
+        ),
+        contrasts=tuple(families.rows),
+        contrast_sentences=tuple(families.sentences),
         cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes, *families.notes),
-        samples=samples_of(design), is_simulated=table.is_simulated,
+        samples=samples_of(design),
+        is_simulated=table.is_simulated,
         data=tested_rows(design, q.subject),
-    )  # fmt: skip
+    )
 
 
 def _refuse_method(option: str, value: str, known: tuple[str, ...]) -> None:

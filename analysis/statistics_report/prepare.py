@@ -68,9 +68,14 @@ def read(prepared: Prepared, question: Question) -> Design:
             "or the test mixed, art or lmm"
         )
     return read_design(
-        prepared.frame, q.dv, subject=q.subject or None, within=q.within, between=q.between,
-        levels=prepared.levels, missing=q.missing,
-    )  # fmt: skip
+        prepared.frame,
+        q.dv,
+        subject=q.subject or None,
+        within=q.within,
+        between=q.between,
+        levels=prepared.levels,
+        missing=q.missing,
+    )
 
 
 def left_out(design: Design) -> tuple[str, ...]:

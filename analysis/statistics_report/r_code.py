@@ -168,8 +168,10 @@ def _tost(outcome: Outcome, names: Mapping[str, str]) -> Body:
         lines = ["d <- d[order(d$s), ]"] if q.within else []
         lines.append(f"x <- d$y[d$f1 == {_quoted(a)}]; y <- d$y[d$f1 == {_quoted(b)}]")
         values, how = "x, y", ", paired = TRUE" if q.within else ""
-        pooled = "sqrt(((length(x) - 1) * var(x) + (length(y) - 1) * var(y)) / " \
-                 "(length(x) + length(y) - 2))"  # fmt: skip
+        pooled = (
+            "sqrt(((length(x) - 1) * var(x) + (length(y) - 1) * var(y)) / "
+            "(length(x) + length(y) - 2))"
+        )
         spread = "sd(x - y)" if q.within else pooled
     lines.append(f"unit <- {'1' if q.unit == 'raw' else spread}")
     for name, bound, side in (("above low", q.low, "greater"), ("below high", q.high, "less")):

@@ -58,18 +58,28 @@ def columns_of(design: Design) -> dict[str, Array]:
 
 
 def outcome_of(
-    table: DataTable, q: Question, title: str, prepared: Prepared, design: Design | None,
-    rows: tuple[Row, ...], sentences: tuple[str, ...], **more: Any,
-) -> Outcome:  # fmt: skip
+    table: DataTable,
+    q: Question,
+    title: str,
+    prepared: Prepared,
+    design: Design | None,
+    rows: tuple[Row, ...],
+    sentences: tuple[str, ...],
+    **more: Any,
+) -> Outcome:
     """Return an outcome with the cells, notes, samples and rows that its design gives."""
     notes = (*prepared.notes, *(() if design is None else left_out(design)), *more.pop("notes", ()))
     return Outcome(
-        question=q, title=title, rows=rows, sentences=sentences,
+        question=q,
+        title=title,
+        rows=rows,
+        sentences=sentences,
         cells=() if design is None else cell_rows(design),
-        notes=tuple(dict.fromkeys(notes)), samples=() if design is None else samples_of(design),
+        notes=tuple(dict.fromkeys(notes)),
+        samples=() if design is None else samples_of(design),
         is_simulated=table.is_simulated,
         **{"data": None if design is None else tested_rows(design, q.subject), **more},
-    )  # fmt: skip
+    )
 
 
 def _paired(table: DataTable, q: Question) -> Outcome:
@@ -91,10 +101,16 @@ def _paired(table: DataTable, q: Question) -> Outcome:
     ]
     notes = tuple(n for c in made for n in c.test.provenance.notes)
     return outcome_of(
-        table, q, "Paired comparison" + ("s" if len(made) > 1 else ""), prepared, design,
-        tuple(c.row() for c in made), tuple(c.sentence() for c in made),
-        path=tuple(path), notes=notes,
-    )  # fmt: skip
+        table,
+        q,
+        "Paired comparison" + ("s" if len(made) > 1 else ""),
+        prepared,
+        design,
+        tuple(c.row() for c in made),
+        tuple(c.sentence() for c in made),
+        path=tuple(path),
+        notes=notes,
+    )
 
 
 def family(
@@ -197,8 +213,17 @@ def _one_sample_t(table: DataTable, q: Question) -> Outcome:
     if q.bayes:
         rows, said = _with_bayes(rows, said, [jzs_bayes_factor(made.t, y.size)])
         notes = (_BAYES_NOTE,)
-    return outcome_of(table, q, "One-sample t test", prepared, None, rows, said, notes=notes,
-                    data=pd.DataFrame({q.dv: y}))  # fmt: skip
+    return outcome_of(
+        table,
+        q,
+        "One-sample t test",
+        prepared,
+        None,
+        rows,
+        said,
+        notes=notes,
+        data=pd.DataFrame({q.dv: y}),
+    )
 
 
 def _wilcoxon(table: DataTable, q: Question) -> Outcome:
@@ -229,8 +254,16 @@ def _shapiro(table: DataTable, q: Question) -> Outcome:
         made = shapiro_wilk(y, name=q.dv)
         row: Row = {"sample": q.dv, **made.row()}
         said = f"{q.dv}: {made.sentence()}."
-        return outcome_of(table, q, "Shapiro-Wilk test", prepared, None, (row,), (said,),
-                        data=pd.DataFrame({q.dv: y}))  # fmt: skip
+        return outcome_of(
+            table,
+            q,
+            "Shapiro-Wilk test",
+            prepared,
+            None,
+            (row,),
+            (said,),
+            data=pd.DataFrame({q.dv: y}),
+        )
     factor = q.one_within() if q.within else q.one_between()
     prepared = prepare(table, q)
     design = read(prepared, q)
@@ -240,12 +273,17 @@ def _shapiro(table: DataTable, q: Question) -> Outcome:
         tested |= {f"{a} {MINUS} {b}": columns[a] - columns[b] for a, b in combinations(columns, 2)}
     results = {k: shapiro_wilk(v, name=k) for k, v in tested.items()}
     return outcome_of(
-        table, q, "Shapiro-Wilk test", prepared, design,
+        table,
+        q,
+        "Shapiro-Wilk test",
+        prepared,
+        design,
         tuple({"sample": k, **r.row()} for k, r in results.items()),
         tuple(f"{k}: {r.sentence()}." for k, r in results.items()),
         notes=("a paired t test needs normal differences, not normal conditions",)
-        if q.within else (),
-    )  # fmt: skip
+        if q.within
+        else (),
+    )
 
 
 def _correlation(run: Callable[..., Any], title: str) -> TestRun:
@@ -270,16 +308,21 @@ def _correlation(run: Callable[..., Any], title: str) -> TestRun:
             notes.append(f"{int((~both).sum())} pairs without both values left out")
         made = run(x[both], y[both], names=(q.partner, q.dv))
         samples = Samples(
-            f"{q.partner}_{q.dv}", f"{q.dv} against {q.partner}",
-            {q.partner: x[both], q.dv: y[both]}, kind="scatter",
-        )  # fmt: skip
+            f"{q.partner}_{q.dv}",
+            f"{q.dv} against {q.partner}",
+            {q.partner: x[both], q.dv: y[both]},
+            kind="scatter",
+        )
         return Outcome(
-            question=q, title=title, rows=(made.row(),),
+            question=q,
+            title=title,
+            rows=(made.row(),),
             sentences=(f"{q.partner} and {q.dv}: {made.sentence()}.",),
             notes=tuple(dict.fromkeys((*table.notes, *notes, *made.provenance.notes))),
-            samples=(samples,), is_simulated=table.is_simulated,
+            samples=(samples,),
+            is_simulated=table.is_simulated,
             data=pd.DataFrame({q.partner: x[both], q.dv: y[both]}),
-        )  # fmt: skip
+        )
 
     return test
 
@@ -304,8 +347,16 @@ def _tost(table: DataTable, q: Question) -> Outcome:
         prepared, y = known(table, q)
         made = tost_one_sample(y, name=q.dv, **bounds)
         said = f"{q.dv}: {made.sentence()}."
-        return outcome_of(table, q, "Equivalence test", prepared, None, (made.row(),), (said,),
-                        data=pd.DataFrame({q.dv: y}))  # fmt: skip
+        return outcome_of(
+            table,
+            q,
+            "Equivalence test",
+            prepared,
+            None,
+            (made.row(),),
+            (said,),
+            data=pd.DataFrame({q.dv: y}),
+        )
     _ = q.one_within() if q.within else q.one_between()
     prepared = prepare(table, q)
     design = read(prepared, q)
@@ -319,8 +370,16 @@ def _tost(table: DataTable, q: Question) -> Outcome:
     run = tost_paired if q.within else tost_independent
     made = run(x, y, names=(a, b), **bounds)
     said = f"{a} {MINUS} {b}: {made.sentence()}."
-    return outcome_of(table, q, "Equivalence test", prepared, design, (made.row(),), (said,),
-                    notes=made.provenance.notes)  # fmt: skip
+    return outcome_of(
+        table,
+        q,
+        "Equivalence test",
+        prepared,
+        design,
+        (made.row(),),
+        (said,),
+        notes=made.provenance.notes,
+    )
 
 
 def _cronbach(table: DataTable, q: Question) -> Outcome:
@@ -342,7 +401,9 @@ def _cronbach(table: DataTable, q: Question) -> Outcome:
         {k: v[~missing] for k, v in columns.items()}, list(q.items), reverse=q.reverse
     )
     return Outcome(
-        question=q, title="Cronbach's alpha", rows=(made.row(),),
+        question=q,
+        title="Cronbach's alpha",
+        rows=(made.row(),),
         sentences=(made.sentence() + ".",),
         contrasts=tuple(
             {"family": "item left out", "item": i, "alpha_without": a}
@@ -351,7 +412,7 @@ def _cronbach(table: DataTable, q: Question) -> Outcome:
         notes=tuple(dict.fromkeys((*notes, *made.provenance.notes))),
         is_simulated=table.is_simulated,
         data=pd.DataFrame({k: v[~missing] for k, v in columns.items()}),
-    )  # fmt: skip
+    )
 
 
 SIMPLE_TESTS: Mapping[str, TestRun] = {

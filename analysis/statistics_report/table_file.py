@@ -198,9 +198,12 @@ def _text(value: object) -> str:
 
 
 def _table(
-    name: str, cells: pd.DataFrame, lines: tuple[int, ...], notes: tuple[str, ...],
+    name: str,
+    cells: pd.DataFrame,
+    lines: tuple[int, ...],
+    notes: tuple[str, ...],
     levels: Mapping[str, tuple[str, ...]] | None = None,
-) -> DataTable:  # fmt: skip
+) -> DataTable:
     return DataTable(name, cells, lines, _is_simulated(name, cells), notes, levels or {})
 
 

@@ -20,10 +20,20 @@ from recording.durable import make_folder, protect_files
 
 R_FILE = "repeat.R"
 OWN_FILES = (
-    DATA_FILE, R_FILE, "tests.csv", "contrasts.csv", "cells.csv", "error_rates.csv", "report.txt",
-    "estimation_*.svg", "estimation_*.png", "scatter_*.svg", "scatter_*.png",
-    "assumptions.svg", "assumptions.png",
-)  # fmt: skip
+    DATA_FILE,
+    R_FILE,
+    "tests.csv",
+    "contrasts.csv",
+    "cells.csv",
+    "error_rates.csv",
+    "report.txt",
+    "estimation_*.svg",
+    "estimation_*.png",
+    "scatter_*.svg",
+    "scatter_*.png",
+    "assumptions.svg",
+    "assumptions.png",
+)
 """What an outcome writes; none of it may be mistaken for part of the next one."""
 
 

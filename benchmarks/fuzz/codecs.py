@@ -339,9 +339,13 @@ def codecs() -> Iterator[Target]:
     for name, (language, wire) in languages.items():
         yield Target(f"bands.{name}", frames(wire), _feeding(language))
     bands = (*_whole("serial_armband"), *_whole("ble_armband"))
-    yield Target("armband.codec", bands, _armband, is_sound=only_said_by(bands, _armband))
+    yield Target(
+        "armband.codec", bands, _armband, is_sound=only_said_by(bands, _armband), checksum_bits=16
+    )
     boards = _boards_frames()
-    yield Target("sync.board_codec", boards, _board, is_sound=only_said_by(boards, _board))
+    yield Target(
+        "sync.board_codec", boards, _board, is_sound=only_said_by(boards, _board), checksum_bits=32
+    )
     pads, boxes, pressed = (frames(w) for w in ("xid_buttons", "byte_buttons", "hid_buttons"))
     yield Target("buttons.xid", pads, lambda b: XidReader().feed(b), is_sound=_of_buttons(BUTTONS))
     yield Target("buttons.codes", boxes, _presses_of("byte_buttons"), is_sound=_of_buttons("1234"))
@@ -368,8 +372,12 @@ def codecs() -> Iterator[Target]:
     yield Target("lsl.body", frames("lsl_body"), _xml)
     yield Target("natnet.codec", frames("natnet"), _natnet)
     yield Target("openvr.codec", frames("openvr_headset", "openvr_trackers"), _openvr)
-    # Two sums are all that LabJack's packets have: five of a million damaged answers pass both
-    # and tell an error that nobody sent, which is counted.
     jacks = frames("labjack_triggers")
-    yield Target("triggers.labjack_codec", jacks, _labjack, is_sound=only_said_by(jacks, _labjack))
+    yield Target(
+        "triggers.labjack_codec",
+        jacks,
+        _labjack,
+        is_sound=only_said_by(jacks, _labjack),
+        checksum_bits=8 + 10,  # a sum of one byte, and one of four bytes, which fills ten bits
+    )
     yield Target("xsens.codec", frames("xsens"), _xsens())

@@ -64,9 +64,14 @@ from visavis.sessions.study_folder import StudySettings, read_settings, settle
 from visavis.texts import WORDS_DIR, read_texts
 
 TOLD_BY_IMPORT = (
-    LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError,
+    LookupError,
+    TypeError,
+    ValueError,
+    ArithmeticError,
+    AttributeError,
+    RecursionError,
     MemoryError,
-)  # fmt: skip
+)
 """What `import_gltf` tells as a broken file, whatever step of it raised it."""
 IMPORTS_SHARE_01 = 0.01
 """An import measures, thins and wraps a person: a tenth of a second where a reader takes a
@@ -90,7 +95,7 @@ TABLE = "participant,condition,dwell_ms\n1,A,100.5\n1,B,120\n2,A,90\n2,B,140\n"
 def files(scratch: Path) -> Iterator[Target]:
     """Yield a target per reader; `scratch` holds the file that is read, one at a time."""
     made = scratch / "made"
-    session = record_session(made, 2)
+    session = record_session(made, 1, rows=30)
     gaze = gaze_session(made / "gaze")
     xdf = export_xdf(Recording(session), made / "xdf")[0]
     export_bids([gaze], made / "bids", task="fuzz", dataset_name="fuzz")
@@ -167,10 +172,10 @@ def files(scratch: Path) -> Iterator[Target]:
         (study / "participants.jsonl").read_bytes(),
         at("lines.jsonl", read_lines),
     )
-    people = of_file(
+    people = target(
         "protocol.ledger",
-        study / "participants.jsonl",
-        lambda p: Ledger(p.parent, SimClock()).list(),
+        (study / "participants.jsonl").read_bytes(),
+        at(f"{study.name}/participants.jsonl", lambda p: Ledger(p.parent, SimClock()).list()),
     )
     yield from (people, again(people, chained_again))
     exports = of_file(
@@ -194,7 +199,7 @@ def files(scratch: Path) -> Iterator[Target]:
     told_lines = "".join(json.dumps(line) + "\n" for line in RUN)
     yield target("visavis.elsewhere results", told_lines, at("results.jsonl", _runs))
     yield target("visavis.elsewhere archive", zipped(told_lines), at("results.zip", _runs))
-    yield of_file("protocol.questionnaires", SCALES_DIR / "demographics.yaml", load_questionnaire)
+    yield of_file("protocol.questionnaires", SCALES_DIR / "free_comment.yaml", load_questionnaire)
     yield target(
         "visavis.texts",
         "\n".join((WORDS_DIR / "en.yaml").read_text("utf-8").splitlines()[:6]),
@@ -215,8 +220,13 @@ def files(scratch: Path) -> Iterator[Target]:
     yield of_file("analysis.foreign_check xdf", xdf, read_xdf_times)
     yield target("analysis.gaze.readers vive", vive_text(n=20), at("v.csv", read_vive))
     yield target("analysis.gaze.readers pupil", PUPIL, at("gaze_positions.csv", read_pupil))
-    mapping = mapping_of({"time": {"column": "t", "unit": "s"}, "space": "head",
-                          "combined": {"direction": ["x", "y", "z"]}})  # fmt: skip
+    mapping = mapping_of(
+        {
+            "time": {"column": "t", "unit": "s"},
+            "space": "head",
+            "combined": {"direction": ["x", "y", "z"]},
+        }
+    )
     yield target("analysis.gaze.mapped_csv", CSV, at("m.csv", lambda p: read_csv(p, mapping)))
     yield target("analysis.gaze.mapped_csv mapping", MAPPING, at("map.yaml", read_mapping))
     bids = scratch / "read"
@@ -309,7 +319,7 @@ def config_sample() -> str:
 
 def json_sample(session: Path) -> bytes:
     """Return a JSON text of some depth."""
-    return (session / "manifest.json").read_bytes().splitlines()[0]
+    return (session / "manifest.json").read_bytes()
 
 
 def parse_json_of(data: bytes) -> object:

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from scipy.stats import binom
+
 from benchmarks.fuzz.damage import damaged
 
 
@@ -27,3 +29,19 @@ class Target:
     change: Callable[[bytes, bytes, Iterator[int]], bytes] = damaged
     """What makes an input of a sample, another sample and drawn numbers."""
     share_01: float = 1.0
+    checksum_bits: int = 0
+    """Width of the checksum that alone tells a damaged input from a whole one; 0 without one."""
+
+
+CHANCE_01 = 0.001
+"""How often a sound reader may pass what its checksum should let through by chance."""
+
+
+def may_pass(checksum_bits: int, damaged_frames: int) -> int:
+    """Return how many damaged frames a checksum may let through: of n bits, one frame in 2ⁿ.
+
+    More pass with a probability of `CHANCE_01` at most (binomial); without a checksum none may.
+    """
+    if not checksum_bits:
+        return 0
+    return int(binom.isf(CHANCE_01, damaged_frames, 0.5**checksum_bits))

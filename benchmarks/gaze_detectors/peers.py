@@ -59,10 +59,15 @@ def _tell(package: str, why: Exception) -> None:
 
 
 REMODNAV_KINDS = {
-    "FIXA": Movement.FIXATION, "SACC": Movement.SACCADE, "ISAC": Movement.SACCADE,
-    "PURS": Movement.PURSUIT, "HPSO": Movement.OSCILLATION, "LPSO": Movement.OSCILLATION,
-    "IHPS": Movement.OSCILLATION, "ILPS": Movement.OSCILLATION,
-}  # fmt: skip
+    "FIXA": Movement.FIXATION,
+    "SACC": Movement.SACCADE,
+    "ISAC": Movement.SACCADE,
+    "PURS": Movement.PURSUIT,
+    "HPSO": Movement.OSCILLATION,
+    "LPSO": Movement.OSCILLATION,
+    "IHPS": Movement.OSCILLATION,
+    "ILPS": Movement.OSCILLATION,
+}
 
 
 REMODNAV_SMOOTHED_S = 0.019

@@ -151,9 +151,12 @@ def rows_of(recordings: Sequence[Recording]) -> list[dict[str, object]]:
         )
 
     conditions = [
-        ("500 Hz", 1, 0.0), ("250 Hz", 2, 0.0), ("125 Hz", 4, 0.0), ("62.5 Hz", 8, 0.0),
+        ("500 Hz", 1, 0.0),
+        ("250 Hz", 2, 0.0),
+        ("125 Hz", 4, 0.0),
+        ("62.5 Hz", 8, 0.0),
         *((f"125 Hz + {noise}°", 4, noise) for noise in (0.25, 0.5, 1.0)),
-    ]  # fmt: skip
+    ]
     for label, step, noise in conditions:
         draws = [
             [noisy(thinned(r, step), noise, draw) for r in recordings]

@@ -194,7 +194,16 @@ def is_tuned_on(name: str, recording: Recording) -> bool:
 
 
 TUNING_CLIPS = frozenset(
-    ("beach", "bridge_1", "bumblebee", "ducks_boat", "golf", "koenigstrasse", "roundabout",
-     "st_petri_gate", "st_petri_mcdonalds")
-)  # fmt: skip
+    (
+        "beach",
+        "bridge_1",
+        "bumblebee",
+        "ducks_boat",
+        "golf",
+        "koenigstrasse",
+        "roundabout",
+        "st_petri_gate",
+        "st_petri_mcdonalds",
+    )
+)
 """The clips of even place in alphabetical order, beginning with the first."""

@@ -33,8 +33,12 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--cuts", type=int, default=50, help="cuts of the network")
     parser.add_argument("--json", action="store_true", help="print JSON, a line for each")
     options = parser.parse_args(arguments)
-    kinds = ("kills of the server", "cuts of its network", "kills of the browser, served",
-             "kills of the browser, bundle")  # fmt: skip
+    kinds = (
+        "kills of the server",
+        "cuts of its network",
+        "kills of the browser, served",
+        "kills of the browser, bundle",
+    )
     found = [Found(kind) for kind in kinds]
     rng = np.random.default_rng(1)
     with tempfile.TemporaryDirectory(prefix="page_faults") as folder:

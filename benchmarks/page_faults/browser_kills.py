@@ -42,9 +42,12 @@ TRIES: Final = 3
 MAX_AFTER_KEY_S: Final = 0.06
 """Writing into the browser's store, sending, writing on the server and the answer take less."""
 OPTIONS_OF_BROWSER: Final = (
-    "--headless=new", "--no-sandbox", "--no-first-run", "--remote-debugging-port=0",
+    "--headless=new",
+    "--no-sandbox",
+    "--no-first-run",
+    "--remote-debugging-port=0",
     "--disable-gpu",
-)  # fmt: skip
+)
 SHOWN: Final = """
 () => {
   const main = document.getElementById("main");
@@ -88,8 +91,10 @@ class Chromium:
         told.unlink(missing_ok=True)
         self._process = subprocess.Popen(
             [self._program, *OPTIONS_OF_BROWSER, f"--user-data-dir={self._profile}"],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
-        )  # fmt: skip
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
         watch = StopWatch()
         while not (told.exists() and "\n" in told.read_text("utf-8")):
             if watch.elapsed_s() > PATIENCE_S or self._process.poll() is not None:

@@ -67,8 +67,13 @@ def _session(
             given = {"option": option, "at_ms": float(n), "by": "keys"}
             content = {"shown_ms": float(n), "answers": {"answer": given}}
         sent[n] = option
-        event = {"n": n, "kind": "reply", "at_ms": float(n), "step": told["number"],
-                 "reply": content}  # fmt: skip
+        event = {
+            "n": n,
+            "kind": "reply",
+            "at_ms": float(n),
+            "step": told["number"],
+            "reply": content,
+        }
         body = {"tab": "t", "events": [event]}
         if rng.random() < 1 / FAULT_EVERY and kills.faults < limits[0]:
             where = int(rng.integers(3))

@@ -83,10 +83,19 @@ def request_of(root: Path, label: str = "", page: PageAddress | None = None) -> 
     assert isinstance(study, OpenedStudy)
     assert isinstance(experiment, StudyExperiment)
     return Request(
-        study=study, experiment=experiment, config=lab(root), participant_label=label,
-        participant_index=0, group="", session=1, seed=1, clock=SystemClock(),
-        operator=UnattendedOperator(), page=page, on="browser",
-    )  # fmt: skip
+        study=study,
+        experiment=experiment,
+        config=lab(root),
+        participant_label=label,
+        participant_index=0,
+        group="",
+        session=1,
+        seed=1,
+        clock=SystemClock(),
+        operator=UnattendedOperator(),
+        page=page,
+        on="browser",
+    )
 
 
 def kept_replies(path: Path) -> dict[int, list[str]]:
@@ -127,8 +136,9 @@ class Server:
         """
         self._process = subprocess.Popen(
             [sys.executable, "-m", "benchmarks.page_faults.serving", str(self._root), self._label],
-            stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         assert self._process.stdout is not None
         self.address = self._process.stdout.readline().strip()
         if not self.address:

@@ -90,9 +90,13 @@ def list_characters(
         age = "" if row["age_years"] is None else f"{row['age_years']:.0f}"
         levels = " / ".join(str(n) for n in cast("list[int]", row["triangles"]))
         table.add_row(
-            str(row["name"]), str(row["gender"]), f"{row['stature_m']:.2f} m", age, levels,
+            str(row["name"]),
+            str(row["gender"]),
+            f"{row['stature_m']:.2f} m",
+            age,
+            levels,
             str(row["origin"]),
-        )  # fmt: skip
+        )
     console.print(table)
 
 

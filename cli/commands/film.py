@@ -99,10 +99,20 @@ def film(
                 TELLING.say(said.removesuffix(", --png draws one"))
 
         made = write_film(
-            study, recording, trial, output, camera=looks, shot=shot_size, cuts=rule,
-            overlays=overlays, seed=seed, size_px=size_px, rate_hz=rate, seconds=seconds,
+            study,
+            recording,
+            trial,
+            output,
+            camera=looks,
+            shot=shot_size,
+            cuts=rule,
+            overlays=overlays,
+            seed=seed,
+            size_px=size_px,
+            rate_hz=rate,
+            seconds=seconds,
             on_frame=told,
-        )  # fmt: skip
+        )
     written = f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s"
     if camera == "auto" and made.camera is CameraKind.ORBIT:
         written += "; no place for the topology camera in this room, so filmed by --camera orbit"

@@ -62,9 +62,16 @@ def lock(
     folder = here.folder
     before = len(session_folders(folder))
     made = lock_plan(
-        folder, here.study, experiment, settings.seed, SystemClock(),
-        participants=participants, rule=rule, is_blinded=blinded, sessions_before=before,
-    )  # fmt: skip
+        folder,
+        here.study,
+        experiment,
+        settings.seed,
+        SystemClock(),
+        participants=participants,
+        rule=rule,
+        is_blinded=blinded,
+        sessions_before=before,
+    )
     for name in (LOCK_NAME, PAGE_NAME):
         say(f"wrote [b]{verbatim(folder / name)}[/]")
     console.print(f"SHA-256 {made.sha256}", highlight=False)

@@ -117,9 +117,15 @@ def preview(
     lab = load_lab(config, "sim", only_simulates=True, quiet=True)
     following = FOLLOWING if video is not None else 0
     capture = Capture(
-        here.study, lab, number=trial, index=shown.index, seed=shown.seed, group=shown.group,
-        following=following, experiment=shown.experiment,
-    )  # fmt: skip
+        here.study,
+        lab,
+        number=trial,
+        index=shown.index,
+        seed=shown.seed,
+        group=shown.group,
+        following=following,
+        experiment=shown.experiment,
+    )
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
     if here.study.study.on == "browser":

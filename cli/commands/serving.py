@@ -123,10 +123,19 @@ def page_study(
     if not isinstance(experiment, StudyExperiment):
         raise UsageError(f"{chosen.name} is not declared on the kit; it shows no page")
     base = Request(
-        study=chosen, experiment=experiment, config=lab, participant_label="",
-        participant_index=0, group="", session=1, seed=settings.seed, clock=SystemClock(),
-        operator=UnattendedOperator(), effect=settings.effect, on="browser",
-    )  # fmt: skip
+        study=chosen,
+        experiment=experiment,
+        config=lab,
+        participant_label="",
+        participant_index=0,
+        group="",
+        session=1,
+        seed=settings.seed,
+        clock=SystemClock(),
+        operator=UnattendedOperator(),
+        effect=settings.effect,
+        on="browser",
+    )
     return here, base
 
 

@@ -296,9 +296,17 @@ def run(
     if where == "lab" and not fast:
         ask_body(here, settings, entry, body)
     _perform(
-        here, settings, entry, session, fast=fast, blind=blind, resume_from=None,
-        without=without, on=where, port=port,
-    )  # fmt: skip
+        here,
+        settings,
+        entry,
+        session,
+        fast=fast,
+        blind=blind,
+        resume_from=None,
+        without=without,
+        on=where,
+        port=port,
+    )
 
 
 def where_performed(study: OpenedStudy, on: str | None) -> str:
@@ -385,9 +393,16 @@ def resume(
     prefix = SIMULATED_PREFIX if recording.is_simulated else ""
     entry = Ledger(folder, SystemClock(), prefix=prefix).resolve(manifest.participant)
     _perform(
-        StudyHere(lab, chosen), settings, entry, manifest.session, fast=fast, blind=blind,
-        resume_from=session_path, without=without, on=where,
-    )  # fmt: skip
+        StudyHere(lab, chosen),
+        settings,
+        entry,
+        manifest.session,
+        fast=fast,
+        blind=blind,
+        resume_from=session_path,
+        without=without,
+        on=where,
+    )
 
 
 def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
@@ -455,9 +470,15 @@ def _perform(
                 respondent = TerminalRespondent(console, screen.suspend)
         if not fast:
             about = About(
-                here.study.name, entry.label, session, str(path.resolve()), simulated, blind,
-                ACTIONS if on == "lab" else (), here.lab.incidents,
-            )  # fmt: skip
+                here.study.name,
+                entry.label,
+                session,
+                str(path.resolve()),
+                simulated,
+                blind,
+                ACTIONS if on == "lab" else (),
+                here.lab.incidents,
+            )
             operator = stack.enter_context(SessionLink(operator, about, here.lab.data_root))
         request = Request(
             study=here.study,

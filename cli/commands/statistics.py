@@ -17,12 +17,11 @@ from analysis.statistics_report import (
     Question,
     answer,
     counted_rows,
-    outcome_data,
     read_table,
     rows_where,
     with_error_rates,
-    write_outcome,
 )
+from analysis.statistics_report.written import outcome_data, write_outcome
 from cli.app import JsonOption, app, console, say, say_json, say_plainly, verbatim
 from lab.errors import UsageError
 

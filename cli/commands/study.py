@@ -86,13 +86,25 @@ def simulate(
         output = lab.data_root / DRY_RUNS / name
         require_space(lab)
     wanted = wanted_settings(
-        output.resolve() / SIMULATED_ROOT / chosen.name, chosen, is_simulated=True, seed=seed,
-        assignments=parameters, language=language, usual_language=lab.language, effect=effect,
-    )  # fmt: skip
+        output.resolve() / SIMULATED_ROOT / chosen.name,
+        chosen,
+        is_simulated=True,
+        seed=seed,
+        assignments=parameters,
+        language=language,
+        usual_language=lab.language,
+        effect=effect,
+    )
     folder = simulate_study(
-        lab, chosen, wanted, participants, output, processes=processes, scheduler=scheduler,
+        lab,
+        chosen,
+        wanted,
+        participants,
+        output,
+        processes=processes,
+        scheduler=scheduler,
         telling=TELLING,
-    )  # fmt: skip
+    )
     say(f"[magenta]SIMULATED[/] study in [b]{verbatim(folder)}[/]")
     say(f"next: visavis analyse {verbatim(folder)}")
 

@@ -88,9 +88,14 @@ def warp(
     with Progress(console=console, transient=True, disable=as_json) as bar:
         task = bar.add_task("warping", total=None)
         warped = warp_clip(
-            motion, body, view, targets, allowed, settings,
+            motion,
+            body,
+            view,
+            targets,
+            allowed,
+            settings,
             progress=lambda done, of: bar.update(task, completed=done, total=of),
-        )  # fmt: skip
+        )
     output.mkdir(parents=True, exist_ok=True)
     bvh, own, sheet, curves, record = (output / name for name in OUT_NAMES)
     write_bvh(bvh, bvh_of_clip(warped.clip))

@@ -164,11 +164,15 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
             rows.append(Finding(DEVICES, trial.role, level, fault.message, fault.remedy))  # type: ignore[arg-type]  # one of two levels
     rows += [
         Finding(
-            DEVICES, role, "missing", "not configured; no study runs without it",
+            DEVICES,
+            role,
+            "missing",
+            "not configured; no study runs without it",
             f"add {role} with its driver under devices (docs/configuration.md)",
         )
-        for role in roles_expected(lab) if role not in lab.devices
-    ]  # fmt: skip
+        for role in roles_expected(lab)
+        if role not in lab.devices
+    ]
     left = [r for r in lab.devices if r not in by_role]
     if left:
         rows.append(Finding(DEVICES, "simulated", "note", ", ".join(left)))

@@ -114,8 +114,9 @@ def locked(lab: LabConfig) -> Station | None:
     path = station_path(lab)
     try:
         told = json.loads(path.read_text("utf-8"))
-        figures, delays = ({str(k): float(v) for k, v in told[name].items()}
-                           for name in ("figures", "delays_ms"))  # fmt: skip
+        figures, delays = (
+            {str(k): float(v) for k, v in told[name].items()} for name in ("figures", "delays_ms")
+        )
         depends = {str(k): str(v) for k, v in told["depends_on"].items()}
         return Station(str(told["made"]), figures, delays, depends)
     except FileNotFoundError:
@@ -175,25 +176,29 @@ def _worse(kept: Station, now: Station) -> list[Finding]:
 def _delayed(kept: Station, now: Station) -> list[Finding]:
     return [
         Finding(
-            STATION, "delays", "warning",
+            STATION,
+            "delays",
+            "warning",
             f"{name} {now.delays_ms[name]:g} ms late; locked on {kept.made[:10]}: {was:g} ms",
             f"find what changed (cable, mode, driver), or lock what is right now: {LOCK_AGAIN}",
         )
         for name, was in kept.delays_ms.items()
         if name in now.delays_ms and abs(now.delays_ms[name] - was) > MAX_DELAY_OFF_MS
-    ]  # fmt: skip
+    ]
 
 
 def _changed(kept: Station, now: Station) -> list[Finding]:
     return [
         Finding(
-            STATION, name, "warning",
+            STATION,
+            name,
+            "warning",
             f"{now.depends_on[name]}; locked on {kept.made[:10]} with {was}",
             f"measure delays again (visavis sync-test), then lock anew: {LOCK_AGAIN}",
         )
         for name, was in kept.depends_on.items()
         if name in now.depends_on and now.depends_on[name] != was
-    ]  # fmt: skip
+    ]
 
 
 def _told(name: str, value: float) -> str:

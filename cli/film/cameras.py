@@ -150,9 +150,15 @@ class ByTopology:
         rule = Cuts.NONE if not self._style.cuts else Cuts.AUTO
         rule = rule if self._style.moves else Cuts.STATIC
         return Decisions(
-            CameraKind.TOPOLOGY, self._style.shot, rule, self._seed, self._style.fov_v_deg,
-            [{k: _known(v) for k, v in cut.items()} for cut in told], self._views, self._seen,
-        )  # fmt: skip
+            CameraKind.TOPOLOGY,
+            self._style.shot,
+            rule,
+            self._seed,
+            self._style.fov_v_deg,
+            [{k: _known(v) for k, v in cut.items()} for cut in told],
+            self._views,
+            self._seen,
+        )
 
     def _moment(self, t_ns: int) -> Moment:
         head = self._head_at(t_ns).position_m

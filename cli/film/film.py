@@ -118,9 +118,16 @@ def write_film(
     if is_on_page(recording):
         shows_clock = Overlay.CLOCK in overlays
         n = write_page_film(
-            study, recording, trial_id, video, clock=shows_clock, size_px=size_px,
-            rate_hz=rate_hz, seconds=seconds, on_frame=on_frame,
-        )  # fmt: skip
+            study,
+            recording,
+            trial_id,
+            video,
+            clock=shows_clock,
+            size_px=size_px,
+            rate_hz=rate_hz,
+            seconds=seconds,
+            on_frame=on_frame,
+        )
         return Filmed(n, None, None)
     trial = recorded_trial(recording, trial_id)
     start_ns, end_ns = trial.span_ns

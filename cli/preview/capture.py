@@ -116,9 +116,17 @@ class Capture:
     """
 
     def __init__(
-        self, study: OpenedStudy, config: LabConfig, *, number: int, index: int, seed: int,
-        group: str = "", following: int = 0, experiment: StudyExperiment | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        study: OpenedStudy,
+        config: LabConfig,
+        *,
+        number: int,
+        index: int,
+        seed: int,
+        group: str = "",
+        following: int = 0,
+        experiment: StudyExperiment | None = None,
+    ) -> None:
         self._study, self._config, self._index, self._seed = study, config, index, seed
         self._group = group
         self._experiment = study.experiment({}) if experiment is None else experiment

@@ -64,9 +64,15 @@ def preview_page(
         drawing = bar.add_task("drawing", total=None)
         if video is not None:
             write_page_film(
-                study, recording, trial_id, video, size_px=size_px, rate_hz=rate_hz,
-                seconds=most_s, on_frame=lambda k, n: bar.update(drawing, completed=k, total=n),
-            )  # fmt: skip
+                study,
+                recording,
+                trial_id,
+                video,
+                size_px=size_px,
+                rate_hz=rate_hz,
+                seconds=most_s,
+                on_frame=lambda k, n: bar.update(drawing, completed=k, total=n),
+            )
         else:
             tiles = []
             times_of = once if png is not None else spread

@@ -246,10 +246,15 @@ def _stream(
         if unit == "ns":
             values, unit = _since_arrival_ms(values, host_ns), "ms"
         flat = [_column_name(field, told) for told, _ in flattened(field.name, values)]
-        columns.append({
-            "name": field.name, "of": flat, "unit": unit, "about": field.description,
-            "v": bundle.quantised(values),
-        })  # fmt: skip
+        columns.append(
+            {
+                "name": field.name,
+                "of": flat,
+                "unit": unit,
+                "about": field.description,
+                "v": bundle.quantised(values),
+            }
+        )
     micros = np.rint(1e6 * t_s).astype(np.int64)
     return {
         "name": name,
@@ -336,29 +341,46 @@ def _scene(
         "joints": joints,
         "root": _keys(bundle, root.transpose(1, 0, 2), OFF_BY_M, 1e-3 / 4),
         "turns": _keys(
-            bundle, turns.transpose(1, 2, 0, 3).reshape(people * joints, n, 4), OFF_BY_TURN,
-            1 / 32767, turns=True,
+            bundle,
+            turns.transpose(1, 2, 0, 3).reshape(people * joints, n, 4),
+            OFF_BY_TURN,
+            1 / 32767,
+            turns=True,
         ),
         "morphs": _keys(bundle, morphs.transpose(1, 0, 2), OFF_BY_SHARE, 1 / 1000),
         "topology": _topology(trial, samples, bundle),
         "light": bundle.quantised(np.array([[s.picture.brightness_01] for s in samples])),
         "mark": None if first.mark_m is None else [float(x) for x in first.mark_m],
         "moving": [
-            {"mesh": models.thing(m.prop), "at": m.pose.position_m.tolist(),
-             "turn": m.pose.orientation_wxyz.tolist(), "glow": m.prop.emission_01}
+            {
+                "mesh": models.thing(m.prop),
+                "at": m.pose.position_m.tolist(),
+                "turn": m.pose.orientation_wxyz.tolist(),
+                "glow": m.prop.emission_01,
+            }
             for m in first.moving
         ],
         "panels": [
-            {"text": p.text, "choices": list(p.choices), "at": p.pose.position_m.tolist(),
-             "turn": p.pose.orientation_wxyz.tolist(), "size": list(p.size_m), "lit": p.highlighted}
+            {
+                "text": p.text,
+                "choices": list(p.choices),
+                "at": p.pose.position_m.tolist(),
+                "turn": p.pose.orientation_wxyz.tolist(),
+                "size": list(p.size_m),
+                "lit": p.highlighted,
+            }
             for p in first.panels
         ],
         "agents": [
-            {"id": a.agent_id, "place": a.place, "at": a.head_centre_m.tolist(),
-             "radius": a.head_radius_m}
+            {
+                "id": a.agent_id,
+                "place": a.place,
+                "at": a.head_centre_m.tolist(),
+                "radius": a.head_radius_m,
+            }
             for a in samples[0].agents
         ],
-    }  # fmt: skip
+    }
 
 
 def _topology(trial: RecordedTrial, samples: list[Sample], bundle: Bundle) -> dict[str, Any] | None:

@@ -49,9 +49,15 @@ class EyeLinkSimulator(GazePeer):
         verdict: int = OK_RESULT,
     ) -> None:
         source = GazeSource(
-            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
-            drift_ppm=drift_ppm, epoch_ns=3_600_000 * NS_PER_MS,
-        )  # fmt: skip
+            body,
+            seed=seed,
+            clock=clock,
+            rate_hz=rate_hz,
+            faults=faults,
+            error=error,
+            drift_ppm=drift_ppm,
+            epoch_ns=3_600_000 * NS_PER_MS,
+        )
         super().__init__(source, seed=seed)
         source.calibrated_fit = body.fit()  # in its own program, before the session
         self.messages: list[str] = []

@@ -50,9 +50,14 @@ class FoveSimulator(GazePeer):
         quality: int = SUCCEEDED_HIGH,
     ) -> None:
         source = GazeSource(
-            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
+            body,
+            seed=seed,
+            clock=clock,
+            rate_hz=rate_hz,
+            faults=faults,
+            error=error,
             drift_ppm=drift_ppm,
-        )  # fmt: skip
+        )
         super().__init__(source, seed=seed)
         self._vector_code = vector_code
         self._quality = quality

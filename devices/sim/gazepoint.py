@@ -53,9 +53,14 @@ class GazepointSimulator(GazePeer):
         moved_m: Callable[[int], Triple] = lambda t_ns: (0.0, 0.0, 0.0),
     ) -> None:
         source = GazeSource(
-            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
+            body,
+            seed=seed,
+            clock=clock,
+            rate_hz=rate_hz,
+            faults=faults,
+            error=error,
             drift_ppm=drift_ppm,
-        )  # fmt: skip
+        )
         super().__init__(source, seed=seed)
         self.annotations: deque[str] = deque(maxlen=MAX_ANNOTATIONS)
         self._screen = screen or Screen()

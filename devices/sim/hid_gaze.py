@@ -74,9 +74,14 @@ class HidGazeSimulator(GazePeer):
         descriptor: bytes = DESCRIPTOR,
     ) -> None:
         source = GazeSource(
-            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
+            body,
+            seed=seed,
+            clock=clock,
+            rate_hz=rate_hz,
+            faults=faults,
+            error=error,
             drift_ppm=drift_ppm,
-        )  # fmt: skip
+        )
         super().__init__(source, seed=seed)
         source.calibrated_fit = body.fit()  # in its own program, before the session
         self.modes: list[int] = []
@@ -143,10 +148,14 @@ class FakeHidapi:
     def enumerate(self) -> list[Mapping[str, Any]]:
         """List a keyboard, and the tracker while it is there."""
         tracker = {
-            "path": b"/dev/hidraw-sim", "vendor_id": VENDOR_ID, "product_id": PRODUCT_ID,
-            "usage_page": 0x12, "usage": 0x01, "serial_number": SERIAL,
+            "path": b"/dev/hidraw-sim",
+            "vendor_id": VENDOR_ID,
+            "product_id": PRODUCT_ID,
+            "usage_page": 0x12,
+            "usage": 0x01,
+            "serial_number": SERIAL,
             "product_string": "Simulated eye tracker",
-        }  # fmt: skip
+        }
         gone = self.simulator.source.gone(self.clock.now_ns())
         return [
             {"usage_page": 1, "usage": 6, "path": b"/dev/keyboard"},

@@ -51,9 +51,15 @@ class NeonSimulator(GazePeer):
         distortion: tuple[float, ...] = (0.0,) * 8,
     ) -> None:
         source = GazeSource(
-            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
-            drift_ppm=drift_ppm, epoch_ns=EPOCH_NS,
-        )  # fmt: skip
+            body,
+            seed=seed,
+            clock=clock,
+            rate_hz=rate_hz,
+            faults=faults,
+            error=error,
+            drift_ppm=drift_ppm,
+            epoch_ns=EPOCH_NS,
+        )
         super().__init__(source, seed=seed)
         source.calibrated_fit = body.fit()  # in its own program, before the session
         self.events: list[tuple[str, int]] = []
@@ -104,19 +110,35 @@ class NeonSimulator(GazePeer):
         low = "LOW" if self.battery_level < 20 else "OK"
         return [
             _part(
-                "Phone", battery_level=self.battery_level, battery_state=low, device_id="sim",
-                device_name="Simulated", ip=address, memory=10**10, memory_state="OK",
+                "Phone",
+                battery_level=self.battery_level,
+                battery_state=low,
+                device_id="sim",
+                device_name="Simulated",
+                ip=address,
+                memory=10**10,
+                memory_state="OK",
                 time_echo_port=echo,
             ),
             _part(
-                "Hardware", version="2.0", glasses_serial="unknown", world_camera_serial="unknown",
+                "Hardware",
+                version="2.0",
+                glasses_serial="unknown",
+                world_camera_serial="unknown",
                 module_serial=SERIAL.decode(),
             ),
             _part(
-                "Sensor", sensor="gaze", conn_type="DIRECT", connected=self.has_glasses,
-                ip=address, params="camera=gaze", port=rtsp, protocol="rtsp", stream_error=False,
+                "Sensor",
+                sensor="gaze",
+                conn_type="DIRECT",
+                connected=self.has_glasses,
+                ip=address,
+                params="camera=gaze",
+                port=rtsp,
+                protocol="rtsp",
+                stream_error=False,
             ),
-        ]  # fmt: skip
+        ]
 
     def calibration(self) -> bytes:
         """Return the module's calibration file: scene camera, then two eye cameras."""

@@ -35,9 +35,15 @@ class SranipalSimulator(GazePeer):
         drift_ppm: float = 0.0,
     ) -> None:
         source = GazeSource(
-            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
-            drift_ppm=drift_ppm, epoch_ns=10**12,
-        )  # fmt: skip
+            body,
+            seed=seed,
+            clock=clock,
+            rate_hz=rate_hz,
+            faults=faults,
+            error=error,
+            drift_ppm=drift_ppm,
+            epoch_ns=10**12,
+        )
         super().__init__(source, seed=seed)
 
     def to_message(self, shot: Shot) -> Frames:

@@ -8,12 +8,13 @@ from typing import Any
 
 from devices.sim.pupil.capture import PupilCoreSimulator
 from lab.clock import NS_PER_MS, Clock
+from lab.closing import Closing
 
 LOOP_MS = 1
 FIRST_SAMPLES_NS = 20 * NS_PER_MS
 
 
-class ZmqHost:
+class ZmqHost(Closing):
     """Serve a simulator until closed; a context manager. `port` is the request port."""
 
     def __init__(
@@ -41,12 +42,6 @@ class ZmqHost:
         simulator.advance(clock.now_ns() + FIRST_SAMPLES_NS)
         self._thread = threading.Thread(target=self._serve, name="zmq-host", daemon=True)
         self._thread.start()
-
-    def __enter__(self) -> "ZmqHost":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Stop the thread and release the sockets; re-raises what stopped the thread."""

@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple
 from devices.byte_links import Chunk
 from devices.sim.armband.firmware import ArmbandFirmware, Protection, Surroundings
 from lab.clock import NS_PER_MS, NS_PER_S, SystemClock
+from lab.closing import Closing
 from lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 
 SOURCES = Path(__file__).resolve().parents[2] / "firmware" / "armband"
@@ -95,7 +96,7 @@ def skin_reading(skin_c: float) -> int:
     return round(SKIN_OPEN * ratio / (1 + ratio))
 
 
-class LockstepMachine:
+class LockstepMachine(Closing):
     """A machine that runs exactly as far as it is told; a `BytePeer` and a context manager."""
 
     def __init__(self, command: Sequence[str], origin_ns: int = 0) -> None:
@@ -111,12 +112,6 @@ class LockstepMachine:
         self.sent: list[tuple[int, int]] = []
         """(time in us, byte) of everything the machine said."""
         self.changes: list[DutyChange] = []
-
-    def __enter__(self) -> "LockstepMachine":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def give(self, t_us: int, data: bytes) -> None:
         """Let bytes reach the machine from `t_us` on."""
@@ -190,7 +185,7 @@ class LockstepMachine:
             self._process.stdin.flush()
 
 
-class TerminalMachine:
+class TerminalMachine(Closing):
     """A machine in real time on a pseudo-terminal; a context manager. pyserial opens `port`."""
 
     def __init__(self, command: Sequence[str]) -> None:
@@ -208,12 +203,6 @@ class TerminalMachine:
         self.received_us: list[tuple[int, int]] = []
         """(machine time in us, system clock in ns) at which bytes came from the host."""
         self.port = self._read_until("P", self._clock.now_ns() + round(STARTED_S * NS_PER_S))
-
-    def __enter__(self) -> "TerminalMachine":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def wait_for(
         self,
@@ -293,7 +282,7 @@ class TerminalMachine:
         return line.decode()
 
 
-class PythonMachine:
+class PythonMachine(Closing):
     """The firmware's model in Python behind the same methods, where nothing can be compiled."""
 
     def __init__(self, protection: Protection | None = None) -> None:
@@ -303,12 +292,6 @@ class PythonMachine:
         self.sent: list[tuple[int, int]] = []
         self.changes = [DutyChange(0, 0, self.firmware.duties)]
         self._said(self.firmware.boot(0))
-
-    def __enter__(self) -> "PythonMachine":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def give(self, t_us: int, data: bytes) -> None:
         """Let bytes reach the machine at `t_us`."""

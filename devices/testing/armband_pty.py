@@ -7,6 +7,7 @@ import threading
 
 from devices.sim.armband.firmware import ArmbandFirmware
 from lab.clock import Clock
+from lab.closing import Closing
 from lab.errors import DeviceNotFound
 
 LOOP_S = 0.001
@@ -31,7 +32,7 @@ def open_terminal(*, blocking: bool = True) -> tuple[int, int, str]:
         return own, other, os.ttyname(other)
 
 
-class PtyArmband:
+class PtyArmband(Closing):
     """Serve an armband until closed; a context manager. `port` is what pyserial opens."""
 
     def __init__(self, clock: Clock, firmware: ArmbandFirmware | None = None) -> None:
@@ -43,12 +44,6 @@ class PtyArmband:
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._serve, name="pty-armband", daemon=True)
         self._thread.start()
-
-    def __enter__(self) -> "PtyArmband":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Stop and release the terminal; re-raises what stopped the thread."""

@@ -16,6 +16,7 @@ from typing import Any
 from devices.byte_links import BytePeer
 from devices.testing.loop_thread import LoopThread
 from lab.clock import Clock
+from lab.closing import Closing
 from lab.errors import DeviceError
 
 ADAPTER = "/org/bluez/hci0"
@@ -26,7 +27,7 @@ ADVERTISE_S = 0.05
 RESOLVE_S = 0.01
 
 
-class PrivateBus:
+class PrivateBus(Closing):
     """A dbus-daemon of our own; a context manager. `address` is where it listens."""
 
     def __init__(self) -> None:
@@ -41,12 +42,6 @@ class PrivateBus:
         )
         assert self._process.stdout is not None  # noqa: S101 - it is piped
         self.address = self._process.stdout.readline().decode().strip()
-
-    def __enter__(self) -> "PrivateBus":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the daemon."""

@@ -2,11 +2,12 @@
 
 import asyncio
 import threading
-from abc import ABC, abstractmethod
-from typing import Self
+from abc import abstractmethod
+
+from lab.closing import Closing
 
 
-class LoopThread(ABC):
+class LoopThread(Closing):
     """Run `_serve` on a loop of its own until closed; a context manager.
 
     A subclass calls `_begin` at the end of its `__init__`; its `_serve` sets `_ready` when it can
@@ -18,12 +19,6 @@ class LoopThread(ABC):
         self._ready = threading.Event()
         self._loop = asyncio.new_event_loop()
         self._stop = asyncio.Event()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Stop serving; re-raises what stopped the thread."""

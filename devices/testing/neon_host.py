@@ -226,9 +226,17 @@ class NeonHost:
         seconds, rest_ns = divmod(device_ns, NS_PER_S)
         fraction = (rest_ns << 32) // NS_PER_S
         return struct.pack(
-            "!BBHIIIIII", 0x80, 200, 6, SSRC, seconds + NTP_AHEAD_S, fraction, _ticks(device_ns),
-            0, 0,
-        )  # fmt: skip
+            "!BBHIIIIII",
+            0x80,
+            200,
+            6,
+            SSRC,
+            seconds + NTP_AHEAD_S,
+            fraction,
+            _ticks(device_ns),
+            0,
+            0,
+        )
 
 
 def _ticks(device_ns: int) -> int:

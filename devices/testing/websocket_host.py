@@ -8,12 +8,13 @@ from typing import Any
 
 from devices.byte_links import BytePeer
 from lab.clock import Clock
+from lab.closing import Closing
 from lab.errors import DeviceError
 
 LOOK_S = 0.002
 
 
-class WebSocketHost:
+class WebSocketHost(Closing):
     """Serve a simulator until closed; a context manager. `paths` are what clients asked for."""
 
     def __init__(self, peer: BytePeer, clock: Clock, *, address: str = "127.0.0.1") -> None:
@@ -31,12 +32,6 @@ class WebSocketHost:
         self.port: int = self._server.socket.getsockname()[1]
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
-
-    def __enter__(self) -> "WebSocketHost":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Stop serving."""

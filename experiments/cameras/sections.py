@@ -71,8 +71,17 @@ def _sheets(experiment: StudyExperiment) -> Table:
                 mean([s.collisions for s in sheets], 1),
             )
         )
-    heads = ("walker seen (%)", "longest lost (s)", "size off by", "cuts", "shot (s)",
-             "cuts below 30°", "lines crossed", "jerk (m/s³)", "collisions")  # fmt: skip
+    heads = (
+        "walker seen (%)",
+        "longest lost (s)",
+        "size off by",
+        "cuts",
+        "shot (s)",
+        "cuts below 30°",
+        "lines crossed",
+        "jerk (m/s³)",
+        "collisions",
+    )
     return Table(
         (Column("camera"), *(Column(words, "right") for words in heads)),
         tuple(told),
@@ -86,9 +95,16 @@ def _comprehension(rows: pd.DataFrame) -> Table:
     told = []
     parts = rows["pair"].str.split("|", expand=True)
     for camera in CAMERAS:
-        saw = pd.concat([
-            rows.loc[parts[0] == camera, "saw_first"], rows.loc[parts[1] == camera, "saw_second"],
-        ]).dropna().astype(bool)  # fmt: skip
+        saw = (
+            pd.concat(
+                [
+                    rows.loc[parts[0] == camera, "saw_first"],
+                    rows.loc[parts[1] == camera, "saw_second"],
+                ]
+            )
+            .dropna()
+            .astype(bool)
+        )
         share = f"{100 * float(saw.mean()):.0f}" if len(saw) else "–"
         told.append((NAMES[camera], str(int(saw.sum())), str(len(saw)), share))
     return Table(

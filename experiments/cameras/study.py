@@ -86,19 +86,25 @@ study = Study(
     exclusions=COMPLETENESS_RULES,
     measures=[
         column(
-            "preference", "1",
+            "preference",
+            "1",
             "vote for the pair's first camera: 2 much, 1 slightly better, 0 equal, negative for "
             "the second",
         ),
         column(
-            "understood", "1",
+            "understood",
+            "1",
             "in whose film alone could be seen what was done on the way: 1 the first camera's, "
             "-1 the second's, 0 in both or neither",
         ),
     ],
     columns=[
-        Column("first_side", "", "where the film of the pair's first camera stood",
-               {"left": "on the left", "right": "on the right"}),
+        Column(
+            "first_side",
+            "",
+            "where the film of the pair's first camera stood",
+            {"left": "on the left", "right": "on the right"},
+        ),
         Column("saw_first", "", "what was done could be seen in the first camera's film"),
         Column("saw_second", "", "the same in the second's"),
     ],
@@ -127,7 +133,7 @@ study = Study(
         "second. Which film stood left was drawn for each trial."
     ),
     references=(CITATION,),
-)  # fmt: skip
+)
 
 
 @study.scene("walk")

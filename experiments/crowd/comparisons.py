@@ -42,14 +42,25 @@ RATINGS: Final = tuple(
 MEASURES: Final = (*PRIMARY, *FURTHER, *RATINGS)
 
 RULES: Final = (
-    Exclusion("max_lost_01", "trial", "lost_01", 0.10,
-              "{value:.0%} of the walk not tracked (limit {limit:.0%})"),
-    Exclusion("came_back", "trial", "came_back", 1.0,
-              "did not come back to the mark in time", above=False),
-    Exclusion("min_walks_01", "participant", "smallest_cell_01", 0.5,
-              "{value:.0%} of the walks planned for a block can be used (limit {limit:.0%})",
-              above=False),
-)  # fmt: skip
+    Exclusion(
+        "max_lost_01",
+        "trial",
+        "lost_01",
+        0.10,
+        "{value:.0%} of the walk not tracked (limit {limit:.0%})",
+    ),
+    Exclusion(
+        "came_back", "trial", "came_back", 1.0, "did not come back to the mark in time", above=False
+    ),
+    Exclusion(
+        "min_walks_01",
+        "participant",
+        "smallest_cell_01",
+        0.5,
+        "{value:.0%} of the walks planned for a block can be used (limit {limit:.0%})",
+        above=False,
+    ),
+)
 """What leaves out a walk, or a person; all of it this platform's."""
 
 
@@ -106,9 +117,13 @@ def compared() -> Iterator[Compare]:
         )
     for measure in PRIMARY:
         yield Compare(
-            measure.column, within="condition", between="group", test="rm", correction="none",
+            measure.column,
+            within="condition",
+            between="group",
+            test="rm",
+            correction="none",
             exploratory=True,
-        )  # fmt: skip
+        )
 
 
 def _printed_pairs(column: str) -> Iterator[tuple[tuple[str, str], Printed]]:

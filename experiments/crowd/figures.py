@@ -86,9 +86,13 @@ def _collisions(group: GroupPaths, found: pd.DataFrame) -> Figure:
                 low = -3 if axes is volumes else -2
                 bins = np.linspace(low, 1, 25)
                 axes.hist(
-                    np.clip(values, low, 1), bins, weights=weights, histtype="step",
-                    color=COLOURS[condition], linewidth=1.6,
-                )  # fmt: skip
+                    np.clip(values, low, 1),
+                    bins,
+                    weights=weights,
+                    histtype="step",
+                    color=COLOURS[condition],
+                    linewidth=1.6,
+                )
     parts.set_yticks(y, [label for _, label in BODY_PARTS])
     parts.invert_yaxis()
     parts.set_xlabel("Collisions per walk")
@@ -131,9 +135,15 @@ def _shoulders(group: GroupPaths, crossings: pd.DataFrame) -> Figure:
                     1.96 * values.std(ddof=1) / np.sqrt(values.size) if values.size > 2 else np.nan
                 )
             axes.errorbar(
-                middles + 0.012 * (k - 1), means, spreads, color=COLOURS[condition],
-                marker="o", markersize=5, linewidth=1.4, label=SHORT[condition],
-            )  # fmt: skip
+                middles + 0.012 * (k - 1),
+                means,
+                spreads,
+                color=COLOURS[condition],
+                marker="o",
+                markersize=5,
+                linewidth=1.4,
+                label=SHORT[condition],
+            )
         axes.axhline(45, color=GREY, linewidth=0.7, linestyle=(0, (4, 3)))
         axes.set_ylim(0, 90)
     if mine.empty:

@@ -52,7 +52,7 @@ TESTS: Final[Mapping[str, Printed]] = {
     "shoulders_to_gap_deg": published_f(
         "13.0", 2, 44, p="<0.001", eta2p="0.37", is_significant=True
     ),
-    "speed_m_s": Printed(True, statistic=7.14, text="F(1.56, 34.2) = 7.14, p = .005, η²p = .245"),
+    "speed_m_s": published_f("7.14", "1.56", "34.2", p="0.005", eta2p="0.245", is_significant=True),
     "agency": Printed(False, text="p = .438"),
     "change": Printed(False, text="p = .085"),
     "ownership": Printed(False, text="p = .753"),

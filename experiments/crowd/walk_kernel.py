@@ -60,9 +60,15 @@ def volumes_of_walk(
             continue
         joint_moves(positions[i], worlds[i], own.joints_m[0], own_scale, own_moves)
         group_boxes(
-            own.group, own.joint, own.centre_m, own.half_m, own.groups[0], own_moves,
-            own_boxes, own_whole,
-        )  # fmt: skip
+            own.group,
+            own.joint,
+            own.centre_m,
+            own.half_m,
+            own.groups[0],
+            own_moves,
+            own_boxes,
+            own_whole,
+        )
         is_skinned = False
         for p in range(people.shape[0]):
             volumes[i, p] = 0.0
@@ -76,9 +82,15 @@ def volumes_of_walk(
             q0, q1 = others.piece[who], others.piece[who + 1]
             n = others.groups[who]
             group_boxes(
-                others.group[q0:q1], others.joint[q0:q1], others.centre_m[q0:q1],
-                others.half_m[q0:q1], n, moves, boxes, whole,
-            )  # fmt: skip
+                others.group[q0:q1],
+                others.joint[q0:q1],
+                others.centre_m[q0:q1],
+                others.half_m[q0:q1],
+                n,
+                moves,
+                boxes,
+                whole,
+            )
             if not boxes_meet(own_whole, whole):
                 continue
             if not any_boxes_meet(own_boxes, own.groups[0], boxes, n, whole):
@@ -102,7 +114,14 @@ def volumes_of_walk(
             if not box_of_meetings(own_tight, own.slices[0], tight, n, whole, shared):
                 continue
             found = measure_within(
-                own_m, own.faces, mesh_m, others.faces[f0:f1], shared[0], shared[1],
-                cell_m, refine_below_m3, fine_columns,
-            )  # fmt: skip
+                own_m,
+                own.faces,
+                mesh_m,
+                others.faces[f0:f1],
+                shared[0],
+                shared[1],
+                cell_m,
+                refine_below_m3,
+                fine_columns,
+            )
             volumes[i, p] = found[0]

@@ -26,15 +26,24 @@ def votes(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
     """Return every cell's votes with a sign test of each person's mean, corrected over cells."""
     rows = analysis.selection.counted
     rows = rows[rows["preference"].notna()]
-    cells = [(c, i) for c in CLIPS for i in experiment.levels["increment"]
-             if ((rows["clip"] == c) & (rows["increment"] == i)).any()]  # fmt: skip
+    cells = [
+        (c, i)
+        for c in CLIPS
+        for i in experiment.levels["increment"]
+        if ((rows["clip"] == c) & (rows["increment"] == i)).any()
+    ]
     told = []
     for clip, increment in cells:
         own = rows[(rows["clip"] == clip) & (rows["increment"] == increment)]
         counts = [int((own["preference"] == value).sum()) for value, _ in SCALE]
         p = min(1.0, sign_test_p(own) * len(cells))
-        told.append((f"{clip}, increment {increment}", *map(str, counts),
-                     fraction(p, 3) if p >= 0.001 else "< .001"))  # fmt: skip
+        told.append(
+            (
+                f"{clip}, increment {increment}",
+                *map(str, counts),
+                fraction(p, 3) if p >= 0.001 else "< .001",
+            )
+        )
     blocks: list[Block] = [
         Table(
             (Column("pair"), *(Column(words, "right") for _, words in SCALE), Column("p", "right")),

@@ -89,7 +89,8 @@ study = Study(
     exclusions=COMPLETENESS_RULES,
     measures=[
         column(
-            "preference", "1",
+            "preference",
+            "1",
             "vote for the hybrid: 2 significantly, 1 slightly better, 0 equal, negative for the "
             "clip",
         ),
@@ -101,7 +102,10 @@ study = Study(
             claim="how hybrid animation compares depends on the motion and the number of poses",
         ),
         Compare(
-            "preference", within="hybrid_side", family="side", exploratory=True,
+            "preference",
+            within="hybrid_side",
+            family="side",
+            exploratory=True,
             claim="the side on which the hybrid stands sways votes",
         ),
     ],
@@ -113,7 +117,7 @@ study = Study(
         "hybrid on either side, in random order."
     ),
     references=(CITATION,),
-)  # fmt: skip
+)
 
 
 @study.scene("moving")
@@ -141,8 +145,14 @@ def trial(t: TrialScript) -> Iterator[Action]:
     seconds = rounds * period_s(t.clip)
 
     def film(poses: int) -> Film:
-        scene = Scene("moving", clip=t.clip, poses=poses, controls=t.controls,
-                      limp=float(t.limp), excess_hips=float(t.excess_hips))  # fmt: skip
+        scene = Scene(
+            "moving",
+            clip=t.clip,
+            poses=poses,
+            controls=t.controls,
+            limp=float(t.limp),
+            excess_hips=float(t.excess_hips),
+        )
         return Film(scene, seconds, size_px=(540, 720), lens=LENS)
 
     made, clip = film(int(t.increment)), film(-1)

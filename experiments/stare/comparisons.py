@@ -42,14 +42,30 @@ SCORE_COLUMN: Final = "social_anxiety_total"
 """Liebowitz total, 0 to 144, in the table of participants' answers."""
 
 RULES: Final = (
-    Exclusion("max_trial_lost_01", "trial", "lost_01", 0.30,
-              "{value:.0%} lost (limit {limit:.0%})", missing_is_out=True),
-    Exclusion("max_bad_trials_01", "participant", "bad_trials_01", 0.30,
-              "{value:.0%} of the trials without enough gaze (limit {limit:.0%})"),
-    Exclusion("max_error_deg", "participant", "calibration_error_deg", 2.5,
-              "mean calibration error {value:.1f}° (limit {limit:.1f}°)"),
+    Exclusion(
+        "max_trial_lost_01",
+        "trial",
+        "lost_01",
+        0.30,
+        "{value:.0%} lost (limit {limit:.0%})",
+        missing_is_out=True,
+    ),
+    Exclusion(
+        "max_bad_trials_01",
+        "participant",
+        "bad_trials_01",
+        0.30,
+        "{value:.0%} of the trials without enough gaze (limit {limit:.0%})",
+    ),
+    Exclusion(
+        "max_error_deg",
+        "participant",
+        "calibration_error_deg",
+        2.5,
+        "mean calibration error {value:.1f}° (limit {limit:.1f}°)",
+    ),
     *COMPLETENESS_RULES,
-)  # fmt: skip
+)
 """This platform's: the source names none."""
 
 
@@ -81,31 +97,60 @@ _GAZE: Final[dict[str, Any]] = {
     },
 }
 CONDITION_TESTS: Final = Pairs(
-    "conditions", COLUMNS, "condition", COMPARISONS, printed=_of_conditions,
-    words="the thirty tests: five comparisons of six measures", **_GAZE,
-)  # fmt: skip
+    "conditions",
+    COLUMNS,
+    "condition",
+    COMPARISONS,
+    printed=_of_conditions,
+    words="the thirty tests: five comparisons of six measures",
+    **_GAZE,
+)
 PLACE_TESTS: Final = Pairs(
-    "places", [DWELL.column, FIXATION_COUNT.column], "condition", [("A", "D")], each="place",
-    shared=("each",), printed=_of_places,
-    words="averted against directed gaze at each of nine places", **_GAZE,
-)  # fmt: skip
+    "places",
+    [DWELL.column, FIXATION_COUNT.column],
+    "condition",
+    [("A", "D")],
+    each="place",
+    shared=("each",),
+    printed=_of_places,
+    words="averted against directed gaze at each of nine places",
+    **_GAZE,
+)
 """Measures that every trial has, so that a mean over two trials per place is rarely missing."""
 ZONE_TESTS: Final = Pairs(
-    "zones", [FIRST_TIME.column], "condition", COMPARISONS, each="zone", shared=("each",),
-    printed=_of_zones, words="first fixation time by zone", **_GAZE,
-)  # fmt: skip
+    "zones",
+    [FIRST_TIME.column],
+    "condition",
+    COMPARISONS,
+    each="zone",
+    shared=("each",),
+    printed=_of_zones,
+    words="first fixation time by zone",
+    **_GAZE,
+)
 ANXIETY_TESTS: Final = Correlate(
-    "anxiety", COLUMNS, "condition", SCORE_COLUMN, "social anxiety", "the anxiety score",
-    printed=_of_anxiety, words="Spearman correlations with the social anxiety score", **_GAZE,
-)  # fmt: skip
+    "anxiety",
+    COLUMNS,
+    "condition",
+    SCORE_COLUMN,
+    "social anxiety",
+    "the anxiety score",
+    printed=_of_anxiety,
+    words="Spearman correlations with the social anxiety score",
+    **_GAZE,
+)
 SECOND_VIEW_TESTS: Final = tuple(
     Pairs(
-        "second view", [m.column], "condition", COMPARISONS,
+        "second view",
+        [m.column],
+        "condition",
+        COMPARISONS,
         words="comparisons on fixations found by velocity and by dispersion",
-        exploratory=True, **_GAZE,
+        exploratory=True,
+        **_GAZE,
     )
     for m in SECOND_VIEW_MEASURES
-)  # fmt: skip
+)
 FAMILIES: Final[tuple[Family, ...]] = (
     CONDITION_TESTS,
     PLACE_TESTS,

@@ -148,14 +148,19 @@ _TABLES: Final[Mapping[tuple[str, str, str], tuple[_Row, ...]]] = {
 
 TESTS: Final[Mapping[tuple[str, str, str], Printed]] = {
     (first, second, measure): Printed(
-        stars > 0, p, stars,
+        stars > 0,
+        p,
+        stars,
         int(np.sign(MEANS[second][measure].mean - MEANS[first][measure].mean)),
-        statistic=None if found is None else found[0], eta_p2=None if found is None else found[1],
-        is_wilcoxon=found is None, where=f"table {table}", p_is_bound=sign == _BOUND,
+        statistic=None if found is None else found[0],
+        eta_p2=None if found is None else found[1],
+        is_wilcoxon=found is None,
+        where=f"table {table}",
+        p_is_bound=sign == _BOUND,
     )
     for (first, second, table), rows in _TABLES.items()
     for measure, (sign, p, stars, found) in zip(MAIN_MEASURES, rows, strict=True)
-}  # fmt: skip
+}
 """The 30 tests of tables 3.1, 3.2, A.1, A.2 and A.3, by both conditions and measure."""
 
 

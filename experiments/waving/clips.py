@@ -94,9 +94,12 @@ class StudyWave:
 
 @cache
 def study_wave(
-    clerk: str, target_place: str, technique: str, making: Making = DEFAULT_MAKING,
+    clerk: str,
+    target_place: str,
+    technique: str,
+    making: Making = DEFAULT_MAKING,
     eye_height_m: float = places.STANDING_EYE_M,
-) -> StudyWave:  # fmt: skip
+) -> StudyWave:
     """Return how a clerk waves at somebody in a customer's place whose eyes are at a height.
 
     The same object for the same wave.
@@ -176,14 +179,30 @@ def _planned(
     body, view = seen_body_of(clerk), view_of(clerk, eye_m, target_place)
     targets, units = targets_of(increment), units_named(UNITS)
     said = json.dumps(
-        [[asdict(t) for t in targets], UNITS, asdict(SETTINGS), asdict(REFINING), FINE_PX,
-         waving.heading_deg, waving.start_s, FADE_S, clerk],
+        [
+            [asdict(t) for t in targets],
+            UNITS,
+            asdict(SETTINGS),
+            asdict(REFINING),
+            FINE_PX,
+            waving.heading_deg,
+            waving.start_s,
+            FADE_S,
+            clerk,
+        ],
         sort_keys=True,
-    )  # fmt: skip
+    )
     key = digest_of(
-        clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, view.eye, view.behind,
-        view.lamps, view.maps, said=said + digest_of_code(stimuli.motion.warping),
-    )  # fmt: skip
+        clip.root_m,
+        clip.orientation_wxyz,
+        body.rest,
+        body.triangles,
+        view.eye,
+        view.behind,
+        view.lamps,
+        view.maps,
+        said=said + digest_of_code(stimuli.motion.warping),
+    )
     kept = read_kept(KEPT_AS, key)
     if kept is None:
         found = warp_clip(drawn_clip(waving), body, view, targets, units, SETTINGS)

@@ -123,9 +123,14 @@ class Judgement:
 
 
 def judge(
-    evidence: Evidence, own_place: int, person: Person, population: Population,
-    rng: np.random.Generator, *, effect: bool = True,
-) -> Judgement:  # fmt: skip
+    evidence: Evidence,
+    own_place: int,
+    person: Person,
+    population: Population,
+    rng: np.random.Generator,
+    *,
+    effect: bool = True,
+) -> Judgement:
     """Judge one wave; `own_place` is the index of the observer's place.
 
     Without `effect` nothing of the wave is taken in and nobody leans to their own place: to lean

@@ -82,9 +82,12 @@ class WavingParticipant(StandingBody):
         body = self.rng(_BODY)
         eye_m = np.array([0.0, STANDING_EYE_M + EYE_HEIGHT_SD_M * body.standard_normal(), 0.0])
         super().__init__(
-            eye_m, body.uniform(0.0, 2 * np.pi, 3), ahead_m=np.array(AHEAD_M),
-            hand_m=np.array(HAND_AT_M), rest_m=np.array(HAND_REST),
-        )  # fmt: skip
+            eye_m,
+            body.uniform(0.0, 2 * np.pi, 3),
+            ahead_m=np.array(AHEAD_M),
+            hand_m=np.array(HAND_AT_M),
+            rest_m=np.array(HAND_REST),
+        )
 
     def rng(self, *spawn_key: int) -> np.random.Generator:
         """Return the generator of one purpose."""

@@ -77,20 +77,18 @@ def evidence_of(
         pixels=pixels,
         free=free,
         pointing_deg=pointing,
-        bearing_deg=np.array([
-            _bearing_deg(eye_at(c.name) - heads) for c in places.CUSTOMERS
-        ]),
+        bearing_deg=np.array([_bearing_deg(eye_at(c.name) - heads) for c in places.CUSTOMERS]),
         reach_01=reach_of(waving, warp),
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=256)
 def reach_of(waving: Waving, warp: WarpTrack | None = None) -> Vector:
     """Return the share (5,) of head and waving hand that somebody in each place sees."""
     poses = _poses(waving, warp)
-    return np.array([
-        _reach(waving.clerk, poses, _reach_view(waving.clerk, c.name)) for c in places.CUSTOMERS
-    ])  # fmt: skip
+    return np.array(
+        [_reach(waving.clerk, poses, _reach_view(waving.clerk, c.name)) for c in places.CUSTOMERS]
+    )
 
 
 def _poses(waving: Waving, warp: WarpTrack | None) -> Frames:

@@ -33,9 +33,12 @@ def wave_of(factors: Mapping[str, Any], making: Making, eye_height_m: float) -> 
     """Return the wave of a trial; one at the participant is made for their planned eye height."""
     is_own = factors["target_place"] == factors["participant_place"]
     return study_wave(
-        str(factors["clerk"]), str(factors["target_place"]), str(factors["technique"]), making,
+        str(factors["clerk"]),
+        str(factors["target_place"]),
+        str(factors["technique"]),
+        making,
         eye_height_m if is_own else STANDING_EYE_M,
-    )  # fmt: skip
+    )
 
 
 def scene_of(participant_place: str, waving: Waving | None) -> OfficeScene:

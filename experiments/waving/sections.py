@@ -64,8 +64,12 @@ def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
         shares = [_share(part[c]) for c in ("target_reachable_01", "target_met_01")]
         rows.append((wave, str(len(part)), *cells, *shares))
     shown = (
-        "Warped trials", "Coverage wanted", "Reached", "Frames within reach", "Frames on target",
-    )  # fmt: skip
+        "Warped trials",
+        "Coverage wanted",
+        "Reached",
+        "Frames within reach",
+        "Frames on target",
+    )
     heads = (Column("Wave"), *(Column(h, "right") for h in shown))
     met_01 = float(known["target_met_01"].mean())
     said = (
@@ -76,19 +80,24 @@ def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
     table = Table(heads, tuple(rows), "Coverage of head and hand", said)
     blocks: list[Block] = [table]
     if met_01 < ENOUGH_ON_TARGET_01:
-        blocks.insert(0, Paragraph(
-            f"Warping met its target in {percentage(met_01, 0)} of frames; "
-            f"{_share(known['target_reachable_01'])} were within reach. What this study compares "
-            "is the wave as it was reached, not the coverage that was asked for."
-        ))  # fmt: skip
+        blocks.insert(
+            0,
+            Paragraph(
+                f"Warping met its target in {percentage(met_01, 0)} of frames; "
+                f"{_share(known['target_reachable_01'])} were within reach. What this study "
+                "compares is the wave as it was reached, not the coverage that was asked for."
+            ),
+        )
     if "warp_loop_hz" in known and known["warp_loop_hz"].notna().any():
         rate_hz = float(pd.to_numeric(known["warp_loop_hz"]).median())
         late = int(pd.to_numeric(known["warp_late"]).sum())
-        blocks.append(Paragraph(
-            f"Waves at the participant were corrected for the tracked head {decimal(rate_hz, 0)} "
-            f"times a second (median of trials); {counted(late, 'correction')} came too late to be "
-            "shown."
-        ))  # fmt: skip
+        blocks.append(
+            Paragraph(
+                f"Waves at the participant were corrected for the tracked head "
+                f"{decimal(rate_hz, 0)} times a second (median of trials); "
+                f"{counted(late, 'correction')} came too late to be shown."
+            )
+        )
     return blocks
 
 

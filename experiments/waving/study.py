@@ -291,9 +291,14 @@ class Office(WithEyes):
         warp = None if self.loop is None else self.loop.track
         distance_m = self.eyes.distance_m(view.t_ns - self.start_ns, self.observer_m)
         return OfficeFrame(
-            self.scene, view.t_ns, gaze, openness, gaze_distance_m=distance_m,
-            start_ns=self.start_ns, warp=warp,
-        )  # fmt: skip
+            self.scene,
+            view.t_ns,
+            gaze,
+            openness,
+            gaze_distance_m=distance_m,
+            start_ns=self.start_ns,
+            warp=warp,
+        )
 
     def correct(self, t_ns: int) -> dict[str, Scalar | None] | None:
         """Let the wave be warped for where the participant is; return the key that was taken."""

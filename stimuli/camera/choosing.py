@@ -189,9 +189,14 @@ def _score_without_sight(
 
 @compiled
 def _seen_part(
-    place: Vector, subject: Vector, needed: float, people: Vector,
-    boxes: Vector, links: Ints, corners: Vector,
-) -> float:  # fmt: skip
+    place: Vector,
+    subject: Vector,
+    needed: float,
+    people: Vector,
+    boxes: Vector,
+    links: Ints,
+    corners: Vector,
+) -> float:
     """Return how well a place sees the subject (4 points, see `SEEN`), 0 to 1; 0 as soon as it
     cannot be more than what is needed.
     """

@@ -349,19 +349,39 @@ class Director:
         centre, velocity, wanted_m = self._centre, self._subject_velocity(), self._wanted_m
         around = self._around()
         edge, share, _, keeps = cut_to(
-            centre, self._points(), velocity, wanted_m, 1.5 * wanted_m + 4.0, self._position,
-            style.min_angle_deg, graph.nodes_m, graph.edges, graph.component, around, around,
-            self._weights[1], moment.people, style.clear_m, style.people_clear_m,
+            centre,
+            self._points(),
+            velocity,
+            wanted_m,
+            1.5 * wanted_m + 4.0,
+            self._position,
+            style.min_angle_deg,
+            graph.nodes_m,
+            graph.edges,
+            graph.component,
+            around,
+            around,
+            self._weights[1],
+            moment.people,
+            style.clear_m,
+            style.people_clear_m,
             *self._place.obstacles.packed,
-        )  # fmt: skip
+        )
         if edge == NO_EDGE or not (keeps or may_break_angle):
             return False
         to = place_on(graph.nodes_m, graph.edges, edge, share)
-        self.cuts.append(Cut(
-            self._time_of(self._tick), reason, self._position, to, centre,
-            float(view_angle_deg(centre, self._position, to)),
-            float(flow_cosine(centre, velocity, self._position, to)), keeps,
-        ))  # fmt: skip
+        self.cuts.append(
+            Cut(
+                self._time_of(self._tick),
+                reason,
+                self._position,
+                to,
+                centre,
+                float(view_angle_deg(centre, self._position, to)),
+                float(flow_cosine(centre, velocity, self._position, to)),
+                keeps,
+            )
+        )
         self._edge, self._share = edge, share
         self._position, self._velocity = to, np.zeros(3)
         self._look, self._turning = centre, np.zeros(3)
@@ -375,12 +395,27 @@ class Director:
         wanted_m = self._wanted_m
         a, b = graph.edges[self._edge]
         edge, share, _ = move_to(
-            self._centre, self._points(), wanted_m, 1.5 * wanted_m + 2.0,
-            self._position, self._edge, self._share, style.step_m, style.max_tests,
-            graph.nodes_m, graph.edges, graph.component, self._around(), graph.distance_m[a],
-            graph.distance_m[b], self._weights[0], moment.people, style.clear_m,
-            style.people_clear_m, *self._place.obstacles.packed,
-        )  # fmt: skip
+            self._centre,
+            self._points(),
+            wanted_m,
+            1.5 * wanted_m + 2.0,
+            self._position,
+            self._edge,
+            self._share,
+            style.step_m,
+            style.max_tests,
+            graph.nodes_m,
+            graph.edges,
+            graph.component,
+            self._around(),
+            graph.distance_m[a],
+            graph.distance_m[b],
+            self._weights[0],
+            moment.people,
+            style.clear_m,
+            style.people_clear_m,
+            *self._place.obstacles.packed,
+        )
         if edge != NO_EDGE:
             self._edge, self._share = edge, share
 

@@ -87,8 +87,9 @@ def _heights(triangles: Vector, walkers: Walkers) -> list[float]:
     large = [h for h, size in zip(levels, sizes, strict=True) if size >= sizes.max() / 2]
     low = high = float(min(large))
     joined: list[float] = []
-    while near := [h for h in found if h not in joined
-                   and low - walkers.climb_m <= h <= high + walkers.climb_m]:  # fmt: skip
+    while near := [
+        h for h in found if h not in joined and low - walkers.climb_m <= h <= high + walkers.climb_m
+    ]:
         joined += near
         low, high = min(joined), max(joined)
     return joined

@@ -102,8 +102,14 @@ def follow(
     Target and subject stand still meanwhile; the push away from the subject is that of the start.
     """
     moved: tuple[Vector, Vector] = _driven(
-        position_m, velocity_mps, target_m, _NOBODY_NEAR if subject_m is None else subject_m, dt_s,
-        drive.omega_rad_s, drive.repulsion_n_m / drive.stiffness_n_m, drive.keep_off_m,
+        position_m,
+        velocity_mps,
+        target_m,
+        _NOBODY_NEAR if subject_m is None else subject_m,
+        dt_s,
+        drive.omega_rad_s,
+        drive.repulsion_n_m / drive.stiffness_n_m,
+        drive.keep_off_m,
         drive.max_speed_mps,
-    )  # fmt: skip
+    )
     return moved

@@ -268,9 +268,18 @@ def _seen_shares(
             if x * x + y * y + z * z <= reach_m * reach_m:
                 for r in range(rays):
                     if sees_between(
-                        points[t, r, 0], points[t, r, 1], points[t, r, 2], nodes[i, 0],
-                        nodes[i, 1], nodes[i, 2], nobody, stack, boxes, links, corners,
-                    ):  # fmt: skip
+                        points[t, r, 0],
+                        points[t, r, 1],
+                        points[t, r, 2],
+                        nodes[i, 0],
+                        nodes[i, 1],
+                        nodes[i, 2],
+                        nobody,
+                        stack,
+                        boxes,
+                        links,
+                        corners,
+                    ):
                         count += 1
             share[i, t] = count / rays
 
@@ -285,7 +294,7 @@ def floor_table(
     reach_m: float = 25.0,
     body_m: tuple[float, float] = (0.6, 1.7),
 ) -> FloorTable:
-    """Look from each place at random points of bodies that stand on each triangle."""  # fmt: skip
+    """Look from each place at random points of bodies that stand on each triangle."""
     rng = np.random.default_rng(seed)
     n = len(triangles_m)
     u, v = rng.random((2, n, rays, 1))

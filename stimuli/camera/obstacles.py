@@ -85,7 +85,7 @@ def ray_hit_m(
 
     `corners` (t, 9): a corner and two edges of every triangle in the order of the leaves;
     `stack` (STACK,) is room to work in.
-    """  # fmt: skip
+    """
     ix = 1.0 / dx if dx != 0.0 else np.inf
     iy = 1.0 / dy if dy != 0.0 else np.inf
     iz = 1.0 / dz if dz != 0.0 else np.inf

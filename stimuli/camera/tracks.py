@@ -266,8 +266,9 @@ def _filtered(
         mine = (along >= low) & (along <= high)
         if rules.drops_unseeing:
             foot = point + along[:, None] * direction
-            mine &= np.array([m and obstacles.sees(p, f)
-                              for m, p, f in zip(mine, places, foot, strict=True)])  # fmt: skip
+            mine &= np.array(
+                [m and obstacles.sees(p, f) for m, p, f in zip(mine, places, foot, strict=True)]
+            )
         if mine.sum() < rules.min_piece_places:
             continue
         if rules.refits:

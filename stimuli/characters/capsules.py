@@ -9,11 +9,20 @@ from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import BodyCapsule, SkinnedMesh
 from stimuli.motion.skeleton import Skeleton
 
-_TRUNK = (("face", "head", ("face", "scalp", "left_eye", "right_eye")),
-          ("neck", "neck", ("neck",)),
-          ("torso", "chest", ("torso",)), ("pelvis", "hips", ("pelvis",)))  # fmt: skip
-_LIMBS = (("upper_arm", "upper_arm"), ("forearm", "lower_arm"), ("hand", "hand"),
-          ("thigh", "upper_leg"), ("shin", "lower_leg"), ("foot", "foot"))  # fmt: skip
+_TRUNK = (
+    ("face", "head", ("face", "scalp", "left_eye", "right_eye")),
+    ("neck", "neck", ("neck",)),
+    ("torso", "chest", ("torso",)),
+    ("pelvis", "hips", ("pelvis",)),
+)
+_LIMBS = (
+    ("upper_arm", "upper_arm"),
+    ("forearm", "lower_arm"),
+    ("hand", "hand"),
+    ("thigh", "upper_leg"),
+    ("shin", "lower_leg"),
+    ("foot", "foot"),
+)
 PIECES: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     *_TRUNK,
     *(

@@ -16,9 +16,14 @@ SIDE_DEG: Final = 40.0
 
 @compiled
 def _draw(
-    x: Vector, y: Vector, depth: Vector, triangles: npt.NDArray[np.int32],
-    tags: npt.NDArray[np.uint8], nearest: Vector, seen: npt.NDArray[np.uint8],
-) -> None:  # fmt: skip
+    x: Vector,
+    y: Vector,
+    depth: Vector,
+    triangles: npt.NDArray[np.int32],
+    tags: npt.NDArray[np.uint8],
+    nearest: Vector,
+    seen: npt.NDArray[np.uint8],
+) -> None:
     for t in range(triangles.shape[0]):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         area = (x[b] - x[a]) * (y[c] - y[a]) - (x[c] - x[a]) * (y[b] - y[a])

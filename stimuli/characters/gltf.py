@@ -39,13 +39,14 @@ Indices = npt.NDArray[np.int64]
 
 _SHAPES: dict[str, tuple[tuple[str, float], ...]] = {
     "left_blink": ((r"l_?eye_?close|eyeblink_?l(eft)?$|blink_?l(eft)?$|left.?(eye.?)?blink", 1.0),),
-    "right_blink": ((r"r_?eye_?close|eyeblink_?r(ight)?$|blink_?r(ight)?$|right.?(eye.?)?blink",
-                     1.0),),
+    "right_blink": (
+        (r"r_?eye_?close|eyeblink_?r(ight)?$|blink_?r(ight)?$|right.?(eye.?)?blink", 1.0),
+    ),
     "lids_up": ((r"eyelookup", 1.0), (r"[lr]_?eye_?open", 0.5)),
     "lids_down": ((r"eyelookdown", 1.0), (r"[lr]_?eye_?close|eyeblink|blink_?[lr]", 0.45)),
     "jaw_open": ((r"jaw_?open", 1.0), (r"mouth_?open", 1.0)),
     "smile": ((r"mouth_?smile", 0.8), (r"smile_?close", 0.8), (r"smile", 0.8)),
-}  # fmt: skip
+}
 """How shapes are called in files; the first pattern that any shape fits is taken."""
 
 
@@ -241,9 +242,14 @@ def _canonical_weights(figure: Figure, rig: Rig, surface: Surface) -> Vector:
 
 
 def _at_rest(
-    file: GltfFile, figure: Figure, rig: Rig, surface: Surface, kind: str, material: int,
+    file: GltfFile,
+    figure: Figure,
+    rig: Rig,
+    surface: Surface,
+    kind: str,
+    material: int,
     eyes: dict[str, EyeFit],
-) -> SkinnedMesh:  # fmt: skip
+) -> SkinnedMesh:
     weights = _canonical_weights(figure, rig, surface)
     vertices, normals = surface.vertices_m, surface.normals
     if kind == "eye":
@@ -297,8 +303,11 @@ def _morphs(surface: Surface) -> dict[str, Vector]:
     found: dict[str, Vector] = {}
     for ours, patterns in _SHAPES.items():
         for pattern, amount in patterns:
-            fits = [delta for name, delta in surface.shapes.items()
-                    if re.search(pattern, name.rsplit(".", 1)[-1].lower())]  # fmt: skip
+            fits = [
+                delta
+                for name, delta in surface.shapes.items()
+                if re.search(pattern, name.rsplit(".", 1)[-1].lower())
+            ]
             if fits:
                 found[ours] = amount * np.sum(fits, axis=0)
                 break

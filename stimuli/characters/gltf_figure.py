@@ -181,9 +181,19 @@ def _surfaces(
                 shapes[name] = np.einsum("vab,vb->va", turn, delta)
         name = str(node.get("name") or mesh.get("name") or f"mesh{index}")
         found.append(
-            Surface(name, vertices, normals, uv, triangles, joints_of[joints], weights,
-                    primitive.get("material"), shapes, colour)
-        )  # fmt: skip
+            Surface(
+                name,
+                vertices,
+                normals,
+                uv,
+                triangles,
+                joints_of[joints],
+                weights,
+                primitive.get("material"),
+                shapes,
+                colour,
+            )
+        )
     return found
 
 

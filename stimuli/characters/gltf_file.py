@@ -16,9 +16,15 @@ from stimuli.characters.errors import CharacterError
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32,
           5126: np.float32}  # fmt: skip
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_KNOWN = {"EXT_texture_webp", "KHR_mesh_quantization", "EXT_meshopt_compression",
-          "KHR_materials_unlit", "KHR_texture_transform", "KHR_materials_sheen",
-          "KHR_materials_emissive_strength"}  # fmt: skip
+_KNOWN = {
+    "EXT_texture_webp",
+    "KHR_mesh_quantization",
+    "EXT_meshopt_compression",
+    "KHR_materials_unlit",
+    "KHR_texture_transform",
+    "KHR_materials_sheen",
+    "KHR_materials_emissive_strength",
+}
 Array = npt.NDArray[Any]
 
 
@@ -91,17 +97,25 @@ class GltfFile:
         if "bufferView" in entry:
             view = self.tree["bufferViews"][entry["bufferView"]]
             values = self._strided(
-                entry["bufferView"], entry.get("byteOffset", 0), count, width, dtype,
+                entry["bufferView"],
+                entry.get("byteOffset", 0),
+                count,
+                width,
+                dtype,
                 view.get("byteStride"),
-            )  # fmt: skip
+            )
         if "sparse" in entry:
             values = values.copy()
             sparse = entry["sparse"]
             where, new = sparse["indices"], sparse["values"]
             rows = self._strided(
-                where["bufferView"], where.get("byteOffset", 0), sparse["count"], 1,
-                np.dtype(_TYPES[where["componentType"]]), None,
-            )  # fmt: skip
+                where["bufferView"],
+                where.get("byteOffset", 0),
+                sparse["count"],
+                1,
+                np.dtype(_TYPES[where["componentType"]]),
+                None,
+            )
             values[rows[:, 0]] = self._strided(
                 new["bufferView"], new.get("byteOffset", 0), sparse["count"], width, dtype, None
             )
@@ -111,9 +125,14 @@ class GltfFile:
         return values
 
     def _strided(
-        self, view: int, offset: int, count: int, width: int, dtype: np.dtype[Any],
+        self,
+        view: int,
+        offset: int,
+        count: int,
+        width: int,
+        dtype: np.dtype[Any],
         stride: int | None,
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         data = self._view(view)
         step = stride or width * dtype.itemsize
         if offset + (count - 1) * step + width * dtype.itemsize > len(data):

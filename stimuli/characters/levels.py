@@ -265,17 +265,22 @@ def _thin(
     values = np.ascontiguousarray(np.concatenate(attributes, axis=1), dtype=np.float32)
     result = np.zeros_like(indices)
     count = meshoptimizer.simplify_with_attributes(
-        result, indices, vertices, values, np.array(weights, dtype=np.float32),
+        result,
+        indices,
+        vertices,
+        values,
+        np.array(weights, dtype=np.float32),
         vertex_lock=locked[used].astype(np.uint8),
         # The wrapper declares no C types for the numbers of this call.
-        index_count=ctypes.c_size_t(len(indices)), vertex_count=ctypes.c_size_t(len(vertices)),
+        index_count=ctypes.c_size_t(len(indices)),
+        vertex_count=ctypes.c_size_t(len(vertices)),
         vertex_positions_stride=ctypes.c_size_t(12),
         vertex_attributes_stride=ctypes.c_size_t(4 * values.shape[1]),
         attribute_count=ctypes.c_size_t(values.shape[1]),
         target_index_count=ctypes.c_size_t(3 * n_triangles),
         target_error=ctypes.c_float(MAX_ERROR),
         options=ctypes.c_uint(0),
-    )  # fmt: skip
+    )
     thin: npt.NDArray[np.int32] = used[result[:count].reshape(-1, 3)].astype(np.int32)
     return thin
 

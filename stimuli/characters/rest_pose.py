@@ -47,9 +47,12 @@ def rig_of_marks(at: Mapping[str, Vector], tips: Mapping[str, Vector], sole_m: f
     for side in ("left", "right"):
         x = -1.0 if side == "left" else 1.0
         turn[pattern.index(f"{side}_shoulder")] = _girdle_turn(at, side)
-        chain = [("upper_arm", "lower_arm", (x, 0.0, 0.0)), ("lower_arm", "hand", (x, 0.0, 0.0)),
-                 ("upper_leg", "lower_leg", (0.0, -1.0, 0.0)),
-                 ("lower_leg", "foot", (0.0, -1.0, 0.0))]  # fmt: skip
+        chain = [
+            ("upper_arm", "lower_arm", (x, 0.0, 0.0)),
+            ("lower_arm", "hand", (x, 0.0, 0.0)),
+            ("upper_leg", "lower_leg", (0.0, -1.0, 0.0)),
+            ("lower_leg", "foot", (0.0, -1.0, 0.0)),
+        ]
         for joint, child, rest in chain:
             j = pattern.index(f"{side}_{joint}")
             along = at[f"{side}_{child}"] - at[f"{side}_{joint}"]

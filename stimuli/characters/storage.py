@@ -131,8 +131,13 @@ def write_character(character: Character, path: Path) -> None:
         "levels": len(character.levels),
         "measuring": len(character.measuring),
         "materials": [
-            {"name": m.name, "kind": m.kind, "roughness_01": m.roughness_01,
-             "double_sided": m.double_sided, "pictures": pictures.of(m)}
+            {
+                "name": m.name,
+                "kind": m.kind,
+                "roughness_01": m.roughness_01,
+                "double_sided": m.double_sided,
+                "pictures": pictures.of(m),
+            }
             for m in character.materials
         ],
         "capsules": [[c.part, c.joint, c.radius_m] for c in character.capsules],
@@ -144,7 +149,7 @@ def write_character(character: Character, path: Path) -> None:
         },
         "source": character.source,
         "licence": character.licence,
-    }  # fmt: skip
+    }
     arrays: dict[str, npt.NDArray[Any]] = {
         "head": np.frombuffer(json.dumps(head).encode(), dtype=np.uint8),
         "parents": character.skeleton.parents.astype(np.int16),
@@ -184,9 +189,14 @@ def read_character(path: Path) -> Character:
             f"{path}: no such character; `visavis character list` names all"
         ) from e
     except (
-        OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError,
+        OSError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
         Image.DecompressionBombError,
-    ) as e:  # fmt: skip
+    ) as e:
         raise CharacterError(f"{path}: not a whole character file ({e}); import it again") from e
 
 

@@ -101,9 +101,18 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
     look_from(controls, offsets, rows, eyes, head, chest)
     added = np.zeros((1, 3))
     turn_rows(
-        t_s, np.zeros(2, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros((1, 3)), eyes,
-        head, controls[:, p.FRONT : p.ATTEND + 3].copy(), seeds, np.full(3, np.nan), added,
-    )  # fmt: skip
+        t_s,
+        np.zeros(2, np.int64),
+        np.zeros(0, np.int64),
+        np.zeros(0),
+        np.zeros((1, 3)),
+        eyes,
+        head,
+        controls[:, p.FRONT : p.ATTEND + 3].copy(),
+        seeds,
+        np.full(3, np.nan),
+        added,
+    )
     controls[0, p.TRUNK_YAW] += added[0, 0]
     controls[0, p.HEAD_YAW] += added[0, 1]
     controls[0, p.HEAD_PITCH] += added[0, 2]

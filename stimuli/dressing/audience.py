@@ -56,9 +56,8 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
     eyes = np.array([*(a.eye_centre_m for a in agents), np.full(3, np.nan)])
     facing = np.array([*(a.facing for a in agents), np.full(3, np.nan)])
     return _Set(
-        audience_room(seats), (*cast, speaker),
-        PeopleMotion(tuple(people), HeldHeads(eyes, facing)),
-    )  # fmt: skip
+        audience_room(seats), (*cast, speaker), PeopleMotion(tuple(people), HeldHeads(eyes, facing))
+    )
 
 
 def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
@@ -72,9 +71,13 @@ def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
     found: list[tuple[float, Person]] = []
     for habit in range(HABITS):
         person = seated_under_eyes(
-            build, agent.eye_centre_m, facing=agent.facing, seed=seed + 100 * habit,
-            sit=ATTENTIVE, floor_m=floor_m,
-        )  # fmt: skip
+            build,
+            agent.eye_centre_m,
+            facing=agent.facing,
+            seed=seed + 100 * habit,
+            sit=ATTENTIVE,
+            floor_m=floor_m,
+        )
         people = PeopleMotion((person,)).at(0.0)
         at = forward(build.skeleton, people.root_m[0], people.orientation_wxyz[0]).position_m
         toes = at[[build.skeleton.index(f"{side}_toes") for side in ("left", "right")]]

@@ -40,12 +40,10 @@ def _room(people: tuple[Standing, ...], room_by: str) -> Room:
 def _motion(people: tuple[Standing, ...], casting: Casting) -> PeopleMotion:
     return PeopleMotion(
         tuple(
-            Person(
-                build_of(casting(p.character)), p.does, p.seed, (p.x_m, 0.0, p.z_m), p.yaw_deg
-            )
+            Person(build_of(casting(p.character)), p.does, p.seed, (p.x_m, 0.0, p.z_m), p.yaw_deg)
             for p in people
         )
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=64)
@@ -60,9 +58,16 @@ def agents_of(
         character = casting(person.character)
         head, eyes, facing = look_of(character, posed.root_m[i], posed.orientation_wxyz[i])
         agents.append(
-            Agent(f"agent_{i + 1:02d}", person.character, person.place, head, HEAD_RADIUS_M,
-                  facing, eyes)
-        )  # fmt: skip
+            Agent(
+                f"agent_{i + 1:02d}",
+                person.character,
+                person.place,
+                head,
+                HEAD_RADIUS_M,
+                facing,
+                eyes,
+            )
+        )
     return tuple(agents)
 
 

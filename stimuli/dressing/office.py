@@ -78,9 +78,12 @@ class _Set:
 
 
 def person_of(
-    role: str, participant_place: str, waving: Waving | None, seed: int,
+    role: str,
+    participant_place: str,
+    waving: Waving | None,
+    seed: int,
     casting: Casting = default_casting,
-) -> Person:  # fmt: skip
+) -> Person:
     """Return what somebody of the office does from the scene's onset on."""
     where = places.place(role)
     build = build_of(casting(PARTS[role]))
@@ -191,8 +194,14 @@ def office_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> 
     """Return what a frame of the waving study looks like; eyes point along `gaze_direction`."""
     scene = frame.scene
     if not isinstance(scene, OfficeScene):
-        return Picture(frame.t_ns, room_from("place_3"), (), NOBODY,
-                       brightness_01=scene.brightness_01, mark_m=scene.mark_m)  # fmt: skip
+        return Picture(
+            frame.t_ns,
+            room_from("place_3"),
+            (),
+            NOBODY,
+            brightness_01=scene.brightness_01,
+            mark_m=scene.mark_m,
+        )
     start_ns = frame.start_ns if isinstance(frame, OfficeFrame) else 0
     t_s = max(0.0, (frame.t_ns - start_ns) * 1e-9)
     dressed = _set_of(scene.participant_place, scene.waving, scene.seed, casting)

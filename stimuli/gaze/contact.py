@@ -24,9 +24,13 @@ SHYEST_GLANCE_S: Final = 0.5
 
 
 def contact_looks(
-    rng: np.random.Generator, duration_s: float, contact: LookAt, *,
-    looking_01: float = LISTENING_01, mean_glance_s: float = MEAN_GLANCE_S,
-) -> tuple[LookAt, ...]:  # fmt: skip
+    rng: np.random.Generator,
+    duration_s: float,
+    contact: LookAt,
+    *,
+    looking_01: float = LISTENING_01,
+    mean_glance_s: float = MEAN_GLANCE_S,
+) -> tuple[LookAt, ...]:
     """Draw looks that meet a target's eyes for a share of the time and rest elsewhere between.
 
     `contact` says whom ("observer", "person" or a point); its start is where the looks begin.
@@ -40,10 +44,13 @@ def contact_looks(
         raise MotionError(f"glances of {mean_glance_s} s; give more than {MIN_S} s")
     mean_away_s = mean_glance_s * (1.0 - looking_01) / looking_01
     return _alternating(
-        rng, duration_s, contact,
-        lambda: _lasting_s(rng, mean_glance_s), lambda: _lasting_s(rng, mean_away_s),
+        rng,
+        duration_s,
+        contact,
+        lambda: _lasting_s(rng, mean_glance_s),
+        lambda: _lasting_s(rng, mean_away_s),
         begins_away=bool(rng.random() > looking_01),
-    )  # fmt: skip
+    )
 
 
 def avoiding_looks(
@@ -51,10 +58,13 @@ def avoiding_looks(
 ) -> tuple[LookAt, ...]:
     """Draw looks that stay away from a target, but for a short glance now and then."""
     return _alternating(
-        rng, duration_s, contact,
-        lambda: _lasting_s(rng, SHYEST_GLANCE_S), lambda: _lasting_s(rng, mean_away_s),
+        rng,
+        duration_s,
+        contact,
+        lambda: _lasting_s(rng, SHYEST_GLANCE_S),
+        lambda: _lasting_s(rng, mean_away_s),
         begins_away=True,
-    )  # fmt: skip
+    )
 
 
 def _lasting_s(rng: np.random.Generator, mean_s: float) -> float:
@@ -65,9 +75,14 @@ def _lasting_s(rng: np.random.Generator, mean_s: float) -> float:
 
 
 def _alternating(
-    rng: np.random.Generator, duration_s: float, contact: LookAt, glance_s: Callable[[], float],
-    away_s: Callable[[], float], *, begins_away: bool,
-) -> tuple[LookAt, ...]:  # fmt: skip
+    rng: np.random.Generator,
+    duration_s: float,
+    contact: LookAt,
+    glance_s: Callable[[], float],
+    away_s: Callable[[], float],
+    *,
+    begins_away: bool,
+) -> tuple[LookAt, ...]:
     t_s, away = contact.start_s, begins_away
     looks = []
     while t_s < contact.start_s + duration_s:

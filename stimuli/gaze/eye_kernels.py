@@ -65,9 +65,13 @@ def head_of(root: Vector, turns: Vector, offsets: Vector) -> tuple[Triple, Quat]
 
 @compiled
 def look_rows(
-    root_m: Vector, turns: Vector, offsets: Vector, skeleton_of: npt.NDArray[np.int64],
-    eyes_m: Vector, head_wxyz: Vector,
-) -> None:  # fmt: skip
+    root_m: Vector,
+    turns: Vector,
+    offsets: Vector,
+    skeleton_of: npt.NDArray[np.int64],
+    eyes_m: Vector,
+    head_wxyz: Vector,
+) -> None:
     """Write the middle of the eyes (n, 3) and the turn of the head (n, 4) in world."""
     for r in range(root_m.shape[0]):
         own = offsets[skeleton_of[r]]
@@ -82,9 +86,15 @@ def look_rows(
 
 @compiled
 def aim_rows(
-    root_m: Vector, offsets: Vector, skeleton_of: npt.NDArray[np.int64], direction: Vector,
-    distance_m: Vector, openness_01: Vector, turns: Vector, morphs: Vector,
-) -> None:  # fmt: skip
+    root_m: Vector,
+    offsets: Vector,
+    skeleton_of: npt.NDArray[np.int64],
+    direction: Vector,
+    distance_m: Vector,
+    openness_01: Vector,
+    turns: Vector,
+    morphs: Vector,
+) -> None:
     """Point both eyes of n people along `direction` (n, 3) in world and set lids and blinks.
 
     An eye that would leave the cone of `MAXIMUM_TURN_DEG` about the head's front stays on its rim.

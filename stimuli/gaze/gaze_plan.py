@@ -112,9 +112,8 @@ class GazePlan:
         observer = self._checked(look)
         out = np.zeros((len(look.eyes_m), 3))
         turn_rows(
-            t_s, *self._table[:4], look.eyes_m, look.head_wxyz, look.front, look.seed,
-            observer, out,
-        )  # fmt: skip
+            t_s, *self._table[:4], look.eyes_m, look.head_wxyz, look.front, look.seed, observer, out
+        )
         return out
 
     def aim(self, t_s: float, look: Look) -> Aim:
@@ -122,7 +121,14 @@ class GazePlan:
         observer, n = self._checked(look), len(look.eyes_m)
         direction, distance, openness = np.empty((n, 3)), np.empty(n), np.empty(n)
         gaze_rows(
-            t_s, *self._table[:4], look.eyes_m, look.front, look.seed, observer,
-            direction, distance, openness,
-        )  # fmt: skip
+            t_s,
+            *self._table[:4],
+            look.eyes_m,
+            look.front,
+            look.seed,
+            observer,
+            direction,
+            distance,
+            openness,
+        )
         return Aim(direction, distance, openness)

@@ -75,9 +75,16 @@ def around_start_s(person: int, slot: int) -> float:
 
 @compiled
 def _target(
-    kind: int, vector: Vector, person: int, slot: int, front: float, attend: Vector, eyes: Vector,
-    r: int, observer: Vector,
-) -> tuple[Triple, float]:  # fmt: skip
+    kind: int,
+    vector: Vector,
+    person: int,
+    slot: int,
+    front: float,
+    attend: Vector,
+    eyes: Vector,
+    r: int,
+    observer: Vector,
+) -> tuple[Triple, float]:
     """Return the direction from the eyes to a target and its distance, infinite if it has none."""
     if kind == AROUND:
         return _around(person, slot, front, attend), np.inf
@@ -128,10 +135,18 @@ def _slot_at(t_s: float, person: int) -> int:
 
 @compiled
 def recent_looks(
-    t_s: float, r: int, first: npt.NDArray[np.int64], kinds: npt.NDArray[np.int64],
-    start_s: Vector, vectors: Vector, eyes_m: Vector, front: Vector, person: int,
-    observer: Vector, looks: Vector,
-) -> int:  # fmt: skip
+    t_s: float,
+    r: int,
+    first: npt.NDArray[np.int64],
+    kinds: npt.NDArray[np.int64],
+    start_s: Vector,
+    vectors: Vector,
+    eyes_m: Vector,
+    front: Vector,
+    person: int,
+    observer: Vector,
+    looks: Vector,
+) -> int:
     """Write the looks that still matter, in order, and return how many.
 
     A row of `looks` is start, direction (3,) from the eyes in world, distance.
@@ -156,9 +171,16 @@ def recent_looks(
             if kind == AROUND:
                 begins = max(since, around_start_s(person, slot - k))
             to, far = _target(
-                kind, vectors[min(row, len(vectors) - 1)], person, slot - k, front[0], front[1:],
-                eyes_m, r, observer,
-            )  # fmt: skip
+                kind,
+                vectors[min(row, len(vectors) - 1)],
+                person,
+                slot - k,
+                front[0],
+                front[1:],
+                eyes_m,
+                r,
+                observer,
+            )
             looks[count, 0], looks[count, 4] = begins, far
             looks[count, 1], looks[count, 2], looks[count, 3] = to[0], to[1], to[2]
             count += 1
@@ -167,10 +189,18 @@ def recent_looks(
 
 @compiled
 def turn_rows(
-    t_s: float, first: npt.NDArray[np.int64], kinds: npt.NDArray[np.int64], start_s: Vector,
-    vectors: Vector, eyes_m: Vector, head_wxyz: Vector, fronts: Vector,
-    seeds: npt.NDArray[np.int64], observer: Vector, out: Vector,
-) -> None:  # fmt: skip
+    t_s: float,
+    first: npt.NDArray[np.int64],
+    kinds: npt.NDArray[np.int64],
+    start_s: Vector,
+    vectors: Vector,
+    eyes_m: Vector,
+    head_wxyz: Vector,
+    fronts: Vector,
+    seeds: npt.NDArray[np.int64],
+    observer: Vector,
+    out: Vector,
+) -> None:
     """Write what trunk and head add (n, 3), for rows `first[r]:first[r + 1]` of a schedule."""
     looks = np.empty(((RECENT + 1) ** 2, 5))
     for r in range(eyes_m.shape[0]):
@@ -235,10 +265,19 @@ def openness_01(t_s: float, person: int) -> float:
 
 @compiled
 def gaze_rows(
-    t_s: float, first: npt.NDArray[np.int64], kinds: npt.NDArray[np.int64], start_s: Vector,
-    vectors: Vector, eyes_m: Vector, fronts: Vector, seeds: npt.NDArray[np.int64],
-    observer: Vector, direction: Vector, distance_m: Vector, openness: Vector,
-) -> None:  # fmt: skip
+    t_s: float,
+    first: npt.NDArray[np.int64],
+    kinds: npt.NDArray[np.int64],
+    start_s: Vector,
+    vectors: Vector,
+    eyes_m: Vector,
+    fronts: Vector,
+    seeds: npt.NDArray[np.int64],
+    observer: Vector,
+    direction: Vector,
+    distance_m: Vector,
+    openness: Vector,
+) -> None:
     """Write where the eyes point (n, 3), at what distance (n,), and how open they are (n,)."""
     looks = np.empty(((RECENT + 1) ** 2, 5))
     for r in range(eyes_m.shape[0]):

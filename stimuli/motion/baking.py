@@ -39,9 +39,13 @@ KINDS_BY_NAME: Final[dict[str, Kind]] = {
 
 
 def baked(
-    person: Person, duration_s: float, *, rate_hz: float = 30.0, start_s: float = 0.0,
+    person: Person,
+    duration_s: float,
+    *,
+    rate_hz: float = 30.0,
+    start_s: float = 0.0,
     gaze: Gaze | None = None,
-) -> Clip:  # fmt: skip
+) -> Clip:
     """Return what a person does for a while as a clip, a frame every 1 / `rate_hz` seconds.
 
     Raises:

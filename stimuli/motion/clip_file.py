@@ -55,9 +55,13 @@ def read_clip(path: Path) -> Clip:
         )
         x, y, z = file["travel_m"].tolist()
         return Clip(
-            skeleton, float(file["frame_s"]), file["root_m"], file["orientation_wxyz"],
-            bool(file["looped"]), (x, y, z),
-        )  # fmt: skip
+            skeleton,
+            float(file["frame_s"]),
+            file["root_m"],
+            file["orientation_wxyz"],
+            bool(file["looped"]),
+            (x, y, z),
+        )
     except (OSError, KeyError, TypeError, ValueError) as problem:
         raise MotionError(
             f"{path} cannot be read as a clip ({problem}); give a file that `visavis warp` or "

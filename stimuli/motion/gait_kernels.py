@@ -82,9 +82,11 @@ def _hermite(x: float, x0: float, x1: float, y0: float, y1: float, m0: float, m1
     h = (x - x0) / d
     h2, h3 = h * h, h * h * h
     return (
-        (2.0 * h3 - 3.0 * h2 + 1.0) * y0 + (h3 - 2.0 * h2 + h) * d * m0
-        + (3.0 * h2 - 2.0 * h3) * y1 + (h3 - h2) * d * m1
-    )  # fmt: skip
+        (2.0 * h3 - 3.0 * h2 + 1.0) * y0
+        + (h3 - 2.0 * h2 + h) * d * m0
+        + (3.0 * h2 - 2.0 * h3) * y1
+        + (h3 - h2) * d * m1
+    )
 
 
 @compiled
@@ -127,9 +129,18 @@ def _print_m(index: int, first_m: float, step: float, distance_m: float) -> floa
 
 @compiled
 def _foot(
-    leg: Vector, b: Vector, clock_m: float, offset_m: float, step: float, distance_m: float,
-    stance: float, shift: float, strike: float, push: float, lift: float,
-) -> None:  # fmt: skip
+    leg: Vector,
+    b: Vector,
+    clock_m: float,
+    offset_m: float,
+    step: float,
+    distance_m: float,
+    stance: float,
+    shift: float,
+    strike: float,
+    push: float,
+    lift: float,
+) -> None:
     """Place one foot along the way; its contacts come at clock = offset + whole strides."""
     stride = 2.0 * step
     k = np.floor((clock_m - offset_m) / stride)
@@ -204,9 +215,13 @@ def _late_m(
 
 @compiled
 def gait_rows(
-    rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
-    numbers: Vector, builds: Vector, controls: Vector,
-) -> None:  # fmt: skip
+    rows: npt.NDArray[np.int64],
+    t_s: Vector,
+    persons: npt.NDArray[np.int64],
+    numbers: Vector,
+    builds: Vector,
+    controls: Vector,
+) -> None:
     """Write the posture of those who walk or run.
 
     `numbers` (n, …): how lively, speed in m/s, distance in metres (may be infinite), 1 for a run,
@@ -217,8 +232,11 @@ def gait_rows(
         c, b, person, t = controls[r], builds[r], persons[r], t_s[r]
         c[:] = 0.0
         lively, speed, distance, runs = (
-            numbers[r, 0], numbers[r, 1], numbers[r, 2], numbers[r, 3] > 0.5,
-        )  # fmt: skip
+            numbers[r, 0],
+            numbers[r, 1],
+            numbers[r, 2],
+            numbers[r, 3] > 0.5,
+        )
         leg, scale = b[p.B_LEG], b[p.B_LEG] / 0.86
         step = step_m(speed, leg, distance, runs)
         clock = min(distance + step, max(-step, speed * t - step))
@@ -259,9 +277,16 @@ def gait_rows(
 
 @compiled
 def _carry(
-    c: Vector, b: Vector, person: int, cycle: float, full: float, stance: float, step: float,
-    reach: float, runs: bool,
-) -> None:  # fmt: skip
+    c: Vector,
+    b: Vector,
+    person: int,
+    cycle: float,
+    full: float,
+    stance: float,
+    step: float,
+    reach: float,
+    runs: bool,
+) -> None:
     """Move hips, trunk and arms with the legs; the left foot lands at cycle 0, the right at π."""
     leg, scale = b[p.B_LEG], b[p.B_LEG] / 0.86
     relative = min(1.3, step / (0.83 * leg))

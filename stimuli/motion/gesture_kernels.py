@@ -53,9 +53,13 @@ def speak(c: Vector, t_s: float, person: int, loud: float) -> None:
 
 @compiled
 def wave_rows(
-    rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
-    numbers: Vector, builds: Vector, controls: Vector,
-) -> None:  # fmt: skip
+    rows: npt.NDArray[np.int64],
+    t_s: Vector,
+    persons: npt.NDArray[np.int64],
+    numbers: Vector,
+    builds: Vector,
+    controls: Vector,
+) -> None:
     """Write the posture of those who wave.
 
     `numbers` (n, …): how lively, hand (left, right, both), waves a second, swing of the forearm in
@@ -67,8 +71,12 @@ def wave_rows(
         c, b, person, t = controls[r], builds[r], persons[r], t_s[r]
         c[:] = 0.0
         lively, hand, rate, swing, height = (
-            numbers[r, 0], int(numbers[r, 1]), numbers[r, 2], numbers[r, 3], numbers[r, 4],
-        )  # fmt: skip
+            numbers[r, 0],
+            int(numbers[r, 1]),
+            numbers[r, 2],
+            numbers[r, 3],
+            numbers[r, 4],
+        )
         if numbers[r, 5] > 0.0:
             sit(c, t, b, numbers[r, 5], person, lively, 0.0)
             lap_arms(c, b, 0, person)
@@ -106,11 +114,19 @@ def wave_rows(
             lift = np.radians(2.0 + 8.0 * height)
             a[p.SHOULDER_UP] += lift
             hold(
-                a, p.CHEST, 1.0,
-                sx + upper * ex + f * fx, sy + upper * ey + f * fy + 0.6 * lift * b[p.B_SHOULDER_X],
+                a,
+                p.CHEST,
+                1.0,
+                sx + upper * ex + f * fx,
+                sy + upper * ey + f * fy + 0.6 * lift * b[p.B_SHOULDER_X],
                 sz + upper * ez + f * fz,
-                -np.sin(palm_swing), np.cos(palm_swing), -0.12, 0.10, 0.15, -1.0,
-            )  # fmt: skip
+                -np.sin(palm_swing),
+                np.cos(palm_swing),
+                -0.12,
+                0.10,
+                0.15,
+                -1.0,
+            )
             pole(a, ex, ey, ez)
             open_hand = 0.07 + 0.03 * chance(person, 315, side)
             curl(a, open_hand, open_hand + 0.02, open_hand + 0.04, open_hand + 0.08, 0.1)
@@ -139,19 +155,30 @@ def listen(a: Vector, b: Vector) -> None:
     f = HELD_AT[0] * b[p.B_HAND] + up
     q, t = HELD_AT[1], HELD_AT[2] + up
     hold(
-        a, p.HEAD, 1.0,
+        a,
+        p.HEAD,
+        1.0,
         -1.02 * b[p.B_HEAD_HALF] - f * fx - q * qx - t * tx,
         b[p.B_EAR_Y] - 0.010 * size - f * fy - q * qy - t * ty,
         0.018 * size - f * fz - q * qz - t * tz,
-        fx, fy, fz, qx, qy, qz,
-    )  # fmt: skip
+        fx,
+        fy,
+        fz,
+        qx,
+        qy,
+        qz,
+    )
 
 
 @compiled
 def phone_rows(
-    rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
-    numbers: Vector, builds: Vector, controls: Vector,
-) -> None:  # fmt: skip
+    rows: npt.NDArray[np.int64],
+    t_s: Vector,
+    persons: npt.NDArray[np.int64],
+    numbers: Vector,
+    builds: Vector,
+    controls: Vector,
+) -> None:
     """Write the posture of those who phone. `numbers` (n, …): how lively, hand, how much talk."""
     for i in range(rows.shape[0]):
         r = rows[i]
@@ -186,9 +213,13 @@ def phone_rows(
 
 @compiled
 def text_rows(
-    rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
-    numbers: Vector, builds: Vector, controls: Vector,
-) -> None:  # fmt: skip
+    rows: npt.NDArray[np.int64],
+    t_s: Vector,
+    persons: npt.NDArray[np.int64],
+    numbers: Vector,
+    builds: Vector,
+    controls: Vector,
+) -> None:
     """Write the posture of those who read and type on a phone. `numbers` (n, …): lively, hand."""
     for i in range(rows.shape[0]):
         r = rows[i]
@@ -224,9 +255,13 @@ def text_rows(
 
 @compiled
 def board_rows(
-    rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
-    numbers: Vector, builds: Vector, controls: Vector,
-) -> None:  # fmt: skip
+    rows: npt.NDArray[np.int64],
+    t_s: Vector,
+    persons: npt.NDArray[np.int64],
+    numbers: Vector,
+    builds: Vector,
+    controls: Vector,
+) -> None:
     """Write the posture of those who watch a board.
 
     `numbers` (n, …): how lively, way of the arms, yaw and pitch of the board from the front.
@@ -283,9 +318,13 @@ def _gesture(a: Vector, b: Vector, t_s: float, person: int, side: int, size: flo
 
 @compiled
 def talk_rows(
-    rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
-    numbers: Vector, builds: Vector, controls: Vector,
-) -> None:  # fmt: skip
+    rows: npt.NDArray[np.int64],
+    t_s: Vector,
+    persons: npt.NDArray[np.int64],
+    numbers: Vector,
+    builds: Vector,
+    controls: Vector,
+) -> None:
     """Write the posture of those who talk with gestures.
 
     `numbers` (n, …): how lively, size of gestures, loudness, seat in metres (0 stands).
@@ -318,9 +357,13 @@ def talk_rows(
 
 @compiled
 def crouch_rows(
-    rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
-    numbers: Vector, builds: Vector, controls: Vector,
-) -> None:  # fmt: skip
+    rows: npt.NDArray[np.int64],
+    t_s: Vector,
+    persons: npt.NDArray[np.int64],
+    numbers: Vector,
+    builds: Vector,
+    controls: Vector,
+) -> None:
     """Write the posture of those who crouch. `numbers` (n, …): how lively, depth 0..1."""
     for i in range(rows.shape[0]):
         r = rows[i]

@@ -62,9 +62,12 @@ LOWER_DEG: Final[Vector] = _ALL[..., 0]
 UPPER_DEG: Final[Vector] = _ALL[..., 1]
 IS_RIGHT: Final = np.array([name.startswith("right_") for name in _NAMES])
 _ALONG_X = np.array(
-    [any(part in name for part in ("shoulder", "_arm", "hand", "proximal", "middle_", "distal"))
-     or name.endswith("_middle") for name in _NAMES]
-)  # fmt: skip
+    [
+        any(part in name for part in ("shoulder", "_arm", "hand", "proximal", "middle_", "distal"))
+        or name.endswith("_middle")
+        for name in _NAMES
+    ]
+)
 BONE_AXIS: Final = np.where(_ALONG_X, 0, 1)
 """Which axis (55,) the bone of each joint runs along."""
 for _table in (LOWER_DEG, UPPER_DEG):

@@ -23,8 +23,9 @@ from stimuli.motion.seated_kernels import seated_rows
 from stimuli.motion.skeleton import canonical_skeleton
 from stimuli.motion.standing_kernels import idle_rows
 
-Kernel = Callable[[npt.NDArray[np.int64], Vector, npt.NDArray[np.int64], Vector, Vector, Vector],
-                  None]  # fmt: skip
+Kernel = Callable[
+    [npt.NDArray[np.int64], Vector, npt.NDArray[np.int64], Vector, Vector, Vector], None
+]
 NUMBERS: Final = 12
 """How many numbers a kernel may be given a person."""
 

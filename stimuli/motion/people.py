@@ -175,9 +175,15 @@ class PeopleMotion:
         look_rows(root, joints, offsets, skeleton_of, eyes, head)
         aim = gaze.aim(t_s, Look(eyes, head, front, seeds))
         aim_rows(
-            root, offsets, skeleton_of, aim.direction, aim.distance_m, aim.openness_01,
-            joints, morphs,
-        )  # fmt: skip
+            root,
+            offsets,
+            skeleton_of,
+            aim.direction,
+            aim.distance_m,
+            aim.openness_01,
+            joints,
+            morphs,
+        )
         return PosedPeople(root, joints, morphs)
 
     @cached_property
@@ -308,8 +314,12 @@ def _chain(person: Person) -> Motion:
             own = _Placed(doing.kind.motion, person.build.skeleton, at, heading, start_s)
         else:
             place = (float(at[0]), float(at[1]), float(at[2]))
-            alone = replace(person, does=(Doing(doing.kind, doing.start_s),), place_m=place,
-                            heading_deg=float(np.degrees(heading)))  # fmt: skip
+            alone = replace(
+                person,
+                does=(Doing(doing.kind, doing.start_s),),
+                place_m=place,
+                heading_deg=float(np.degrees(heading)),
+            )
             own = _Alone(PeopleMotion((alone,)))
         if whole is None:
             whole = own

@@ -223,9 +223,14 @@ def _possible_wrist(q: Quat) -> Quat:
 
 @compiled
 def _arm(
-    side: int, a: Vector, offsets: Vector, world: Vector, place: Vector, thigh_turn: Quat,
+    side: int,
+    a: Vector,
+    offsets: Vector,
+    world: Vector,
+    place: Vector,
+    thigh_turn: Quat,
     turns: Vector,
-) -> None:  # fmt: skip
+) -> None:
     """Pose one arm, in a frame reflected to the left for side 1."""
     first = p.J_SIDE + side * p.SIDE_SIZE
     chest, chest_at = _quat(world, p.J_UPPER_CHEST), _vector(place[p.J_UPPER_CHEST], 0)
@@ -307,9 +312,13 @@ def _arm(
 
 @compiled
 def look_from(
-    controls: Vector, offsets: Vector, skeleton_of: npt.NDArray[np.int64], eyes_m: Vector,
-    head_wxyz: Vector, chest_wxyz: Vector,
-) -> None:  # fmt: skip
+    controls: Vector,
+    offsets: Vector,
+    skeleton_of: npt.NDArray[np.int64],
+    eyes_m: Vector,
+    head_wxyz: Vector,
+    chest_wxyz: Vector,
+) -> None:
     """Write where the middle of the eyes is (n, 3) and how head and chest are turned (n, 4)."""
     world, turns, place = np.empty((p.JOINTS, 4)), np.empty((p.JOINTS, 4)), np.empty((p.JOINTS, 3))
     for r in range(controls.shape[0]):
@@ -323,9 +332,14 @@ def look_from(
 
 @compiled
 def _hold_head(
-    c: Vector, own: Vector, eyes: Vector, facing: Vector, turns: Vector, world: Vector,
+    c: Vector,
+    own: Vector,
+    eyes: Vector,
+    facing: Vector,
+    turns: Vector,
+    world: Vector,
     place: Vector,
-) -> None:  # fmt: skip
+) -> None:
     """Turn the head to a facing and move the hips so that the eyes are at a point."""
     back = unit_of((-facing[0], -facing[1], -facing[2]), BACK)
     right = unit_of(cross((0.0, 1.0, 0.0), back), (1.0, 0.0, 0.0))
@@ -348,10 +362,15 @@ def _hold_head(
 
 @compiled
 def pose_rows(
-    controls: Vector, offsets: Vector, skeleton_of: npt.NDArray[np.int64],
-    held: npt.NDArray[np.bool_], held_eyes_m: Vector, held_facing: Vector, root_m: Vector,
+    controls: Vector,
+    offsets: Vector,
+    skeleton_of: npt.NDArray[np.int64],
+    held: npt.NDArray[np.bool_],
+    held_eyes_m: Vector,
+    held_facing: Vector,
+    root_m: Vector,
     turns: Vector,
-) -> None:  # fmt: skip
+) -> None:
     """Turn rows of posture (n, SIZE) into roots (n, 3) and joint turns (n, JOINTS, 4).
 
     `offsets` (skeletons, JOINTS, 3) at rest. Where `held`, the middle of the eyes (n, 3) and the

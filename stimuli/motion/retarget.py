@@ -74,9 +74,12 @@ def _leg_m(placement_m: Vector, source: Skeleton, joint_map: Mapping[str, str]) 
 
 
 def _alignments(
-    source: Skeleton, target: Skeleton, reference: Placement, axes: _Axes,
+    source: Skeleton,
+    target: Skeleton,
+    reference: Placement,
+    axes: _Axes,
     joint_map: Mapping[str, str],
-) -> Mapping[str, Vector]:  # fmt: skip
+) -> Mapping[str, Vector]:
     """Return for every mapped joint the turn from our rest to its rest in the reference body."""
     to_body = quat_conjugate(axes.body)
     turns: dict[str, Vector] = {}

@@ -119,9 +119,13 @@ def lap_arms(c: Vector, b: Vector, way: int, person: int) -> None:
 
 @compiled
 def seated_rows(
-    rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
-    numbers: Vector, builds: Vector, controls: Vector,
-) -> None:  # fmt: skip
+    rows: npt.NDArray[np.int64],
+    t_s: Vector,
+    persons: npt.NDArray[np.int64],
+    numbers: Vector,
+    builds: Vector,
+    controls: Vector,
+) -> None:
     """Write the posture of those who sit and listen.
 
     `numbers` (n, …): how lively, the way of the hands, height of the seat in metres, lean back in

@@ -25,9 +25,14 @@ MIN_SEAT_M, MAX_SEAT_M = 0.2, 1.0
 
 
 def seated_under_eyes(
-    build: Build, eyes_m: Vector, *, facing: Vector, seed: int, sit: Sit | None = None,
+    build: Build,
+    eyes_m: Vector,
+    *,
+    facing: Vector,
+    seed: int,
+    sit: Sit | None = None,
     floor_m: float | None = None,
-) -> Person:  # fmt: skip
+) -> Person:
     """Return a sitter whose eyes are at `eyes_m` (3,) in world, turned along `facing` (3,).
 
     Without `floor_m` the floor (the person's `place_m[1]`) comes to lie where the seat of `sit`

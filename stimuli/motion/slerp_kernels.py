@@ -36,10 +36,8 @@ def _series(h: float, dot: float) -> float:
 
 @compiled
 def slerp_one(
-    a0: float, a1: float, a2: float, a3: float,
-    b0: float, b1: float, b2: float, b3: float,
-    h: float,
-) -> Quat:  # fmt: skip
+    a0: float, a1: float, a2: float, a3: float, b0: float, b1: float, b2: float, b3: float, h: float
+) -> Quat:
     """Turn from unit quaternion a towards b by share h of the arc between them as given."""
     dot = a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3
     if dot > SERIES_DOT and -1.0 <= h <= 2.0:
@@ -127,9 +125,16 @@ def slerp_segments(a: Vector, b: Vector, segment: Index, h: Vector, out: Vector)
         for j in range(n):
             if not (is_near and x[j] > LONG_SERIES_DOT - 1.0):
                 out[r, j, 0], out[r, j, 1], out[r, j, 2], out[r, j, 3] = slerp_one(
-                    a[s, j, 0], a[s, j, 1], a[s, j, 2], a[s, j, 3],
-                    b[s, j, 0], b[s, j, 1], b[s, j, 2], b[s, j, 3], share,
-                )  # fmt: skip
+                    a[s, j, 0],
+                    a[s, j, 1],
+                    a[s, j, 2],
+                    a[s, j, 3],
+                    b[s, j, 0],
+                    b[s, j, 1],
+                    b[s, j, 2],
+                    b[s, j, 3],
+                    share,
+                )
 
 
 @compiled

@@ -81,11 +81,19 @@ def hang_arms(c: Vector, person: int) -> None:
 
 @compiled
 def hold(
-    a: Vector, which: int, weight: float,
-    x: float, y: float, z: float,
-    fx: float, fy: float, fz: float,
-    px: float, py: float, pz: float,
-) -> None:  # fmt: skip
+    a: Vector,
+    which: int,
+    weight: float,
+    x: float,
+    y: float,
+    z: float,
+    fx: float,
+    fy: float,
+    fz: float,
+    px: float,
+    py: float,
+    pz: float,
+) -> None:
     """Bring a wrist to a place of the held thing, fingers along f, palm towards p."""
     h = a[p.HOLD + which * p.HOLD_SIZE : p.HOLD + (which + 1) * p.HOLD_SIZE]
     f, q = (
@@ -201,9 +209,13 @@ def arms_of(c: Vector, b: Vector, way: int, person: int) -> None:
 
 @compiled
 def idle_rows(
-    rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
-    numbers: Vector, builds: Vector, controls: Vector,
-) -> None:  # fmt: skip
+    rows: npt.NDArray[np.int64],
+    t_s: Vector,
+    persons: npt.NDArray[np.int64],
+    numbers: Vector,
+    builds: Vector,
+    controls: Vector,
+) -> None:
     """Write the posture of those who stand idle.
 
     `numbers` (n, …): how lively (1 usual, 0 still) and the way of the arms.

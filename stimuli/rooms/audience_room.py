@@ -98,13 +98,18 @@ def _shell(turn: float) -> list[Prop]:
     )  # fmt: skip
     ceiling = replace(ceiling, emission_01=0.45)  # lit by what floor and walls give back
     around = furniture.walls(
-        "room", (low[0], 0, low[1]), (high[0], CEILING_M, high[1]), (206, 203, 194),
+        "room",
+        (low[0], 0, low[1]),
+        (high[0], CEILING_M, high[1]),
+        (206, 203, 194),
         surfaces.plaster(4),
-    )  # fmt: skip
-    wood = joined(*(
-        box((x, 1.62, low[1] + 0.03), (0.10, 2.5, 0.04), furniture.WOOD, uv_m=0.7)
-        for x in np.arange(-3.9, 4.0, 0.2)
-    ))  # fmt: skip
+    )
+    wood = joined(
+        *(
+            box((x, 1.62, low[1] + 0.03), (0.10, 2.5, 0.04), furniture.WOOD, uv_m=0.7)
+            for x in np.arange(-3.9, 4.0, 0.2)
+        )
+    )
     board = flat((-1.7, 1.55, low[1] + 0.06), (3.4, 0, 0), (0, 1.5, 0), (238, 240, 238))
     frame = joined(
         box((0, 1.53, low[1] + 0.07), (3.5, 0.05, 0.05), furniture.STEEL),
@@ -140,11 +145,12 @@ def _shell(turn: float) -> list[Prop]:
         furniture.placed("slats", wood, (0, 0, 0), 0.0, surfaces.planks(21, 3), casts_shadow=False),
         furniture.placed("whiteboard", board, (0, 0, 0), 0.0, roughness_01=0.2),
         furniture.placed("whiteboard_frame", frame, (0, 0, 0), 0.0),
-        furniture.placed("windows", joined(*windows), (0, 0, 0), 0.0, emission_01=0.9,
-                         casts_shadow=False),
+        furniture.placed(
+            "windows", joined(*windows), (0, 0, 0), 0.0, emission_01=0.9, casts_shadow=False
+        ),
         furniture.placed("window_frames", sills, (0, 0, 0), 0.0, casts_shadow=False),
         furniture.placed("door", door, (0, 0, 0), 0.0, surfaces.planks(22, 2)),
-    ]  # fmt: skip
+    ]
     for x in (-2.3, 2.3):
         for z in (-4.8, -2.4, 0.0):
             own += furniture.ceiling_lamp(f"lamp_{x}_{z}", (x, CEILING_M - 0.04, z), (0.6, 1.2))
@@ -160,13 +166,18 @@ def _steps(turn: float) -> list[Prop]:
             continue
         begin, end = STEP_EDGES_M[i], STEP_EDGES_M[-1]
         tread = box(
-            (0, height - 0.02, -(begin + end) / 2), (6.6, 0.04, end - begin), (176, 138, 96),
-            chamfer_m=0.006, uv_m=1.0,
-        )  # fmt: skip
+            (0, height - 0.02, -(begin + end) / 2),
+            (6.6, 0.04, end - begin),
+            (176, 138, 96),
+            chamfer_m=0.006,
+            uv_m=1.0,
+        )
         riser = box(
             (0, (height - 0.04) / 2, -(begin + 0.03 + end) / 2),
-            (6.56, height - 0.04, end - begin - 0.03), (120, 90, 62), uv_m=1.0,
-        )  # fmt: skip
+            (6.56, height - 0.04, end - begin - 0.03),
+            (120, 90, 62),
+            uv_m=1.0,
+        )
         props += [
             furniture.placed(f"step_{i}", _place(tread, turn), (0, 0, 0), 0.0,
                              surfaces.planks(23, 7), roughness_01=0.5),
@@ -191,9 +202,10 @@ def _front() -> list[Prop]:
         panels.append(_slab(far, near, 0.0, top - 0.04, (150, 110, 72), uv_m=1.0))
     return [
         furniture.placed("front", joined(*panels), (0, 0, 0), 0.0, surfaces.planks(25, 6)),
-        furniture.placed("front_rail", joined(*tops), (0, 0, 0), 0.0, surfaces.planks(26, 2),
-                         roughness_01=0.4),
-    ]  # fmt: skip
+        furniture.placed(
+            "front_rail", joined(*tops), (0, 0, 0), 0.0, surfaces.planks(26, 2), roughness_01=0.4
+        ),
+    ]
 
 
 def _beside(line: list[Vector], part: int, shift_m: float) -> tuple[Vector, Vector]:
@@ -202,15 +214,22 @@ def _beside(line: list[Vector], part: int, shift_m: float) -> tuple[Vector, Vect
     across = [np.array([-s[2], 0.0, s[0]]) / np.linalg.norm(s) for s in spans]
     bend = (across[0] + across[1]) / (1.0 + across[0] @ across[1])
     moved_line = (
-        line[0] + shift_m * across[0], line[1] + shift_m * bend, line[2] + shift_m * across[1],
-    )  # fmt: skip
+        line[0] + shift_m * across[0],
+        line[1] + shift_m * bend,
+        line[2] + shift_m * across[1],
+    )
     return moved_line[part], moved_line[part + 1]
 
 
 def _slab(
-    far: tuple[Vector, Vector], near: tuple[Vector, Vector], low_m: float, high_m: float,
-    colour: Srgb, *, uv_m: float,
-) -> StaticMesh:  # fmt: skip
+    far: tuple[Vector, Vector],
+    near: tuple[Vector, Vector],
+    low_m: float,
+    high_m: float,
+    colour: Srgb,
+    *,
+    uv_m: float,
+) -> StaticMesh:
     """Return an upright prism over the ground between two edges, each from left to right."""
     span = far[1] - far[0]
     length, depth = float(np.linalg.norm(span)), float(np.linalg.norm(near[0] - far[0]))
@@ -248,9 +267,12 @@ def _lights(turn: float) -> tuple[Light, ...]:
     return (
         Light("sun", np.array([0.62, 0.60, 0.58]), direction=from_windows, casts_shadow=True),
         Light(
-            "spot", np.array([9.5, 9.1, 8.5]), position_m=place,
-            direction=(target - place) / np.linalg.norm(target - place), half_angle_deg=62.0,
+            "spot",
+            np.array([9.5, 9.1, 8.5]),
+            position_m=place,
+            direction=(target - place) / np.linalg.norm(target - place),
+            half_angle_deg=62.0,
             casts_shadow=True,
         ),
         Light("point", np.array([2.6, 2.6, 2.7]), position_m=fill),
-    )  # fmt: skip
+    )

@@ -17,9 +17,8 @@ BLACK: Srgb = (38, 39, 42)
 
 
 def chair(
-    name: str, at_m: Point, yaw_deg: float, *, seat_m: float = 0.45,
-    cloth: Srgb = (70, 84, 108),
-) -> tuple[Prop, ...]:  # fmt: skip
+    name: str, at_m: Point, yaw_deg: float, *, seat_m: float = 0.45, cloth: Srgb = (70, 84, 108)
+) -> tuple[Prop, ...]:
     """Return a padded chair: its seat's top `seat_m` above `at_m`, `at_m` below its middle."""
     pad = 0.05
     cushion = joined(
@@ -43,9 +42,15 @@ def chair(
 
 
 def desk(
-    name: str, at_m: Point, yaw_deg: float, *, width_m: float = 1.5,
-    height_m: float = 0.73, depth_m: float = 0.7, front: Srgb | None = None,
-) -> tuple[Prop, ...]:  # fmt: skip
+    name: str,
+    at_m: Point,
+    yaw_deg: float,
+    *,
+    width_m: float = 1.5,
+    height_m: float = 0.73,
+    depth_m: float = 0.7,
+    front: Srgb | None = None,
+) -> tuple[Prop, ...]:
     """Return a desk; with `front` a panel of that colour closes the side away from the sitter."""
     top = box((0, height_m - 0.015, 0), (width_m, 0.03, depth_m), WOOD, chamfer_m=0.004, uv_m=0.8)
     legs = joined(
@@ -61,8 +66,10 @@ def desk(
     if front is not None:
         panel = box(
             (0, (height_m - 0.03) / 2 + 0.06, -depth_m / 2 + 0.03),
-            (width_m - 0.12, height_m - 0.17, 0.02), front, chamfer_m=0.003,
-        )  # fmt: skip
+            (width_m - 0.12, height_m - 0.17, 0.02),
+            front,
+            chamfer_m=0.003,
+        )
         props.append(placed(f"{name}_front", panel, at_m, yaw_deg))
     return tuple(props)
 
@@ -98,10 +105,11 @@ def plant(
     """Return a leafy plant in a pot: a sparse occluder that lets glimpses through."""
     rng = np.random.default_rng(seed)
     pot = joined(
-        turned([(0.12, 0), (0.16, 0.15), (0.18, 0.30), (0.165, 0.305), (0.15, 0.26)],
-               (196, 188, 176)),
+        turned(
+            [(0.12, 0), (0.16, 0.15), (0.18, 0.30), (0.165, 0.305), (0.15, 0.26)], (196, 188, 176)
+        ),
         cylinder((0, 0.255, 0), (0, 0.262, 0), 0.15, (58, 44, 34), sides=24),
-    )  # fmt: skip
+    )
     stems, blades = [], []
     for _ in range(9):
         turn, lean = rng.uniform(0, 2 * np.pi), rng.uniform(0.05, 0.28)
@@ -130,10 +138,14 @@ def _leaf(rng: np.random.Generator, root: Vector) -> StaticMesh:
     side /= np.linalg.norm(side)
     width = 0.30 * length
     bend = np.array([0, -0.25 * length, 0])
-    points = np.array([
-        root, root + 0.45 * length * out + width / 2 * side, root + length * out + bend,
-        root + 0.45 * length * out - width / 2 * side,
-    ])  # fmt: skip
+    points = np.array(
+        [
+            root,
+            root + 0.45 * length * out + width / 2 * side,
+            root + length * out + bend,
+            root + 0.45 * length * out - width / 2 * side,
+        ]
+    )
     normal = np.cross(points[1] - points[0], points[2] - points[0])
     normal = normal / np.linalg.norm(normal) * (1 if normal[1] > 0 else -1)
     green = np.array([70, 110, 58]) * rng.uniform(0.75, 1.2)
@@ -147,9 +159,14 @@ def _leaf(rng: np.random.Generator, root: Vector) -> StaticMesh:
 
 
 def shelf(
-    name: str, at_m: Point, yaw_deg: float, *, seed: int, width_m: float = 0.9,
+    name: str,
+    at_m: Point,
+    yaw_deg: float,
+    *,
+    seed: int,
+    width_m: float = 0.9,
     height_m: float = 1.4,
-) -> tuple[Prop, ...]:  # fmt: skip
+) -> tuple[Prop, ...]:
     """Return shelves with folders of several colours; a solid occluder."""
     rng = np.random.default_rng(seed)
     depth, board = 0.32, 0.022
@@ -190,9 +207,14 @@ def ceiling_lamp(name: str, at_m: Point, size_m: tuple[float, float]) -> tuple[P
 
 
 def walls(
-    name: str, low_m: Point, high_m: Point, colour: Srgb,
-    texture: surfaces.Texture, *, uv_m: float = 2.0,
-) -> tuple[Prop, ...]:  # fmt: skip
+    name: str,
+    low_m: Point,
+    high_m: Point,
+    colour: Srgb,
+    texture: surfaces.Texture,
+    *,
+    uv_m: float = 2.0,
+) -> tuple[Prop, ...]:
     """Return the four inner walls of a box-shaped room from corner to corner."""
     (x0, y0, z0), (x1, y1, z1) = low_m, high_m
     up = (0, y1 - y0, 0)
@@ -215,10 +237,17 @@ def walls(
 
 
 def level(
-    name: str, low_m: Point, high_m: Point, height_m: float, colour: Srgb,
-    texture: surfaces.Texture, *, faces_up: bool = True, uv_m: float = 2.0,
+    name: str,
+    low_m: Point,
+    high_m: Point,
+    height_m: float,
+    colour: Srgb,
+    texture: surfaces.Texture,
+    *,
+    faces_up: bool = True,
+    uv_m: float = 2.0,
     roughness_01: float = 0.6,
-) -> Prop:  # fmt: skip
+) -> Prop:
     """Return a floor (or a ceiling) between two corners (x, z), cut into squares of 1 m or so."""
     (x0, z0), (x1, z1) = low_m, high_m
     columns, rows = max(1, round(x1 - x0)), max(1, round(z1 - z0))
@@ -242,17 +271,29 @@ def level(
                 )
             )
     return placed(
-        name, joined(*pieces), (0, 0, 0), 0.0, texture, roughness_01=roughness_01,
+        name,
+        joined(*pieces),
+        (0, 0, 0),
+        0.0,
+        texture,
+        roughness_01=roughness_01,
         casts_shadow=False,
-    )  # fmt: skip
+    )
 
 
 def placed(
-    name: str, mesh: StaticMesh, at_m: Point, yaw_deg: float,
-    texture: surfaces.Texture | None = None, *, roughness_01: float = 0.8,
-    kind: MaterialKind = "other", emission_01: float = 0.0, casts_shadow: bool = True,
+    name: str,
+    mesh: StaticMesh,
+    at_m: Point,
+    yaw_deg: float,
+    texture: surfaces.Texture | None = None,
+    *,
+    roughness_01: float = 0.8,
+    kind: MaterialKind = "other",
+    emission_01: float = 0.0,
+    casts_shadow: bool = True,
     double_sided: bool = False,
-) -> Prop:  # fmt: skip
+) -> Prop:
     """Return a mesh with its material, turned and set on its place."""
     material = surfaces.surface(
         name, texture, roughness_01=roughness_01, kind=kind, double_sided=double_sided

@@ -35,13 +35,18 @@ PICTURES: Final[tuple[tuple[float, float, int, float, Srgb], ...]] = (
 def gallery() -> Room:
     """Return the gallery; the same object each time."""
     floor = furniture.level(
-        "floor", LOW_M, HIGH_M, 0.0, (168, 142, 112), surfaces.planks(3), uv_m=1.6,
-        roughness_01=0.5,
-    )  # fmt: skip
+        "floor", LOW_M, HIGH_M, 0.0, (168, 142, 112), surfaces.planks(3), uv_m=1.6, roughness_01=0.5
+    )
     ceiling = furniture.level(
-        "ceiling", LOW_M, HIGH_M, CEILING_M, (238, 237, 234), surfaces.plaster(5),
-        faces_up=False, uv_m=2.0,
-    )  # fmt: skip
+        "ceiling",
+        LOW_M,
+        HIGH_M,
+        CEILING_M,
+        (238, 237, 234),
+        surfaces.plaster(5),
+        faces_up=False,
+        uv_m=2.0,
+    )
     around = furniture.walls(
         "gallery",
         (LOW_M[0], 0, LOW_M[1]),
@@ -107,9 +112,13 @@ def _pictures() -> list[Prop]:
             corner = low - (wide + grown) / 2 * right
             up = np.array([0.0, part * (tall + grown), 0.0])
             pieces.append(
-                flat(tuple(corner.tolist()), tuple(((wide + grown) * right).tolist()),
-                     tuple(up.tolist()), tone)
-            )  # fmt: skip
+                flat(
+                    tuple(corner.tolist()),
+                    tuple(((wide + grown) * right).tolist()),
+                    tuple(up.tolist()),
+                    tone,
+                )
+            )
     return [furniture.placed("pictures", joined(*pieces), (0, 0, 0), 0.0, casts_shadow=False)]
 
 

@@ -50,14 +50,19 @@ def _shell() -> list[Prop]:
         faces_up=False, uv_m=1.8,
     )  # fmt: skip
     around = furniture.walls(
-        "room", (low[0], 0, low[1]), (high[0], CEILING_M, high[1]), (214, 214, 208),
+        "room",
+        (low[0], 0, low[1]),
+        (high[0], CEILING_M, high[1]),
+        (214, 214, 208),
         surfaces.plaster(53),
-    )  # fmt: skip
+    )
     back = low[1]
     panes = joined(
-        *(flat((x, 0.95, back + 0.012), (1.7, 0, 0), (0, 1.55, 0), (200, 216, 232))
-          for x in (-3.9, -1.95, 0.25, 2.2)),
-    )  # fmt: skip
+        *(
+            flat((x, 0.95, back + 0.012), (1.7, 0, 0), (0, 1.55, 0), (200, 216, 232))
+            for x in (-3.9, -1.95, 0.25, 2.2)
+        ),
+    )
     frames = joined(*(
         joined(
             box((x + 0.85, 0.93, back + 0.06), (1.84, 0.04, 0.14), (232, 231, 228)),
@@ -67,10 +72,13 @@ def _shell() -> list[Prop]:
         )
         for x in (-3.9, -1.95, 0.25, 2.2)
     ))  # fmt: skip
-    blinds = joined(*(
-        box((x + 0.85, 2.48 - 0.055 * k, back + 0.05), (1.66, 0.006, 0.045), (222, 222, 220))
-        for x in (-3.9, -1.95, 0.25, 2.2) for k in range(8)
-    ))  # fmt: skip
+    blinds = joined(
+        *(
+            box((x + 0.85, 2.48 - 0.055 * k, back + 0.05), (1.66, 0.006, 0.045), (222, 222, 220))
+            for x in (-3.9, -1.95, 0.25, 2.2)
+            for k in range(8)
+        )
+    )
     poster = joined(
         flat((low[0] + 0.01, 1.25, -2.2), (0, 0, -0.9), (0, 1.2, 0), (92, 124, 140)),
         flat((low[0] + 0.01, 1.25, -4.2), (0, 0, -0.9), (0, 1.2, 0), (168, 134, 92)),
@@ -96,9 +104,12 @@ def _desks() -> list[Prop]:
     for clerk in places.CLERKS:
         z = clerk.z_m + places.DESK_BEFORE_M
         props += furniture.desk(
-            f"desk_{clerk.name}", (clerk.x_m, 0, z), 180.0, front=(226, 226, 222),
+            f"desk_{clerk.name}",
+            (clerk.x_m, 0, z),
+            180.0,
+            front=(226, 226, 222),
             height_m=places.DESK_HEIGHT_M,
-        )  # fmt: skip
+        )
         top = places.DESK_HEIGHT_M
         props += furniture.monitor(
             f"monitor_{clerk.name}", (clerk.x_m - 0.52, top, z + 0.05), clerk.yaw_deg - 145.0
@@ -113,9 +124,12 @@ def _desks() -> list[Prop]:
         )
         props.append(furniture.placed(f"papers_{clerk.name}", papers, (clerk.x_m, 0, z), 0.0))
         props += furniture.chair(
-            f"chair_{clerk.name}", clerk.floor_m, clerk.yaw_deg, seat_m=places.SEAT_M,
+            f"chair_{clerk.name}",
+            clerk.floor_m,
+            clerk.yaw_deg,
+            seat_m=places.SEAT_M,
             cloth=(58, 62, 70),
-        )  # fmt: skip
+        )
     return props
 
 
@@ -138,13 +152,15 @@ def _between() -> list[Prop]:
 def _waiting_line() -> list[Prop]:
     """Return the line on the floor behind which customers wait, with posts and a belt."""
     line = box((0, 0.003, -0.45), (5.6, 0.006, 0.07), (222, 180, 60))
-    posts = joined(*(
-        joined(
-            cylinder((x, 0, -0.75), (x, 0.025, -0.75), 0.16, furniture.STEEL, sides=24),
-            cylinder((x, 0.02, -0.75), (x, 0.95, -0.75), 0.026, furniture.STEEL, sides=14),
+    posts = joined(
+        *(
+            joined(
+                cylinder((x, 0, -0.75), (x, 0.025, -0.75), 0.16, furniture.STEEL, sides=24),
+                cylinder((x, 0.02, -0.75), (x, 0.95, -0.75), 0.026, furniture.STEEL, sides=14),
+            )
+            for x in (-3.3, 3.1)
         )
-        for x in (-3.3, 3.1)
-    ))  # fmt: skip
+    )
     return [
         furniture.placed("waiting_line", line, (0, 0, 0), 0.0, casts_shadow=False),
         furniture.placed("posts", posts, (0, 0, 0), 0.0, roughness_01=0.3),

@@ -30,9 +30,12 @@ def plain_room(seats: tuple[Seat, ...] = ()) -> Room:
         faces_up=False, uv_m=1.8,
     )  # fmt: skip
     around = furniture.walls(
-        "room", (LOW_M[0], 0, LOW_M[1]), (HIGH_M[0], CEILING_M, HIGH_M[1]), (206, 203, 194),
+        "room",
+        (LOW_M[0], 0, LOW_M[1]),
+        (HIGH_M[0], CEILING_M, HIGH_M[1]),
+        (206, 203, 194),
         surfaces.plaster(4),
-    )  # fmt: skip
+    )
     lamps = [
         lamp
         for x in (-1.4, 1.4)
@@ -51,12 +54,13 @@ def plain_room(seats: tuple[Seat, ...] = ()) -> Room:
         name="plain_room",
         props=(floor, ceiling, *around, *lamps, *chairs),
         lights=(
-            Light("spot", np.array([9.0, 8.7, 8.2]), key, unit(face - key), 75.0,
-                  casts_shadow=True),
+            Light(
+                "spot", np.array([9.0, 8.7, 8.2]), key, unit(face - key), 75.0, casts_shadow=True
+            ),
             Light("point", np.array([2.7, 2.7, 2.8]), np.array([-1.6, CEILING_M - 0.9, -0.2])),
             Light("point", np.array([0.9, 0.9, 0.9]), np.array([0.2, 1.3, -3.4])),
         ),
         sky=np.array([0.38, 0.38, 0.39]),
         ground=np.array([0.33, 0.30, 0.27]),
         background_srgb=(110, 114, 118),
-    )  # fmt: skip
+    )

@@ -23,17 +23,20 @@ def portrait_studio() -> Room:
         name="portrait_studio",
         props=(
             furniture.level("floor", (-5, -2), (5, 5), 0.0, (120, 118, 116), surfaces.carpet(2)),
-            furniture.placed("backdrop", backdrop, (0, 0, 0), 0.0, surfaces.plaster(4),
-                             casts_shadow=False),
+            furniture.placed(
+                "backdrop", backdrop, (0, 0, 0), 0.0, surfaces.plaster(4), casts_shadow=False
+            ),
         ),
         lights=(
-            Light("spot", np.array([7.4, 7.1, 6.7]), key, unit(face - key), 40.0,
-                  casts_shadow=True),
-            Light("spot", np.array([3.4, 3.5, 3.7]), rim, unit(face - rim), 40.0,
-                  casts_shadow=True),
+            Light(
+                "spot", np.array([7.4, 7.1, 6.7]), key, unit(face - key), 40.0, casts_shadow=True
+            ),
+            Light(
+                "spot", np.array([3.4, 3.5, 3.7]), rim, unit(face - rim), 40.0, casts_shadow=True
+            ),
             Light("point", np.array([1.0, 1.03, 1.1]), np.array([-1.7, 1.7, 1.9])),
         ),
         sky=np.array([0.33, 0.33, 0.34]),
         ground=np.array([0.22, 0.20, 0.18]),
         background_srgb=(110, 114, 118),
-    )  # fmt: skip
+    )

@@ -99,10 +99,14 @@ def _bevel(vertices: Vector, normals: Vector, triangles: list[tuple[int, int, in
                 corner = edge.copy()
                 corner[axis] = s
                 ends.append(tuple(corner))
-            add([
-                corner_of[a, ends[0]], corner_of[a, ends[1]],
-                corner_of[b, ends[1]], corner_of[b, ends[0]],
-            ])  # fmt: skip
+            add(
+                [
+                    corner_of[a, ends[0]],
+                    corner_of[a, ends[1]],
+                    corner_of[b, ends[1]],
+                    corner_of[b, ends[0]],
+                ]
+            )
     for corner in {key for _, key in corner_of}:
         add([i for (_, key), i in corner_of.items() if key == corner])
 
@@ -131,9 +135,9 @@ def cylinder(
     wall = np.concatenate([start + radius_m * around, end + top * around])
     uv = np.stack([np.tile(angle / np.pi * radius_m, 2), np.repeat([length, 0.0], sides + 1)], 1)
     i = np.arange(sides)
-    quads = np.concatenate([
-        np.stack([i, i + 1, i + sides + 2], 1), np.stack([i, i + sides + 2, i + sides + 1], 1)
-    ])  # fmt: skip
+    quads = np.concatenate(
+        [np.stack([i, i + 1, i + sides + 2], 1), np.stack([i, i + sides + 2, i + sides + 1], 1)]
+    )
     caps_v: list[Vector] = []
     caps_n: list[Vector] = []
     caps_t: list[npt.NDArray[np.int64]] = []

@@ -103,10 +103,12 @@ def _floors() -> list[Prop]:
         for name, x0, x1 in (("left", -edge, -HALF_WIDTH_M), ("right", HALF_WIDTH_M, edge))
     ]  # fmt: skip
     length = z1 - z0
-    lines = joined(*(
-        box((s * (edge - 0.45), 0.003, (z0 + z1) / 2), (0.18, 0.006, length), (226, 190, 66))
-        for s in (-1, 1)
-    ))  # fmt: skip
+    lines = joined(
+        *(
+            box((s * (edge - 0.45), 0.003, (z0 + z1) / 2), (0.18, 0.006, length), (226, 190, 66))
+            for s in (-1, 1)
+        )
+    )
     bands = joined(*(
         box((s * (HALF_WIDTH_M - 0.75), 0.002, (z0 + z1) / 2), (0.28, 0.004, length), RED_STONE,
             uv_m=1.0)
@@ -142,10 +144,11 @@ def _columns() -> list[Prop]:
                         chamfer_m=0.02),
                 ), at))  # fmt: skip
     return [
-        furniture.placed("columns", joined(*shafts), (0, 0, 0), 0.0, surfaces.marble(34),
-                         roughness_01=0.4),
+        furniture.placed(
+            "columns", joined(*shafts), (0, 0, 0), 0.0, surfaces.marble(34), roughness_01=0.4
+        ),
         furniture.placed("column_trims", joined(*trims), (0, 0, 0), 0.0, roughness_01=0.25),
-    ]  # fmt: skip
+    ]
 
 
 def _arch_wall(radius_m: float, top_m: float) -> StaticMesh:
@@ -157,9 +160,9 @@ def _arch_wall(radius_m: float, top_m: float) -> StaticMesh:
     above = np.stack([np.zeros(25), np.full(25, top_m), np.linspace(-half, half, 25)], 1)
     vertices = np.concatenate([below, above]).astype(np.float32)
     i = np.arange(24)
-    triangles = np.concatenate([
-        np.stack([i, i + 25, i + 26], 1), np.stack([i, i + 26, i + 1], 1)
-    ]).astype(np.int32)  # fmt: skip
+    triangles = np.concatenate(
+        [np.stack([i, i + 25, i + 26], 1), np.stack([i, i + 26, i + 1], 1)]
+    ).astype(np.int32)
     ends = [
         np.array([[0, SPRING_M, s * radius_m], [0, SPRING_M, s * half], [0, top_m, s * half]])
         for s in (-1.0, 1.0)
@@ -188,9 +191,9 @@ def _arch_band(radius_m: float, width_m: float) -> StaticMesh:
     aside = np.array([width_m / 2, 0.0, 0.0])
     left, right = rim - aside, rim + aside
     i = np.arange(24)
-    triangles = np.concatenate([
-        np.stack([i, i + 25, i + 26], 1), np.stack([i, i + 26, i + 1], 1)
-    ]).astype(np.int32)  # fmt: skip
+    triangles = np.concatenate(
+        [np.stack([i, i + 25, i + 26], 1), np.stack([i, i + 26, i + 1], 1)]
+    ).astype(np.int32)
     vertices = np.concatenate([left, right]).astype(np.float32)
     points = vertices[triangles]
     normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
@@ -255,11 +258,16 @@ def _platform_ceilings(spring_m: float) -> list[Prop]:
     edge = HALF_WIDTH_M + PLATFORM_M + 3.4
     return [
         furniture.level(
-            f"platform_ceiling_{name}", (x0, ENDS_M[0]), (x1, ENDS_M[1]), spring_m - 0.05,
-            (214, 210, 202), surfaces.plaster(37), faces_up=False,
+            f"platform_ceiling_{name}",
+            (x0, ENDS_M[0]),
+            (x1, ENDS_M[1]),
+            spring_m - 0.05,
+            (214, 210, 202),
+            surfaces.plaster(37),
+            faces_up=False,
         )
         for name, x0, x1 in (("left", -edge, -HALF_WIDTH_M), ("right", HALF_WIDTH_M, edge))
-    ]  # fmt: skip
+    ]
 
 
 def _ceiling_lamps() -> list[Prop]:
@@ -267,20 +275,25 @@ def _ceiling_lamps() -> list[Prop]:
     for z in np.arange(ENDS_M[0] + 2.5, ENDS_M[1], 5.0):
         ring = turned([(0.78, -0.10), (0.86, -0.10), (0.86, 0.02), (0.78, 0.02)], (188, 176, 146))
         rings.append(moved(ring, (0, CROWN_M - 0.05, float(z))))
-        glows.append(moved(
-            cylinder((0, -0.06, 0), (0, -0.03, 0), 0.78, (255, 246, 226), sides=32),
-            (0, CROWN_M - 0.03, float(z))))  # fmt: skip
+        glows.append(
+            moved(
+                cylinder((0, -0.06, 0), (0, -0.03, 0), 0.78, (255, 246, 226), sides=32),
+                (0, CROWN_M - 0.03, float(z)),
+            )
+        )
     glows += [
         box((side * (HALF_WIDTH_M + 2.1), 5.42, z), (0.16, 0.06, 1.5), (255, 250, 240))
         for side in (-1, 1)
         for z in np.arange(ENDS_M[0] + 2.5, ENDS_M[1], 5.0)
     ]
     return [
-        furniture.placed("lamp_rings", joined(*rings), (0, 0, 0), 0.0, casts_shadow=False,
-                         roughness_01=0.3),
-        furniture.placed("lamps", joined(*glows), (0, 0, 0), 0.0, emission_01=1.0,
-                         casts_shadow=False),
-    ]  # fmt: skip
+        furniture.placed(
+            "lamp_rings", joined(*rings), (0, 0, 0), 0.0, casts_shadow=False, roughness_01=0.3
+        ),
+        furniture.placed(
+            "lamps", joined(*glows), (0, 0, 0), 0.0, emission_01=1.0, casts_shadow=False
+        ),
+    ]
 
 
 def _end_walls() -> list[Prop]:
@@ -312,10 +325,13 @@ def _tracks() -> list[Prop]:
         x = s * (edge + 1.7)
         beds.append(box((x, -1.15, middle), (3.4, 0.1, length), (64, 60, 56), uv_m=1.0))
         beds.append(box((s * (edge + 0.02), -0.55, middle), (0.04, 1.1, length), (120, 112, 104)))
-        beds += [box((x, -1.06, z), (2.4, 0.10, 0.24), (82, 74, 66))
-                 for z in np.arange(z0, z1, 1.2)]  # fmt: skip
-        rails += [box((x + r, -0.96, middle), (0.07, 0.12, length), (136, 128, 120))
-                  for r in (-0.76, 0.76)]  # fmt: skip
+        beds += [
+            box((x, -1.06, z), (2.4, 0.10, 0.24), (82, 74, 66)) for z in np.arange(z0, z1, 1.2)
+        ]
+        rails += [
+            box((x + r, -0.96, middle), (0.07, 0.12, length), (136, 128, 120))
+            for r in (-0.76, 0.76)
+        ]
         wall = flat((s * (edge + 3.4), -1.2, z0 if s > 0 else z1), (0, 0, s * length),
                     (0, 6.2, 0), (206, 206, 200), uv_m=1.6)  # fmt: skip
         far_walls.append(wall)
@@ -349,20 +365,23 @@ def _board_case() -> list[Prop]:
     case = joined(
         box((0, 0, 0), (w + 0.08, h + 0.08, 0.10), (46, 48, 54), chamfer_m=0.01),
         *(
-            cylinder((s * 0.55, h / 2, 0), (s * 0.55, 4.95 - y, 0), 0.025, furniture.STEEL,
-                     sides=12)
+            cylinder(
+                (s * 0.55, h / 2, 0), (s * 0.55, 4.95 - y, 0), 0.025, furniture.STEEL, sides=12
+            )
             for s in (-1, 1)
         ),
-    )  # fmt: skip
+    )
     return [furniture.placed("board_case", case, (x, y, z), yaw, roughness_01=0.3)]
 
 
 def _start_mark() -> list[Prop]:
     x, z = station_crowd.START_M
-    bars = joined(*(
-        moved(box((0, 0.004, 0), (0.55, 0.008, 0.11), (40, 92, 190)), yaw_deg=turn)
-        for turn in (45.0, -45.0)
-    ))  # fmt: skip
+    bars = joined(
+        *(
+            moved(box((0, 0.004, 0), (0.55, 0.008, 0.11), (40, 92, 190)), yaw_deg=turn)
+            for turn in (45.0, -45.0)
+        )
+    )
     return [furniture.placed("start_mark", bars, (x, 0, z), 0.0, casts_shadow=False)]
 
 
@@ -375,7 +394,12 @@ def _benches() -> list[Prop]:
                 box((0, 0.20, 0), (1.5, 0.40, 0.30), (120, 114, 108), chamfer_m=0.02),
             )
             props.append(
-                furniture.placed(f"bench_{side}_{z}", seat, (side * (HALF_WIDTH_M - 1.4), 0, z),
-                                 90.0, surfaces.planks(40, 4))
-            )  # fmt: skip
+                furniture.placed(
+                    f"bench_{side}_{z}",
+                    seat,
+                    (side * (HALF_WIDTH_M - 1.4), 0, z),
+                    90.0,
+                    surfaces.planks(40, 4),
+                )
+            )
     return props

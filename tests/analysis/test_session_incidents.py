@@ -34,18 +34,24 @@ def asked(t_s: float, action: str, text: str = "", code: str = "") -> Event:
 
 def test_reason_given_while_the_session_waits_belongs_to_the_pause() -> None:
     assert [Incident("after T01", "pause of 5 s", "unwell: dizzy")] == happened(
-        asked(15, "pause"), (21, "pause_start", {}), asked(23, "reason", "dizzy", "unwell"),
+        asked(15, "pause"),
+        (21, "pause_start", {}),
+        asked(23, "reason", "dizzy", "unwell"),
         (26, "pause_end", {}),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("at_s", [16, 28, 35])
 def test_reason_belongs_to_the_last_pause_wherever_it_was_given(at_s: float) -> None:
     events = sorted(
-        [asked(15, "pause"), (21, "pause_start", {}), (26, "pause_end", {}),
-         asked(at_s, "reason", code="wish")],
+        [
+            asked(15, "pause"),
+            (21, "pause_start", {}),
+            (26, "pause_end", {}),
+            asked(at_s, "reason", code="wish"),
+        ],
         key=lambda event: event[0],
-    )  # fmt: skip
+    )
     assert [Incident("after T01", "pause of 5 s", "wish")] == happened(*events)
 
 
@@ -53,17 +59,21 @@ def test_every_pause_has_its_own_length_and_reason() -> None:
     assert ["pause of 1 s", "pause of 2 s"] == [
         one.what
         for one in happened(
-            (21, "pause_start", {}), (22, "pause_end", {}),
-            (25, "pause_start", {}), (27, "pause_end", {}),
+            (21, "pause_start", {}),
+            (22, "pause_end", {}),
+            (25, "pause_start", {}),
+            (27, "pause_end", {}),
         )
-    ]  # fmt: skip
+    ]
 
 
 def test_what_is_flagged_within_a_trial_stands_in_its_row_alone() -> None:
     assert [Incident("after T01", "moment flagged", "device")] == happened(
-        asked(12, "flag"), asked(13, "reason", code="unwell"),
-        asked(25, "flag"), asked(26, "reason", code="device"),
-    )  # fmt: skip
+        asked(12, "flag"),
+        asked(13, "reason", code="unwell"),
+        asked(25, "flag"),
+        asked(26, "reason", code="device"),
+    )
 
 
 def test_notes_are_not_repeated_as_they_may_name_somebody() -> None:

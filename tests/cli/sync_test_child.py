@@ -47,9 +47,15 @@ def main(latency_ms: float) -> None:
     window.Window.present = seen
     sync_chain.real_sensor = lambda *_: SyncBoard(MemoryLink(board, clock), clock)
     found, asked, _ = sync_chain.perform_real(
-        lab, clock, sensor_name="board", speaker_name="", band_role="",
-        channels=sync_chain.DEFAULT_CHANNELS, repeats=REPEATS, progress=lambda done: None,
-    )  # fmt: skip
+        lab,
+        clock,
+        sensor_name="board",
+        speaker_name="",
+        band_role="",
+        channels=sync_chain.DEFAULT_CHANNELS,
+        repeats=REPEATS,
+        progress=lambda done: None,
+    )
     (one,) = found
     true_ms = (np.array(room.happened["picture"]) - np.array(asked.picture_ns)) / 1e6
     print(

@@ -138,9 +138,13 @@ def test_sessions_of_two_designs_in_a_folder_are_told_apart(file: Path, tmp_path
     manifest = read_manifest(next((file.parent / "out").rglob("ses-001")))
     file.write_text(STUDY.replace("repetitions=1", "repetitions=3"), "utf-8")
     experiment = find_study(str(file)).experiment({})
-    later = manifest.__class__(**{
-        **vars(manifest), "participant": "S02C", "configuration": {"design": design_of(experiment)},
-    })  # fmt: skip
+    later = manifest.__class__(
+        **{
+            **vars(manifest),
+            "participant": "S02C",
+            "configuration": {"design": design_of(experiment)},
+        }
+    )
 
     changes, mixed = told_of_designs([manifest, later], experiment)
 

@@ -27,8 +27,12 @@ def runtimes(tmp_path, monkeypatch):
 
     def make(name, *, gaze, extension="", headset=True):
         library = tmp_path / f"{name}.so"
-        said = (f'-DNAME="{name}"', f"-DGAZE={int(gaze)}", f'-DEXTENSION="{extension}"',
-                f"-DHEADSET={int(headset)}")  # fmt: skip
+        said = (
+            f'-DNAME="{name}"',
+            f"-DGAZE={int(gaze)}",
+            f'-DEXTENSION="{extension}"',
+            f"-DHEADSET={int(headset)}",
+        )
         command = [compiler, "-shared", "-fPIC", *said, "-o", str(library), str(SOURCE)]
         subprocess.run(command, check=True)
         manifest = tmp_path / f"openxr_{name}.json"

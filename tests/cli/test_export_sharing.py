@@ -36,14 +36,25 @@ def session(lab: Path) -> Path:
     with create_session(lab.parent / "data", manifest) as folder:
         recorder = new_recorder(folder, clock, is_simulated=False)
         recorder.append(probe_batch(0, 10))
-        answers = (("demographics", "age", "37"), ("demographics", "gender", "woman"),
-                   ("free_comment", "comment", TYPED), ("unheard_of", "what", TYPED))  # fmt: skip
+        answers = (
+            ("demographics", "age", "37"),
+            ("demographics", "gender", "woman"),
+            ("free_comment", "comment", TYPED),
+            ("unheard_of", "what", TYPED),
+        )
         for name, question, answer in answers:
             recorder.event("answer", 0, questionnaire=name, question=question, answer=answer)
         recorder.event("operator", 0, action="note", text=TYPED)
         recorder.event("who", 0, label=LABEL)
-        recorder.trial({"participant": LABEL, "trial_id": "T1", "status": "skipped",
-                        "reason": TYPED, "dwell_ms": 3.5})  # fmt: skip
+        recorder.trial(
+            {
+                "participant": LABEL,
+                "trial_id": "T1",
+                "status": "skipped",
+                "reason": TYPED,
+                "dwell_ms": 3.5,
+            }
+        )
         folder.end_part(clock, recorder.close("aborted"), reason=TYPED)
         return folder.path
 

@@ -132,9 +132,10 @@ def test_a_film_goes_on_in_the_dark_where_no_camera_finds_a_place(
 def test_a_question_in_the_dark_is_in_the_film_by_any_camera(session: Path) -> None:
     recording = KeptRecording(session)
     (told,) = (
-        told for told in recording.events_named("answered", 1)["payload"]
+        told
+        for told in recording.events_named("answered", 1)["payload"]
         if told["trial_id"] == "T01"
-    )  # fmt: skip
+    )
     study = opened("duel")
     board = board_at(recording, study, 1, told["asked_ns"])
     assert board is not None
@@ -150,9 +151,13 @@ def test_a_question_in_the_dark_is_in_the_film_by_any_camera(session: Path) -> N
     trial = recorded_trial(recording, "T01")
     with renderer:
         scene = FilmedTrial(
-            trial, pictures_of(study, trial), FromViewpoint(Viewpoint.ABOVE, 16 / 9, 0), (),
-            (160, 90), FilmLog(None),
-        )  # fmt: skip
+            trial,
+            pictures_of(study, trial),
+            FromViewpoint(Viewpoint.ABOVE, 16 / 9, 0),
+            (),
+            (160, 90),
+            FilmLog(None),
+        )
         seen = next(scene.pictures([told["answered_ns"]], renderer.image))
     assert seen.max() > 100
 

@@ -1,6 +1,7 @@
 """The command hears signals wherever it is, and says what it did about them."""
 
 import ctypes
+import re
 import signal
 import sys
 import threading
@@ -11,7 +12,9 @@ from types import SimpleNamespace
 import pytest
 
 from cli import main as command
+from cli.app import console, errors, say, verbatim
 from cli.main import interrupting_again
+from cli.telling import counting
 from lab.config_files import EXAMPLE
 
 
@@ -106,3 +109,35 @@ def test_a_slip_in_a_study_file_is_told_with_its_line_and_is_no_defect_of_ours(
     assert f"{study}, line 9: trial of gaze averted" in said.replace("\n", "")
     assert "no factor, parameter or step 'scene_s'" in said.replace("\n", " ")
     assert "internal error" not in said
+
+
+USERS = ":B: [red]left[/red] :smile:"
+
+
+def test_text_of_the_user_is_printed_letter_for_letter() -> None:
+    for printed_on in (console, errors):
+        with printed_on.capture() as caught:
+            printed_on.print(f"[b]{verbatim(USERS)}[/]")
+        assert USERS == caught.get().strip()
+    with console.capture() as caught:
+        say(f"to {verbatim(USERS)}")
+    assert f"to {USERS}" == caught.get().strip()
+    bar = counting(console)
+    bar.add_task(USERS, total=2)
+    with console.capture() as caught:
+        console.print(bar.get_renderable())
+    assert caught.get().startswith(USERS)
+
+
+def test_everything_is_printed_on_the_consoles_that_leave_colons_alone() -> None:
+    root = Path(command.__file__).parents[1]
+    folders = ("cli", "visavis", "analysis", "experiments", "devices", "protocol")
+    made = [
+        f"{path.relative_to(root).as_posix()}: {line.strip()}"
+        for folder in folders
+        for path in sorted((root / folder).rglob("*.py"))
+        for line in path.read_text("utf-8").splitlines()
+        if re.search(r"(?<!\w)Console\(|rich\.print\(|from rich import print", line)
+    ]
+    assert {"cli/app.py"} == {line.partition(":")[0] for line in made}
+    assert all("emoji=False" in line for line in made)

@@ -46,9 +46,13 @@ def test_test_that_is_written_passes_with_pytest(tmp_path: Path) -> None:
     )
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", "."],
-        cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=110,
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=110,
         check=False,
-    )  # fmt: skip
+    )
     assert "1 passed" in done.stdout, done.stdout + done.stderr
 
 

@@ -143,8 +143,9 @@ def test_a_study_with_half_a_session_says_so(fresh: Path) -> None:
     )
     path = perform_new(request)
     folder = path.parent.parent
-    settle(folder, StudySettings("asking", 1, True, source=str(STUDIES / "asking.py")),
-           seed_given=True)  # fmt: skip
+    settle(
+        folder, StudySettings("asking", 1, True, source=str(STUDIES / "asking.py")), seed_given=True
+    )
     assert "not finished" not in said(fresh, "check", str(folder))
     manifest = read_manifest(path)
     parts = (*manifest.parts[:-1], replace(manifest.parts[-1], status="aborted"))

@@ -267,6 +267,18 @@ def test_simulated_power_that_parts_from_the_printed_is_warned_of() -> None:
         notes({12: 96, 16: 100})
     )
     assert "WARNING" not in notes({12: 60, 16: 85})
+    told = notes({12: 64, 16: 85})  # .07 off, within the interval of 100 replicates
+    assert "WARNING: simulated people part from it by more than 0.05 at n = 12 (" in told
+    assert "(at n = 12 replicates are too few to tell it from chance)" in told
+    assert "too few to tell" not in notes({12: 96, 16: 100})
+
+
+def test_power_of_a_printed_f_with_corrected_df_is_that_of_its_people() -> None:
+    printed = power_study("crowd").printed["speed_m_s:condition"]
+    assert ("F(1.56, 34.2) = 7.14", 23) == (printed.text, printed.n)
+    critical = special.fdtri(1.56, 34.2, 0.95)
+    expected = 1 - special.ncfdtr(1.56, 34.2, 1.56 * 7.14, critical)
+    assert expected == pytest.approx(printed.power(23, 0.05), abs=1e-9)
 
 
 def test_the_figure_names_what_is_enough_beside_its_curves() -> None:

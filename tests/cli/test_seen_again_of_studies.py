@@ -63,9 +63,14 @@ def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     settle(settings_at, wanted_settings(settings_at, study, is_simulated=True), seed_given=False)
     experiment = study.experiment(SHORT.get(study.name, {}))
     asked = simulated_request(
-        study, experiment, config_for(study, folder), label="S01", index=0, seed=1,
+        study,
+        experiment,
+        config_for(study, folder),
+        label="S01",
+        index=0,
+        seed=1,
         group=experiment.plan(0, 1).group,
-    )  # fmt: skip
+    )
     return Session(reference, perform_new(asked))
 
 

@@ -182,8 +182,19 @@ def test_nothing_left_to_simulate_is_no_error(study: Path) -> None:
     before = digests(study)
     result = CliRunner().invoke(
         app,
-        ["simulate", "stare", "--participants", "2", "--seed", "5", "--output",
-         str(study.parent.parent), "--processes", "2", *SHORT],
-    )  # fmt: skip
+        [
+            "simulate",
+            "stare",
+            "--participants",
+            "2",
+            "--seed",
+            "5",
+            "--output",
+            str(study.parent.parent),
+            "--processes",
+            "2",
+            *SHORT,
+        ],
+    )
     assert 0 == result.exit_code, result.output
     assert before == digests(study)

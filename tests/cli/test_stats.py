@@ -88,9 +88,18 @@ def test_several_values_may_follow_one_option() -> None:
 def test_both_ways_of_naming_factors_give_the_same(table: Path) -> None:
     one = answer(table, "--test", "art", *TWO)
     other = answer(
-        table, "--test", "art", "--within", "technique", "--within", "direction",
-        "--dv", "accuracy", "--subject", "participant",
-    )  # fmt: skip
+        table,
+        "--test",
+        "art",
+        "--within",
+        "technique",
+        "--within",
+        "direction",
+        "--dv",
+        "accuracy",
+        "--subject",
+        "participant",
+    )
     assert one["rows"] == other["rows"]
 
 
@@ -166,8 +175,17 @@ def test_a_table_without_a_row_that_counts_is_refused(tmp_path: Path) -> None:
 
 def test_where_takes_levels_and_numbers(table: Path) -> None:
     two = trials().query("technique != 'gaze' and rating > 1")
-    expected = answer(table, "--test", "lmm", *ONE, "--levels", "technique=ray,touch",
-                      "--where", "technique=ray,touch", "rating>1")  # fmt: skip
+    expected = answer(
+        table,
+        "--test",
+        "lmm",
+        *ONE,
+        "--levels",
+        "technique=ray,touch",
+        "--where",
+        "technique=ray,touch",
+        "rating>1",
+    )
     other = answer(
         table, "--test", "lmm", *ONE, "--where", "technique!=gaze", "--where", "rating>=2"
     )
@@ -270,10 +288,16 @@ def rated(tmp_path: Path) -> Path:
     truth = rng.normal(4, 1.5, 20)
     path = tmp_path / "rated.csv"
     pd.DataFrame(
-        {"clip": f"c{i}", "rater": rater, "rating": int(np.clip(round(t + rng.normal()), 1, 7)),
-         "word": "good" if t + rng.normal() > 4 else "bad", "hit": int(t + rng.normal() > 4)}
-        for i, t in enumerate(truth) for rater in ("ann", "bob")
-    ).to_csv(path, index=False)  # fmt: skip
+        {
+            "clip": f"c{i}",
+            "rater": rater,
+            "rating": int(np.clip(round(t + rng.normal()), 1, 7)),
+            "word": "good" if t + rng.normal() > 4 else "bad",
+            "hit": int(t + rng.normal() > 4),
+        }
+        for i, t in enumerate(truth)
+        for rater in ("ann", "bob")
+    ).to_csv(path, index=False)
     return path
 
 

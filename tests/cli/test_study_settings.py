@@ -169,9 +169,18 @@ def test_parameters_can_come_with_the_first_session_of_somebody_registered_befor
     )
     with pytest.raises(UsageError, match="which holds for all of its sessions"):
         visavis(
-            lab_config, "run", "stare", "--participant", "2", "--devices", "sim", "--fast",
-            *here, "--set", "pad_deg=2",
-        )  # fmt: skip
+            lab_config,
+            "run",
+            "stare",
+            "--participant",
+            "2",
+            "--devices",
+            "sim",
+            "--fast",
+            *here,
+            "--set",
+            "pad_deg=2",
+        )
 
 
 def test_parameters_that_would_move_somebody_to_another_group_are_refused(
@@ -181,9 +190,15 @@ def test_parameters_that_would_move_somebody_to_another_group_are_refused(
         visavis(lab_config, "participant", "add", "crowd", "--devices", "sim")
     with pytest.raises(UsageError, match="begun with no --set"):
         visavis(
-            lab_config, "participant", "add", "crowd", "--devices", "sim",
-            "--set", "groups=[haptics,control]",
-        )  # fmt: skip
+            lab_config,
+            "participant",
+            "add",
+            "crowd",
+            "--devices",
+            "sim",
+            "--set",
+            "groups=[haptics,control]",
+        )
 
 
 @pytest.fixture

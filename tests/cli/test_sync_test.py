@@ -79,11 +79,23 @@ def test_delay_before_a_monitor_is_measured_in_its_window():
         pytest.skip("needs a virtual screen: apt install xvfb xvfb-run")
     root = Path(__file__).parents[2]
     done = subprocess.run(
-        ["xvfb-run", "-a", "-s", "-screen 0 640x360x24", sys.executable,  # noqa: S607
-         "-m", "tests.cli.sync_test_child", "40"],
-        capture_output=True, text=True, timeout=120, cwd=root, check=False,
+        [  # noqa: S607  (a fixed program found on the path)
+            "xvfb-run",
+            "-a",
+            "-s",
+            "-screen 0 640x360x24",
+            sys.executable,
+            "-m",
+            "tests.cli.sync_test_child",
+            "40",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        cwd=root,
+        check=False,
         env={**os.environ, "PYTHONPATH": str(root)},
-    )  # fmt: skip
+    )
     if "OpenGL 3.3" in done.stderr or "no window" in done.stderr:
         pytest.skip(done.stderr.strip().splitlines()[-1])
     assert 0 == done.returncode, done.stderr
@@ -229,6 +241,12 @@ def test_lab_without_any_display_is_told_what_to_add(lab_file):
     devices = {role: d for role, d in lab.devices.items() if role != "headset"}
     with pytest.raises(UsageError, match=r"no display to test.*docs/screens"):
         perform_real(
-            lab.model_copy(update={"devices": devices}), SystemClock(), sensor_name="audio",
-            speaker_name="", band_role="", channels={}, repeats=10, progress=lambda done: None,
-        )  # fmt: skip
+            lab.model_copy(update={"devices": devices}),
+            SystemClock(),
+            sensor_name="audio",
+            speaker_name="",
+            band_role="",
+            channels={},
+            repeats=10,
+            progress=lambda done: None,
+        )

@@ -31,8 +31,17 @@ def warp(*arguments: object) -> str:
 @pytest.fixture(scope="module")
 def warped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("warp") / "out"
-    warp("wave", *ASIDE, *FEATURE, "--units", "spine_turn,head_turn,right_wrist_flex",
-         "--seconds", 0.2, "-o", folder)  # fmt: skip
+    warp(
+        "wave",
+        *ASIDE,
+        *FEATURE,
+        "--units",
+        "spine_turn,head_turn,right_wrist_flex",
+        "--seconds",
+        0.2,
+        "-o",
+        folder,
+    )
     return folder
 
 

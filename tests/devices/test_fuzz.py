@@ -4,16 +4,18 @@
 """
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import devices.drivers
-from benchmarks.fuzz.__main__ import fuzz, tallied, tally
+from benchmarks.fuzz.__main__ import fuzz, is_passed, read_whole, row, tallied, tally
 from benchmarks.fuzz.codecs import codecs, gaze_is_sound, only_said_by
 from benchmarks.fuzz.files import files
-from benchmarks.fuzz.target import Target
+from benchmarks.fuzz.target import Target, may_pass
 from devices.drivers.streaming.gaze_rays import Sample
+from lab.errors import DataError
 
 DRIVERS = Path(devices.drivers.__file__).parent
 DEVICES = DRIVERS.parent
@@ -77,3 +79,40 @@ def test_every_reader_refuses_damaged_files_in_words(tmp_path: Path) -> None:
     }
     assert {} == {name: where for name, where in found.items() if where}
     assert len(found) > 20
+
+
+def test_a_checksum_lets_pass_what_its_width_says_and_no_more() -> None:
+    """One of 2ⁿ damaged frames, and above it what one run of a thousand has by chance."""
+    assert 0 == may_pass(0, 1_000_000)
+    assert 0 == may_pass(16, 60)
+    assert 29 == may_pass(16, 1_000_000)
+    assert 0 == may_pass(32, 1_000_000)
+    counts = {"inputs": 1_000_000, "refused": 0, "wrong": 29, "tracebacks": 0, "hangs": 0}
+    assert is_passed(counts, 16)
+    assert not is_passed({**counts, "wrong": 30}, 16)
+    assert not is_passed({**counts, "wrong": 1}, 0)
+    assert not is_passed({**counts, "wrong": 0, "hangs": 1}, 16)
+    assert "29 wrong (may 29)" in row("armband.codec", counts, 16)
+
+
+def test_a_codec_whose_checksum_is_not_looked_at_fails_its_allowance() -> None:
+    band = next(target for target in codecs() if target.name == "armband.codec")
+    unchecked = replace(band, read=lambda data: [data])
+    assert fuzz(unchecked, 200, float("inf"), 1).wrong > may_pass(band.checksum_bits, 200)
+
+
+def test_a_target_that_refuses_its_whole_sample_is_no_target() -> None:
+    def refuse(data: bytes) -> object:
+        raise DataError("not mine")
+
+    with pytest.raises(ValueError, match="any refuses a whole sample: not mine"):
+        read_whole(Target("any", (b"x",), refuse, (DataError,)))
+    with pytest.raises(ValueError, match="called wrong"):
+        read_whole(Target("any", (b"x",), list, is_sound=lambda found: False))
+
+
+def test_every_target_takes_its_whole_samples(tmp_path: Path) -> None:
+    targets = (*codecs(), *files(tmp_path))
+    assert len(targets) > 80
+    for target in targets:
+        read_whole(target)

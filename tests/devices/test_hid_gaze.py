@@ -101,9 +101,12 @@ def test_screen_size_and_mode_go_both_ways():
     rig.start().run(0.5)
 
     assert rig.simulator.modes == [2]
-    assert codec.feature_value(
-        rig.simulator.feature(0x12), REPORTS[codec.FEATURE, 0x12], codec.SCREEN_WIDTH
-    ) == 400_000  # fmt: skip
+    assert (
+        codec.feature_value(
+            rig.simulator.feature(0x12), REPORTS[codec.FEATURE, 0x12], codec.SCREEN_WIDTH
+        )
+        == 400_000
+    )
     seen = rig.column("direction_head")[-1]
     np.testing.assert_allclose(seen, rig.body.direction, atol=1e-4)
 

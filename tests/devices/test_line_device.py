@@ -136,9 +136,18 @@ def _messages(data, clock):
 
 @pytest.mark.parametrize(
     "line",
-    [b"L 1 2.5", b"L 1 2.5 3 4", b"L 1 1e300 3", b"L 1 2.5 70000", b"L 1 2.5 0.5", b"L 1 2.5 nan",
-     b"L 99999999999999999999999 1 1", b"L x 1 1", b"L 1 2,5 3"],
-)  # fmt: skip
+    [
+        b"L 1 2.5",
+        b"L 1 2.5 3 4",
+        b"L 1 1e300 3",
+        b"L 1 2.5 70000",
+        b"L 1 2.5 0.5",
+        b"L 1 2.5 nan",
+        b"L 99999999999999999999999 1 1",
+        b"L x 1 1",
+        b"L 1 2,5 3",
+    ],
+)
 def test_numbers_that_have_no_place_are_damage(line):
     device = Scale("scale", MemoryLink(Said(b""), SimClock()), SimClock())
     device._prepare()

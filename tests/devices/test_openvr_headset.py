@@ -135,8 +135,9 @@ def test_a_frame_that_took_too_long_is_a_skipped_one_and_the_runtime_says_so():
         frame = run(headset, 1)[0]
         run(headset, 2)
         assert frame.dropped == 2
-        rows = {int(v["frame"]): v for b in batches if b.schema.name == "frame_timing"
-                for v in b.values}  # fmt: skip
+        rows = {
+            int(v["frame"]): v for b in batches if b.schema.name == "frame_timing" for v in b.values
+        }
         assert rows[frame.index]["skipped"] == 2
         assert rows[2]["presents"] == 3
         assert frame.index - 1 not in rows

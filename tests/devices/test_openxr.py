@@ -139,8 +139,11 @@ def test_the_samples_own_time_is_kept_and_a_sample_comes_once():
 def test_windows_runtimes_tell_the_time_by_the_performance_counter():
     body = FixatingBody(10.0, 5.0)
     with running(OpenXrGaze, body=body, time_extension=PERFORMANCE_COUNTER) as (
-        device, runtime, clock, batches,
-    ):  # fmt: skip
+        device,
+        runtime,
+        clock,
+        batches,
+    ):
         poll(device, clock, 0.2)
         assert "xrConvertWin32PerformanceCounterToTimeKHR" in runtime.calls
         assert "xrConvertTimespecTimeToTimeKHR" not in runtime.calls
@@ -305,8 +308,12 @@ def test_each_eye_converges_on_what_the_body_looks_at(per_eye, yaw, pitch):
             assert column(batches, f"{eye}_valid").all()
         assert (column(batches, "eyes_used") == 3).all()
         assert np.allclose(column(batches, "origin_m"), 0.0, atol=1e-6)  # between both eyes
-        vergence = angle_deg(*(column(batches, f"{eye}_direction_head").astype(np.float64)
-                               for eye in ("left", "right")))  # fmt: skip
+        vergence = angle_deg(
+            *(
+                column(batches, f"{eye}_direction_head").astype(np.float64)
+                for eye in ("left", "right")
+            )
+        )
         assert vergence.min() > 5.0
         assert {"per_eye", "may_be_smoothed"} <= device.info.capabilities
         assert {"htc": "XR_HTC", "meta": "XR_FB"}[per_eye] in device.info.model
@@ -424,14 +431,19 @@ def test_structures_lie_as_a_compiler_lays_out_the_vendors(tmp_path):
     gaze, pupil, shape = eyes._EyeGaze, eyes._EyePupil, eyes._EyeShape
     after = eyes._Gaze.eyes.offset
     ours = [
-        eyes._Supports.supports_eye_tracking.offset, ctypes.sizeof(eyes._Supports),
+        eyes._Supports.supports_eye_tracking.offset,
+        ctypes.sizeof(eyes._Supports),
         eyes._GazeInfo.time.offset,
-        eyes._Gaze.time.offset, after + ctypes.sizeof(gaze) + gaze.is_valid.offset,
-        after + ctypes.sizeof(gaze) + gaze.place.offset, ctypes.sizeof(eyes._Gaze),
+        eyes._Gaze.time.offset,
+        after + ctypes.sizeof(gaze) + gaze.is_valid.offset,
+        after + ctypes.sizeof(gaze) + gaze.place.offset,
+        ctypes.sizeof(eyes._Gaze),
         after + ctypes.sizeof(pupil) + pupil.diameter_mm.offset,
-        after + pupil.on_sensor.offset, ctypes.sizeof(eyes._Pupils),
-        after + ctypes.sizeof(shape) + shape.openness.offset, ctypes.sizeof(eyes._Shapes),
-    ]  # fmt: skip
+        after + pupil.on_sensor.offset,
+        ctypes.sizeof(eyes._Pupils),
+        after + ctypes.sizeof(shape) + shape.openness.offset,
+        ctypes.sizeof(eyes._Shapes),
+    ]
     assert list(map(int, told.split())) == ours
 
 

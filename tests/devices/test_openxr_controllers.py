@@ -45,9 +45,11 @@ def test_controllers_keep_the_contract_on_runtime_and_capture(tmp_path):
 
 def test_presses_and_releases_come_once_each_by_hand():
     presses = [
-        (100 * MS, "trigger", 1.0), (200 * MS, "left_grip", 1.0),
-        (300 * MS, "trigger", 0.0), (400 * MS, "left_grip", 0.0),
-    ]  # fmt: skip
+        (100 * MS, "trigger", 1.0),
+        (200 * MS, "left_grip", 1.0),
+        (300 * MS, "trigger", 0.0),
+        (400 * MS, "left_grip", 0.0),
+    ]
     with running(make, body=FixatingBody(presses=presses)) as (device, _, clock, batches):
         poll(device, clock, 1.0)
         assert device.controls == ("select", "menu", "grip")

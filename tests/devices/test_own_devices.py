@@ -33,8 +33,18 @@ def here(package):
     shutil.copy(STUDIES / "duel.py", package / "duel.py")
     written = EXAMPLE.read_text("utf-8").replace("devices:\n", OWN, 1)
     (package / "lab_config.yaml").write_text(written)
-    said(package, "run", "./duel.py", "--participant", "1", "--fast", "--devices", "sim",
-         "--set", "repetitions=1")  # fmt: skip
+    said(
+        package,
+        "run",
+        "./duel.py",
+        "--participant",
+        "1",
+        "--fast",
+        "--devices",
+        "sim",
+        "--set",
+        "repetitions=1",
+    )
     return package
 
 

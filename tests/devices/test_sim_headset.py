@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.faults import FaultSchedule
+from devices.pump import Pump
 from devices.sim.body.headset import SimulatedHeadset
 from devices.sim.body.responses import SimulatedResponses
 from lab.clock import SimClock
@@ -46,7 +47,7 @@ def test_late_frame_counts_those_it_missed():
     headset.poll(0.0)
 
     assert (frame.index, frame.dropped) == (4, 3)
-    assert [int(b.seq[0]) for b in got] == [0, 4]
+    assert np.concatenate([b.seq for b in got]).tolist() == [0, 4]
 
 
 def test_timing_says_when_images_came_and_what_was_shown_again():
@@ -164,3 +165,77 @@ def test_a_response_device_that_starts_late_is_named_and_opens_later():
         device.open(1.0)
     clock.sleep_until_ns(3 * 10**9)
     device.open(1.0)
+
+
+@pytest.mark.parametrize("standby_s", [(), (0.4,)])
+def test_poses_and_timing_left_for_later_are_those_of_every_frame(standby_s):
+    def performed(may_wait):
+        faults = FaultSchedule.from_config(
+            [{"kind": "standby", "start_s": start_s, "duration_s": 0.5} for start_s in standby_s]
+        )
+        clock, got, told = SimClock(), [], []
+        headset = SimulatedHeadset("headset", FixatingBody(), clock, faults=faults)
+        headset.open(1.0)
+        pump = Pump(headset, got.append, clock)
+        pump.start()
+        for i in range(200):
+            headset.wait_frame()
+            if i % 50 == 49:
+                clock.sleep_until_ns(clock.now_ns() + 30_000_000)
+            pump.step(may_wait=may_wait)
+            told.append(headset.head_now())
+        pump.stop()
+        return got, told
+
+    (each, told), (seldom, told_later) = performed(False), performed(True)
+
+    assert len(seldom) < 20 < 200 <= len(each)
+    for stream in ("head", "frame_timing"):
+        assert rows(each, stream).tobytes() == rows(seldom, stream).tobytes()
+        for stamp in ("seq", "t_device_ns", "t_host_ns"):
+            stamps = [
+                np.concatenate([getattr(b, stamp) for b in got if b.schema.name == stream])
+                for got in (each, seldom)
+            ]
+            assert stamps[0].tolist() == stamps[1].tolist()
+    heads = rows(each)
+    assert heads["valid"].tolist() == [pose is not None for pose in told]
+    seen = [pose for pose in told_later if pose is not None]
+    assert heads["position_m"][heads["valid"]].tolist() == [p.position_m.tolist() for p in seen]
+    assert heads["orientation_wxyz"][heads["valid"]].tolist() == [
+        p.orientation_wxyz.tolist() for p in seen
+    ]
+
+
+class ForeseeablePresser(FixatingBody):
+    """Tells when it presses next."""
+
+    def next_press_ns(self):
+        return self._presses[0][0] if self._presses else None
+
+
+@pytest.mark.parametrize("fault", [(), ({"kind": "loss", "start_s": 9.0, "duration_s": 1.0},)])
+def test_who_can_tell_when_it_presses_next_is_asked_then(fault):
+    def performed(body):
+        clock, got = SimClock(), []
+        device = SimulatedResponses(
+            "responses", body, clock, faults=FaultSchedule.from_config(fault)
+        )
+        device.open(1.0)
+        pump = Pump(device, got.append, clock)
+        pump.start()
+        asked = 0
+        for _ in range(90):
+            clock.sleep_until_ns(clock.now_ns() + 11_000_000)
+            asked += device.due_ns() <= clock.now_ns()
+            pump.step()
+        return asked, [(b.t_host_ns.tolist(), b.values.tolist()) for b in got]
+
+    presses = [(200_000_000, "trigger", 1.0), (300_000_000, "trigger", 0.0)]
+    always, each = performed(FixatingBody(presses=presses))
+    seldom, foreseen = performed(ForeseeablePresser(presses=presses))
+
+    assert 90 == always
+    assert (90 if fault else 2) == seldom
+    assert 2 == len(each)
+    assert each == foreseen

@@ -167,11 +167,16 @@ def _crowd_statistics(today: Path) -> list[dict[str, str]]:
                 agrees = str(ours == str(theirs))
             found.append(
                 {
-                    **base, **marks, "comparison": f"{pair[0]} - {pair[1]}", "p": one["p_adjusted"],
-                    "significant": one["is_significant"], "difference": one["mean_difference"],
-                    "agrees_with_published": agrees, "sentence": one["sentence"].removesuffix("."),
+                    **base,
+                    **marks,
+                    "comparison": f"{pair[0]} - {pair[1]}",
+                    "p": one["p_adjusted"],
+                    "significant": one["is_significant"],
+                    "difference": one["mean_difference"],
+                    "agrees_with_published": agrees,
+                    "sentence": one["sentence"].removesuffix("."),
                 }
-            )  # fmt: skip
+            )
     return found
 
 

@@ -59,9 +59,7 @@ SESSIONS: Final = {
     "stare": SmallStudy(
         "stare", {"trial_s": 2.0, "intertrial_s": 0.5, "practice_s": 2.0, "repetitions": 1}
     ),
-    "crowd": SmallStudy(
-        "crowd", {"configurations": 1, "intertrial_s": 0.5}, ("surface=capsules",)
-    ),
+    "crowd": SmallStudy("crowd", {"configurations": 1, "intertrial_s": 0.5}, ("surface=capsules",)),
     "waving": SmallStudy(
         "waving",
         {
@@ -74,7 +72,7 @@ SESSIONS: Final = {
             "blocks": 1,
         },
     ),
-}  # fmt: skip
+}
 """Two simulated people of each study, as `visavis simulate` and `visavis analyse` treat them."""
 
 

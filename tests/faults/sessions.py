@@ -63,8 +63,11 @@ def lab(data_root: Path, *, tracker: Rows = (), headset: Rows = (), **options: A
 def request(config: LabConfig, operator: Any = None, *, trial_s: float = TRIAL_S) -> Request:
     """Return a session of seven trials."""
     parameters = {
-        "trial_s": trial_s, "practice_s": PRACTICE_S, "intertrial_s": 0.5, "repetitions": 1,
-    }  # fmt: skip
+        "trial_s": trial_s,
+        "practice_s": PRACTICE_S,
+        "intertrial_s": 0.5,
+        "repetitions": 1,
+    }
     made = simulated_request(
         find_study("stare"), FewTrials(study, parameters), config, label="S01", index=0, seed=1
     )

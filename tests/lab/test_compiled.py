@@ -46,8 +46,11 @@ def outer_of(folder: Path, *, added: int, shift: int) -> tuple[int, int, bool]:
     path_line = f"import sys; sys.path[:0] = [{str(folder)!r}, {str(ROOT)!r}]"
     done = subprocess.run(
         [sys.executable, "-B", "-c", f"{path_line}; import outer_kernel"],
-        env=without_numbas_own(folder / "cache"), capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        env=without_numbas_own(folder / "cache"),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     value, hits, was = done.stdout.split()
     return int(value), int(hits), was == "1"
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import yaml
 
 from lab.errors import ConfigError
 from lab.plain_files import open_plain, parse_json, read_packed, read_plain
@@ -90,3 +91,19 @@ def alias_bomb() -> str:
 def test_yaml_that_would_never_end_is_refused_soon(make, said) -> None:
     with pytest.raises(ConfigError, match=said):
         parse_document(make(), Path("hostile.yaml"))
+
+
+def test_yaml_of_brackets_is_refused_at_the_first_that_is_too_deep(monkeypatch) -> None:
+    """A scanner of YAML looks a thousand characters ahead, and slower with every open bracket."""
+    given, begun = Path("hostile.yaml"), []
+    begin = yaml.scanner.Scanner.fetch_flow_sequence_start
+    monkeypatch.setattr(
+        yaml.scanner.Scanner,
+        "fetch_flow_sequence_start",
+        lambda scanner: (begun.append(1), begin(scanner)),
+    )
+    assert 50 == str(parse_document("[" * 50 + "]" * 50, given).data).count("[")
+    begun.clear()
+    with pytest.raises(ConfigError, match="nested deeper than 50 levels"):
+        parse_document("[" * 3000, given)
+    assert 51 == len(begun)

@@ -69,11 +69,20 @@ def test_verdict_is_that_of_ucumvert(parser, text):
 @pytest.mark.parametrize(
     ("written", "meant"),
     [
-        ("microvolts", "uV"), ("µV", "uV"), ("HZ", "Hz"), ("degC", "Cel"), ("°C", "Cel"),
-        ("bpm", "/min"), ("m/s^2", "m/s2"), ("m/s²", "m/s2"), ("kOhms", "kOhm"), ("uv", "uV"),
-        ("mmHg", "mm[Hg]"), ("microsiemens", "uS"),
+        ("microvolts", "uV"),
+        ("µV", "uV"),
+        ("HZ", "Hz"),
+        ("degC", "Cel"),
+        ("°C", "Cel"),
+        ("bpm", "/min"),
+        ("m/s^2", "m/s2"),
+        ("m/s²", "m/s2"),
+        ("kOhms", "kOhm"),
+        ("uv", "uV"),
+        ("mmHg", "mm[Hg]"),
+        ("microsiemens", "uS"),
     ],
-)  # fmt: skip
+)
 def test_what_people_write_is_near_to_what_they_mean(written, meant):
     assert nearest(written) == meant
     assert not is_ucum(written)

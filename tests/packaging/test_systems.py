@@ -14,9 +14,17 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = (
-    "lab", "stimuli", "stage", "devices", "recording", "protocol", "visavis", "experiments",
-    "analysis", "cli",
-)  # fmt: skip
+    "lab",
+    "stimuli",
+    "stage",
+    "devices",
+    "recording",
+    "protocol",
+    "visavis",
+    "experiments",
+    "analysis",
+    "cli",
+)
 OF_POSIX = {
     "os": {
         "openpty", "ttyname", "set_blocking", "fork", "getuid", "geteuid", "getgid", "killpg",

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -165,3 +167,23 @@ def test_gaze_left_for_later_is_evaluated_when_it_is_looked_at() -> None:
     seen.take(gaze_batch([0], 0.0))
 
     assert gaze.hit.tolist() == [0]
+
+
+def test_gaze_before_the_first_trial_is_dated_on_the_sessions_clock_not_the_trackers() -> None:
+    seen, recorded, rows = observer(SCENE)
+    assert seen.clock_offset_ns is None
+    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.add_pose(100, Pose(EYE, quat_from_yaw_pitch_deg(20.0)))
+    seen.take(shifted([0, 50], 0.0, clock_ns=79_000 * 10**9))
+    assert [0, 50] == seen.observe(1, 100).t_ns.tolist()
+    assert -79_000 * 10**9 == seen.clock_offset_ns
+    seen.take(shifted([100], 0.0, clock_ns=79_000 * 10**9 - 7))
+    assert [93] == seen.observe(2, 100).t_ns.tolist()  # the offset moves with the trial alone
+    rows.flush()
+    assert [0, 50, 93] == recorded[0].values["t_sample_ns"].tolist()
+
+
+def shifted(t_ns: list[int], yaw_deg: float, *, clock_ns: int) -> SampleBatch:
+    """Return a batch of a tracker whose clock shows `clock_ns` more than the session's."""
+    batch = gaze_batch(t_ns, yaw_deg)
+    return replace(batch, t_device_ns=batch.t_device_ns + clock_ns)

@@ -49,10 +49,15 @@ class _Loop:
     def next(self) -> FrameView:
         self.t_ns += FRAME_NS
         nothing = GazeView(
-            np.array([self.t_ns]), np.array([False]), np.full((1, 3), np.nan),
-            HEAD.position_m[None], np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)),
+            np.array([self.t_ns]),
+            np.array([False]),
+            np.full((1, 3), np.nan),
+            HEAD.position_m[None],
+            np.zeros((1, 0)),
+            np.zeros((1, 0)),
+            np.zeros((1, 0)),
             np.array([-1], np.int16),
-        )  # fmt: skip
+        )
         view = FrameView(self.t_ns // FRAME_NS, self.t_ns, HEAD, True, nothing)
         shown = self.views[-1]
         done = self._act(shown, self.t_ns) if isinstance(shown, PanelFrame) else {}
@@ -64,9 +69,15 @@ def looking(view: PanelFrame, choice: int, t_ns: int) -> GazeView:
     to = unit(choice_centre_m(view.panels[0], choice) - HEAD.position_m)
     none = np.zeros((1, 0))
     return GazeView(
-        np.array([t_ns]), np.array([True]), to[None], HEAD.position_m[None],
-        none, none, none, np.array([-1], np.int16),
-    )  # fmt: skip
+        np.array([t_ns]),
+        np.array([True]),
+        to[None],
+        HEAD.position_m[None],
+        none,
+        none,
+        none,
+        np.array([-1], np.int16),
+    )
 
 
 def pointing(view: PanelFrame, choice: int) -> tuple[Pose, ...]:
@@ -85,9 +96,14 @@ def ask(
 ) -> tuple[str | None, _Loop]:
     loop = _Loop(act)
     respondent = PanelRespondent(
-        cast(FrameLoop, loop), cast(Recorder, loop), loop.next, loop.take_keys, _Typist(),
-        lambda: Scene("dark", (), brightness_01=0.0), limit_s=10.0,
-    )  # fmt: skip
+        cast(FrameLoop, loop),
+        cast(Recorder, loop),
+        loop.next,
+        loop.take_keys,
+        _Typist(),
+        lambda: Scene("dark", (), brightness_01=0.0),
+        limit_s=10.0,
+    )
     return respondent.answer("q1", "How real?", options), loop
 
 
@@ -143,9 +159,11 @@ def test_what_was_done_before_the_board_was_there_answers_nothing() -> None:
         many = np.arange(t_ns - 2000 * NS_PER_MS, t_ns, 8 * NS_PER_MS)
         one, n = looking(view, 1, t_ns), len(many)
         gaze = one._replace(
-            t_ns=many, valid=np.ones(n, bool), origin_world_m=np.tile(HEAD.position_m, (n, 1)),
+            t_ns=many,
+            valid=np.ones(n, bool),
+            origin_world_m=np.tile(HEAD.position_m, (n, 1)),
             direction_world=np.tile(one.direction_world, (n, 1)),
-        )  # fmt: skip
+        )
         return {"gaze": gaze, "pressed": ("2", "trigger"), "pointers": pointing(view, 0)}
 
     answer, loop = ask(act)

@@ -87,14 +87,19 @@ def record_trials(recorder: Recorder, clock: SimClock, trials: range, rows: int 
 
 
 def record_session(
-    data_root: Path, n_trials: int = 3, *, participant: str = "P01", is_simulated: bool = True
+    data_root: Path,
+    n_trials: int = 3,
+    *,
+    participant: str = "P01",
+    is_simulated: bool = True,
+    rows: int = 150,
 ) -> Path:
     """Record a complete session of one part and return its folder."""
     clock = SimClock()
     manifest = probe_manifest(participant, is_simulated=is_simulated)
     with create_session(data_root, manifest) as folder:
         recorder = new_recorder(folder, clock, is_simulated=is_simulated)
-        record_trials(recorder, clock, range(n_trials))
+        record_trials(recorder, clock, range(n_trials), rows)
         folder.end_part(clock, recorder.close("complete"))
         return folder.path
 

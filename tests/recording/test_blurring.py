@@ -107,8 +107,13 @@ def head_at(y_m: Vector) -> dict[str, Any]:
     n = len(y_m)
     turn = yawed(20 * np.sin(np.arange(n) / 40))
     place = np.stack([np.zeros(n), y_m, np.zeros(n)], axis=1)
-    return {"seq": np.arange(n), "t_host_ns": stamps(n), "position_m": place,
-            "orientation_wxyz": turn, "valid": np.ones(n, bool)}  # fmt: skip
+    return {
+        "seq": np.arange(n),
+        "t_host_ns": stamps(n),
+        "position_m": place,
+        "orientation_wxyz": turn,
+        "valid": np.ones(n, bool),
+    }
 
 
 @pytest.mark.parametrize(
@@ -162,12 +167,18 @@ def test_areas_of_interest_are_decided_as_before(rows: list[Any], pad_deg: float
     angle = np.stack([first, second], axis=1).astype(np.float32)
     radius = np.tile(np.array([[3.0, 4.5]], np.float32), (n, 1))
     columns = {
-        "seq": np.arange(n), "gaze_seq": np.arange(n), "t_host_ns": stamps(n),
-        "t_sample_ns": stamps(n), "valid": np.ones(n, bool), "hit": hit.astype(np.int16),
-        "direction_world": np.ones((n, 3)), "origin_world_m": np.ones((n, 3)),
-        "angle_deg": angle, "radius_deg": radius,
+        "seq": np.arange(n),
+        "gaze_seq": np.arange(n),
+        "t_host_ns": stamps(n),
+        "t_sample_ns": stamps(n),
+        "valid": np.ones(n, bool),
+        "hit": hit.astype(np.int16),
+        "direction_world": np.ones((n, 3)),
+        "origin_world_m": np.ones((n, 3)),
+        "angle_deg": angle,
+        "radius_deg": radius,
         "pad_limit_deg": np.tile(limit[:, None], (1, 2)).astype(np.float32),
-    }  # fmt: skip
+    }
     shown = blurred_targets(columns, None, None)
     decided = [
         aoi_of_samples(
@@ -184,9 +195,15 @@ def test_areas_of_interest_are_decided_as_before(rows: list[Any], pad_deg: float
 def test_both_eyes_look_one_way_from_one_point_and_pupils_are_missing() -> None:
     one, other = np.tile([0.0, 0.0, -1.0], (3, 1)), np.tile([0.1, 0.0, -0.99], (3, 1))
     shown = blurred_gaze(
-        {"direction_head": one, "left_direction_head": other, "right_direction_head": -other,
-         "origin_m": other, "left_pupil_mm": np.full(3, 3.5), "confidence_01": np.ones(3)}
-    )  # fmt: skip
+        {
+            "direction_head": one,
+            "left_direction_head": other,
+            "right_direction_head": -other,
+            "origin_m": other,
+            "left_pupil_mm": np.full(3, 3.5),
+            "confidence_01": np.ones(3),
+        }
+    )
     assert (one == shown["left_direction_head"]).all()
     assert (one == shown["right_direction_head"]).all()
     assert (shown["origin_m"] == 0).all()

@@ -91,10 +91,24 @@ def test_time_slice_takes_start_and_leaves_end(tmp_path: Path) -> None:
 def test_table_names_components_before_the_unit(tmp_path: Path) -> None:
     frame = Recording(record_session(tmp_path)).stream("probe")
     assert [
-        "seq", "t_device_ns", "t_host_ns", "position_x_m", "position_y_m", "position_z_m",
-        "orientation_w", "orientation_x", "orientation_y", "orientation_z", "valid",
-        "flags_x", "flags_y", "flags_z", "angle_deg", "code", "recording_part",
-    ] == list(frame.columns)  # fmt: skip
+        "seq",
+        "t_device_ns",
+        "t_host_ns",
+        "position_x_m",
+        "position_y_m",
+        "position_z_m",
+        "orientation_w",
+        "orientation_x",
+        "orientation_y",
+        "orientation_z",
+        "valid",
+        "flags_x",
+        "flags_y",
+        "flags_z",
+        "angle_deg",
+        "code",
+        "recording_part",
+    ] == list(frame.columns)
     assert ["angle_0_deg", "angle_1_deg"] == component_names("angle_deg", 2)
 
 
@@ -231,11 +245,14 @@ def test_changed_digit_of_a_trial_row_is_noticed(small: Path, tmp_path: Path) ->
 @given(
     st.dictionaries(
         st.text(max_size=5),
-        st.none() | st.booleans() | st.integers() | st.text(max_size=20)
+        st.none()
+        | st.booleans()
+        | st.integers()
+        | st.text(max_size=20)
         | st.floats(allow_nan=False, allow_infinity=False),
         max_size=4,
     )
-)  # fmt: skip
+)
 @settings(max_examples=100)
 def test_journal_lines_come_back_as_written(row: dict[str, object]) -> None:
     line = encode_line({"kind": "trial", "row": row})

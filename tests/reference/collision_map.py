@@ -106,8 +106,11 @@ def _kind(case: Any) -> str | None:
 
 def _run(where: str, case: Any) -> Outcome:
     calls: dict[str, Callable[[str, Mapping[str, Any]], Outcome]] = {
-        "volume": check_volume, "events": check_series, "cells": check_cells, "dice": check_dice
-    }  # fmt: skip
+        "volume": check_volume,
+        "events": check_series,
+        "cells": check_cells,
+        "dice": check_dice,
+    }
     kind = _kind(case) if isinstance(case, Mapping) else None
     if kind is None:
         got = sorted(case) if isinstance(case, Mapping) else case
@@ -133,10 +136,12 @@ def check_volume(where: str, case: Mapping[str, Any]) -> Outcome:
     seen = [
         _near(f"{where}.volume", expected, exact.volume_m3, tolerance),
         _near(
-            f"{where}.volume by default settings", exact.volume_m3, shipped.volume_m3,
+            f"{where}.volume by default settings",
+            exact.volume_m3,
+            shipped.volume_m3,
             DEFAULT_REL if exact.volume_m3 > SMALL_M3 else DEFAULT_REL_SMALL,
         ),
-    ]  # fmt: skip
+    ]
     if "volume_mesh_96x48" in case:
         meshed = case["volume_mesh_96x48"]
         seen.append(_near(f"{where}.volume_mesh", meshed, exact.volume_m3, tolerance))
@@ -167,11 +172,19 @@ def _check_cubes(
         _same(f"{where}.voxel_centres_in_both", case["voxel_centres_in_both"], centres.n_cells),
         _same(f"{where}.reported_voxels", case["reported_voxels"], published.n_cells),
         _same(f"{where}.contact", case["contact"], published.contact),
-        _near(f"{where}.published volume", case["reported_voxels"] * cube, published.volume_m3,
-              EXACT_REL),
-        _near(f"{where}.centres volume", case["voxel_centres_in_both"] * cube, centres.volume_m3,
-              EXACT_REL),
-    ]  # fmt: skip
+        _near(
+            f"{where}.published volume",
+            case["reported_voxels"] * cube,
+            published.volume_m3,
+            EXACT_REL,
+        ),
+        _near(
+            f"{where}.centres volume",
+            case["voxel_centres_in_both"] * cube,
+            centres.volume_m3,
+            EXACT_REL,
+        ),
+    ]
 
 
 def check_series(where: str, case: Mapping[str, Any]) -> Outcome:
@@ -189,9 +202,12 @@ def check_series(where: str, case: Mapping[str, Any]) -> Outcome:
             volumes[i, j] = common_volume(moved, other, settings=SERIES).volume_m3
     t_ns = np.rint(steps * case["dt"] * 1e9).astype(np.int64)
     found = find_collisions(
-        t_ns, volumes, "volume",
-        threshold_m3=case["threshold"], min_duration_ns=round(case["min_duration"] * 1e9),
-    )  # fmt: skip
+        t_ns,
+        volumes,
+        "volume",
+        threshold_m3=case["threshold"],
+        min_duration_ns=round(case["min_duration"] * 1e9),
+    )
     seen = [
         _same(f"{where}.n_counted", case["n_counted"], sum(c.counted for c in found)),
         _same(f"{where}.events", len(case["events"]), len(found)),

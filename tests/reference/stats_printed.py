@@ -184,10 +184,13 @@ def follow(where: str, entry: Mapping[str, Any], file: Mapping[str, Any]) -> Out
             got["F"] = [
                 s / a / (e / b)
                 for s, a, e, b in zip(
-                    expected["ss"], expected["df1"], expected["ss_error"], expected["df2"],
+                    expected["ss"],
+                    expected["df1"],
+                    expected["ss_error"],
+                    expected["df2"],
                     strict=True,
                 )
-            ]  # fmt: skip
+            ]
         tests = [
             published.check_f(repr(F), a, b).values
             for F, a, b in zip(expected["F"], expected["df1"], expected["df2"], strict=True)

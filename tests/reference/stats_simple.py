@@ -304,9 +304,14 @@ def _bradley_terry(case: Case, entry: Entry) -> dict[str, Any]:
         frame = {name: np.repeat(v, frame["count"].astype(int)) for name, v in frame.items()}
         frame["s"] = np.arange(frame["y"].size)
     made = bradley_terry(
-        frame, entry["dv"], first=case.design["first"], second=case.design["second"],
-        subject=case.design["subject"], items=entry["items"], side=entry.get("side", False),
-    )  # fmt: skip
+        frame,
+        entry["dv"],
+        first=case.design["first"],
+        second=case.design["second"],
+        subject=case.design["subject"],
+        items=entry["items"],
+        side=entry.get("side", False),
+    )
     effect, model = made.effects[0], made.model
     return {
         "coefficients": model.beta.tolist(),

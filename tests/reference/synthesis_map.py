@@ -160,9 +160,17 @@ def check_matching(where: str, case: Case) -> Iterator[Check]:
 
 
 POSTURE_ASKED = {
-    "initial_com", "initial_yaw", "lexeme", "hand", "markov_com", "rules_com", "confidence_com",
-    "p_com", "p_yaw", "p_joint",
-}  # fmt: skip
+    "initial_com",
+    "initial_yaw",
+    "lexeme",
+    "hand",
+    "markov_com",
+    "rules_com",
+    "confidence_com",
+    "p_com",
+    "p_yaw",
+    "p_joint",
+}
 
 
 def check_posture(where: str, case: Case) -> Iterator[Check]:

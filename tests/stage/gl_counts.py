@@ -46,10 +46,18 @@ COUNTED: dict[str, tuple[tuple[type, str], ...]] = {
     ),
     "made": tuple(
         (moderngl.Context, name)
-        for name in ("buffer", "texture", "texture_array", "program", "vertex_array",
-                     "framebuffer", "renderbuffer", "depth_texture")
+        for name in (
+            "buffer",
+            "texture",
+            "texture_array",
+            "program",
+            "vertex_array",
+            "framebuffer",
+            "renderbuffer",
+            "depth_texture",
+        )
     ),
-}  # fmt: skip
+}
 """What is counted as what. A stretch is not a call: one call draws any number of them."""
 
 

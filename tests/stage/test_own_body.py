@@ -16,10 +16,18 @@ from stimuli.motion.skeleton import forward
 from tests.stage import figures
 
 SEGMENTS = (
-    "hips", "spine", "upper_chest", "neck", "head",
-    "left_upper_arm", "left_lower_arm", "left_hand",
-    "left_upper_leg", "left_lower_leg", "left_foot",
-)  # fmt: skip
+    "hips",
+    "spine",
+    "upper_chest",
+    "neck",
+    "head",
+    "left_upper_arm",
+    "left_lower_arm",
+    "left_hand",
+    "left_upper_leg",
+    "left_lower_leg",
+    "left_foot",
+)
 WALK_TO = np.array([2.0, 0.0, -1.0])
 
 
@@ -36,8 +44,9 @@ def sample(scale: float = 1.0, *, lost: tuple[str, ...] = (), arm_deg: float = 0
     local[0, skeleton.index_of["left_upper_arm"]] = quat_from_yaw_pitch_deg(arm_deg, 0.0)
     placed = forward(
         replace(skeleton, offsets_m=scale * skeleton.offsets_m, tips_m=scale * skeleton.tips_m),
-        np.array([[0.0, 0.95 * scale, 0.0]]) + WALK_TO, local,
-    )  # fmt: skip
+        np.array([[0.0, 0.95 * scale, 0.0]]) + WALK_TO,
+        local,
+    )
     schema = body_schema(SEGMENTS, 100.0)
     values = np.zeros(1, schema.dtype)
     values["position_m"][0] = placed.position_m[0, index]
@@ -77,9 +86,12 @@ def test_tracked_joints_turn_as_they_are_tracked_and_fingers_with_their_hand() -
     hips = quat_from_yaw_pitch_deg(30.0, 0.0)
     raised = quat_multiply(hips, quat_from_yaw_pitch_deg(40.0, 0.0))
     for name, expected in (
-        ("hips", hips), ("left_upper_arm", raised), ("left_hand", raised),
-        ("left_index_proximal", raised), ("right_hand", hips),
-    ):  # fmt: skip
+        ("hips", hips),
+        ("left_upper_arm", raised),
+        ("left_hand", raised),
+        ("left_index_proximal", raised),
+        ("right_hand", hips),
+    ):
         assert abs(float(turns[names[name]] @ expected)) == pytest.approx(1.0, abs=1e-6), name
 
 

@@ -308,10 +308,20 @@ def test_only_triangles_that_face_an_eye_are_kept(x: float, y: float, z: float) 
     posed[1, 0] = posed[2, 1] = 1.0  # faces +z
     count, out = np.zeros(1, np.int64), np.zeros((1, 3), np.int32)
     gather_front(
-        np.array([0]), np.array([0]), np.array([0]), np.array([False]), np.array([[0]]),
-        np.array([[[0, 1]]]), np.array([[0, 1, 2]], np.int32), np.array([True]),
-        posed, eye, np.array([0]), count, out,
-    )  # fmt: skip
+        np.array([0]),
+        np.array([0]),
+        np.array([0]),
+        np.array([False]),
+        np.array([[0]]),
+        np.array([[[0, 1]]]),
+        np.array([[0, 1, 2]], np.int32),
+        np.array([True]),
+        posed,
+        eye,
+        np.array([0]),
+        count,
+        out,
+    )
     assert count[0] == int(eye[0, 2] > 0)
 
 
@@ -320,10 +330,16 @@ def _lit(place_m: npt.ArrayLike, light: Light, *, textured: bool) -> npt.NDArray
     place = np.asarray(place_m, np.float32).reshape(-1, 3)
     n, out = len(place), np.zeros((np.size(place) // 3, 3), np.float32)
     light_points(
-        place, np.tile(np.float32([0, 1, 0]), (n, 1)), np.ones((n, 3), np.float32),
-        np.zeros(n, np.float32), np.full(n, textured), *lamp_rows(room),
-        CODES_OF_ROOT, FACTORS_OF_ROOT, out,
-    )  # fmt: skip
+        place,
+        np.tile(np.float32([0, 1, 0]), (n, 1)),
+        np.ones((n, 3), np.float32),
+        np.zeros(n, np.float32),
+        np.full(n, textured),
+        *lamp_rows(room),
+        CODES_OF_ROOT,
+        FACTORS_OF_ROOT,
+        out,
+    )
     return out
 
 

@@ -51,9 +51,14 @@ def test_boards_and_own_body_are_drawn_again(
         body = OwnBody(default_casting("male_01"), rig.others["body_tracker"].segments)
         display = Display(default_views, lambda: (48, 54), experiment.people_count)
         stage = NowAndThen(
-            picture_of, lambda: Renderer(quality=LIGHTEST), display, clock, viewers=viewers,
-            every=every, own_body=body,
-        )  # fmt: skip
+            picture_of,
+            lambda: Renderer(quality=LIGHTEST),
+            display,
+            clock,
+            viewers=viewers,
+            every=every,
+            own_body=body,
+        )
         made.append(stage)
         return stage
 

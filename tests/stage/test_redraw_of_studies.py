@@ -52,9 +52,13 @@ def test_every_drawn_frame_of_a_study_redraws_as_it_was(
     def build(_: object, experiment: Any, *arguments: Any) -> NowAndThen:
         display = Display(default_views, lambda: (48, 54), experiment.people_count)
         stage = NowAndThen(
-            picture_of, lambda: Renderer(quality=LIGHTEST), display, arguments[-2],
-            viewers=arguments[-1], every=every,
-        )  # fmt: skip
+            picture_of,
+            lambda: Renderer(quality=LIGHTEST),
+            display,
+            arguments[-2],
+            viewers=arguments[-1],
+            every=every,
+        )
         made.append(stage)
         return stage
 

@@ -34,7 +34,9 @@ def test_recorded_frames_redraw_as_they_were(
         pytest.skip(str(problem))
     made: list[NowAndThen] = []
 
-    def build(_: object, __: object, ___: object, clock: Clock, viewers: Sequence[Viewer]) -> NowAndThen:  # fmt: skip  # noqa: E501 - mirrors build_stage
+    def build(
+        _: object, __: object, ___: object, clock: Clock, viewers: Sequence[Viewer]
+    ) -> NowAndThen:
         stage = NowAndThen(
             picture_of,
             lambda: Renderer(quality=LIGHTEST),

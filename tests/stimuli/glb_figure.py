@@ -14,9 +14,13 @@ from PIL import Image
 from stimuli.motion.skeleton import canonical_skeleton
 
 _MIXAMO = {
-    "hips": "Hips", "spine": "Spine", "chest": "Spine1", "upper_chest": "Spine2", "neck": "Neck",
+    "hips": "Hips",
+    "spine": "Spine",
+    "chest": "Spine1",
+    "upper_chest": "Spine2",
+    "neck": "Neck",
     "head": "Head",
-}  # fmt: skip
+}
 _LIMBS = {
     "eye": "Eye", "shoulder": "Shoulder", "upper_arm": "Arm", "lower_arm": "ForeArm",
     "hand": "Hand", "upper_leg": "UpLeg", "lower_leg": "Leg", "foot": "Foot", "toes": "ToeBase",
@@ -50,9 +54,15 @@ class Plate:
 
 
 def write_glb(
-    path: Path, *, leave_out: Sequence[str] = (), with_skin: bool = True, eye_yaw_deg: float = 4.0,
-    eye_radius_m: float = 0.014, arms_down_deg: float = 40.0, plate: Plate | None = None,
-) -> None:  # fmt: skip
+    path: Path,
+    *,
+    leave_out: Sequence[str] = (),
+    with_skin: bool = True,
+    eye_yaw_deg: float = 4.0,
+    eye_radius_m: float = 0.014,
+    arms_down_deg: float = 40.0,
+    plate: Plate | None = None,
+) -> None:
     """Write a figure that faces +z with its arms half lowered, as most files have it."""
     pattern = canonical_skeleton(1.70)
     names = {o: t for o, t in bone_names().items() if o not in leave_out}
@@ -89,11 +99,13 @@ def write_glb(
     blink = np.zeros_like(vertices)
     blink[bones == joints.index("head"), 1] = -0.005
     arrays: list[tuple[np.ndarray, str, int]] = [
-        (vertices.astype(np.float32), "VEC3", 5126), (joint_rows, "VEC4", 5121),
-        (weights, "VEC4", 5126), (triangles.astype(np.uint16).reshape(-1, 1), "SCALAR", 5123),
+        (vertices.astype(np.float32), "VEC3", 5126),
+        (joint_rows, "VEC4", 5121),
+        (weights, "VEC4", 5126),
+        (triangles.astype(np.uint16).reshape(-1, 1), "SCALAR", 5123),
         (inverse.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32), "MAT4", 5126),
         (blink.astype(np.float32), "VEC3", 5126),
-    ]  # fmt: skip
+    ]
     attributes = {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2}
     primitives: list[dict[str, Any]] = [
         {"attributes": attributes, "indices": 3, "targets": [{"POSITION": 5}]}
@@ -190,8 +202,9 @@ def _surface(
 
 def _box(half_m: float) -> tuple[np.ndarray, np.ndarray]:
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half_m
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4],
-                      [1, 5, 7, 3]])  # fmt: skip
+    quads = np.array(
+        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    )
     return corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 

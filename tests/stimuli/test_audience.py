@@ -40,10 +40,14 @@ def test_nine_active_places_are_three_zones_by_three_depths() -> None:
 
 def test_zones_and_depths_follow_what_is_seen() -> None:
     yaw_deg, _ = yaw_pitch_deg_of(SEEN[:9])
-    by_zone = {z: [y for p, y in zip(PLACES, yaw_deg, strict=False) if zone_of(p) == z]
-               for z in ("left", "centre", "right")}  # fmt: skip
-    by_depth = {d: [m for p, m in zip(ACTIVE_PLACES, DISTANCE_M, strict=False) if depth_of(p) == d]
-                for d in ("close", "middle", "far")}  # fmt: skip
+    by_zone = {
+        z: [y for p, y in zip(PLACES, yaw_deg, strict=False) if zone_of(p) == z]
+        for z in ("left", "centre", "right")
+    }
+    by_depth = {
+        d: [m for p, m in zip(ACTIVE_PLACES, DISTANCE_M, strict=False) if depth_of(p) == d]
+        for d in ("close", "middle", "far")
+    }
 
     assert min(by_zone["left"]) > max(by_zone["centre"])
     assert min(by_zone["centre"]) > max(by_zone["right"])

@@ -135,8 +135,11 @@ def test_unusable_figure_names_file_bone_and_next_step(
 
 def test_broken_files_are_named(tmp_path: Path, glb: Path) -> None:
     whole = glb.read_bytes()
-    cases = {"text_M.glb": b"solid cube", "cut_M.glb": whole[: len(whole) // 2],
-             "torn_M.glb": whole[:12] + b"\xff" * (len(whole) - 12)}  # fmt: skip
+    cases = {
+        "text_M.glb": b"solid cube",
+        "cut_M.glb": whole[: len(whole) // 2],
+        "torn_M.glb": whole[:12] + b"\xff" * (len(whole) - 12),
+    }
     for name, data in cases.items():
         (tmp_path / name).write_bytes(data)
         with pytest.raises(CharacterError, match=name):
@@ -254,8 +257,9 @@ def test_folder_is_imported_line_by_line_and_a_bad_file_stops_nothing(tmp_path: 
     write_glb(source / "third_M.glb")
     results = list(import_characters(source, library))
     assert [r.character.name if r.character else r.problem[-4:] for r in results][::2] == [
-        "first_F", "third_M",
-    ]  # fmt: skip
+        "first_F",
+        "third_M",
+    ]
     assert "second_M.glb" in results[1].problem
     assert library_names(library) == ("first_F", "third_M")
     assert load_character("third_M", library).gender == "male"

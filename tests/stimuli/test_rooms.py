@@ -115,8 +115,10 @@ def test_the_board_faces_the_crowd_and_hangs_above_it():
 
 def test_the_board_shows_a_number_only_when_it_is_given():
     without, with_track = (board_face(t).prop.material.texture_srgb for t in (None, "7"))
-    amber = [(np.abs(p.astype(int) - (255, 186, 60)).max(axis=2) < 30).sum()
-             for p in (without, with_track)]  # fmt: skip
+    amber = [
+        (np.abs(p.astype(int) - (255, 186, 60)).max(axis=2) < 30).sum()
+        for p in (without, with_track)
+    ]
     assert amber[0] == 0
     assert amber[1] > 1000
 

@@ -26,9 +26,15 @@ def test_patterns_of_two_and_three_are_noticed(given: list[float], expected: flo
 def trials(given: list[float | None], **columns: list[object]) -> pd.DataFrame:
     n = len(given)
     return pd.DataFrame(
-        {"participant": ["P1"] * n, "status": ["complete"] * n, "is_practice": [False] * n,
-         "t_start_ns": range(n), "rating": given, **columns}
-    )  # fmt: skip
+        {
+            "participant": ["P1"] * n,
+            "status": ["complete"] * n,
+            "is_practice": [False] * n,
+            "t_start_ns": range(n),
+            "rating": given,
+            **columns,
+        }
+    )
 
 
 def test_signs_are_counted_over_trials_that_count() -> None:
@@ -42,9 +48,14 @@ def test_signs_are_counted_over_trials_that_count() -> None:
     practice = trials([3], rating_ms=[1], clip=["a"], check=["1"], check_is_right=[False])
     practice["is_practice"] = True
     careless = Careless(
-        "rating", max_same=math.inf, max_hasty_01=0.4, max_retest_off=1.5, alike=("clip",),
-        max_checks_failed=1, checks=("check",),
-    )  # fmt: skip
+        "rating",
+        max_same=math.inf,
+        max_hasty_01=0.4,
+        max_retest_off=1.5,
+        alike=("clip",),
+        max_checks_failed=1,
+        checks=("check",),
+    )
     (found,) = careless.facts(pd.concat([practice, rows])).to_dict("records")
     assert 3 == found["same_answers"]
     assert 0.5 == found["hasty_01"]

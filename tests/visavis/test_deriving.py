@@ -51,8 +51,10 @@ def test_limits_of_exclusions_are_changed_by_name() -> None:
     own = derived(exclusions={"max_trial_lost_01": 0.25, "min_cell_trials": None})
     limits = {rule.name: rule.limit for rule in own.exclusions}
     assert (0.25, None, 0.5) == (
-        limits["max_trial_lost_01"], limits["min_cell_trials"], limits["max_bad_trials_01"]
-    )  # fmt: skip
+        limits["max_trial_lost_01"],
+        limits["min_cell_trials"],
+        limits["max_bad_trials_01"],
+    )
     assert all(isinstance(rule, Exclusion) for rule in own.exclusions)
 
 

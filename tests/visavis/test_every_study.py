@@ -231,9 +231,13 @@ def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_pa
     assert planned == len(done) == len(done.groupby(["participant", "trial_id"]))
     assert [1, 1, 2] == [len(s.manifest.parts) for s in sessions]
     report = study.analyse(
-        sessions, tmp_path / "derived", is_simulated=True, commands=(), example=None,
+        sessions,
+        tmp_path / "derived",
+        is_simulated=True,
+        commands=(),
+        example=None,
         settings=settings,
-    )  # fmt: skip
+    )
     assert "SIMULATED" in report.read_text(encoding="utf-8")
     trials = pd.read_csv(tmp_path / "derived" / "trials.csv")
     assert 0 < trials[COUNTED].sum() <= (~trials["is_practice"]).sum()

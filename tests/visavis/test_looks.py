@@ -132,6 +132,16 @@ def test_second_view_counts_fixations_everywhere_and_on_the_active_agent() -> No
     assert (4, "engbert_kliegl") == (found["adaptive_saccade_count"], found["adaptive_detector"])
 
 
+def test_second_view_counts_rests_two_degrees_apart_one_by_one() -> None:
+    targets, row = measured("D", lambda _: ACTIVE)
+    seconds = (targets.t_ns - targets.t_ns[0]) / 1e9
+    at = np.radians(np.where(seconds < 2.0, 0.0, 2.0))
+    direction = np.stack([np.sin(at), np.zeros_like(at), -np.cos(at)], axis=1)
+    stepped = replace(targets, direction_world=direction, valid=np.ones(len(seconds), np.bool_))
+
+    assert 2 == second_view(stepped, row)["ivt_fixation_count"]
+
+
 def test_head_that_carries_a_resting_eye_makes_no_saccade() -> None:
     targets, row = measured("D", lambda _: ACTIVE)
     seconds = (targets.t_ns - targets.t_ns[0]) / 1e9

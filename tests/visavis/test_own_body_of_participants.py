@@ -27,9 +27,13 @@ def request_of(
     config = lab(folder)
     display = config.display.model_copy(update={"own_body": own})
     return simulated_request(
-        opened, opened.experiment(set_to), config.model_copy(update={"display": display}),
-        label=f"S{index + 1:02d}", index=index, seed=1,
-    )  # fmt: skip
+        opened,
+        opened.experiment(set_to),
+        config.model_copy(update={"display": display}),
+        label=f"S{index + 1:02d}",
+        index=index,
+        seed=1,
+    )
 
 
 def test_crowd_gives_a_body_and_stare_none_unless_the_lab_gives_everybody_one(

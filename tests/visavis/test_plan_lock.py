@@ -86,8 +86,15 @@ def test_a_locked_plan_is_read_by_people_and_by_programs(studied: Path) -> None:
 
 def test_a_plan_is_locked_once(studied: Path) -> None:
     with pytest.raises(UsageError, match="a locked plan is never changed"):
-        ran("lock", str(studied / "short.py"), "--participants", "9", *SIMULATED,
-            "--output", str(studied / "out"))  # fmt: skip
+        ran(
+            "lock",
+            str(studied / "short.py"),
+            "--participants",
+            "9",
+            *SIMULATED,
+            "--output",
+            str(studied / "out"),
+        )
 
 
 def test_a_blinded_study_shows_nothing_before_it_is_complete(studied: Path) -> None:

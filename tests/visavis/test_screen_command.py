@@ -52,9 +52,14 @@ def ran(tmp_path_factory):
         command = ["xvfb-run", "-a", "-s", "-screen 0 640x360x24", sys.executable]
         ended = subprocess.run(
             [*command, "-m", "tests.visavis.screen_command_child", str(folder)],
-            stdin=theirs, capture_output=True, text=True, timeout=280, cwd=ROOT, check=False,
+            stdin=theirs,
+            capture_output=True,
+            text=True,
+            timeout=280,
+            cwd=ROOT,
+            check=False,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
-        )  # fmt: skip
+        )
     finally:
         done.set()
         operator.join()
@@ -127,9 +132,13 @@ def said(ran, *arguments, codes=(0,)):
     """What a command says in the lab's folder."""
     done = subprocess.run(
         [sys.executable, "-m", "cli.main", *arguments],
-        cwd=ran.path.parents[4], env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True, text=True, timeout=280, check=False,
-    )  # fmt: skip
+        cwd=ran.path.parents[4],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
+    )
     assert done.returncode in codes, done.stdout + done.stderr
     return done.stdout
 

@@ -26,9 +26,13 @@ def real(tmp_path_factory):
     command = ["xvfb-run", "-a", "-s", "-screen 0 640x360x24", sys.executable]
     done = subprocess.run(
         [*command, "-m", "tests.visavis.screen_session_child", str(folder)],
-        capture_output=True, text=True, timeout=300, cwd=ROOT, check=False,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        cwd=ROOT,
+        check=False,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    )
     if "OpenGL 3.3" in done.stderr or "no window" in done.stderr:
         pytest.skip(done.stderr.strip().splitlines()[-1])
     assert done.returncode == 0, done.stderr
@@ -101,6 +105,8 @@ def test_gaze_of_a_tracker_that_cannot_be_asked_for_its_time_is_put_on_the_sessi
     seen, frames = real.stream_arrays("gaze_targets"), real.stream_arrays("frames")
     late = seen["t_sample_ns"][-1] - frames["t_host_ns"][-1]
     assert abs(int(late)) < 1_000_000_000
+    assert (seen["t_sample_ns"] > gaze["t_host_ns"][0] - 1_000_000_000).all()
+    assert (seen["t_sample_ns"] < frames["t_host_ns"][-1] + 1_000_000_000).all()
 
 
 def test_screen_and_place_stand_in_the_manifest(real):

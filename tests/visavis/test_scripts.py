@@ -72,6 +72,9 @@ def test_folder_that_hides_a_package_of_ours_is_named(tmp_path: Path) -> None:
     (tmp_path / "analysis" / "__init__.py").write_text("")
     done = subprocess.run(
         [sys.executable, "-c", "import visavis"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert "hides the package 'analysis' of Visavis" in done.stderr

@@ -140,9 +140,19 @@ def test_an_exclusion_that_would_leave_out_nobody_is_refused(
 
 
 @pytest.mark.parametrize(
-    "column", ["comfort", "comfort_ms", "seen", "distance", "dwell_ms", "scene_frames", "attempt",
-               "gaze_lost_01", "frames_dropped"],
-)  # fmt: skip
+    "column",
+    [
+        "comfort",
+        "comfort_ms",
+        "seen",
+        "distance",
+        "dwell_ms",
+        "scene_frames",
+        "attempt",
+        "gaze_lost_01",
+        "frames_dropped",
+    ],
+)
 def test_an_exclusion_may_be_about_any_column_of_trials(tmp_path: Path, column: str) -> None:
     path = tmp_path / "mood.py"
     path.write_text(WITH_RULE.replace('"comfort_ms"', f'"{column}"'), "utf-8")

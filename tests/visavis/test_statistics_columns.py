@@ -28,12 +28,19 @@ def trials() -> pd.DataFrame:
     rng = np.random.default_rng(0)
     return pd.DataFrame(
         {
-            "participant": f"P{person:02d}", "a": a, "b": b, "g": f"g{1 + person % 2}",
-            "h": f"h{person % 3}", "even": rng.normal() + (a == "x"),
+            "participant": f"P{person:02d}",
+            "a": a,
+            "b": b,
+            "g": f"g{1 + person % 2}",
+            "h": f"h{person % 3}",
+            "even": rng.normal() + (a == "x"),
             "skewed": rng.exponential() ** 3,
         }
-        for person in range(12) for a in LEVELS["a"] for b in LEVELS["b"] for _ in range(2)
-    )  # fmt: skip
+        for person in range(12)
+        for a in LEVELS["a"]
+        for b in LEVELS["b"]
+        for _ in range(2)
+    )
 
 
 @pytest.mark.parametrize("test", ["", *(t for t in TESTS if t not in MODELS)])

@@ -75,9 +75,13 @@ def test_a_fresh_session_is_the_same_bit_for_bit(duel: Recording, tmp_path: Path
 def test_a_fresh_session_of_every_study_is_the_same_bit_for_bit(study: str, tmp_path: Path) -> None:
     chosen = find_study(study)
     request = simulated_request(
-        chosen, chosen.experiment(SHORT[study]), every_device(tmp_path / "first"), label="S01B",
-        index=0, seed=3,
-    )  # fmt: skip
+        chosen,
+        chosen.experiment(SHORT[study]),
+        every_device(tmp_path / "first"),
+        label="S01B",
+        index=0,
+        seed=3,
+    )
     recording = Recording(perform_new(request))
     verdict = verify(recording, chosen, every_device(tmp_path), tmp_path / "again")
     assert verdict.first is None

@@ -28,11 +28,18 @@ def analysis_of(values: Any, **columns: dict[int, Any]) -> StudyAnalysis:
     n = len(values)
     rows = pd.DataFrame(
         {
-            "participant": "01A", "session": 1, "kind": "a", "status": "complete", "flags": None,
-            "trial_id": [f"T{i:02d}" for i in range(1, n + 1)], "reason": None,
-            "is_analysed": True, "left_out_because": "", "dwell_ms": values,
+            "participant": "01A",
+            "session": 1,
+            "kind": "a",
+            "status": "complete",
+            "flags": None,
+            "trial_id": [f"T{i:02d}" for i in range(1, n + 1)],
+            "reason": None,
+            "is_analysed": True,
+            "left_out_because": "",
+            "dwell_ms": values,
         }
-    ).astype({"flags": object, "reason": object})  # fmt: skip
+    ).astype({"flags": object, "reason": object})
     for name, changed in columns.items():
         for trial, value in changed.items():
             rows.loc[trial - 1, name] = value
@@ -57,8 +64,9 @@ def test_a_value_far_from_the_same_person_s_others_of_its_kind_is_listed() -> No
     (found,) = striking_trials(analysis_of(values))
     # median 550, median absolute deviation 30: 0.6745 * 950 / 30
     assert ("T04", "1500 ms, far above their others of this kind (modified z 21.4)") == (
-        found.trial_id, found.why.removeprefix("Dwell time "),
-    )  # fmt: skip
+        found.trial_id,
+        found.why.removeprefix("Dwell time "),
+    )
 
 
 @pytest.mark.parametrize("n", [2, 4])
@@ -100,5 +108,6 @@ def test_a_trial_leads_to_its_page_where_that_stands_and_else_gives_the_command(
     shown: list[Any] = [row[1] for row in table.rows]
     assert ("views/01A_ses-001.html#trial=T07", "") == (shown[0].link, shown[0].command)
     assert ("", "visavis view data/real/duel/sub-02C/ses-001 --trial T07 --show") == (
-        shown[1].link, shown[1].command,
-    )  # fmt: skip
+        shown[1].link,
+        shown[1].command,
+    )

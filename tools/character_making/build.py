@@ -32,6 +32,7 @@ from tools.character_making.fabrics import fabric
 from tools.character_making.figure import Figure, figure_of
 from tools.character_making.hair import STYLES, Locks, drawn, locks, shell
 from tools.character_making.hair_texture import streaks
+from tools.character_making.hems import with_hems
 from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
 from tools.character_making.mantle import Sheet
 from tools.character_making.occlusion import shaded
@@ -330,7 +331,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
     levels, measuring = levels_of(figure, near, far, hair, materials, own + worn_far)
     mesh = levels[0]
     stature = float(closed.vertices_m[:, 1].max() - mesh.vertices_m[:, 1].min())
-    return Character(
+    whole = Character(
         name=recipe.name,
         gender=recipe.shape.gender,
         stature_m=round(stature, 4),
@@ -345,3 +346,4 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         licence=LICENCE,
         closed=closed,
     )
+    return with_hems(whole)

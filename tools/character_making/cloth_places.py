@@ -105,8 +105,9 @@ def limb_axis_distance(
     figure: Figure, points_m: Vector, side: str, limb: str
 ) -> tuple[Vector, Vector, Vector]:
     """Return place along a limb (v,) from 0 to 2, foot of the perpendicular (v, 3), distance."""
-    names = ("upper_arm", "lower_arm", "hand") if limb == "arm" else (
-        "upper_leg", "lower_leg", "foot")  # fmt: skip
+    names = (
+        ("upper_arm", "lower_arm", "hand") if limb == "arm" else ("upper_leg", "lower_leg", "foot")
+    )
     chain = [figure.at(f"{side}_{name}") for name in names]
     best = np.full(len(points_m), np.inf)
     place, foot = np.zeros(len(points_m)), np.zeros_like(points_m)
@@ -124,8 +125,10 @@ def limb_axis_distance(
 
 def on_side(figure: Figure, weights: Vector, limb: str) -> dict[str, Vector]:
     """Return how much of each vertex belongs to the left and right limb."""
-    stems = {"arm": ("upper_arm", "lower_arm", "hand", "proximal", "middle", "distal"),
-             "leg": ("upper_leg", "lower_leg", "foot", "toes")}[limb]  # fmt: skip
+    stems = {
+        "arm": ("upper_arm", "lower_arm", "hand", "proximal", "middle", "distal"),
+        "leg": ("upper_leg", "lower_leg", "foot", "toes"),
+    }[limb]
     return {
         side: weights[:, figure.joint_columns(*stems, side=side)].sum(axis=1) for side, _ in SIDES
     }

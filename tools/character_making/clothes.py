@@ -164,9 +164,15 @@ def top(figure: Figure, stuff: Stuff, garment: Garment, seed: int, over: Sequenc
     piece.vertices_m[:, 1] -= (cut_m - hem_m) * longer * (arms < 0.5)
     held = rim & np.where(arms > 0.5, cut.sleeve > 1.5, ~hem)
     place = draped(
-        piece, [stuff.piece, *over], held, _threads(figure, piece, "arm"), arms > 0.5,
-        cut.fabric, 0.7 * clearance, seed,
-    )  # fmt: skip
+        piece,
+        [stuff.piece, *over],
+        held,
+        _threads(figure, piece, "arm"),
+        arms > 0.5,
+        cut.fabric,
+        0.7 * clearance,
+        seed,
+    )
     return replace(piece, vertices_m=place)
 
 
@@ -180,9 +186,13 @@ def shirt_below(figure: Figure, stuff: Stuff, garment: Garment) -> Piece:
 
 
 def _spanning(
-    piece: Piece, axis_m: Vector, moves: Vector, inward: float, top_m: float,
+    piece: Piece,
+    axis_m: Vector,
+    moves: Vector,
+    inward: float,
+    top_m: float,
     rim: npt.NDArray[np.bool_],
-) -> Piece:  # fmt: skip
+) -> Piece:
     """Return a cloth that spans hollows, its vertices spread evenly over what they span."""
     average = neighbours(piece.triangles, len(moves))
     along_rim = border(piece.triangles)
@@ -257,9 +267,15 @@ def trousers(figure: Figure, stuff: Stuff, garment: Garment, top_m: float, seed:
     moves[held] = 0.0
     piece = _spanning(piece, axis_m, moves, 0.3, stuff.lines.hip, held)
     place = draped(
-        piece, [stuff.piece], held, _threads(figure, piece, "leg"), legs > 0.5,
-        TROUSERS, np.full(len(legs), 0.004), seed,
-    )  # fmt: skip
+        piece,
+        [stuff.piece],
+        held,
+        _threads(figure, piece, "leg"),
+        legs > 0.5,
+        TROUSERS,
+        np.full(len(legs), 0.004),
+        seed,
+    )
     return replace(piece, vertices_m=place)
 
 

@@ -111,8 +111,9 @@ def _edge_parts(piece: Piece, edges: Indices) -> Indices:
 def neighbours(triangles: Indices, n_vertices: int) -> csr_array:
     """Return the averaging matrix (v, v) over neighbours along edges."""
     edges = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
-    codes = np.concatenate([edges[:, 0] * n_vertices + edges[:, 1],
-                            edges[:, 1] * n_vertices + edges[:, 0]])  # fmt: skip
+    codes = np.concatenate(
+        [edges[:, 0] * n_vertices + edges[:, 1], edges[:, 1] * n_vertices + edges[:, 0]]
+    )
     codes = np.unique(codes)
     edges = np.stack([codes // n_vertices, codes % n_vertices], axis=1)
     degree = np.maximum(np.bincount(edges[:, 0], minlength=n_vertices), 1)

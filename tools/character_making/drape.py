@@ -39,10 +39,20 @@ class Fabric:
 
 @compiled
 def _settled(
-    place: Vector, weight: Vector, pairs: Indices, rest: Vector, soft: Vector,
-    body: Vector, outward: Vector, clearance: Vector, speed: Vector, steps: int, step_s: float,
-    gravity: float, drag: float,
-) -> None:  # fmt: skip
+    place: Vector,
+    weight: Vector,
+    pairs: Indices,
+    rest: Vector,
+    soft: Vector,
+    body: Vector,
+    outward: Vector,
+    clearance: Vector,
+    speed: Vector,
+    steps: int,
+    step_s: float,
+    gravity: float,
+    drag: float,
+) -> None:
     """Move `place` (v, 3) and `speed` on by some steps; where `weight` is 0 nothing moves."""
     before = np.empty_like(place)
     for _ in range(steps):
@@ -89,9 +99,15 @@ def _settled(
 
 
 def draped(
-    piece: Piece, bodies: Sequence[Piece], held: npt.NDArray[np.bool_], along: Vector,
-    limb: npt.NDArray[np.bool_], fabric: Fabric, clearance_m: Vector, seed: int,
-) -> Vector:  # fmt: skip
+    piece: Piece,
+    bodies: Sequence[Piece],
+    held: npt.NDArray[np.bool_],
+    along: Vector,
+    limb: npt.NDArray[np.bool_],
+    fabric: Fabric,
+    clearance_m: Vector,
+    seed: int,
+) -> Vector:
     """Return where the vertices (v, 3) of a cloth come to rest.
 
     `held` (v,) stay where they are; `along` (v, 3) is the way its threads run down the trunk and
@@ -125,9 +141,20 @@ def draped(
     for _ in range(_TOUCHES):
         near, outward = _nearest(outside, place)
         _settled(
-            place, weight, pairs[order], rest, soft[order], near, outward, clearance_m, speed,
-            _STEPS // _TOUCHES, _STEP_S, _GRAVITY_M_S2, _DRAG_PER_S,
-        )  # fmt: skip
+            place,
+            weight,
+            pairs[order],
+            rest,
+            soft[order],
+            near,
+            outward,
+            clearance_m,
+            speed,
+            _STEPS // _TOUCHES,
+            _STEP_S,
+            _GRAVITY_M_S2,
+            _DRAG_PER_S,
+        )
     return place
 
 

@@ -57,8 +57,11 @@ def eyeballs(figure: Figure) -> list[Piece]:
 def mouth_pieces(figure: Figure) -> list[Piece]:
     """Return teeth and tongue, which show when the mouth opens."""
     pieces = []
-    tones = {"upper-teeth": (0.90, 0.87, 0.80), "lower-teeth": (0.86, 0.83, 0.76),
-             "tongue": (0.66, 0.34, 0.33)}  # fmt: skip
+    tones = {
+        "upper-teeth": (0.90, 0.87, 0.80),
+        "lower-teeth": (0.86, 0.83, 0.76),
+        "tongue": (0.66, 0.34, 0.33),
+    }
     jaw = figure.source.target("jawOpen")
     opened = np.zeros_like(figure.vertices_m)
     opened[jaw.vertices] = jaw.delta_m

@@ -72,8 +72,10 @@ class Figure:
             chain = [self.at(f"{side}_{part}") for part in ("upper_arm", "lower_arm", "hand")]
             along = [_share(points_m, chain[k], chain[k + 1]) for k in range(2)]
             place = np.where(along[0] < 1, np.minimum(along[0], 1), 1 + np.maximum(along[1], 0))
-            lower = weights[:, self.joint_columns("lower_arm", "hand", "proximal", "middle",
-                                                  "distal", side=side)].sum(axis=1)  # fmt: skip
+            lower = weights[
+                :,
+                self.joint_columns("lower_arm", "hand", "proximal", "middle", "distal", side=side),
+            ].sum(axis=1)
             arm = weights[:, self.joint_columns("upper_arm", side=side)].sum(axis=1) + lower
             place = np.where(lower > 0.5, np.maximum(place, 1 + along[1]), place)
             on_arm = arm > 0.35

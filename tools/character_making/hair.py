@@ -38,12 +38,15 @@ class Style:
 
 
 STYLES = {
-    "long": Style("fall", 0.50, 0, 0.007, 0.012, fall=Fall(0.58, 0.012, 0.013, 0.16, 0.085,
-                  0.0045, 18)),
-    "shoulder": Style("fall", 0.36, 0, 0.007, 0.013, fall=Fall(0.47, -0.022, 0.014, 0.14, 0.07,
-                      0.005, 16)),
-    "bob": Style("fall", 0.26, 0, 0.007, 0.014, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02,
-                 0.003, 14)),
+    "long": Style(
+        "fall", 0.50, 0, 0.007, 0.012, fall=Fall(0.58, 0.012, 0.013, 0.16, 0.085, 0.0045, 18)
+    ),
+    "shoulder": Style(
+        "fall", 0.36, 0, 0.007, 0.013, fall=Fall(0.47, -0.022, 0.014, 0.14, 0.07, 0.005, 16)
+    ),
+    "bob": Style(
+        "fall", 0.26, 0, 0.007, 0.014, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02, 0.003, 14)
+    ),
     "bun": Style("back", 0.30, 260, 0.013, 0.008, tie="bun", rows=10, wave_m=0.001),
     "ponytail": Style("back", 0.30, 260, 0.013, 0.009, tie="tail", rows=10, wave_m=0.002),
     "curly": Style("out", 0.036, 640, 0.008, 0.042, curl_m=0.008, rows=7),
@@ -51,7 +54,7 @@ STYLES = {
     "short": Style("short", 0.048, 480, 0.009, 0.010, 0.4, -0.03, receding=0.25, rows=6),
     "fringe": Style("forward", 0.06, 460, 0.011, 0.012, side=0.6, rows=7),
     "receding": Style("short", 0.03, 380, 0.009, 0.006, 0.8, 0.03, receding=1.0, rows=5),
-}  # fmt: skip
+}
 
 
 def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) -> Piece:
@@ -156,9 +159,14 @@ def _wish(
 
 
 def _grown(
-    figure: Figure, style: Style, roots: Vector, normals: Vector, body: Piece, worn: list[Piece],
+    figure: Figure,
+    style: Style,
+    roots: Vector,
+    normals: Vector,
+    body: Piece,
+    worn: list[Piece],
     rng: np.random.Generator,
-) -> tuple[Vector, Vector]:  # fmt: skip
+) -> tuple[Vector, Vector]:
     """Return lines (n, rows, 3) of locks and the outward direction at each point."""
     surface = np.concatenate([p.vertices_m for p in (body, *worn)])
     outward = np.concatenate([vertex_normals(p.vertices_m, p.triangles) for p in (body, *worn)])
@@ -262,9 +270,14 @@ class Locks:
 
 
 def locks(
-    figure: Figure, body: Piece, worn: list[Piece], colour: Vector, style: Style, seed: int,
+    figure: Figure,
+    body: Piece,
+    worn: list[Piece],
+    colour: Vector,
+    style: Style,
+    seed: int,
     grey: float = 0.0,
-) -> list[Locks | Sheet]:  # fmt: skip
+) -> list[Locks | Sheet]:
     """Return all locks and sheets, with what ties them."""
     rng = np.random.default_rng(seed + 1000)
     if style.fall is not None:
@@ -284,9 +297,8 @@ def locks(
 
 
 def _coloured(
-    line: Vector, out: Vector, width_m: float, colour: Vector, rng: np.random.Generator,
-    grey: float,
-) -> Locks:  # fmt: skip
+    line: Vector, out: Vector, width_m: float, colour: Vector, rng: np.random.Generator, grey: float
+) -> Locks:
     n = len(line)
     tones = np.tile(colour, (n, 1))
     greyed = rng.random(n) < 0.5 * grey

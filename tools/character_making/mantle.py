@@ -138,9 +138,14 @@ def _relaxed(head: _Head, lines: Vector, least_m: float) -> Vector:
 
 
 def mantle(
-    figure: Figure, body: Piece, worn: list[Piece], colour: Vector, fall: Fall, seed: int,
+    figure: Figure,
+    body: Piece,
+    worn: list[Piece],
+    colour: Vector,
+    fall: Fall,
+    seed: int,
     grey: float = 0.0,
-) -> tuple[list[Sheet], Vector, Vector]:  # fmt: skip
+) -> tuple[list[Sheet], Vector, Vector]:
     """Return the sheets, innermost first, and lines (n, rows, 3) with outward directions of loose
     locks upon them.
     """

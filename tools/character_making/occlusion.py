@@ -42,9 +42,15 @@ def _filled(grid: Indices, corners: Vector, low: Vector, cell_m: float) -> None:
 
 @compiled
 def _open_share(
-    grid: Indices, points: Vector, normals: Vector, rays: Vector, low: Vector, cell_m: float,
-    start: float, steps: int,
-) -> Vector:  # fmt: skip
+    grid: Indices,
+    points: Vector,
+    normals: Vector,
+    rays: Vector,
+    low: Vector,
+    cell_m: float,
+    start: float,
+    steps: int,
+) -> Vector:
     share = np.ones(len(points))
     for i in range(len(points)):
         seen, total = 0.0, 0.0
@@ -92,12 +98,17 @@ def open_shares(pieces: Sequence[Piece], hiding: Sequence[Piece]) -> list[Vector
     steps = round(_REACH_M / _CELL_M)
     return [
         _open_share(
-            grid, p.vertices_m,
+            grid,
+            p.vertices_m,
             vertex_normals(p.vertices_m, p.triangles) if p.normals is None else p.normals,
-            rays, low, _CELL_M, _START_CELLS, steps,
+            rays,
+            low,
+            _CELL_M,
+            _START_CELLS,
+            steps,
         )
         for p in pieces
-    ]  # fmt: skip
+    ]
 
 
 def shaded(pieces: Sequence[Piece], hair: Sequence[Piece]) -> list[Piece]:

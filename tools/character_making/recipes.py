@@ -53,9 +53,12 @@ class Recipe:
 
 
 def _shape(
-    gender: str, age: float, origins: Mapping[str, float], details: Mapping[str, float],
+    gender: str,
+    age: float,
+    origins: Mapping[str, float],
+    details: Mapping[str, float],
     **build: float,
-) -> Shape:  # fmt: skip
+) -> Shape:
     sex: Literal["female", "male"] = "female" if gender == "f" else "male"
     # The base mesh's mouth hangs; with this much lift a face at rest looks neutral.
     at_rest = {"mouth/mouth-angles-up": 0.35, **details}

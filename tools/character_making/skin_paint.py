@@ -40,9 +40,16 @@ def hollows(body: Piece) -> Vector:
 
 
 def painted(
-    figure: Figure, canvas: SkinCanvas, body: Piece, visible: npt.NDArray[np.bool_],
-    face: Face, receding: float, seed: int, *, scalp: bool = True,
-) -> npt.NDArray[np.uint8]:  # fmt: skip
+    figure: Figure,
+    canvas: SkinCanvas,
+    body: Piece,
+    visible: npt.NDArray[np.bool_],
+    face: Face,
+    receding: float,
+    seed: int,
+    *,
+    scalp: bool = True,
+) -> npt.NDArray[np.uint8]:
     """Return the skin's texture (SIZE, SIZE, 3), to be multiplied with the base colour."""
     pixels = canvas.pixels(visible)
     p = canvas.spread(body.vertices_m, pixels)

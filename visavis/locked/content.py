@@ -17,9 +17,17 @@ LOCK_VERSION: Final = 1
 VERSIONS: Final = "versions"
 FILE_SHA256: Final = "study_file_sha256"
 COMPARED: Final = (
-    "parameters", "factors", "measures", "comparisons", "families", "tests", "exclusions",
-    "questionnaires", "seed", VERSIONS,
-)  # fmt: skip
+    "parameters",
+    "factors",
+    "measures",
+    "comparisons",
+    "families",
+    "tests",
+    "exclusions",
+    "questionnaires",
+    "seed",
+    VERSIONS,
+)
 """The parts of a plan in which something can be done otherwise than planned."""
 _WORDING: Final = ("family", "names", "noun", "words")
 
@@ -59,7 +67,9 @@ def plan_content(
         "questionnaires": list(study.questionnaires),
         "measures": {
             m.column: {
-                "words": m.words, "unit": m.unit, "aggregate": m.aggregate,
+                "words": m.words,
+                "unit": m.unit,
+                "aggregate": m.aggregate,
                 "needs_gaze": m.needs_gaze,
             }
             for m in measures
@@ -81,17 +91,20 @@ def plan_content(
         },
         "exclusions": {
             r.name: {
-                "level": r.level, "column": r.column, "limit": limits[r.name],
+                "level": r.level,
+                "column": r.column,
+                "limit": limits[r.name],
                 "leaves_out": "missing" if r.if_missing else "above" if r.above else "below",
             }
             for r in study.exclusions
         },
         VERSIONS: {
-            "python": provenance.python, **provenance.packages,
+            "python": provenance.python,
+            **provenance.packages,
             "code revision": provenance.code_revision,
         },
         FILE_SHA256: file_sha256,
-    }  # fmt: skip
+    }
     found: dict[str, Any] = as_json(content)
     return found
 

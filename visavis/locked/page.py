@@ -93,8 +93,9 @@ def _fields(about: Mapping[str, Any]) -> str:
 
 def _plain(value: Any) -> str:
     if isinstance(value, list):
-        return ", ".join(" and ".join(map(str, v)) if isinstance(v, list) else str(v)
-                         for v in value)  # fmt: skip
+        return ", ".join(
+            " and ".join(map(str, v)) if isinstance(v, list) else str(v) for v in value
+        )
     return str(value)
 
 

@@ -92,8 +92,11 @@ def review_of(
     besides = tuple(d.name for d in found if d.is_exploratory)
     kept = [d for d in found if not d.is_exploratory]
     now = [replace(d, since=first.pop(d, IN_ANALYSIS)) for d in kept]
-    past = [replace(d, since=f"{since}, no longer") for d, since in first.items()
-            if not d.is_exploratory]  # fmt: skip
+    past = [
+        replace(d, since=f"{since}, no longer")
+        for d, since in first.items()
+        if not d.is_exploratory
+    ]
     carried = [m for m in by_time if hash_carried(m) == locked.sha256]
     without = [m for m in by_time if m not in carried]
     more = list(_about_sample(locked, len({m.participant for m in manifests})))

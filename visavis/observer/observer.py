@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import EYES_DTYPE
+from lab.clock import NS_PER_S
 from lab.geometry import Vector, direction_from_yaw_pitch_deg
 from stimuli.scene import Scene, SceneFrame
 from stimuli.scenes.audience import PARTICIPANT_EYE_M
@@ -40,6 +41,8 @@ ROOM_DISTANCE_M = 3.5
 ROOM_RADIUS_RAD = 0.12
 SPEAKER_SIDE_YAW_DEG = 52.0
 """Where a seated person looks who looks towards the speaker without turning round."""
+RECALLS_NS = NS_PER_S // 4
+"""The last two blinks and sixteen saccades are remembered; blinks are 0.3 s apart at least."""
 N_PEOPLE_STREAM = 1
 N_BEHAVIOUR_STREAM = 2
 N_ANSWER_STREAM = 3
@@ -214,6 +217,15 @@ class Observer:
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Yield nothing: the study asks for no button."""
         return iter(())
+
+    def next_press_ns(self) -> int | None:
+        """Return None: nothing is pressed."""
+        return None
+
+    @property
+    def recalls_ns(self) -> int:
+        """How long what the eyes did is told as it was: well within the blinks remembered."""
+        return RECALLS_NS
 
     # ---- within ----
 

@@ -98,9 +98,9 @@ class Population:
     hold_between_share: float = 0.98
     """F: its between-person spread, a share of the mean; people below zero cut a visit short when
     they are looked at."""
-    startle_s: float = 0.53
+    startle_s: float = 0.27
     """F: mean time a visit goes on after contact was seen to end."""
-    startle_between_share: float = 1.9
+    startle_between_share: float = 2.05
     """F: its between-person spread, a share of the mean; people below zero leave at once."""
     hold_growth: float = 1.0
     """F: factor on `hold_s` at each further visit to an agent in contact."""
@@ -119,9 +119,9 @@ class Population:
     source's t tests take them to be."""
     return_habituation: float = 0.42
     """F: factor on the former at each further visit."""
-    recheck_gain: float = 4.9
+    recheck_gain: float = 4.5
     """F: extra attraction of an agent that was seen to look away, ..."""
-    recheck_between_share: float = 1.3
+    recheck_between_share: float = 1.8
     """F: its between-person spread, a share of the mean; below zero it is avoided."""
     recheck_s: float = 5.0
     """F: ... and the time constant with which it fades."""

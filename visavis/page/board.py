@@ -96,9 +96,15 @@ def place_of(entry: Participant, session: Path) -> Place:
     times = events.loc[events["name"] == "page_event", "t_ns"]
     minutes = (int(times.max()) - int(times.min())) / NS_PER_S / 60 if len(times) else None
     return Place(
-        entry.label, entry.index, entry.group, _state(recording, events, session), done, planned,
-        minutes, tuple(f"{name} ({n})" for name, n in flags.most_common()),
-    )  # fmt: skip
+        entry.label,
+        entry.index,
+        entry.group,
+        _state(recording, events, session),
+        done,
+        planned,
+        minutes,
+        tuple(f"{name} ({n})" for name, n in flags.most_common()),
+    )
 
 
 def _state(recording: Recording, events: Any, session: Path) -> str:

@@ -53,8 +53,15 @@ async def visit(
                     raise DataError(f"the server refused a simulated page: {told}")
                 return told
 
-        told = await post("/api/hello", {"tab": TAB, "takes_over": True, "at_ms": visitor.now_ms,
-                                         "about": {"browser": "simulated"}})  # fmt: skip
+        told = await post(
+            "/api/hello",
+            {
+                "tab": TAB,
+                "takes_over": True,
+                "at_ms": visitor.now_ms,
+                "about": {"browser": "simulated"},
+            },
+        )
         while told["step"]["kind"] != "end":
             content = dict(told["step"])
             step = PageStep(content.pop("kind"), content)
@@ -62,7 +69,12 @@ async def visit(
                 return ""
             reply = visitor.reply(step)
             clock.sleep_until_ns(begun_ns + round(visitor.now_ms * NS_PER_MS))
-            event = {"n": told["ack"] + 1, "kind": "reply", "at_ms": visitor.now_ms,
-                     "step": told["number"], "reply": reply}  # fmt: skip
+            event = {
+                "n": told["ack"] + 1,
+                "kind": "reply",
+                "at_ms": visitor.now_ms,
+                "step": told["number"],
+                "reply": reply,
+            }
             told = await post("/api/events", {"tab": TAB, "events": [event]})
     return str(told["step"]["outcome"])

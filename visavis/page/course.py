@@ -118,11 +118,17 @@ def course(visit: Visit) -> Course:
         consent = consent_of(experiment, visit.plan)
         if consent is not None:
             text, version = consent
-            reply = yield from _step(PageStep("consent", {
-                "title": texts.find("page.consent_title") or "",
-                "information": texts.find("information", values=values) or "",
-                "text": text, "version": version,
-            }))  # fmt: skip
+            reply = yield from _step(
+                PageStep(
+                    "consent",
+                    {
+                        "title": texts.find("page.consent_title") or "",
+                        "information": texts.find("information", values=values) or "",
+                        "text": text,
+                        "version": version,
+                    },
+                )
+            )
             agreed = reply.content.get("agreed") is True
             yield Event("consent", {"version": version, "agreed": agreed})
             if not agreed:
@@ -267,10 +273,14 @@ def _questionnaire(
         )
         given = mapping(reply.content.get("answers"), "answers")
         for question in part:
-            yield Event("answer", {
-                "questionnaire": name, "question": question.question_id,
-                "answer": _read(question, given.get(question.question_id)),
-            })  # fmt: skip
+            yield Event(
+                "answer",
+                {
+                    "questionnaire": name,
+                    "question": question.question_id,
+                    "answer": _read(question, given.get(question.question_id)),
+                },
+            )
     yield Event("questionnaire_complete", {"questionnaire": name})
 
 

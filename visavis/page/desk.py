@@ -90,8 +90,15 @@ class PageDesk:
 
     # ---- what a page asks --------------------------------------------------------------------
 
-    def hello(self, tab: str, *, before: str = "", takes_over: bool = False,
-              about: Mapping[str, Any] | None = None, at_ms: float = 0.0) -> None:  # fmt: skip
+    def hello(
+        self,
+        tab: str,
+        *,
+        before: str = "",
+        takes_over: bool = False,
+        about: Mapping[str, Any] | None = None,
+        at_ms: float = 0.0,
+    ) -> None:
         """Let a page take the session: the only one, one that comes again, or one that may.
 
         `before` is the tab that the same browser had, which its lock says is closed.

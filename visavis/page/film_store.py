@@ -40,9 +40,14 @@ if TYPE_CHECKING:
 MADE: Final = "vp9 2"
 """How films are drawn and encoded: another one here makes every film anew."""
 QUALITY: Final[Mapping[str, str]] = {
-    "crf": "18", "b": "0", "deadline": "realtime", "cpu-used": "6", "threads": "1", "row-mt": "0",
+    "crf": "18",
+    "b": "0",
+    "deadline": "realtime",
+    "cpu-used": "6",
+    "threads": "1",
+    "row-mt": "0",
     "g": "30",
-}  # fmt: skip
+}
 """One thread, so that the same pictures give the same bytes."""
 TOLD_EVERY: Final = 10
 POSE_DECIMALS: Final = 6
@@ -175,8 +180,13 @@ class FilmStore:
                 yield number
             container.mux(stream.encode())
         digest = hashlib.sha256(draft.read_bytes()).hexdigest()
-        about = {"sha256": digest, "scene": film.scene.name, "seconds": film.seconds,
-                 "visavis": version(), "made": MADE}  # fmt: skip
+        about = {
+            "sha256": digest,
+            "scene": film.scene.name,
+            "seconds": film.seconds,
+            "visavis": version(),
+            "made": MADE,
+        }
         path.with_suffix(".json").write_text(json.dumps(about), encoding="utf-8")
         draft.replace(path)
 

@@ -160,8 +160,14 @@ def past_of(recording: Recording) -> Past:
                 complete.add(str(told["questionnaire"]))
     trials = recording.trials()
     rows = frozenset(map(str, trials["trial_id"])) if "trial_id" in trials else frozenset()
-    return Past(pages, rows, frozenset(started), frozenset(answers), frozenset(answered),
-                frozenset(complete))  # fmt: skip
+    return Past(
+        pages,
+        rows,
+        frozenset(started),
+        frozenset(answers),
+        frozenset(answered),
+        frozenset(complete),
+    )
 
 
 def simulated_visitor(request: Request, experiment: StudyExperiment, store: FilmStore) -> Visitor:
@@ -238,16 +244,28 @@ def held_of(
     told = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
     plan = experiment.plan(request.participant_index, request.seed, request.group)
     visit_of = Visit(
-        experiment, plan, request.participant_label, request.session,
-        folder.manifest.parts[-1].number, study.questionnaires(config), told,
-        request.clock.now_ns, notes,
-    )  # fmt: skip
+        experiment,
+        plan,
+        request.participant_label,
+        request.session,
+        folder.manifest.parts[-1].number,
+        study.questionnaires(config),
+        told,
+        request.clock.now_ns,
+        notes,
+    )
     desk = PageDesk(course(visit_of), recorder, request.clock, notes, past, key=key)
-    files = {} if virtual else {
-        told(film)["film"]: found.path
-        for film in experiment.films if (found := store.file_of(film)) is not None
-    }  # fmt: skip
-    return Held(desk, about_of(experiment, folder.manifest.is_simulated), files)
+    files = (
+        {}
+        if virtual
+        else {
+            told(film)["film"]: found.path
+            for film in experiment.films
+            if (found := store.file_of(film)) is not None
+        }
+    )
+    about = about_of(experiment, folder.manifest.is_simulated, config.privacy.contact)
+    return Held(desk, about, files)
 
 
 def _perform_part(
@@ -328,18 +346,32 @@ def _tell(request: Request, desk: PageDesk, planned: int) -> None:
         request.on_trial(desk.trial_id, desk.trials_done, planned)
     if request.operator.status_period_ns:
         request.operator.show(
-            SessionStatus(SessionState.TRIAL, request.participant_label, desk.trial_id,
-                          desk.trials_done, planned, "", "", None, 0.0, {}, None, None, None,
-                          ())
-        )  # fmt: skip
+            SessionStatus(
+                SessionState.TRIAL,
+                request.participant_label,
+                desk.trial_id,
+                desk.trials_done,
+                planned,
+                "",
+                "",
+                None,
+                0.0,
+                {},
+                None,
+                None,
+                None,
+                (),
+            )
+        )
 
 
-def about_of(experiment: StudyExperiment, simulated: bool) -> dict[str, Any]:
-    """Return what a page is told once: its words, and whether it is a rehearsal."""
+def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict[str, Any]:
+    """Return what a page is told once: its words, whom to ask, and whether it is a rehearsal."""
     return {
-        "title": experiment.study.title,
+        "title": experiment.texts.find("page.title") or experiment.study.title,
         "language": experiment.language,
         "words": dict(texts_of_page(experiment)),
+        "contact": contact,
         "is_simulated": simulated,
         "mime": MIME if experiment.films else "",
     }

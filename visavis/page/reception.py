@@ -120,6 +120,7 @@ class Reception:
         self._experiment = experiment_of(base)
         self._identify, self._known, self._withdraw, self._said = identify, known, withdraw, said
         self._simulated = is_simulated(base.config)
+        self._contact = base.config.privacy.contact
         self._root = base.config.data_root
         self._open: dict[str, _Open] = {}
         self._keys: dict[str, str] = {}
@@ -343,7 +344,7 @@ class Reception:
         if outcome not in (DONE, *ENDINGS):
             return None
         arrival = self._arrival(label)
-        about = about_of(self._experiment, self._simulated)
+        about = about_of(self._experiment, self._simulated, self._contact)
         where = self._rules.completion
         return Ended(outcome, {**about, "completion": completion_of(where, arrival)})
 

@@ -15,8 +15,14 @@ from visavis.page.desk import PageDesk
 from visavis.page.errors import OpenElsewhereError, PageError
 
 SITE: Final = Path(__file__).parent / "site"
-FILES: Final = {"/": "index.html", "/page.js": "page.js", "/store.js": "store.js",
-                "/film.js": "film.js", "/wire.js": "wire.js", "/page.css": "page.css"}  # fmt: skip
+FILES: Final = {
+    "/": "index.html",
+    "/page.js": "page.js",
+    "/store.js": "store.js",
+    "/film.js": "film.js",
+    "/wire.js": "wire.js",
+    "/page.css": "page.css",
+}
 BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20

@@ -102,8 +102,9 @@ def changes_since(begun: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[Dev
     """Return everything in which a design differs from the one begun with, where both tell."""
     if "factors" not in begun:  # a plan's parameters, among which factors that were set stand too
         now = {"parameters": _as_planned(now["parameters"])}
-        begun = {"parameters": {k: v for k, v in begun["parameters"].items()
-                                if k in now["parameters"]}}  # fmt: skip
+        begun = {
+            "parameters": {k: v for k, v in begun["parameters"].items() if k in now["parameters"]}
+        }
     return tuple(
         d
         for part, before in begun.items()

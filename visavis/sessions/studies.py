@@ -124,9 +124,11 @@ def simulate_study(
     settings = settle(folder, wanted, seed_given=True, way_out="choose another --output")
     experiment = chosen.experiment(settings.parameters)
     require_same_design(
-        folder, experiment, "Choose another --output; or put the study file back as it was, and "
+        folder,
+        experiment,
+        "Choose another --output; or put the study file back as it was, and "
         "the same command goes on with what is missing",
-    )  # fmt: skip
+    )
     changed = settings.source_sha256 not in ("", wanted.source_sha256)
     if changed and session_folders(folder):
         telling.say(

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -75,12 +76,10 @@ def read_settings(folder: Path) -> StudySettings | None:
     path = folder / SETTINGS_NAME
     if not path.exists() and not copy_path(path).exists():
         return None
-    from pydantic import TypeAdapter  # slow to import, and not needed for most commands
-
     try:
         found = read_sealed(path)
         text = json.dumps(found.content)
-        settings: StudySettings = TypeAdapter(StudySettings).validate_json(text, strict=True)
+        settings: StudySettings = _adapter().validate_json(text, strict=True)
         if not found.is_sealed and settings.format_version >= SEALED_SINCE:
             raise ValueError("it lost its checksum")
     except (OSError, ValueError) as error:
@@ -96,6 +95,13 @@ def read_settings(folder: Path) -> StudySettings | None:
             f"{SETTINGS_VERSION}; install a newer Visavis"
         )
     return settings
+
+
+@cache
+def _adapter() -> Any:
+    from pydantic import TypeAdapter  # slow to import, and not needed for most commands
+
+    return TypeAdapter(StudySettings)
 
 
 def _in_one_line(error: Exception) -> str:

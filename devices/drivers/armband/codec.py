@@ -256,10 +256,16 @@ def decode_answer(frame: Frame) -> Answer | None:
             payload
         )
         return Welcome(
-            seq, version, motors, (major, minor), caps,
+            seq,
+            version,
+            motors,
+            (major, minor),
+            caps,
             serial.rstrip(b"\0").decode("ascii", "replace"),
-            at_us, (low, high), (slow / 10, fast / 10),
-        )  # fmt: skip
+            at_us,
+            (low, high),
+            (slow / 10, fast / 10),
+        )
     if command not in (SET, PATTERN, STOP, PING, ARM) or len(payload) != _ACK.size:
         return None
     at_us, status, *duties, battery_mv, centi_c = _ACK.unpack(payload)
@@ -278,10 +284,16 @@ def encode_welcome(welcome: Welcome) -> bytes:
     """Return the answer to HELLO; for the band's side."""
     low_hz, high_hz = welcome.rate_range_hz
     payload = _HELLO.pack(
-        welcome.version, welcome.motor_count, *welcome.firmware, welcome.capabilities,
-        welcome.serial.encode("ascii"), welcome.device_us, *welcome.duty_range,
-        round(low_hz * 10), round(high_hz * 10),
-    )  # fmt: skip
+        welcome.version,
+        welcome.motor_count,
+        *welcome.firmware,
+        welcome.capabilities,
+        welcome.serial.encode("ascii"),
+        welcome.device_us,
+        *welcome.duty_range,
+        round(low_hz * 10),
+        round(high_hz * 10),
+    )
     return encode_frame(HELLO | REPLY, welcome.seq, payload)
 
 

@@ -100,9 +100,13 @@ def _serial(site: Site[Any]) -> "ByteLink":
 
     options = site.options
     return SerialLink(
-        site.clock, port=options.port, vid=options.vid, pid=options.pid,
-        serial_number=options.serial_number, baud=options.baud,
-    )  # fmt: skip
+        site.clock,
+        port=options.port,
+        vid=options.vid,
+        pid=options.pid,
+        serial_number=options.serial_number,
+        baud=options.baud,
+    )
 
 
 def _box(simulator: str) -> Callable[[Site[Any]], "ByteLink"]:

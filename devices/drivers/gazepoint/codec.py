@@ -26,9 +26,17 @@ from devices.drivers.streaming.gaze_rays import (
 
 MAX_LINE = 65_536
 STREAMS = (
-    "COUNTER", "TIME", "TIME_TICK", "POG_LEFT", "POG_RIGHT", "POG_BEST", "EYE_LEFT", "EYE_RIGHT",
-    "USER_DATA", "DATA",
-)  # fmt: skip
+    "COUNTER",
+    "TIME",
+    "TIME_TICK",
+    "POG_LEFT",
+    "POG_RIGHT",
+    "POG_BEST",
+    "EYE_LEFT",
+    "EYE_RIGHT",
+    "USER_DATA",
+    "DATA",
+)
 """What is enabled, `DATA` last: it starts the stream."""
 
 _TAG = re.compile(r"<(REC|ACK|NACK|CAL)\b([^<>]*)/>")

@@ -171,13 +171,15 @@ class _Reading:
 
 
 def _xdf(rows: Sequence[Mapping[str, str]], screen_px: tuple[int, int]) -> GazeLayout | None:
-    kinds = {
-        "Direction": DIRECTION, "Position": PLACE, "Screen": SCREEN, "Intersection": POINT,
-    }  # fmt: skip
+    kinds = {"Direction": DIRECTION, "Position": PLACE, "Screen": SCREEN, "Intersection": POINT}
     singles = {
-        "PupilDiameter": PUPIL, "Diameter": PUPIL, "PupilRadius": PUPIL, "Radius": PUPIL,
-        "Valid": VALID, "Confidence": CONFIDENCE,
-    }  # fmt: skip
+        "PupilDiameter": PUPIL,
+        "Diameter": PUPIL,
+        "PupilRadius": PUPIL,
+        "Radius": PUPIL,
+        "Valid": VALID,
+        "Confidence": CONFIDENCE,
+    }
     places: dict[tuple[str, str], list[int]] = {}
     factors: dict[tuple[str, str], list[float]] = {}
     states_frame = True

@@ -111,13 +111,21 @@ class _EyeGaze(ctypes.Structure):
 
 
 class _EyePupil(ctypes.Structure):
-    _fields_ = (("is_diameter_valid", ctypes.c_uint32), ("is_position_valid", ctypes.c_uint32),
-                ("diameter_mm", ctypes.c_float), ("on_sensor", ctypes.c_float * 2))  # fmt: skip
+    _fields_ = (
+        ("is_diameter_valid", ctypes.c_uint32),
+        ("is_position_valid", ctypes.c_uint32),
+        ("diameter_mm", ctypes.c_float),
+        ("on_sensor", ctypes.c_float * 2),
+    )
 
 
 class _EyeShape(ctypes.Structure):
-    _fields_ = (("is_valid", ctypes.c_uint32), ("openness", ctypes.c_float),
-                ("wide", ctypes.c_float), ("squeeze", ctypes.c_float))  # fmt: skip
+    _fields_ = (
+        ("is_valid", ctypes.c_uint32),
+        ("openness", ctypes.c_float),
+        ("wide", ctypes.c_float),
+        ("squeeze", ctypes.c_float),
+    )
 
 
 class _Gaze(_Head):

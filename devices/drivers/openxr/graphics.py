@@ -93,9 +93,14 @@ def _binding(context: GlContext) -> ctypes.Structure:
         return _Egl(kind, None, finder, context.display, context.config, context.context)
     if context.system == "glx":
         return _Xlib(
-            kind, None, context.display, context.visual, context.config,
-            context.drawable, context.context,
-        )  # fmt: skip
+            kind,
+            None,
+            context.display,
+            context.visual,
+            context.config,
+            context.drawable,
+            context.context,
+        )
     return _Windows(kind, None, context.display, context.context)
 
 

@@ -95,9 +95,18 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
         if at[0] == at[0] and not is_place(*at):
             at, valid = _LOST, False
         row = _ROW.pack(
-            *ray, *at, valid, used, confidence,
-            *left, left_valid, left_mm, *right, right_valid, right_mm,
-        )  # fmt: skip
+            *ray,
+            *at,
+            valid,
+            used,
+            confidence,
+            *left,
+            left_valid,
+            left_mm,
+            *right,
+            right_valid,
+            right_mm,
+        )
     except _MALFORMED:
         return None
     except msgpack.UnpackException:

@@ -184,12 +184,18 @@ class SoundCard:
         """Tell of holes, of sounds too loud together, and of sounds that nobody heard."""
         found = []
         for count, text, remedy in (
-            (self._underflows, "holes in the sound: the card was not given samples in time",
-             "close other programs, or raise latency_ms"),
-            (self._mixer.clipped, "blocks were louder than the card can play, and were cut",
-             "lower gain_db of the sounds, or volume_01"),
+            (
+                self._underflows,
+                "holes in the sound: the card was not given samples in time",
+                "close other programs, or raise latency_ms",
+            ),
+            (
+                self._mixer.clipped,
+                "blocks were louder than the card can play, and were cut",
+                "lower gain_db of the sounds, or volume_01",
+            ),
             (self._lost, "sounds were not heard: the card was away", self._spec.remedy),
-        ):  # fmt: skip
+        ):
             if count:
                 found.append(Fault(self.info.role, "warning", f"{count} {text}", remedy))
         return tuple(found)

@@ -33,9 +33,14 @@ class SoundCardOptions(SimulatedOptions):
 def _make(site: Site[SoundCardOptions], load: "Callable[[], Any] | SimulatedCard") -> "Device":
     make = imported("devices.drivers.sound.driver:SoundCard")
     device: Device = make(
-        site.role, load, site.clock, spec=site.spec, device=site.options.device,
-        volume_01=site.options.volume_01, is_simulated=isinstance(load, SimulatedCard),
-    )  # fmt: skip
+        site.role,
+        load,
+        site.clock,
+        spec=site.spec,
+        device=site.options.device,
+        volume_01=site.options.volume_01,
+        is_simulated=isinstance(load, SimulatedCard),
+    )
     return device
 
 

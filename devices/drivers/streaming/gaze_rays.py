@@ -88,10 +88,17 @@ def gaze_row(
     if at[0] == at[0] and not is_place(*at):
         at, valid = LOST, False
     return _ROW.pack(
-        *map(_single, (*ray, *at)), valid, used, _single(confidence_01),
-        *left.ray, left.valid and left.ray[0] == left.ray[0], _single(left.pupil_mm),
-        *right.ray, right.valid and right.ray[0] == right.ray[0], _single(right.pupil_mm),
-    )  # fmt: skip
+        *map(_single, (*ray, *at)),
+        valid,
+        used,
+        _single(confidence_01),
+        *left.ray,
+        left.valid and left.ray[0] == left.ray[0],
+        _single(left.pupil_mm),
+        *right.ray,
+        right.valid and right.ray[0] == right.ray[0],
+        _single(right.pupil_mm),
+    )
 
 
 def combine(left: Eye, right: Eye) -> tuple[Triple, Triple, int]:

@@ -308,6 +308,12 @@ def labjack(
 ) -> TriggerOut:
     """Return triggers on the lines EIO0-7 of a LabJack."""
     return TriggerOut(
-        role, link, clock, spec=spec, hello=lines_out(), encode=set_lines, answers=True,
+        role,
+        link,
+        clock,
+        spec=spec,
+        hello=lines_out(),
+        encode=set_lines,
+        answers=True,
         **options,  # type: ignore[arg-type]  # they were checked by the option model
-    )  # fmt: skip
+    )

@@ -186,12 +186,17 @@ class ArmbandFirmware:
             self._last = None
             return codec.encode_welcome(
                 Welcome(
-                    seq, self.version, codec.MOTORS, (1, 1),
+                    seq,
+                    self.version,
+                    codec.MOTORS,
+                    (1, 1),
                     codec.COUPLED_DRIVE | codec.SKIN_IS_TOLD * self.protection.has_skin_sensor,
                     self.serial,
-                    now_us % WRAP_US, (LOWEST_DUTY, HIGHEST_DUTY), (LOWEST_HZ, HIGHEST_HZ),
+                    now_us % WRAP_US,
+                    (LOWEST_DUTY, HIGHEST_DUTY),
+                    (LOWEST_HZ, HIGHEST_HZ),
                 )
-            )  # fmt: skip
+            )
         if kind == codec.STOP:
             self._release()
         elif self._last == (kind, seq):

@@ -30,12 +30,16 @@ from devices.sim.body.spec import SIMULATED_HEADSET
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ConfigError
 from lab.frame import FrameInfo
+from lab.geometry import Pose
 from lab.schema import SampleBatch, StreamSchema
 
 MILLI_HZ = 1000
 
 _ROW = struct.Struct("<3f4f?")
 """A row of `HEAD.dtype`."""
+
+MAX_FRAMES_HELD = 64
+"""Frames whose poses and timing may be put off."""
 
 _LOST_ROW = _ROW.pack(*[np.nan] * 7, False)
 _TIMING_ROW = struct.Struct("<4qI?4If")
@@ -78,7 +82,8 @@ class SimulatedHeadset:
         self._timing_held = round(self.display_rate_hz) if clock.is_virtual else 1
         self.info = SIMULATED_HEADSET.info(role, None)
         self._meter = StreamMeter(self.display_rate_hz)
-        self._pending: deque[SampleBatch] = deque()
+        self._pending: deque[tuple[int, int, bytes]] = deque()
+        self._pose: Pose | None = None
         self._ready = threading.Event()
         self._sink: Sink | None = None
         self._first: int | None = None
@@ -122,15 +127,18 @@ class SimulatedHeadset:
             if not self._pending and timeout_s > 0:
                 self._ready.wait(timeout_s)
             self._ready.clear()
-        delivered = 0
-        while self._pending and self._sink is not None:
-            batch = self._pending.popleft()
-            self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
-            self._sink(batch)
-            delivered += 1
+        delivered = self._deliver_heads() if self._pending else 0
         if len(self._timing) >= self._timing_held:
             delivered += self._deliver_timing()
         return delivered
+
+    def put_off(self) -> bool:
+        """Tell whether poses and timing may be delivered later; see `devices.pump.Postponing`."""
+        return self._clock.is_virtual and len(self._pending) < MAX_FRAMES_HELD
+
+    def head_now(self) -> Pose | None:
+        """Return the head at the last frame as its sample tells it; None where it is not seen."""
+        return self._pose
 
     def wait_frame(self) -> FrameInfo:
         """Sleep until the next frame that has not yet begun, and measure the head there."""
@@ -154,15 +162,17 @@ class SimulatedHeadset:
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
         """Count the images and note when they came; nobody looks at them here."""
-        self._life.require("submit", DeviceState.STREAMING)
+        if self._life.state is not DeviceState.STREAMING:
+            self._life.require("submit", DeviceState.STREAMING)
         self.submitted_images += len(images)
         if images:
             self._submitted_ns = self._clock.now_ns()
 
     def stop(self) -> None:
-        """Stop measuring; tell the timing of the last frames."""
+        """Stop measuring; tell poses and timing of the last frames."""
         self._life.require("stop", DeviceState.STREAMING)
         self._close_frame(late_by=0)
+        self._deliver_heads()
         self._deliver_timing()
         self._sink = None
         self._life.state = DeviceState.OPEN
@@ -206,10 +216,19 @@ class SimulatedHeadset:
         self._frame = None
         self._timing.append(
             _TIMING_ROW.pack(
-                frame.index, frame.index, frame.predicted_display_ns, self._submitted_ns,
-                frame.dropped, True, 1, int(late_by > 0), late_by, 0, np.nan,
+                frame.index,
+                frame.index,
+                frame.predicted_display_ns,
+                self._submitted_ns,
+                frame.dropped,
+                True,
+                1,
+                int(late_by > 0),
+                late_by,
+                0,
+                np.nan,
             )
-        )  # fmt: skip
+        )
         self._timing_ns.append((frame.predicted_display_ns, self._clock.now_ns()))
         self._submitted_ns = -1
 
@@ -225,17 +244,29 @@ class SimulatedHeadset:
         sink(SampleBatch(self._timing_schema, seq, shown, told, values))
         return n
 
+    def _deliver_heads(self) -> int:
+        n, sink = len(self._pending), self._sink
+        if not n or sink is None:
+            return 0
+        # who waits for frames in another thread may add to what is pending meanwhile
+        frames = [self._pending.popleft() for _ in range(n)]
+        t_list = [t_ns for _, t_ns, _ in frames]
+        seq, stamps = np.array([seq for seq, _, _ in frames]), np.array(t_list)
+        values = np.frombuffer(b"".join([row for _, _, row in frames]), HEAD.dtype)
+        self._meter.update(t_list, t_list[-1])
+        sink(SampleBatch(self._schema, seq, stamps, stamps, values))
+        return n
+
     def _measure(self, seq: int, t_ns: int) -> None:
         faults = self._faults
         self._valid = not faults.faults or faults.active("standby", t_ns - self._origin_ns) is None
         if self._valid:
             position_m, orientation_wxyz = self._body.head(t_ns)
             row = _ROW.pack(*position_m.tolist(), *orientation_wxyz.tolist(), True)
+            told = np.frombuffer(row, np.float32, 7).astype(np.float64)
+            self._pose = Pose(told[:3], told[3:])
         else:
-            row = _LOST_ROW
-        values = np.frombuffer(row, HEAD.dtype)
-        numbers = np.array((seq, t_ns), np.int64)
-        stamp = numbers[1:]
-        self._pending.append(SampleBatch(self._schema, numbers[:1], stamp, stamp, values))
+            row, self._pose = _LOST_ROW, None
+        self._pending.append((seq, t_ns, row))
         if not self._clock.is_virtual:
             self._ready.set()

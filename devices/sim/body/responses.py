@@ -16,6 +16,7 @@ from devices.contracts import (
     ClockPair,
     DeviceState,
     Fault,
+    ForeseeableHand,
     Health,
     Sink,
 )
@@ -31,6 +32,7 @@ from lab.schema import SampleBatch, StreamSchema
 DEFAULT_CONTROLS = ("trigger",)
 AWAY = "the simulated response device is away"
 REMEDY = "look at its batteries and its connection"
+NEVER_NS = 2**62
 Press: TypeAlias = tuple[int, str, float]
 """Session time, control, value from 0 to 1."""
 
@@ -59,6 +61,7 @@ class SimulatedResponses:
         self._origin_ns = clock.now_ns()
         self._noise = WireNoise(seed, body)
         self._held: list[Press] = []
+        self._hand = body if isinstance(body, ForeseeableHand) else None
         self.info = SIMULATED_RESPONSES.info(role, None)
 
     @property
@@ -107,6 +110,16 @@ class SimulatedResponses:
         self._meter.update(stamps.tolist(), int(stamps[-1]))
         self._sink(SampleBatch(RESPONSES, seq, stamps, stamps, values))
         return len(rows)
+
+    def due_ns(self) -> int:
+        """Return before when nothing is pressed; 0 where the body cannot tell, or a fault may be.
+
+        See `devices.pump.Foreseeing`.
+        """
+        if self._hand is None or self._faults.faults:
+            return 0
+        press_ns = self._hand.next_press_ns()
+        return NEVER_NS if press_ns is None else press_ns
 
     def stop(self) -> None:
         """Stop delivering."""

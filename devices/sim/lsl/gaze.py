@@ -54,9 +54,15 @@ class LslGazeSimulator(GazePeer):
         epoch_ns: int | None = None,
     ) -> None:
         source = GazeSource(
-            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
-            drift_ppm=drift_ppm, epoch_ns=epoch_ns,
-        )  # fmt: skip
+            body,
+            seed=seed,
+            clock=clock,
+            rate_hz=rate_hz,
+            faults=faults,
+            error=error,
+            drift_ppm=drift_ppm,
+            epoch_ns=epoch_ns,
+        )
         super().__init__(source, seed=seed)
         source.calibrated_fit = body.fit()  # in its own program, before the session
         self.layout = layout
@@ -131,9 +137,12 @@ class LslGazeSimulator(GazePeer):
         """Return the stream's description as liblsl writes it."""
         root = Element("info")
         rows = {
-            "name": f"simulated {self.layout}", "type": "Gaze", "source_id": "sim-gaze",
-            "channel_count": str(self.channel_count()), "nominal_srate": str(self.source.rate_hz),
-        }  # fmt: skip
+            "name": f"simulated {self.layout}",
+            "type": "Gaze",
+            "source_id": "sim-gaze",
+            "channel_count": str(self.channel_count()),
+            "nominal_srate": str(self.source.rate_hz),
+        }
         for tag, text in rows.items():
             SubElement(root, tag).text = text
         root.append(self.desc())

@@ -36,9 +36,14 @@ class LslStreamSimulator(GazePeer):
         drift_ppm: float = 0.0,
     ) -> None:
         source = GazeSource(
-            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, drift_ppm=drift_ppm,
+            body,
+            seed=seed,
+            clock=clock,
+            rate_hz=rate_hz,
+            faults=faults,
+            drift_ppm=drift_ppm,
             epoch_ns=90 * NS_PER_S,
-        )  # fmt: skip
+        )
         super().__init__(source, seed=seed)
         self.channels = tuple(channels)
         self._unit = unit
@@ -63,10 +68,13 @@ class LslStreamSimulator(GazePeer):
         """Return the stream's description as liblsl writes it."""
         root = Element("info")
         for tag, text in {
-            "name": "simulated stream", "type": self._type, "source_id": "sim-stream",
-            "channel_count": str(len(self.channels)), "channel_format": "double64",
+            "name": "simulated stream",
+            "type": self._type,
+            "source_id": "sim-stream",
+            "channel_count": str(len(self.channels)),
+            "channel_format": "double64",
             "nominal_srate": str(self.source.rate_hz),
-        }.items():  # fmt: skip
+        }.items():
             SubElement(root, tag).text = text
         root.append(self.desc())
         return tostring(root)

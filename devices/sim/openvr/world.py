@@ -94,9 +94,13 @@ class SimulatedVrWorld:
             )
         for i, place in enumerate(BASE_STATIONS_M):
             devices.append(
-                SimulatedVrDevice(BASE_STATION, f"LHB-BASE000{i + 1}", "Simulated base station",
-                                  self._base(i, place))
-            )  # fmt: skip
+                SimulatedVrDevice(
+                    BASE_STATION,
+                    f"LHB-BASE000{i + 1}",
+                    "Simulated base station",
+                    self._base(i, place),
+                )
+            )
         for serial, segment in trackers.items():
             devices.append(
                 SimulatedVrDevice(

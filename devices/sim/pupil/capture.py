@@ -13,7 +13,7 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import Body
+from devices.contracts import Body, RecallingBody
 from devices.faults import FaultSchedule, WireFault
 from devices.sim.gaze.calibration import CalibrationJudge
 from devices.sim.gaze.tracker_error import (
@@ -87,6 +87,7 @@ class PupilCoreSimulator:
         self._recording: str | None = None
         self._captures_annotations = False
         self._body = body
+        self._recalls_ns = body.recalls_ns if isinstance(body, RecallingBody) else 0
         self._seed = seed
         self._rate_hz = rate_hz
         self._rate_milli_hz = round(rate_hz * MILLI_HZ)
@@ -122,9 +123,16 @@ class PupilCoreSimulator:
         self._held_ns: list[int] = []
         self._held_as: tuple[int, int] | None = None
 
-    def may_wait(self) -> bool:
-        """Tell whether messages may be read later than they arrive: no fault is to befall them."""
-        return not self._faults.faults
+    def may_wait(self, t_ns: int) -> bool:
+        """Tell whether messages may be read later than they arrive: no fault is to befall them.
+
+        Eyes that can be asked later what they did are asked for many samples at once.
+        """
+        if self._faults.faults:
+            return False
+        if t_ns - self._advanced_ns > self._recalls_ns:
+            self.advance(t_ns)
+        return True
 
     def advance(self, t_ns: int) -> None:
         """Take every sample due up to this session time."""

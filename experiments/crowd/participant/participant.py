@@ -227,6 +227,10 @@ class CrowdParticipant:
         """Yield nothing: the study asks for no button."""
         return iter(())
 
+    def next_press_ns(self) -> int | None:
+        """Return None: nothing is pressed."""
+        return None
+
     # ---- for tests and benchmarks ----
 
     @property

@@ -224,8 +224,14 @@ def walker_pose(
     """Write joints in world, (1, 22, 3) and (1, 22, 4), of a walker in a state (14,)."""
     scale = stature_m / _REFERENCE_M
     x, z, heading, turn, phase, swing, tuck = (
-        state[X], state[Z], state[HEADING], state[TURN], state[PHASE], state[SWING], state[TUCK],
-    )  # fmt: skip
+        state[X],
+        state[Z],
+        state[HEADING],
+        state[TURN],
+        state[PHASE],
+        state[SWING],
+        state[TUCK],
+    )
     stepping = min(state[SPEED] / 0.5, 1.2)
     turns = local[0]
     turns[:] = 0.0

@@ -69,8 +69,10 @@ class Habits:
         for row, phrase in enumerate(self.phrases, 1):
             for part, known in CLASSES.items():
                 if getattr(phrase, part) not in known:
-                    raise DataError(f"phrase {row}: {part} is {getattr(phrase, part)!r}; it is one "
-                                    f"of {', '.join(known)}")  # fmt: skip
+                    raise DataError(
+                        f"phrase {row}: {part} is {getattr(phrase, part)!r}; it is one "
+                        f"of {', '.join(known)}"
+                    )
 
     @cached_property
     def _codes(self) -> dict[str, Vector]:

@@ -72,8 +72,10 @@ def _board() -> tuple[StaticMesh, ...]:
 
 
 def _slats() -> tuple[StaticMesh, ...]:
-    bars = [cylinder((x, 0, -1.0), (x, 2.1, -1.0), 0.035, (120, 120, 124), sides=10)
-            for x in np.arange(-0.55, 0.75, 0.17)]  # fmt: skip
+    bars = [
+        cylinder((x, 0, -1.0), (x, 2.1, -1.0), 0.035, (120, 120, 124), sides=10)
+        for x in np.arange(-0.55, 0.75, 0.17)
+    ]
     return (joined(*bars),)
 
 
@@ -97,63 +99,117 @@ CASES: Final[dict[str, Case]] = {
     case.name: case
     for case in (
         Case(
-            "view_change", "wave with both hands at an observer who stands aside",
-            Wave(hand="both"), 50.0, 3.0,
-            (_cover(("face", "hands"), 0.25),), ("spine", "neck_head", "arms"),
+            "view_change",
+            "wave with both hands at an observer who stands aside",
+            Wave(hand="both"),
+            50.0,
+            3.0,
+            (_cover(("face", "hands"), 0.25),),
+            ("spine", "neck_head", "arms"),
             settings=EVERY_FRAME,
         ),
         Case(
-            "near", "the same observer in front and near: a smaller gesture will do",
-            Wave(hand="both"), 0.0, 1.8,
+            "near",
+            "the same observer in front and near: a smaller gesture will do",
+            Wave(hand="both"),
+            0.0,
+            1.8,
             (FeatureTarget("horizontal_extension", ("arms",), -0.2),),
             ("spine", "neck_head", "arms"),
         ),
         Case(
-            "far", "the observer far away: a wider gesture", Wave(hand="both"), 0.0, 9.0,
+            "far",
+            "the observer far away: a wider gesture",
+            Wave(hand="both"),
+            0.0,
+            9.0,
             (FeatureTarget("horizontal_extension", ("arms",), 0.2),),
             ("spine", "neck_head", "arms"),
         ),
         Case(
-            "show_tablet", "show a tablet to an observer who stands aside", Text(hand="right"),
-            -45.0, 2.2, (_cover(("face",), 0.15), _cover(("held_object",), 0.5)),
-            ("spine", "neck_head", "right_arm"), holds_tablet=True, settings=STILL,
+            "show_tablet",
+            "show a tablet to an observer who stands aside",
+            Text(hand="right"),
+            -45.0,
+            2.2,
+            (_cover(("face",), 0.15), _cover(("held_object",), 0.5)),
+            ("spine", "neck_head", "right_arm"),
+            holds_tablet=True,
+            settings=STILL,
         ),
         Case(
-            "past_board", "wave past a board that hides the hand", Wave(hand="right"), 0.0, 3.2,
-            (_cover(("face", "right_hand"), 0.25),), ("spine", "right_arm"), _board,
+            "past_board",
+            "wave past a board that hides the hand",
+            Wave(hand="right"),
+            0.0,
+            3.2,
+            (_cover(("face", "right_hand"), 0.25),),
+            ("spine", "right_arm"),
+            _board,
             settings=replace(EVERY_FRAME, wide_probe_deg=15.0, smoothness=0.03),
         ),
         Case(
-            "past_slats", "wave past a row of bars", Wave(hand="right"), 0.0, 3.2,
-            (_cover(("face", "right_hand"), 0.2),), ("spine", "neck_head", "right_arm"), _slats,
+            "past_slats",
+            "wave past a row of bars",
+            Wave(hand="right"),
+            0.0,
+            3.2,
+            (_cover(("face", "right_hand"), 0.2),),
+            ("spine", "neck_head", "right_arm"),
+            _slats,
             settings=EVERY_FRAME,
         ),
         Case(
-            "out_of_shade", "wave where a canopy keeps the light from the hand",
-            Wave(hand="right"), 0.0, 3.2,
+            "out_of_shade",
+            "wave where a canopy keeps the light from the hand",
+            Wave(hand="right"),
+            0.0,
+            3.2,
             (_cover(("right_hand", "right_forearm"), 0.4), _cover(("face",), 0.0)),
-            ("spine", "neck_head", "right_arm"), _shade, _shade_lamps,
+            ("spine", "neck_head", "right_arm"),
+            _shade,
+            _shade_lamps,
         ),
         Case(
-            "hide", "hide behind a low wall while the eyes stay visible", Crouch(depth_01=0.45),
-            0.0, 3.0,
+            "hide",
+            "hide behind a low wall while the eyes stay visible",
+            Crouch(depth_01=0.45),
+            0.0,
+            3.0,
             (_cover(("torso", "arms"), -0.4), FeatureTarget("coverage", ("eyes",), 0.0, 0.3)),
-            ("spine_bend", "head_nod", "arms"), _low_wall, settings=STILL,
+            ("spine_bend", "head_nod", "arms"),
+            _low_wall,
+            settings=STILL,
         ),
         Case(
-            "introvert", "talk with smaller gestures", Talk(), 15.0, 2.6,
-            (_cover(("face",), -0.1), FeatureTarget("horizontal_extension", ("arms",), -0.15),
-             FeatureTarget("vertical_extension", ("arms",), -0.1)),
-            ("spine", "neck_head", "arms"), settings=replace(SEARCHED, rest_pull=0.003),
+            "introvert",
+            "talk with smaller gestures",
+            Talk(),
+            15.0,
+            2.6,
+            (
+                _cover(("face",), -0.1),
+                FeatureTarget("horizontal_extension", ("arms",), -0.15),
+                FeatureTarget("vertical_extension", ("arms",), -0.1),
+            ),
+            ("spine", "neck_head", "arms"),
+            settings=replace(SEARCHED, rest_pull=0.003),
         ),
         Case(
-            "extravert", "talk with larger gestures", Talk(), 15.0, 2.6,
-            (_cover(("face",), 0.05), FeatureTarget("horizontal_extension", ("arms",), 0.25),
-             FeatureTarget("vertical_extension", ("arms",), 0.15)),
+            "extravert",
+            "talk with larger gestures",
+            Talk(),
+            15.0,
+            2.6,
+            (
+                _cover(("face",), 0.05),
+                FeatureTarget("horizontal_extension", ("arms",), 0.25),
+                FeatureTarget("vertical_extension", ("arms",), 0.15),
+            ),
             ("spine", "neck_head", "arms"),
         ),
     )
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +272,11 @@ def staged(case: Case, character: Character, *, size_px: int = SIZE_PX) -> Stage
     if case.holds_tablet:
         body = holding(body, tablet(), "right_hand", grip_of_tablet(character, clip))
     view = outlook(
-        looking_at(eye, centre, VIEW_RADIUS_M), size_px, occluders=case.things(),
-        lights=case.lamps(), lit_centre_m=centre, ambient_01=0.08,
-    )  # fmt: skip
+        looking_at(eye, centre, VIEW_RADIUS_M),
+        size_px,
+        occluders=case.things(),
+        lights=case.lamps(),
+        lit_centre_m=centre,
+        ambient_01=0.08,
+    )
     return StagedCase(case, character, clip, body, view, units_named(case.units))

@@ -75,10 +75,15 @@ class WarpedClip:
 
 
 def warp_clip(
-    clip: Clip, body: SeenBody, view: View, targets: tuple[FeatureTarget, ...],
-    units: tuple[WarpingUnit, ...], settings: ControlSettings | None = None,
-    *, progress: Callable[[int, int], None] | None = None,
-) -> WarpedClip:  # fmt: skip
+    clip: Clip,
+    body: SeenBody,
+    view: View,
+    targets: tuple[FeatureTarget, ...],
+    units: tuple[WarpingUnit, ...],
+    settings: ControlSettings | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> WarpedClip:
     """Warp a clip so that an observer perceives the wanted features.
 
     The loop runs `rate_hz` times a second of motion, each time from the offsets found before; a
@@ -107,9 +112,11 @@ def warp_clip(
         situations = _situations(clip, body, view, targets, units, key_s)
         for k, situation in enumerate(situations):
             refuse_observer_inside(
-                body, situation.view.camera.pose.position_m, poses.root_m[k],
+                body,
+                situation.view.camera.pose.position_m,
+                poses.root_m[k],
                 poses.orientation_wxyz[k],
-            )  # fmt: skip
+            )
             outcomes.append(steer(situation, chosen, start_rad=start, pool=pool))
             start = outcomes[-1].omega_rad
             report(k + 1)
@@ -157,7 +164,7 @@ def _key_times(clip: Clip, rate_hz: float) -> Vector:
 
 def _seen_in(
     clip: Clip, warped: Clip, body: SeenBody, view: View, targets: tuple[FeatureTarget, ...]
-) -> tuple[Vector, Vector]:  # fmt: skip
+) -> tuple[Vector, Vector]:
     """Return the features (n, f) of every frame of a clip, before and after."""
     moving = any(t.kind == "motion_coverage" for t in targets)
     values = np.zeros((2, len(clip.root_m), len(targets)))
@@ -172,19 +179,28 @@ def _seen_in(
 
 
 def _situations(
-    clip: Clip, body: SeenBody, view: View, targets: tuple[FeatureTarget, ...],
-    units: tuple[WarpingUnit, ...], key_s: Vector,
-) -> list[Situation]:  # fmt: skip
+    clip: Clip,
+    body: SeenBody,
+    view: View,
+    targets: tuple[FeatureTarget, ...],
+    units: tuple[WarpingUnit, ...],
+    key_s: Vector,
+) -> list[Situation]:
     poses, earlier = clip.at(key_s), clip.at(key_s - clip.frame_s)
     moving = any(t.kind == "motion_coverage" for t in targets)
     return [
         Situation(
-            body, view(float(t)) if callable(view) else view, targets, units,
-            poses.root_m[k], poses.orientation_wxyz[k],
-            earlier.root_m[k] if moving else None, earlier.orientation_wxyz[k] if moving else None,
+            body,
+            view(float(t)) if callable(view) else view,
+            targets,
+            units,
+            poses.root_m[k],
+            poses.orientation_wxyz[k],
+            earlier.root_m[k] if moving else None,
+            earlier.orientation_wxyz[k] if moving else None,
         )
         for k, t in enumerate(key_s)
-    ]  # fmt: skip
+    ]
 
 
 def smoothed(omega: Vector, key_s: Vector, time_s: float, *, looped: bool = False) -> Vector:

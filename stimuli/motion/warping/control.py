@@ -70,10 +70,18 @@ class ControlSettings:
 
     def __post_init__(self) -> None:
         positive = (
-            self.probe_deg, self.damping, self.error_cap, self.step_cap_deg, self.most_steps,
-            self.smooth_s, self.passes, self.smoothness, self.rest_pull, self.rate_hz,
+            self.probe_deg,
+            self.damping,
+            self.error_cap,
+            self.step_cap_deg,
+            self.most_steps,
+            self.smooth_s,
+            self.passes,
+            self.smoothness,
+            self.rest_pull,
+            self.rate_hz,
             self.threads,
-        )  # fmt: skip
+        )
         if not all(np.isfinite(v) and v > 0 for v in positive):
             raise MotionError(f"every parameter of the control loop is above 0; got {self}")
         if not (np.isfinite(self.wide_probe_deg) and self.wide_probe_deg >= 0):
@@ -132,9 +140,11 @@ def warped_turns(
 
 
 def see(
-    situation: Situation, omega_rad: Vector, pool: ThreadPoolExecutor | None = None,
+    situation: Situation,
+    omega_rad: Vector,
+    pool: ThreadPoolExecutor | None = None,
     threads: int = 1,
-) -> Vector:  # fmt: skip
+) -> Vector:
     """Return the features (n, f) of the pose warped by offsets (n, w)."""
     return values_of(situation.targets, *_ids(situation, omega_rad, pool, threads))
 
@@ -170,9 +180,11 @@ def damped_solution(jacobian: Vector, change: Vector, damping: float) -> Vector:
 
 
 def linearised(
-    situation: Situation, omega_rad: Vector, settings: ControlSettings,
+    situation: Situation,
+    omega_rad: Vector,
+    settings: ControlSettings,
     pool: ThreadPoolExecutor | None = None,
-) -> tuple[Vector, Vector]:  # fmt: skip
+) -> tuple[Vector, Vector]:
     """Return features (f,) at offsets (w,) and their derivatives (f, w) per radian.
 
     2 w + 1 renders: central differences over the units.
@@ -186,9 +198,11 @@ def linearised(
 
 
 def _wide_slopes(
-    situation: Situation, omega_rad: Vector, settings: ControlSettings,
+    situation: Situation,
+    omega_rad: Vector,
+    settings: ControlSettings,
     pool: ThreadPoolExecutor | None,
-) -> Vector:  # fmt: skip
+) -> Vector:
     """Return derivatives (f, w) per radian over the wide probe: 2 w renders."""
     probes = _probes(situation, settings.wide_probe_deg) + omega_rad
     seen = fine_values_of(situation.targets, *_ids(situation, probes, pool, settings.threads))
@@ -209,10 +223,15 @@ def _slopes(seen: Vector, probe_deg: float) -> Vector:
 
 
 def control_step(
-    situation: Situation, omega_rad: Vector, wanted: Vector, scale: Vector,
-    settings: ControlSettings, pool: ThreadPoolExecutor | None = None,
-    *, tolerance: Vector | None = None,
-) -> ControlStep:  # fmt: skip
+    situation: Situation,
+    omega_rad: Vector,
+    wanted: Vector,
+    scale: Vector,
+    settings: ControlSettings,
+    pool: ThreadPoolExecutor | None = None,
+    *,
+    tolerance: Vector | None = None,
+) -> ControlStep:
     """Take one step from offsets (w,) towards wanted features (f,): 2 w + 1 renders.
 
     `scale` (f,) turns features into what the loop steers, see `scale_of`. A searched step makes
@@ -240,9 +259,9 @@ def control_step(
         jacobians.append(_wide_slopes(situation, omega_rad, settings, pool))
     asks = [capped(error, settings.error_cap * share) for share in SEARCHED_ERROR]
     choices = [(j, d, a) for j in jacobians for d in SEARCHED_DAMPING for a in asks]
-    tried = np.array([
-        ahead(scale[:, None] * j, a, settings.damping * damping) for j, damping, a in choices
-    ])  # fmt: skip
+    tried = np.array(
+        [ahead(scale[:, None] * j, a, settings.damping * damping) for j, damping, a in choices]
+    )
     left = wanted - see(situation, tried, pool, settings.threads)
     length = np.linalg.norm(scale * left, axis=1)
     if tolerance is not None:
@@ -276,9 +295,12 @@ def is_close(
 
 
 def steer(
-    situation: Situation, settings: ControlSettings, *, start_rad: Vector | None = None,
+    situation: Situation,
+    settings: ControlSettings,
+    *,
+    start_rad: Vector | None = None,
     pool: ThreadPoolExecutor | None = None,
-) -> Outcome:  # fmt: skip
+) -> Outcome:
     """Run the loop on one pose and return the best offsets met.
 
     A body of which nothing is perceived is left as it is: there is nothing to steer by.
@@ -312,9 +334,8 @@ def steer(
             break
         omega = ahead
     return Outcome(
-        best, original, wanted, best_seen, taken,
-        is_within(wanted, original, best_seen, situation),
-    )  # fmt: skip
+        best, original, wanted, best_seen, taken, is_within(wanted, original, best_seen, situation)
+    )
 
 
 def _length(error: Vector, within: bool) -> float:

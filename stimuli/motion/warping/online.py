@@ -10,11 +10,11 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from lab.clock import NS_PER_S, Clock
+from lab.closing import Closing
 from lab.geometry import Vector
 from stimuli.motion.errors import MotionError
 from stimuli.motion.warping.clips import follow
@@ -66,13 +66,19 @@ class _Moment:
     camera: Camera
 
 
-class OnlineWarp:
+class OnlineWarp(Closing):
     """Warp one body for one observer, frame by frame. Use as a context manager, or `close` it."""
 
     def __init__(
-        self, body: SeenBody, targets: tuple[FeatureTarget, ...], units: tuple[WarpingUnit, ...],
-        view_of: ViewOf, *, clock: Clock, settings: ControlSettings | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        body: SeenBody,
+        targets: tuple[FeatureTarget, ...],
+        units: tuple[WarpingUnit, ...],
+        view_of: ViewOf,
+        *,
+        clock: Clock,
+        settings: ControlSettings | None = None,
+    ) -> None:
         if not targets or not units:
             raise MotionError("a warp needs at least one feature and one warping unit")
         self._body, self._targets, self._units = body, targets, units
@@ -135,12 +141,6 @@ class OnlineWarp:
             self._thread = None
         self._pool.shutdown()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def _solve_when_due(self, t_ns: int) -> None:
         if self._due_ns is None or t_ns >= self._due_ns:
             self._due_ns = t_ns + self._period_ns
@@ -168,16 +168,27 @@ class OnlineWarp:
             )
         except MotionError:
             self._state = OnlineState(
-                moment.t_ns, old.omega_rad, old.original, old.wanted, old.seen, False, False,
+                moment.t_ns,
+                old.omega_rad,
+                old.original,
+                old.wanted,
+                old.seen,
+                False,
+                False,
                 old.steps + 1,
-            )  # fmt: skip
+            )
             return
         moving = before is not None and any(t.kind == "motion_coverage" for t in self._targets)
         situation = Situation(
-            self._body, view, self._targets, self._units, moment.root_m, moment.local_wxyz,
+            self._body,
+            view,
+            self._targets,
+            self._units,
+            moment.root_m,
+            moment.local_wxyz,
             before.root_m if moving and before else None,
             before.local_wxyz if moving and before else None,
-        )  # fmt: skip
+        )
         omega = old.omega_rad
         original = see(situation, np.zeros((1, len(omega))))[0]
         wanted = wanted_features(self._targets, original)
@@ -189,6 +200,12 @@ class OnlineWarp:
             )
             seen, ahead = step.seen, step.next_rad
         self._state = OnlineState(
-            moment.t_ns, ahead, original, wanted, seen,
-            is_within(wanted, original, seen, situation), True, old.steps + 1,
-        )  # fmt: skip
+            moment.t_ns,
+            ahead,
+            original,
+            wanted,
+            seen,
+            is_within(wanted, original, seen, situation),
+            True,
+            old.steps + 1,
+        )

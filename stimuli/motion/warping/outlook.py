@@ -67,8 +67,11 @@ def looking_at(eye_m: Vector, centre_m: Vector, radius_m: float, *, aspect: floa
     half = radius_m / float(np.sqrt(distance**2 - radius_m**2))
     return Camera(
         Pose(np.asarray(eye_m, dtype=np.float64), _towards(to_centre / distance)),
-        -half * aspect, half * aspect, -half, half,
-    )  # fmt: skip
+        -half * aspect,
+        half * aspect,
+        -half,
+        half,
+    )
 
 
 def _towards(direction: Vector) -> Vector:
@@ -102,9 +105,18 @@ def depth_of(meshes: Sequence[StaticMesh], eye: Floats, height: int, width: int)
         project_points(points, eye, width, height, screen)
         labels: Bytes = np.full(len(triangles), BOTH_SIDES, dtype=np.uint8)
         draw(
-            points, screen, triangles, labels, ids, nearness, 0.0, NO_LAMPS, nothing,
-            np.zeros((0, EYE)), 0.0,
-        )  # fmt: skip
+            points,
+            screen,
+            triangles,
+            labels,
+            ids,
+            nearness,
+            0.0,
+            NO_LAMPS,
+            nothing,
+            np.zeros((0, EYE)),
+            0.0,
+        )
     return nearness
 
 
@@ -140,11 +152,16 @@ def _cut_at_eye(mesh: StaticMesh, eye: Floats) -> tuple[Floats, Ints]:
 
 
 def outlook(
-    camera: Camera, size_px: int | tuple[int, int] = 128, *,
-    occluders: Sequence[StaticMesh] = (), lights: Sequence[Light] = (), ambient_01: float = 0.0,
-    lit_centre_m: Vector | None = None, lit_radius_m: float = 1.2,
+    camera: Camera,
+    size_px: int | tuple[int, int] = 128,
+    *,
+    occluders: Sequence[StaticMesh] = (),
+    lights: Sequence[Light] = (),
+    ambient_01: float = 0.0,
+    lit_centre_m: Vector | None = None,
+    lit_radius_m: float = 1.2,
     least_light_01: float = MIN_LIGHT_01,
-) -> Outlook:  # fmt: skip
+) -> Outlook:
     """Pack a view; shadows of the occluders are kept for the ball where the body is.
 
     `lit_centre_m` (3,) is needed with lights. Raises MotionError when it is missing or the size
@@ -176,18 +193,28 @@ def outlook(
 
 
 def outlook_in(
-    room: Room, camera: Camera, size_px: int | tuple[int, int] = 128, *, lit_centre_m: Vector,
-    lit_radius_m: float = 1.2, more: Sequence[StaticMesh] = (),
+    room: Room,
+    camera: Camera,
+    size_px: int | tuple[int, int] = 128,
+    *,
+    lit_centre_m: Vector,
+    lit_radius_m: float = 1.2,
+    more: Sequence[StaticMesh] = (),
     least_light_01: float = MIN_LIGHT_01,
-) -> Outlook:  # fmt: skip
+) -> Outlook:
     """Pack a view into a room: its props hide and shade, its lamps and ambient light it."""
     props = [p.mesh for p in room.props]
     shading = [p.mesh for p in room.props if p.casts_shadow]
     packed = outlook(
-        camera, size_px, occluders=[*shading, *more], lights=room.lights,
-        ambient_01=float((room.sky.mean() + room.ground.mean()) / 2), lit_centre_m=lit_centre_m,
-        lit_radius_m=lit_radius_m, least_light_01=least_light_01,
-    )  # fmt: skip
+        camera,
+        size_px,
+        occluders=[*shading, *more],
+        lights=room.lights,
+        ambient_01=float((room.sky.mean() + room.ground.mean()) / 2),
+        lit_centre_m=lit_centre_m,
+        lit_radius_m=lit_radius_m,
+        least_light_01=least_light_01,
+    )
     return seen_from(packed, camera, [*props, *more])
 
 

@@ -68,9 +68,12 @@ class SeenBody:
             vertex = np.any(joints[self.joints] & (self.weights > 0), axis=1)
             triangle = vertex[self.triangles].any(axis=1)
             known = Moving(
-                np.flatnonzero(vertex), self.triangles[triangle], self.labels[triangle],
-                self.triangles[~triangle], self.labels[~triangle],
-            )  # fmt: skip
+                np.flatnonzero(vertex),
+                self.triangles[triangle],
+                self.labels[triangle],
+                self.triangles[~triangle],
+                self.labels[~triangle],
+            )
             if len(self._known) >= MAX_KNOWN:
                 self._known.clear()
             self._known[key] = known
@@ -152,9 +155,14 @@ def matrices_of(skeleton: Skeleton, root_m: Vector, local_wxyz: Vector) -> Float
 
 
 def perceived(
-    body: SeenBody, view: Outlook, root_m: Vector, local_wxyz: Vector,
-    *, pool: ThreadPoolExecutor | None = None, threads: int = 1,
-) -> Bytes:  # fmt: skip
+    body: SeenBody,
+    view: Outlook,
+    root_m: Vector,
+    local_wxyz: Vector,
+    *,
+    pool: ThreadPoolExecutor | None = None,
+    threads: int = 1,
+) -> Bytes:
     """Return the perceived part (n, h, w) at every pixel for poses root (n, 3), turns (n, 55, 4).
 
     0 is nothing, an occluder, or a part in the dark. With a pool the poses are shared among
@@ -170,11 +178,26 @@ def perceived(
     def work(share: Sequence[tuple[Moving, npt.NDArray[np.int64]]]) -> None:
         for moving, rows in share:
             perceive(
-                body.rest, body.joints, body.weights, moving.still_triangles, moving.still_labels,
-                moving.vertices, moving.triangles, moving.labels, matrices[0], matrices, rows,
-                view.eye, view.behind, view.ambient, view.lamps, view.maps, view.map_eyes,
-                view.least_light, ids,
-            )  # fmt: skip
+                body.rest,
+                body.joints,
+                body.weights,
+                moving.still_triangles,
+                moving.still_labels,
+                moving.vertices,
+                moving.triangles,
+                moving.labels,
+                matrices[0],
+                matrices,
+                rows,
+                view.eye,
+                view.behind,
+                view.ambient,
+                view.lamps,
+                view.maps,
+                view.map_eyes,
+                view.least_light,
+                ids,
+            )
 
     if pool is None or threads < 2 or len(matrices) < threads:
         work(alike)
@@ -184,9 +207,7 @@ def perceived(
     return ids
 
 
-def _poses_alike(
-    body: SeenBody, matrices: Floats
-) -> list[tuple[Moving, npt.NDArray[np.int64]]]:  # fmt: skip
+def _poses_alike(body: SeenBody, matrices: Floats) -> list[tuple[Moving, npt.NDArray[np.int64]]]:
     """Sort poses by which joints stand elsewhere than in the first one."""
     differs = (matrices != matrices[0]).any(axis=(2, 3))
     rows_of: dict[bytes, list[int]] = {}

@@ -28,9 +28,13 @@ LAMP: Final = 9
 
 @compiled
 def skin_some(
-    which: npt.NDArray[np.int64], rest: Floats, joints: Bytes, weights: Floats, matrices: Floats,
+    which: npt.NDArray[np.int64],
+    rest: Floats,
+    joints: Bytes,
+    weights: Floats,
+    matrices: Floats,
     out: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Place some of the rest vertices (v, 3) as `skin_points` places all."""
     for n in range(which.shape[0]):
         i = which[n]
@@ -49,9 +53,13 @@ def skin_some(
 
 @compiled
 def project_some(
-    which: npt.NDArray[np.int64], points: Floats, eye: Floats, width: int, height: int,
+    which: npt.NDArray[np.int64],
+    points: Floats,
+    eye: Floats,
+    width: int,
+    height: int,
     screen: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Project some of the points (v, 3) to screen (v, 3): column, row, inverse depth.
 
     The inverse depth is 0 nearer than `NEAR_M` and behind the eye.
@@ -87,10 +95,20 @@ def project_points(points: Floats, eye: Floats, width: int, height: int, screen:
 
 @compiled
 def _illumination(
-    ax: float, ay: float, az: float, bx: float, by: float, bz: float,
-    cx: float, cy: float, cz: float, ambient: float, lamps: Floats, maps: Floats,
+    ax: float,
+    ay: float,
+    az: float,
+    bx: float,
+    by: float,
+    bz: float,
+    cx: float,
+    cy: float,
+    cz: float,
+    ambient: float,
+    lamps: Floats,
+    maps: Floats,
     map_eyes: Floats,
-) -> float:  # fmt: skip
+) -> float:
     """Return the luminance a white surface in this triangle's place would have."""
     ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -128,10 +146,18 @@ def _illumination(
 
 @compiled
 def draw(
-    points: Floats, screen: Floats, triangles: Ints, labels: Bytes,
-    ids: Bytes, nearness: Floats, ambient: float, lamps: Floats, maps: Floats, map_eyes: Floats,
+    points: Floats,
+    screen: Floats,
+    triangles: Ints,
+    labels: Bytes,
+    ids: Bytes,
+    nearness: Floats,
+    ambient: float,
+    lamps: Floats,
+    maps: Floats,
+    map_eyes: Floats,
     least_light: float,
-) -> None:  # fmt: skip
+) -> None:
     """Draw triangles (t, 3) with `labels` (t,) over what `ids` and `nearness` (h, w) hold.
 
     A triangle in less light than `least_light` hides what is behind it and counts as nobody (0).
@@ -181,11 +207,20 @@ def draw(
                     lit = 1
                     if lamps.shape[0] > 0 and label > 0:
                         light = _illumination(
-                            points[ia, 0], points[ia, 1], points[ia, 2],
-                            points[ib, 0], points[ib, 1], points[ib, 2],
-                            points[ic, 0], points[ic, 1], points[ic, 2],
-                            ambient, lamps, maps, map_eyes,
-                        )  # fmt: skip
+                            points[ia, 0],
+                            points[ia, 1],
+                            points[ia, 2],
+                            points[ib, 0],
+                            points[ib, 1],
+                            points[ib, 2],
+                            points[ic, 0],
+                            points[ic, 1],
+                            points[ic, 2],
+                            ambient,
+                            lamps,
+                            maps,
+                            map_eyes,
+                        )
                         lit = 1 if light >= least_light else 0
                 seen = label if lit == 1 else np.uint8(0)
                 if near > nearness[r, c] or seen > ids[r, c]:
@@ -195,13 +230,26 @@ def draw(
 
 @compiled
 def perceive(
-    rest: Floats, joints: Bytes, weights: Floats,
-    still_triangles: Ints, still_labels: Bytes, moved: npt.NDArray[np.int64],
-    moved_triangles: Ints, moved_labels: Bytes,
-    first: Floats, matrices: Floats, rows: npt.NDArray[np.int64],
-    eye: Floats, behind: Floats, ambient: float, lamps: Floats, maps: Floats,
-    map_eyes: Floats, least_light: float, ids: Bytes,
-) -> None:  # fmt: skip
+    rest: Floats,
+    joints: Bytes,
+    weights: Floats,
+    still_triangles: Ints,
+    still_labels: Bytes,
+    moved: npt.NDArray[np.int64],
+    moved_triangles: Ints,
+    moved_labels: Bytes,
+    first: Floats,
+    matrices: Floats,
+    rows: npt.NDArray[np.int64],
+    eye: Floats,
+    behind: Floats,
+    ambient: float,
+    lamps: Floats,
+    maps: Floats,
+    map_eyes: Floats,
+    least_light: float,
+    ids: Bytes,
+) -> None:
     """Fill some rows of ids (n, h, w) with the perceived parts of a body in poses (n, j, 3, 4).
 
     All these poses differ from the pose `first` (j, 3, 4) in vertices `moved` only, so the other
@@ -214,9 +262,18 @@ def perceive(
     still_ids = np.zeros((height, width), dtype=np.uint8)
     still_near = behind.copy()
     draw(
-        points, screen, still_triangles, still_labels, still_ids, still_near, ambient,
-        lamps, maps, map_eyes, least_light,
-    )  # fmt: skip
+        points,
+        screen,
+        still_triangles,
+        still_labels,
+        still_ids,
+        still_near,
+        ambient,
+        lamps,
+        maps,
+        map_eyes,
+        least_light,
+    )
     nearness = np.empty_like(behind)
     for k in rows:
         skin_some(moved, rest, joints, weights, matrices[k], points)
@@ -224,9 +281,18 @@ def perceive(
         nearness[:] = still_near
         ids[k][:] = still_ids
         draw(
-            points, screen, moved_triangles, moved_labels, ids[k], nearness, ambient,
-            lamps, maps, map_eyes, least_light,
-        )  # fmt: skip
+            points,
+            screen,
+            moved_triangles,
+            moved_labels,
+            ids[k],
+            nearness,
+            ambient,
+            lamps,
+            maps,
+            map_eyes,
+            least_light,
+        )
 
 
 @compiled
@@ -288,9 +354,7 @@ def fine_extension(
 
 
 @compiled
-def changed(
-    ids: Bytes, before: Bytes, wanted: npt.NDArray[np.bool_], out: Floats
-) -> None:  # fmt: skip
+def changed(ids: Bytes, before: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
     """Measure the share of pixels that changed since `before` (n, h, w) and bear a wanted part
     before or after: masks (f, 256), ids (n, h, w), out (n, f).
     """
@@ -308,9 +372,13 @@ def changed(
 
 @compiled
 def joint_matrices(
-    parents: npt.NDArray[np.int64], offsets: Vector, rest: Vector, roots: Vector, local: Vector,
+    parents: npt.NDArray[np.int64],
+    offsets: Vector,
+    rest: Vector,
+    roots: Vector,
+    local: Vector,
     out: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Chain turns (n, j, 4) from roots (n, 3) into matrices (n, j, 3, 4) that move rest points."""
     position, world = np.empty((len(parents), 3)), np.empty((len(parents), 4))
     for r in range(local.shape[0]):
@@ -324,8 +392,10 @@ def joint_matrices(
                 aw, ax, ay, az = world[p, 0], world[p, 1], world[p, 2], world[p, 3]
                 vx, vy, vz = offsets[j, 0], offsets[j, 1], offsets[j, 2]
                 tx, ty, tz = (
-                    2 * (ay * vz - az * vy), 2 * (az * vx - ax * vz), 2 * (ax * vy - ay * vx),
-                )  # fmt: skip
+                    2 * (ay * vz - az * vy),
+                    2 * (az * vx - ax * vz),
+                    2 * (ax * vy - ay * vx),
+                )
                 position[j, 0] = position[p, 0] + vx + aw * tx + ay * tz - az * ty
                 position[j, 1] = position[p, 1] + vy + aw * ty + az * tx - ax * tz
                 position[j, 2] = position[p, 2] + vz + aw * tz + ax * ty - ay * tx
@@ -336,14 +406,20 @@ def joint_matrices(
             world[j, 0], world[j, 1], world[j, 2], world[j, 3] = w, x, y, z
             m = out[r, j]
             m[0, 0], m[0, 1], m[0, 2] = (
-                1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-            )  # fmt: skip
+                1 - 2 * (y * y + z * z),
+                2 * (x * y - w * z),
+                2 * (x * z + w * y),
+            )
             m[1, 0], m[1, 1], m[1, 2] = (
-                2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-            )  # fmt: skip
+                2 * (x * y + w * z),
+                1 - 2 * (x * x + z * z),
+                2 * (y * z - w * x),
+            )
             m[2, 0], m[2, 1], m[2, 2] = (
-                2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-            )  # fmt: skip
+                2 * (x * z - w * y),
+                2 * (y * z + w * x),
+                1 - 2 * (x * x + y * y),
+            )
             for a in range(3):
                 m[a, 3] = position[j, a] - (
                     m[a, 0] * rest[j, 0] + m[a, 1] * rest[j, 1] + m[a, 2] * rest[j, 2]

@@ -172,9 +172,13 @@ class WaveWatcher:
     """
 
     def __init__(
-        self, skeleton: Skeleton, *, rule: WaveRule | None = None, window_s: float = 1.5,
+        self,
+        skeleton: Skeleton,
+        *,
+        rule: WaveRule | None = None,
+        window_s: float = 1.5,
         rest_s: float = 3.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._skeleton, self._rule = skeleton, rule or WaveRule()
         self._window_ns, self._rest_ns = round(window_s * NS_PER_S), round(rest_s * NS_PER_S)
         self._rows: deque[tuple[int, Vector, Vector, Vector, bool, bool, tuple[bool, bool]]] = (
@@ -183,9 +187,16 @@ class WaveWatcher:
         self._told_ns: int | None = None
 
     def observe(
-        self, t_ns: int, root_m: Vector, local_wxyz: Vector, eye_m: Vector,
-        *, face: bool = True, trunk: bool = True, hands: tuple[bool, bool] = (True, True),
-    ) -> Judgement | None:  # fmt: skip
+        self,
+        t_ns: int,
+        root_m: Vector,
+        local_wxyz: Vector,
+        eye_m: Vector,
+        *,
+        face: bool = True,
+        trunk: bool = True,
+        hands: tuple[bool, bool] = (True, True),
+    ) -> Judgement | None:
         """Take in a frame; `looked_at` says what of them can be seen.
 
         Returns a judgement over the window, None until it is half full.
@@ -197,9 +208,14 @@ class WaveWatcher:
             return None
         t, root, turns, eye, faces, trunks, both = zip(*self._rows, strict=True)
         seen = SeenMotion(
-            (np.array(t) - t[0]) / NS_PER_S, np.array(root), np.array(turns), np.array(eye),
-            np.array(faces), np.array(trunks), np.array(both),
-        )  # fmt: skip
+            (np.array(t) - t[0]) / NS_PER_S,
+            np.array(root),
+            np.array(turns),
+            np.array(eye),
+            np.array(faces),
+            np.array(trunks),
+            np.array(both),
+        )
         return judged(wave_cues(self._skeleton, seen), self._rule)
 
     def reacts(self, t_ns: int, judgement: Judgement | None) -> bool:

@@ -38,10 +38,16 @@ class Trajectory:
 
 
 def corrected(
-    situations: Sequence[Situation], outcomes: Sequence[Outcome], omega_rad: Vector, step_s: float,
-    settings: ControlSettings, *, looped: bool = False, pool: ThreadPoolExecutor | None = None,
+    situations: Sequence[Situation],
+    outcomes: Sequence[Outcome],
+    omega_rad: Vector,
+    step_s: float,
+    settings: ControlSettings,
+    *,
+    looped: bool = False,
+    pool: ThreadPoolExecutor | None = None,
     progress: Callable[[], None] | None = None,
-) -> Trajectory:  # fmt: skip
+) -> Trajectory:
     """Correct smooth offsets (k, w) until the features come to their goals, and stay smooth.
 
     The goal of a pose that could not reach its target alone is the best it reached. Returns the
@@ -56,10 +62,11 @@ def corrected(
     for n in range(settings.passes + 1):
         last = n == settings.passes
         looks = [
-            (see(s, w[None])[0], np.zeros((len(s.targets), len(w)))) if last
+            (see(s, w[None])[0], np.zeros((len(s.targets), len(w))))
+            if last
             else linearised(s, w, settings, pool)
             for s, w in zip(situations, omega, strict=True)
-        ]  # fmt: skip
+        ]
         seen, jacobians = np.array([a for a, _ in looks]), np.array([b for _, b in looks])
         left = scales * (goals - seen)
         cost = float((left**2).sum() + settings.smoothness**2 * ((bend @ omega) ** 2).sum())
@@ -90,9 +97,12 @@ def _bending(n: int, step_s: float, time_s: float, *, looped: bool) -> sparse.cs
 
 
 def _solved(
-    jacobians: Vector, asked: Vector, omega: Vector, bend: sparse.csr_array,
+    jacobians: Vector,
+    asked: Vector,
+    omega: Vector,
+    bend: sparse.csr_array,
     settings: ControlSettings,
-) -> Vector:  # fmt: skip
+) -> Vector:
     """Return the change (k, w) that minimises errors, bending and distance from the original."""
     keys, _, units = jacobians.shape
     stiff = settings.smoothness**2 * (bend.T @ bend)

@@ -74,9 +74,17 @@ def _held(q: Quat, low: Vector, high: Vector, bone: int, is_right: bool) -> Quat
 
 @compiled
 def turn_joints(
-    local: Vector, omega: Vector, joints: Index, turning: Vector, low: Vector, high: Vector,
-    bone: Index, right: npt.NDArray[np.bool_], held: bool, out: Vector,
-) -> None:  # fmt: skip
+    local: Vector,
+    omega: Vector,
+    joints: Index,
+    turning: Vector,
+    low: Vector,
+    high: Vector,
+    bone: Index,
+    right: npt.NDArray[np.bool_],
+    held: bool,
+    out: Vector,
+) -> None:
     """Turn joints (m,) of a pose (j, 4) by n rows of offsets (n, w) into out (n, j, 4).
 
     `turning` (w, m, 3) is the rotation vector per radian of an offset, `low` and `high` (m, 3)

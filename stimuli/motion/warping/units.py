@@ -114,15 +114,23 @@ def _handles(
     canonical = canonical_skeleton().names
     known = np.array([canonical.index(skeleton_names[j]) for j in joints], dtype=np.int64)
     return (
-        joints, np.ascontiguousarray(turning[:, joints]), LOWER_DEG[known], UPPER_DEG[known],
-        BONE_AXIS[known], IS_RIGHT[known],
-    )  # fmt: skip
+        joints,
+        np.ascontiguousarray(turning[:, joints]),
+        LOWER_DEG[known],
+        UPPER_DEG[known],
+        BONE_AXIS[known],
+        IS_RIGHT[known],
+    )
 
 
 def turned_by(
-    skeleton: Skeleton, units: tuple[WarpingUnit, ...], local_wxyz: Vector, omega_rad: Vector,
-    *, held: bool = False,
-) -> Vector:  # fmt: skip
+    skeleton: Skeleton,
+    units: tuple[WarpingUnit, ...],
+    local_wxyz: Vector,
+    omega_rad: Vector,
+    *,
+    held: bool = False,
+) -> Vector:
     """Add offsets (n, w) or (w,) in radians to turns (55, 4); offsets of 0 change no bit.
 
     Several units on one joint add as rotation vectors, so their order does not matter. `held`
@@ -133,7 +141,15 @@ def turned_by(
     warped = np.empty((len(offsets), *local_wxyz.shape))
     warped[:] = local_wxyz
     turn_joints(
-        np.ascontiguousarray(local_wxyz), offsets, joints, turning, low, high, bone, right, held,
+        np.ascontiguousarray(local_wxyz),
+        offsets,
+        joints,
+        turning,
+        low,
+        high,
+        bone,
+        right,
+        held,
         warped,
-    )  # fmt: skip
+    )
     return warped.reshape(*omega_rad.shape[:-1], *local_wxyz.shape)

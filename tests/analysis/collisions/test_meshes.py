@@ -72,8 +72,9 @@ def test_large_hole_is_refused_with_its_place() -> None:
 def test_moebius_band_is_refused() -> None:
     n = 20
     turn = 2 * np.pi * np.arange(n) / n
-    side = np.stack([np.cos(turn / 2) * np.cos(turn), np.cos(turn / 2) * np.sin(turn),
-                     np.sin(turn / 2)], 1)  # fmt: skip
+    side = np.stack(
+        [np.cos(turn / 2) * np.cos(turn), np.cos(turn / 2) * np.sin(turn), np.sin(turn / 2)], 1
+    )
     middle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1)
     vertices = np.concatenate([middle - 0.2 * side, middle + 0.2 * side])
     here = np.arange(n)

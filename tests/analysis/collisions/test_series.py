@@ -23,8 +23,11 @@ def found(*volumes: float, **options: object):
 def test_run_lasts_from_its_first_to_its_last_step() -> None:
     (one,) = found(0, 2e-6, 5e-6, 3e-6, 0)
     assert (STEP_NS, 3 * STEP_NS, 3, 2 * STEP_NS) == (
-        one.start_ns, one.end_ns, one.n_steps, one.peak_ns,
-    )  # fmt: skip
+        one.start_ns,
+        one.end_ns,
+        one.n_steps,
+        one.peak_ns,
+    )
     assert one.max_volume_m3 == 5e-6
     assert one.duration_s == pytest.approx(0.02)
     assert one.counted

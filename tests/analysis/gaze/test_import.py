@@ -238,10 +238,17 @@ def test_case_33_bids_keeps_every_ns_and_nan(
 ):
     eye = eye_samples(direction, valid=valid, pupil_mm=extra, confidence_01=extra[::-1])
     wrote = GazeRecording(
-        "sub-01_task-crowd_run-1", t_ns, space, left=eye, combined=eye_samples(-direction),
-        t_device_ns=t_ns[::-1], head_position_m=direction, rate_hz=120.0,
-        head_orientation_wxyz=np.column_stack([extra, direction]), notes={"a": "b"},
-    )  # fmt: skip
+        "sub-01_task-crowd_run-1",
+        t_ns,
+        space,
+        left=eye,
+        combined=eye_samples(-direction),
+        t_device_ns=t_ns[::-1],
+        head_position_m=direction,
+        rate_hz=120.0,
+        head_orientation_wxyz=np.column_stack([extra, direction]),
+        notes={"a": "b"},
+    )
     root = tmp_path_factory.mktemp("bids")
     paths = write_bids(wrote, root, subject="01", task="crowd")
     assert 2 == len(paths)

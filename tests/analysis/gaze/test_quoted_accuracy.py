@@ -40,6 +40,15 @@ def test_the_page_says_which_preset_the_second_view_of_a_study_uses() -> None:
     assert f"`{used}`" in item
 
 
+def test_the_second_view_counts_fixations_by_a_preset_that_people_agree_with() -> None:
+    """It was one that found two thirds of the fixations that people labelled."""
+    used = next(n for n, value in PRESETS.items() if value == DEFAULT_MEASURE_PARAMETERS.ivt)
+    rows = re.findall(rf"^\| `{used}` \|(.*)\|$", PAGE, re.MULTILINE)
+    quoted = re.findall(r"(\.\d{3}) \(([\d.]+)\)", " ".join(rows))
+    assert FIGURES == len(quoted)
+    assert all(float(f1) > 0.8 and 0.85 < float(found) < 1.15 for f1, found in quoted)
+
+
 def test_one_command_prints_every_detector_on_the_sets_of_a_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -63,8 +63,10 @@ def test_nothing_of_a_report_is_cut_off(width: int, browser: Any, tmp_path: Path
 
 
 def test_a_list_of_words_is_read_on_a_phone_without_moving_it(browser: Any, tmp_path: Path) -> None:
-    rows = (("Calibration: procedure, points, acceptance", "own procedure, then validation " * 4),
-            ("Recordings: SHA-256 of all together", "f" * 64))  # fmt: skip
+    rows = (
+        ("Calibration: procedure, points, acceptance", "own procedure, then validation " * 4),
+        ("Recordings: SHA-256 of all together", "f" * 64),
+    )
     table = Table((Column("Item"), Column("This study")), rows, "Reporting list")
     made = Page("A study", "?", Facts(()), False, (Section("one", "One", (table,)),))
     page = browser.new_page(viewport={"width": 390, "height": 800})

@@ -12,10 +12,18 @@ from recording.provenance import Provenance
 
 def session(began_iso: str, *, is_simulated: bool = True) -> Manifest:
     return Manifest(
-        study="duel", participant="S01B", session=1, is_simulated=is_simulated,
-        plan={"study_version": "1"}, seed=1, configuration={}, devices=(), consent_version="",
-        created_wall_iso=began_iso, provenance=Provenance("3.11", {}, "abc"),
-    )  # fmt: skip
+        study="duel",
+        participant="S01B",
+        session=1,
+        is_simulated=is_simulated,
+        plan={"study_version": "1"},
+        seed=1,
+        configuration={},
+        devices=(),
+        consent_version="",
+        created_wall_iso=began_iso,
+        provenance=Provenance("3.11", {}, "abc"),
+    )
 
 
 @pytest.mark.parametrize(

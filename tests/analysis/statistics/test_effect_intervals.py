@@ -157,8 +157,13 @@ def test_two_items_have_the_odds_of_their_counts_also_turned_round() -> None:
 
 def test_groups_of_choosers_have_the_ratio_of_their_odds() -> None:
     vote = np.repeat([1.0, -1.0, 1.0, -1.0], [16, 9, 10, 15])
-    frame = {"who": [f"S{i}" for i in range(50)], "first": ["u"] * 50, "second": ["v"] * 50,
-             "y": vote, "g": ["a"] * 25 + ["b"] * 25}  # fmt: skip
+    frame = {
+        "who": [f"S{i}" for i in range(50)],
+        "first": ["u"] * 50,
+        "second": ["v"] * 50,
+        "y": vote,
+        "g": ["a"] * 25 + ["b"] * 25,
+    }
     made = bradley_terry(frame, "y", first="first", second="second", subject="who", between="g")
     reach = stats.t.ppf(0.975, 48) * np.sqrt((1 / 16 + 1 / 9 + 1 / 10 + 1 / 15) * 50 / 48)
     expected = 16 / 9 * 15 / 10 * np.exp([0, -reach, reach])

@@ -82,9 +82,12 @@ def test_a_statistic_that_no_single_value_moves_has_no_accelerated_interval() ->
 
 def test_percentile_bootstrap_takes_any_statistic() -> None:
     result = statistics.bootstrap_interval(
-        [1.0, 2.0, 3.0, 4.0, 9.0], np.random.default_rng(1), statistic=np.median,
-        method="percentile", n_replicates=500,
-    )  # fmt: skip
+        [1.0, 2.0, 3.0, 4.0, 9.0],
+        np.random.default_rng(1),
+        statistic=np.median,
+        method="percentile",
+        n_replicates=500,
+    )
     assert 3.0 == result.estimate
     assert result.interval.low >= 1.0
     assert result.interval.high <= 9.0

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
+from statsmodels.stats.multitest import multipletests
 
 from analysis.statistics import describe, rm_anova
 from analysis.statistics_report import Question, answer
@@ -133,6 +135,64 @@ def test_cells_are_those_of_the_people_tested(test: str) -> None:
     assert any("left out: subject 4" in note for note in outcome.notes)
 
 
+@pytest.mark.parametrize("test", ["rm", "art", "friedman", "conditions", "t", "wilcoxon"])
+def test_whom_listwise_leaves_out_changes_no_number_figure_or_sentence(test: str) -> None:
+    frame = people()
+    outlier = frame["s"] == 4
+    frame.loc[outlier, "y"] += 100
+    holed = frame[~(outlier & (frame["A"] == "mid"))]
+    question = Question(test, dv="y", within=("A",), subject="s", always_posthoc=True)
+    expected = answer(frame[~outlier], question)
+    found = answer(holed, replace(question, missing="listwise"))
+    told_apart = {"dropped", "notes"}  # who was left out stands there
+    for known, row in zip(
+        (*expected.rows, *expected.contrasts), (*found.rows, *found.contrasts), strict=True
+    ):
+        assert {k: v for k, v in known.items() if k not in told_apart} == {
+            k: v for k, v in row.items() if k not in told_apart
+        }
+    assert expected.sentences + expected.contrast_sentences == (
+        found.sentences + found.contrast_sentences
+    )
+    assert expected.path == found.path
+    assert 1 <= len(expected.samples) == len(found.samples)
+    for drawn, kept in zip(found.samples, expected.samples, strict=True):
+        assert {k: v.tolist() for k, v in kept.conditions.items()} == {
+            k: v.tolist() for k, v in drawn.conditions.items()
+        }
+    assert found.data is not None
+    assert sorted({*range(12)} - {4}) == sorted({int(s) for s in found.data["s"]})
+
+
+@pytest.mark.parametrize("groups_differ", [True, False])
+def test_kruskal_wallis_goes_on_to_dunns_pairs_where_it_should(groups_differ: bool) -> None:
+    """By hand from mean ranks of tied values; adjusted by Holm."""
+    groups = {"a": [1.0, 2, 2, 3, 4], "b": [2.0, 3, 3, 4, 5, 6], "c": [5.0, 6, 6, 7, 8, 8, 9]}
+    if not groups_differ:
+        groups["c"] = [1.0, 2, 3, 4, 5, 3, 2]
+    frame = pd.DataFrame([(g, y) for g, ys in groups.items() for y in ys], columns=["g", "y"])
+    question = Question("kruskal", dv="y", between=("g",))
+    outcome = answer(frame, question)
+    assert groups_differ == (outcome.p() < 0.05)
+    if not groups_differ:
+        assert () == outcome.contrasts
+        outcome = answer(frame, replace(question, always_posthoc=True))
+    rank = frame["y"].rank()
+    n = len(frame)
+    ties = sum(k**3 - k for k in frame["y"].value_counts())
+    spread = n * (n + 1) / 12 - ties / (12 * (n - 1))
+    mean, size = rank.groupby(frame["g"]).mean(), frame.groupby("g").size()
+    pairs = [("a", "b"), ("a", "c"), ("b", "c")]
+    z = [(mean[a] - mean[b]) / np.sqrt(spread * (1 / size[a] + 1 / size[b])) for a, b in pairs]
+    p = 2 * stats.norm.sf(np.abs(z))
+    assert pairs == [(c["level_1"], c["level_2"]) for c in outcome.contrasts]
+    assert list(z) == pytest.approx([c["z"] for c in outcome.contrasts])
+    assert multipletests(p, method="holm")[1].tolist() == pytest.approx(
+        [c["p_adjusted"] for c in outcome.contrasts]
+    )
+    assert 3 == sum("(Holm)" in said for said in outcome.contrast_sentences)
+
+
 def test_a_verdict_that_hangs_on_people_with_missing_cells_is_told() -> None:
     """Person 0 alone makes the effect; without one of its cells listwise leaves it out."""
     rng = np.random.default_rng(1)
@@ -203,6 +263,14 @@ def test_groups_whose_changes_spread_unequally_bring_a_warning_about_pooling_the
     told = [n for n in answer(frame, question).notes if "differences between conditions" in n]
     assert 1 == len(told)
     assert "in a group of 6 and" in told[0]
+
+
+def test_aligned_ranks_are_corrected_for_sphericity_unless_asked_otherwise() -> None:
+    question = Question("art", dv="y", within=("A",), subject="s")
+    corrected = answer(people(), question)
+    assert "Greenhouse-Geisser" == corrected.row()["sphericity_correction"]
+    assert corrected.row()["p_gg"] == corrected.p() > corrected.row()["p"]
+    assert corrected.row()["p"] == answer(people(), replace(question, correction="none")).p()
 
 
 def test_options_of_another_test_are_refused_and_not_passed_over() -> None:

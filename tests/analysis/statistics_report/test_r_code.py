@@ -13,8 +13,9 @@ import pandas as pd
 import pytest
 
 from analysis.statistics.gee import gee
-from analysis.statistics_report import TESTS, Outcome, Question, answer, write_outcome
+from analysis.statistics_report import TESTS, Outcome, Question, answer
 from analysis.statistics_report.r_code import r_code
+from analysis.statistics_report.written import write_outcome
 
 ONE = {"within": ("b",), "subject": "who"}
 TWO = {"within": ("a", "b"), "subject": "who"}
@@ -65,8 +66,12 @@ QUESTIONS: dict[str, dict[str, Any]] = {
 @cache
 def people() -> pd.DataFrame:
     rng = np.random.default_rng(7)
-    rows = [(f"P{p}", a, b, "old" if p % 5 < 2 else "young") for p in range(14)
-            for a in ("near 'x'", 'far "y"') for b in ("low", "mid", "high")]  # fmt: skip
+    rows = [
+        (f"P{p}", a, b, "old" if p % 5 < 2 else "young")
+        for p in range(14)
+        for a in ("near 'x'", 'far "y"')
+        for b in ("low", "mid", "high")
+    ]
     frame = pd.DataFrame(rows, columns=["who", "a", "b", "g"])
     own = pd.Series(rng.normal(0, 2, size=14), [f"P{p}" for p in range(14)])
     slopes = {key: rng.normal(0, 0.8) for key in zip(frame["who"], frame["b"], strict=True)}

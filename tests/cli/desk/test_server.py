@@ -101,9 +101,16 @@ def test_a_command_goes_to_the_session_and_without_one_is_refused(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"action": "dance"}, {"action": 7}, {"action": "note", "text": 7},
-              {"action": "note", "text": "x" * 501}, [], "pause"],
-)  # fmt: skip
+    "wrong",
+    [
+        {"action": "dance"},
+        {"action": 7},
+        {"action": "note", "text": 7},
+        {"action": "note", "text": "x" * 501},
+        [],
+        "pause",
+    ],
+)
 def test_what_is_no_command_is_refused(wrong: Any, tmp_path: Path) -> None:
     async def act(desk: DeskServer, address: str, post: Post) -> None:
         status, _ = await post("/api/command", wrong)

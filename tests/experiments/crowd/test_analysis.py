@@ -106,8 +106,17 @@ def test_walks_not_tracked_or_not_finished_are_left_out_with_the_reason():
 )
 def test_walks_that_cannot_be_read_or_were_not_finished_stand_among_what_is_left_out(status, why):
     given = tables(walks(6))
-    columns = ("participant", "session", "group", "condition", "configuration", "is_practice",
-               "measure_rule", "measure_surface", "is_simulated")  # fmt: skip
+    columns = (
+        "participant",
+        "session",
+        "group",
+        "condition",
+        "configuration",
+        "is_practice",
+        "measure_rule",
+        "measure_surface",
+        "is_simulated",
+    )
     row = {c: given["trials"].loc[0, c] for c in columns}
     gone = {**row, "trial_id": "T99", "attempt": 1, "status": status, "reason": "cut off"}
     given["trials"] = pd.concat([given["trials"], pd.DataFrame([gone])], ignore_index=True)

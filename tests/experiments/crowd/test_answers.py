@@ -24,8 +24,9 @@ def recording(answers: dict[tuple[str, str], str | None]) -> Any:
 def test_what_somebody_is_is_the_same_answer_in_every_language(language: str) -> None:
     asked = load_questionnaire("demographics", language=language)
     own = load_questionnaire("demographics")
-    gender, known = (next(q for q in of.questions() if q.question_id == "gender")
-                     for of in (asked, own))  # fmt: skip
+    gender, known = (
+        next(q for q in of.questions() if q.question_id == "gender") for of in (asked, own)
+    )
     said = gender.options[1]
     # as a session records it: the value, where the words were not the questionnaire's own
     kept = said if language == "en" else str(read_answer(gender, said))

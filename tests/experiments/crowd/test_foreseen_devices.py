@@ -28,4 +28,6 @@ def test_recording_is_the_same_however_often_devices_are_polled(
         one, other = foreseen.stream_arrays(name), polled.stream_arrays(name)
         assert {k: v.shape for k, v in one.items()} == {k: v.shape for k, v in other.items()}
         for column in one:
-            assert np.array_equal(one[column], other[column], equal_nan=one[column].dtype.kind == "f"), (name, column)  # fmt: skip  # noqa: E501 - one rule a line
+            assert np.array_equal(
+                one[column], other[column], equal_nan=one[column].dtype.kind == "f"
+            ), (name, column)

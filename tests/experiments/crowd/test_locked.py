@@ -68,9 +68,24 @@ def test_a_locked_crowd_study_is_analysed_and_its_report_names_what_deviates(
     given = [f"--set={name}={value}" for name, value in short.items()]
     locked = CliRunner().invoke(
         app,
-        ["lock", "crowd", "--participants", "1", "--rule", "One.", "--seed", "1", *given,
-         "--devices", "sim", "--config", str(EXAMPLE), "--output", str(tmp_path)],
-    )  # fmt: skip
+        [
+            "lock",
+            "crowd",
+            "--participants",
+            "1",
+            "--rule",
+            "One.",
+            "--seed",
+            "1",
+            *given,
+            "--devices",
+            "sim",
+            "--config",
+            str(EXAMPLE),
+            "--output",
+            str(tmp_path),
+        ],
+    )
     assert 0 == locked.exit_code, locked.output
     data = visavis.simulate("crowd", 1, output=tmp_path, parameters=short, processes=1)
     settings = ["surface=capsules", "came_back=null"]

@@ -38,13 +38,18 @@ def recorded(
             "t_ns": t_ms * NS_PER_MS,
             "name": name,
             "payload": {
-                "trial_id": "T09", "role": ROLE, "segment": "left_hand", "person": 4,
-                "motors": "0", "vibrates": True, "t_contact_ns": t_ms * NS_PER_MS,
+                "trial_id": "T09",
+                "role": ROLE,
+                "segment": "left_hand",
+                "person": 4,
+                "motors": "0",
+                "vibrates": True,
+                "t_contact_ns": t_ms * NS_PER_MS,
             },
         }
         for span in contacts_ms
         for name, t_ms in zip(("contact_begin", "contact_end"), span, strict=True)
-    ]  # fmt: skip
+    ]
     at_ns = np.array(commanded_ms, np.int64) * NS_PER_MS
     arrays = {
         "kind": np.full(len(at_ns), PATTERN),

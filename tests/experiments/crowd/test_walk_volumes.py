@@ -61,9 +61,16 @@ def volume_within(own, mesh, other, other_mesh):
         return 0.0
     rule = Settings()
     return measure_within(
-        mesh.vertices_m, mesh.faces, other_mesh.vertices_m, other_mesh.faces, shared[0], shared[1],
-        rule.cell_m, rule.refine_below_m3, rule.fine_columns,
-    )[0]  # fmt: skip
+        mesh.vertices_m,
+        mesh.faces,
+        other_mesh.vertices_m,
+        other_mesh.faces,
+        shared[0],
+        shared[1],
+        rule.cell_m,
+        rule.refine_below_m3,
+        rule.fine_columns,
+    )[0]
 
 
 @pytest.mark.parametrize("surface", SURFACES)
@@ -100,9 +107,15 @@ def test_boxes_of_pieces_hold_every_posed_vertex(surface):
         vertices = body.posed(joints, turns).vertices_m
         joint_moves(joints, turns, body.joints_m, 1.0, moves)
         group_boxes(
-            packed.group, packed.joint, packed.centre_m, packed.half_m, int(packed.groups[0]),
-            moves, boxes, whole,
-        )  # fmt: skip
+            packed.group,
+            packed.joint,
+            packed.centre_m,
+            packed.half_m,
+            int(packed.groups[0]),
+            moves,
+            boxes,
+            whole,
+        )
         n = int(packed.groups[0])
         inside = (
             (vertices[:, None] >= boxes[:n, :3] - 1e-9)

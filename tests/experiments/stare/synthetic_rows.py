@@ -77,8 +77,13 @@ def analysed(
     **settings: float,
 ) -> StudyAnalysis:
     """Analyse trials as the study does; what a session adds to them is filled in."""
-    added = {"session": 1, "attempt": 1, "status": "complete", "is_practice": False,
-             "is_simulated": True}  # fmt: skip
+    added = {
+        "session": 1,
+        "attempt": 1,
+        "status": "complete",
+        "is_practice": False,
+        "is_simulated": True,
+    }
     whole = rows.assign(**{k: v for k, v in added.items() if k not in rows})
     people = answers if "participant" in answers else pd.DataFrame({"participant": []})
     opened = OpenedStudy(study)

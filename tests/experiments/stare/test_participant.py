@@ -308,3 +308,24 @@ def test_putting_the_headset_on_anew_changes_the_fit_only() -> None:
     assert participant.fit() == 3
     assert participant.stretch() == 1
     assert list(participant.presses(10**9)) == []
+
+
+@settings(max_examples=12, deadline=None)
+@given(index=st.integers(0, 40), stretch=st.integers(1, 30), turns=st.booleans())
+def test_what_the_eyes_did_is_told_the_same_as_long_as_it_is_recalled(index, stretch, turns):
+    def lived(recalled: bool) -> np.ndarray:
+        who, eyes, asked = ready(index, stretch=stretch), [], -1
+        for k in range(540):  # frames of 90 Hz, and the eyes every 8.3 ms between them
+            t_ns = k * 10**9 // 90
+            who.head(t_ns)
+            if not recalled or t_ns - asked > who.recalls_ns:
+                first, last = -(-(asked + 1) // SAMPLE_NS), t_ns // SAMPLE_NS
+                eyes.append(who.eyes(np.arange(first, last + 1) * SAMPLE_NS))
+                asked = t_ns
+            if k % 97 == 0:
+                who.see(frame((3,) if turns and k % 2 else ()), t_ns + 11_111_111)
+        return np.concatenate(eyes)
+
+    at_once, later = lived(False), lived(True)
+
+    assert at_once[: len(later)].tobytes() == later.tobytes()

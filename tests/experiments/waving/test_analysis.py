@@ -153,8 +153,17 @@ def test_the_report_shows_published_values_and_what_is_wrong_with_them(analysis,
         analysis, EXPERIMENT, (), ReportProvenance("waving", "1", "virtual time"), tmp_path
     )
     text = path.read_text(encoding="utf-8")
-    for expected in ("F(1, 15) = 7.09", "18.92", ".356", ".558", "SIMULATED", "0.67 (0.20)",
-                     "power is lower", "What the source says", "Who was waved at"):  # fmt: skip
+    for expected in (
+        "F(1, 15) = 7.09",
+        "18.92",
+        ".356",
+        ".558",
+        "SIMULATED",
+        "0.67 (0.20)",
+        "power is lower",
+        "What the source says",
+        "Who was waved at",
+    ):
         assert expected in text
     assert ">nan" not in text
     for name in ("trials", "participants", "cell_means", "confusion", "statistics", "contrasts"):

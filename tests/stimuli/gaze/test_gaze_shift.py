@@ -184,8 +184,10 @@ def test_looks_are_checked() -> None:
 
 def test_a_dense_schedule_moves_head_and_eyes_without_a_jump() -> None:
     rng = np.random.default_rng(4)
-    looks = [LookAt(0.35 * k, "aside", (float(y), float(q)))
-             for k, (y, q) in enumerate(rng.uniform((-70, -20), (70, 15), (40, 2)))]  # fmt: skip
+    looks = [
+        LookAt(0.35 * k, "aside", (float(y), float(q)))
+        for k, (y, q) in enumerate(rng.uniform((-70, -20), (70, 15), (40, 2)))
+    ]
     motion, plan = one(), GazePlan.of(1, {0: looks})
     step = 1 / 500
     head = np.array([head_yaw_deg(motion.at(t, plan), motion) for t in np.arange(2.0, 8.0, step)])

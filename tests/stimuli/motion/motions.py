@@ -16,9 +16,12 @@ CANONICAL = canonical_skeleton()
 
 
 def wandering(
-    rng: np.random.Generator, n_frames: int = 40, swing_deg: float = 50.0,
-    skeleton: Skeleton = CANONICAL, rate_hz: float = 60.0,
-) -> Clip:  # fmt: skip
+    rng: np.random.Generator,
+    n_frames: int = 40,
+    swing_deg: float = 50.0,
+    skeleton: Skeleton = CANONICAL,
+    rate_hz: float = 60.0,
+) -> Clip:
     """Return smooth random motion of every joint about its rest, the root walking off."""
     t = np.arange(n_frames) / rate_hz
     joints = len(skeleton.names)

@@ -121,7 +121,8 @@ FAULTS = {
     "offset short": (broken("0 10.5 0", "0 10.5"), 9, "'CHANNELS'"),
     "two end sites": (
         broken("\t\t}\n\t}\n\tJOINT Leg", "\t\t}\n\tEnd Site { OFFSET 0 0 0 }\n}\n\tJOINT Leg"),
-        14, "two End Sites",
+        14,
+        "two End Sites",
     ),
     "no frames": (broken("Frames: 2", "Frames: 0"), 22, "no frames"),
     "frames not counted": (broken("Frames: 2", "Frames: two"), 22, "'two' frames"),
@@ -129,7 +130,7 @@ FAULTS = {
     "frame time zero": (broken(".0083333", "0"), 23, "frame time '0'"),
     "frame time nan": (broken(".0083333", "nan"), 23, "frame time 'nan'"),
     "brace missing": (broken("Hips\n{", "Hips\n"), 4, "'OFFSET' stands where {"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("fault", FAULTS)

@@ -45,8 +45,13 @@ def build(stature_m: float) -> Build:
 KINDS: st.SearchStrategy[Kind] = st.one_of(
     st.builds(Idle, st.sampled_from(["hanging", "clasped", "folded", "behind"])),
     st.builds(Sit, st.floats(0.38, 0.55), st.sampled_from(["thighs", "lap", "folded"])),
-    st.builds(Wave, st.sampled_from(["left", "right", "both"]), st.floats(1.0, 2.5),
-              st.floats(10.0, 70.0), SHARE),
+    st.builds(
+        Wave,
+        st.sampled_from(["left", "right", "both"]),
+        st.floats(1.0, 2.5),
+        st.floats(10.0, 70.0),
+        SHARE,
+    ),
     st.builds(Phone, st.sampled_from(["left", "right"])),
     st.builds(Text, st.sampled_from(["left", "right"])),
     st.builds(WatchBoard, st.floats(-60.0, 60.0), st.floats(-20.0, 35.0)),
@@ -54,7 +59,7 @@ KINDS: st.SearchStrategy[Kind] = st.one_of(
     st.builds(Crouch, SHARE),
     st.builds(Walk, st.floats(0.6, 2.0)),
     st.builds(Run, st.floats(2.0, 4.0)),
-)  # fmt: skip
+)
 
 
 def worst(turns: Vector) -> str:

@@ -12,9 +12,11 @@ from stimuli.motion.spring import Spring
 
 @settings(max_examples=20, deadline=None)
 @given(
-    st.floats(0.5, 20), st.sampled_from([0.0, 0.3, 0.99, 1.0, 1.01, 3.0]), st.floats(-2, 2),
+    st.floats(0.5, 20),
+    st.sampled_from([0.0, 0.3, 0.99, 1.0, 1.01, 3.0]),
+    st.floats(-2, 2),
     st.floats(-5, 5),
-)  # fmt: skip
+)
 def test_spring_solves_its_equation(omega: float, zeta: float, x0: float, v0: float) -> None:
     t = np.linspace(0, 2, 9)
     solved = solve_ivp(

@@ -46,9 +46,13 @@ def box_person(height_m: float = 1.75) -> SeenBody:
     weights = np.zeros((n, 4))
     weights[:, 0] = 1.0
     return SeenBody(
-        skeleton, np.concatenate(rest), joint_rows, weights,
-        np.concatenate(triangles).astype(np.int32), np.array(labels, dtype=np.uint8),
-    )  # fmt: skip
+        skeleton,
+        np.concatenate(rest),
+        joint_rows,
+        weights,
+        np.concatenate(triangles).astype(np.int32),
+        np.array(labels, dtype=np.uint8),
+    )
 
 
 def arm_raised(height_m: float = 1.75):

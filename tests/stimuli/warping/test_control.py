@@ -36,9 +36,13 @@ def situation(change=0.25, *, yaw_deg=50.0, units=("all",), parts=("face", "righ
     eye = CENTRE + 3.0 * np.array([-np.sin(yaw), 0.1, -np.cos(yaw)])
     root, turns = arm_raised()
     return Situation(
-        box_person(), outlook(looking_at(eye, CENTRE, 1.15), 128, **more),
-        (FeatureTarget("coverage", parts, change),), units_named(units), root, turns,
-    )  # fmt: skip
+        box_person(),
+        outlook(looking_at(eye, CENTRE, 1.15), 128, **more),
+        (FeatureTarget("coverage", parts, change),),
+        units_named(units),
+        root,
+        turns,
+    )
 
 
 def test_there_are_the_22_units_of_the_source():
@@ -169,11 +173,15 @@ def test_threads_do_not_change_a_warp(loop):
     here = situation(0.25)
     one, two = (
         warp_clip(
-            waving_clip(), here.body, here.view, here.targets, here.units,
+            waving_clip(),
+            here.body,
+            here.view,
+            here.targets,
+            here.units,
             replace(loop, threads=n, rate_hz=3.0),
         )
         for n in (1, 2)
-    )  # fmt: skip
+    )
     np.testing.assert_array_equal(one.clip.orientation_wxyz, two.clip.orientation_wxyz)
 
 
@@ -182,8 +190,9 @@ def test_unreachable_target_says_so_and_keeps_the_best():
     warped = warp_clip(waving_clip(), here.body, here.view, here.targets, here.units)
     assert not warped.is_reached.any()
     assert "best these units allow" in warped.summary
-    assert (np.abs(warped.wanted - warped.reached)
-            <= np.abs(warped.wanted - warped.original) + 1e-9).all()  # fmt: skip
+    assert (
+        np.abs(warped.wanted - warped.reached) <= np.abs(warped.wanted - warped.original) + 1e-9
+    ).all()
 
 
 def test_feature_of_a_user_can_be_steered():
@@ -235,8 +244,9 @@ def test_skeleton_without_arms_is_refused_by_name():
     bare = type(skeleton)(
         tuple(skeleton.names[i] for i in keep),
         np.array([keep.index(p) if p >= 0 else -1 for p in skeleton.parents[keep]]),
-        skeleton.offsets_m[keep], skeleton.tips_m[keep],
-    )  # fmt: skip
+        skeleton.offsets_m[keep],
+        skeleton.tips_m[keep],
+    )
     turns = np.zeros((len(keep), 4))
     turns[:, 0] = 1.0
     with pytest.raises(MotionError, match="the skeleton lacks"):

@@ -28,9 +28,13 @@ def camera_at(yaw_deg=25.0, distance_m=3.0):
 def online(change=0.25, *, clock=None, settings=SETTINGS, things=(), units=("all",)):
     target = (FeatureTarget("coverage", ("face", "right_hand"), change),)
     return OnlineWarp(
-        box_person(), target, units_named(units), lambda c: outlook(c, 96, occluders=things),
-        clock=clock or SimClock(), settings=settings,
-    )  # fmt: skip
+        box_person(),
+        target,
+        units_named(units),
+        lambda c: outlook(c, 96, occluders=things),
+        clock=clock or SimClock(),
+        settings=settings,
+    )
 
 
 def played(warp, seconds=2.0, camera=None):
@@ -93,10 +97,13 @@ def test_hidden_body_goes_back_to_its_own_motion():
     shut = []
     target = (FeatureTarget("coverage", ("face", "right_hand"), 0.25),)
     warp = OnlineWarp(
-        box_person(), target, units_named(("all",)),
-        lambda c: outlook(c, 96, occluders=wall if shut else ()), clock=SimClock(),
+        box_person(),
+        target,
+        units_named(("all",)),
+        lambda c: outlook(c, 96, occluders=wall if shut else ()),
+        clock=SimClock(),
         settings=SETTINGS,
-    )  # fmt: skip
+    )
     root, turns = arm_raised()
     with warp:
         played(warp, 1.0)
@@ -164,9 +171,13 @@ def test_failure_of_the_loop_reaches_the_frame_loop():
 
     clock = StepClock()
     warp = OnlineWarp(
-        box_person(), (FeatureTarget("coverage", ("face",), 0.2),), units_named(("all",)), broken,
-        clock=clock, settings=SETTINGS,
-    )  # fmt: skip
+        box_person(),
+        (FeatureTarget("coverage", ("face",), 0.2),),
+        units_named(("all",)),
+        broken,
+        clock=clock,
+        settings=SETTINGS,
+    )
     clip = waving_clip()
     warp.turns(0, clip.root_m[0], clip.orientation_wxyz[0], camera_at())
     warp.close()  # waits for the thread

@@ -88,9 +88,13 @@ def test_order_of_triangles_does_not_matter():
     body = box_person()
     order = np.random.default_rng(3).permutation(len(body.triangles))
     shuffled = SeenBody(
-        body.skeleton, body.rest, body.joints, body.weights, body.triangles[order],
+        body.skeleton,
+        body.rest,
+        body.joints,
+        body.weights,
+        body.triangles[order],
         body.labels[order],
-    )  # fmt: skip
+    )
     np.testing.assert_array_equal(seen(view_from(40)), seen(view_from(40), shuffled))
 
 
@@ -136,18 +140,23 @@ def test_body_half_as_large_at_half_the_distance_looks_the_same():
     far, (root, turns) = view_from(20.0), arm_raised()
     body = box_person()
     skeleton = type(body.skeleton)(
-        body.skeleton.names, body.skeleton.parents, body.skeleton.offsets_m / 2,
+        body.skeleton.names,
+        body.skeleton.parents,
+        body.skeleton.offsets_m / 2,
         body.skeleton.tips_m / 2,
-    )  # fmt: skip
+    )
     half = SeenBody(skeleton, body.rest / 2, body.joints, body.weights, body.triangles, body.labels)
     eye = far.camera.pose.position_m / 2
     near = outlook(
         type(far.camera)(
-            Pose(eye, far.camera.pose.orientation_wxyz), far.camera.left, far.camera.right,
-            far.camera.bottom, far.camera.top,
+            Pose(eye, far.camera.pose.orientation_wxyz),
+            far.camera.left,
+            far.camera.right,
+            far.camera.bottom,
+            far.camera.top,
         ),
         96,
-    )  # fmt: skip
+    )
     expected = seen(far)
     got = perceived(half, near, root[None] / 2, turns[None])
     assert (expected != got).mean() <= 0.001
@@ -189,8 +198,11 @@ def test_floor_cut_at_the_eye_is_seen_where_the_whole_floor_is():
     def floor(tiles):
         edges = np.linspace(-8.0, 8.0, tiles + 1)
         size = 16.0 / tiles
-        return [box((x + size / 2, 0.05, z + size / 2), (size, 0.02, size), (0, 0, 0))
-                for x in edges[:-1] for z in edges[:-1]]  # fmt: skip
+        return [
+            box((x + size / 2, 0.05, z + size / 2), (size, 0.02, size), (0, 0, 0))
+            for x in edges[:-1]
+            for z in edges[:-1]
+        ]
 
     one, many = (view_from(30.0, occluders=floor(n)).behind for n in (1, 32))
     assert (one > 0).mean() > 0.2

@@ -46,9 +46,14 @@ def observer_at(bearing_deg, distance_m=3.0):
 def seen(clip, eye, *, face=True, trunk=True, hands=(True, True)):
     n = len(clip.root_m)
     return SeenMotion(
-        clip.frame_times_s, clip.root_m, clip.orientation_wxyz, np.repeat(eye[None], n, axis=0),
-        np.full(n, face), np.full(n, trunk), np.repeat([hands], n, axis=0),
-    )  # fmt: skip
+        clip.frame_times_s,
+        clip.root_m,
+        clip.orientation_wxyz,
+        np.repeat(eye[None], n, axis=0),
+        np.full(n, face),
+        np.full(n, trunk),
+        np.repeat([hands], n, axis=0),
+    )
 
 
 def judgement(kind, bearing_deg, *, distance_m=3.0, gaze_deg=0.0, heading_deg=0.0, **shown):

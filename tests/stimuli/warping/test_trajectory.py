@@ -27,13 +27,24 @@ def view_from(yaw_deg=25.0, size=128, **more):
     return outlook(looking_at(eye, CENTRE, 1.15), size, **more)
 
 
-def warped(change=0.25, *, clip=None, kind="coverage", parts=("face", "right_hand"), view=None,
-           units=("all",), **parameters):  # fmt: skip
+def warped(
+    change=0.25,
+    *,
+    clip=None,
+    kind="coverage",
+    parts=("face", "right_hand"),
+    view=None,
+    units=("all",),
+    **parameters,
+):
     return warp_clip(
-        clip or waving_clip(), box_person(), view or view_from(),
-        (FeatureTarget(kind, parts, change),), units_named(units),
+        clip or waving_clip(),
+        box_person(),
+        view or view_from(),
+        (FeatureTarget(kind, parts, change),),
+        units_named(units),
         ControlSettings(**{"rate_hz": 8.0, **parameters}),
-    )  # fmt: skip
+    )
 
 
 def test_target_is_kept_over_the_whole_clip_after_smoothing():
@@ -49,9 +60,11 @@ def test_correction_keeps_what_a_stiff_movement_loses():
     bar = [box((0.42, 1.2, -0.9), (0.06, 2, 0.02), (0, 0, 0))]
     view = view_from(0.0, occluders=bar)
     shares = [
-        warped(view=view, parts=("right_hand",), units=("right_arm",), smoothness=s)
-        .is_reached.mean() for s in (0.01, 30.0)
-    ]  # fmt: skip
+        warped(
+            view=view, parts=("right_hand",), units=("right_arm",), smoothness=s
+        ).is_reached.mean()
+        for s in (0.01, 30.0)
+    ]
     assert shares[0] > 0.65
     assert shares[0] > shares[1] + 0.2
 
@@ -92,9 +105,13 @@ def test_frames_say_which_of_them_could_not_be_reached():
 
 def test_more_movement_between_frames_can_be_asked_for():
     result = warped(
-        0.5, kind="motion_coverage", parts=("right_hand", "right_forearm"),
-        view=view_from(0.0, 256), units=("right_arm",), smoothness=2.0,
-    )  # fmt: skip
+        0.5,
+        kind="motion_coverage",
+        parts=("right_hand", "right_forearm"),
+        view=view_from(0.0, 256),
+        units=("right_arm",),
+        smoothness=2.0,
+    )
     before, after = result.original.mean(), result.reached.mean()
     assert after > 1.15 * before
 
@@ -106,9 +123,13 @@ def test_warped_clip_keeps_within_joint_limits(change, yaw, seed):
     units = list(units_named(("all",)))
     chosen = np.random.default_rng(seed).choice(len(units), 6, replace=False)
     result = warped(
-        change, clip=clip, view=view_from(yaw, 64), most_steps=4, passes=2,
+        change,
+        clip=clip,
+        view=view_from(yaw, 64),
+        most_steps=4,
+        passes=2,
         units=tuple(units[k].name for k in chosen),
-    )  # fmt: skip
+    )
     turned = (result.clip.orientation_wxyz != clip.orientation_wxyz).any(axis=-1)
     assert beyond_deg(result.clip.orientation_wxyz)[turned].max(initial=0.0) < 1e-6
     assert np.isfinite(result.clip.orientation_wxyz).all()

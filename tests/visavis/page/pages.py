@@ -63,8 +63,13 @@ class Page:
         step = dict(told["step"])
         content = self.visitor.reply(PageStep(step.pop("kind"), step))
         self.clock.sleep_until_ns(round(self.visitor.now_ms * 1e6))
-        return {"n": told["ack"] + 1, "kind": "reply", "at_ms": self.visitor.now_ms,
-                "step": told["number"], "reply": content}  # fmt: skip
+        return {
+            "n": told["ack"] + 1,
+            "kind": "reply",
+            "at_ms": self.visitor.now_ms,
+            "step": told["number"],
+            "reply": content,
+        }
 
     def answer(self) -> None:
         """Answer the step; what is acknowledged then is on the disk."""
@@ -109,10 +114,16 @@ def page_of(folder: SessionFolder, past: Past | None) -> Page:
     made, notes = experiment(), Notes()
     store = film_store(made)
     visit = Visit(
-        made, made.plan(0, SEED), folder.manifest.participant, 1,
-        folder.manifest.parts[-1].number, study().questionnaires(config(folder.path)),
-        lambda film: store.told(film, is_simulated=True), clock.now_ns, notes,
-    )  # fmt: skip
+        made,
+        made.plan(0, SEED),
+        folder.manifest.participant,
+        1,
+        folder.manifest.parts[-1].number,
+        study().questionnaires(config(folder.path)),
+        lambda film: store.told(film, is_simulated=True),
+        clock.now_ns,
+        notes,
+    )
     desk = PageDesk(course(visit), recorder, clock, notes, past, key="key")
     person = study().participant(0, SEED, effect=True, experiment=made)
     visitor = visitor_of(person, made, store)

@@ -161,8 +161,14 @@ def test_from_consent_to_thanks_with_a_reload_a_second_tab_and_a_server_killed(
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
     others: list[str] = []
-    page.on("request", lambda r: None if r.url.startswith((address.split("#")[0], "blob:", "data:"))
-            else others.append(r.url))  # fmt: skip
+    page.on(
+        "request",
+        lambda r: (
+            None
+            if r.url.startswith((address.split("#")[0], "blob:", "data:"))
+            else others.append(r.url)
+        ),
+    )
     page.goto(address)
     until(page, "How lively")
     page.reload()

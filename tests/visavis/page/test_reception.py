@@ -12,16 +12,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.interpolation.study import study as interpolation
 from lab.clock import SimClock
 from lab.errors import DataError, UsageError
 from protocol.ledger import Ledger
 from protocol.operator import UnattendedOperator
 from recording.reader import Recording
 from tests.visavis.page.pages import SEED, config, experiment, study
+from visavis.experiment import StudyExperiment
 from visavis.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.page.client import arrive, visit
 from visavis.page.errors import PageError
 from visavis.page.film_store import film_store
+from visavis.page.perform import about_of
 from visavis.page.reception import IDLE_NS, Brake, Reception, Rules
 from visavis.page.server import KEY, PageServer
 from visavis.page.steps import PageStep
@@ -54,10 +57,18 @@ class Place:
 
     def reception(self) -> Reception:
         base = Request(
-            study=study(), experiment=experiment(), config=self.lab, participant_label="",
-            participant_index=0, group="", session=1, seed=SEED, clock=self.clock,
-            operator=UnattendedOperator(), on="browser",
-        )  # fmt: skip
+            study=study(),
+            experiment=experiment(),
+            config=self.lab,
+            participant_label="",
+            participant_index=0,
+            group="",
+            session=1,
+            seed=SEED,
+            clock=self.clock,
+            operator=UnattendedOperator(),
+            on="browser",
+        )
         return Reception(
             base,
             film_store(experiment()),
@@ -431,6 +442,18 @@ def test_who_comes_again_to_a_session_that_is_over_is_told_so_and_nothing_is_add
     end = {"kind": "end", "outcome": outcome}
     assert [end, experiment().study.title, end] == served(place, again)
     assert before == {p: p.read_bytes() for p in session.rglob("*") if p.is_file()}
+
+
+def test_a_page_has_a_title_of_its_own_and_names_whom_to_ask() -> None:
+    gestures = StudyExperiment(interpolation, {"language": "fr"})
+
+    assert ("Des gestes filmés", "Dr. Who, 42") == told_of(gestures, "Dr. Who, 42")
+    assert (study().title, "") == told_of(experiment(), "")
+
+
+def told_of(shown: StudyExperiment, contact: str) -> tuple[str, str]:
+    about = about_of(shown, True, contact)
+    return about["title"], about["contact"]
 
 
 def test_an_identifier_that_others_could_guess_brings_back_in_the_same_browser_alone(

@@ -61,12 +61,24 @@ def answered(base: str, key: str, steps: int) -> dict[str, Any]:
         if step["kind"] == "end":
             break
         given = {"option": "5", "at_ms": 0.0, "by": "keys"}
-        reply = {
-            "shown_ms": 0.0, "off_ms": 0.0, "hidden_ms": 0.0, "films": {},
-            "answers": {q["name"]: given for q in step["questions"]},
-        } if step["kind"] == "watch" else {}  # fmt: skip
-        event = {"n": told["ack"] + 1, "kind": "reply", "at_ms": 0.0, "step": told["number"],
-                 "reply": reply}  # fmt: skip
+        reply = (
+            {
+                "shown_ms": 0.0,
+                "off_ms": 0.0,
+                "hidden_ms": 0.0,
+                "films": {},
+                "answers": {q["name"]: given for q in step["questions"]},
+            }
+            if step["kind"] == "watch"
+            else {}
+        )
+        event = {
+            "n": told["ack"] + 1,
+            "kind": "reply",
+            "at_ms": 0.0,
+            "step": told["number"],
+            "reply": reply,
+        }
         told = post(base, "/api/events", {"tab": "t", "events": [event]}, key)
     return told
 

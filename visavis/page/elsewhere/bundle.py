@@ -1,6 +1,6 @@
 """Write a study as files that any web host can serve, or as an archive that JATOS imports.
 
-JATOS 3 (its study archive, format 3, and jatos.js 3.10) was read for what the archive holds.
+JATOS 3 (its study archive, format 3, and jatos.js 3.10.4) was read for what the archive holds.
 """
 
 import hashlib
@@ -152,7 +152,8 @@ def _write(
         digests.append(digest_of(steps))
         content = {"sha256": digests[-1], "steps": _as_told(steps)}
         (folder / "places" / f"{index}.json").write_bytes(_json(content))
-    about = about_of(experiment, is_simulated(request.config))
+    config = request.config
+    about = about_of(experiment, is_simulated(config), config.privacy.contact)
     head = {"format": FORMAT, "study": request.study.name, "seed": request.seed}
     told = {**head, "places": places, "about": about, "completion": completion, "results": results}
     told["id"] = hashlib.sha256(_json([told, digests])).hexdigest()[:12]
@@ -193,15 +194,29 @@ def _archive(request: Request, folder: Path, path: Path) -> None:
     title = experiment_of(request).study.title
     ours = uuid.uuid5(uuid.NAMESPACE_URL, f"visavis/{request.study.name}")
     component = {
-        "uuid": str(uuid.uuid5(ours, "page")), "title": title, "htmlFilePath": "index.html",
-        "reloadable": True, "active": True, "comments": "", "componentInput": None,
-    }  # fmt: skip
+        "uuid": str(uuid.uuid5(ours, "page")),
+        "title": title,
+        "htmlFilePath": "index.html",
+        "reloadable": True,
+        "active": True,
+        "comments": "",
+        "componentInput": None,
+    }
     study = {
-        "uuid": str(ours), "title": title, "description": "", "groupStudy": False,
-        "linearStudy": True, "allowPreview": False, "dirName": name, "comments": "",
-        "studyInput": None, "endRedirectUrl": None, "studyEntryMsg": None,
-        "componentList": [component], "batchList": [],
-    }  # fmt: skip
+        "uuid": str(ours),
+        "title": title,
+        "description": "",
+        "groupStudy": False,
+        "linearStudy": True,
+        "allowPreview": False,
+        "dirName": name,
+        "comments": "",
+        "studyInput": None,
+        "endRedirectUrl": None,
+        "studyEntryMsg": None,
+        "componentList": [component],
+        "batchList": [],
+    }
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(folder.rglob("*")):
             if file.is_file():

@@ -206,9 +206,15 @@ def _texts(paths: Iterable[Path]) -> Iterator[str]:
                     else [_text(read_plain(path, max_bytes=MAX_UNPACKED_BYTES))]
                 )
             except (
-                OSError, ValueError, LookupError, EOFError, RuntimeError, struct.error,
-                zipfile.BadZipFile, zlib.error,
-            ) as error:  # fmt: skip
+                OSError,
+                ValueError,
+                LookupError,
+                EOFError,
+                RuntimeError,
+                struct.error,
+                zipfile.BadZipFile,
+                zlib.error,
+            ) as error:
                 raise DataError(f"{path} cannot be read ({error}); download it again") from error
 
 
@@ -325,10 +331,13 @@ def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
     with folder:
         manifest = folder.manifest
         request = replace(
-            base, participant_label=manifest.participant, participant_index=one.run.place,
+            base,
+            participant_label=manifest.participant,
+            participant_index=one.run.place,
             group=experiment_of(base).plan(one.run.place, base.seed).group,
-            consent_version=manifest.consent_version, clock=clock,
-        )  # fmt: skip
+            consent_version=manifest.consent_version,
+            clock=clock,
+        )
         _record(request, store, folder, replace(one.run, lines=lines), past, one.outcome)
     return True
 
@@ -424,9 +433,13 @@ def _import(
     if one.arrival.identifier:
         identify(entry.label, one.arrival.identity)
     request = replace(
-        base, participant_label=entry.label, participant_index=run.place, group=group,
-        consent_version=entry.consent_version, clock=clock,
-    )  # fmt: skip
+        base,
+        participant_label=entry.label,
+        participant_index=run.place,
+        group=group,
+        consent_version=entry.consent_version,
+        clock=clock,
+    )
     manifest = manifest_of(request, experiment)
     of_bundle = {"run": run.key, "bundle": str(run.arrived.get("bundle"))}
     manifest = replace(manifest, configuration={**manifest.configuration, IMPORTED: of_bundle})
@@ -449,8 +462,13 @@ def _record(
     part_dir = folder.begin_part(clock)
     recorder: Recorder | None = None
     try:
-        recorder = Recorder(part_dir, clock, threaded=False, max_batch_ns=REAL_TIME_BATCH_NS,
-                            is_simulated=is_simulated(request.config))  # fmt: skip
+        recorder = Recorder(
+            part_dir,
+            clock,
+            threaded=False,
+            max_batch_ns=REAL_TIME_BATCH_NS,
+            is_simulated=is_simulated(request.config),
+        )
         experiment = experiment_of(request)
         held = held_of(request, experiment, store, folder, recorder, past, run.key)
         for _ in _led(held.desk, clock, run):

@@ -6,6 +6,7 @@ import * as film from "./film.js";
 import * as wire from "./wire.js";
 
 const BEAT_MS = 4000;
+const WAITING_MS = 3000;
 const RETRY_MS = [200, 400, 800, 1500, 2000];
 const REPEAT_ASKING_MS = 2500;
 
@@ -48,6 +49,8 @@ const say = (name, values = {}) => (words[name] || "").replace(/\{(\w+)\}/g, (_,
 const button = (text, act, quiet = false) => element("button", { type: "button", class: quiet ? "quiet" : false, onclick: act }, text);
 const paragraph = (text, kind) => element("p", { class: kind || false }, text);
 
+const whomToAsk = () => (contact ? paragraph(say("contact", { contact }), "contact") : null);
+
 function tell(text, ...more) {
   notice.replaceChildren(...(text ? [paragraph(text), ...more] : []));
 }
@@ -75,10 +78,12 @@ async function flush() {
   if (isSending || isOver) return;
   isSending = true;
   let failures = 0;
+  let isLate = false;
   try {
     do {
       const sent = queue.slice(0, 200);
       let answer;
+      const waiting = setTimeout(() => { isLate = true; tell(say("waiting")); }, WAITING_MS);
       try {
         answer = await post("/api/events", { tab, events: sent });
       } catch {
@@ -86,6 +91,8 @@ async function flush() {
         if (failures > 1) tell(say("lost"));
         await new Promise((r) => setTimeout(r, RETRY_MS[Math.min(failures, RETRY_MS.length) - 1]));
         continue;
+      } finally {
+        clearTimeout(waiting);
       }
       if (answer.status === 409) { elsewhere(); return; }
       if (answer.status === 400 && failures < 3) { // a server that began anew and knows us not yet
@@ -96,8 +103,8 @@ async function flush() {
         continue;
       }
       if (answer.status !== 200 || answer.told.failed) { broken(answer.told.refused || answer.told.failed); return; }
-      if (failures) tell("");
-      failures = 0;
+      if (failures || isLate) tell("");
+      [failures, isLate] = [0, false];
       await take(answer.told);
     } while (queue.length && !isOver); // what happens after the end is recorded nowhere
   } finally {
@@ -201,13 +208,13 @@ function broken(why) {
   cleanUp();
   isOver = true;
   stop.hidden = true;
-  put("narrow", paragraph(say("failed") || "Something failed."), paragraph(why || "", "hint"),
+  put("narrow", paragraph(say("failed") || "Something failed."), paragraph(why || "", "hint"), whomToAsk(),
     element("div", { class: "buttons" }, button(say("again") || "Try again", () => location.reload())));
 }
 
 stop.addEventListener("click", () => {
   cleanUp();
-  put("narrow", element("h1", {}, say("stop_title")), paragraph(say("stop_text")),
+  put("narrow", element("h1", {}, say("stop_title")), paragraph(say("stop_text")), whomToAsk(),
     element("div", { class: "buttons" },
       button(say("stop_back"), () => { const step = current; show(step); }),
       button(say("stop_keep"), () => reply({ stop: "keep" }), true),
@@ -281,7 +288,8 @@ const steps = {
     const go = button(say("begin"), () => reply({ agreed: true, version: step.version }));
     go.disabled = true;
     put("narrow", element("h1", {}, step.title), step.information ? paragraph(step.information) : null, paragraph(step.text),
-      element("p", {}, box, " ", element("label", { for: "agree" }, say("agree"))),
+      element("div", { class: "agree" }, box, element("label", { for: "agree" }, say("agree"))),
+      whomToAsk(),
       element("div", { class: "buttons" }, go, button(say("decline"), () => reply({ agreed: false, version: step.version }), true)));
   },
 
@@ -365,6 +373,7 @@ const steps = {
     for (const v of videos) v.muted = true;
     const films = step.films.length ? element("div", { class: `films ${step.films.length > 1 ? "pair" : ""}` },
       ...step.films.map((f, i) => element("figure", {}, videos[i], step.films.length > 1 ? element("figcaption", {}, say(f.place)) : null))) : null;
+    films?.style.setProperty("--shape", Math.max(...step.films.map((f) => f.width_px / f.height_px)));
     put("watch", step.caption ? paragraph(step.caption, "caption") : null, films, hint, ...questions.map((q) => q.field),
       element("div", { class: "buttons" }, go));
     const keys = (e) => {
@@ -429,13 +438,14 @@ const steps = {
     isOver = true;
     remembered((kept) => kept.removeItem(SESSION));
     const said = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks";
-    put("narrow", element("h1", {}, say(said)));
+    put("narrow", element("h1", {}, say(said)), whomToAsk());
     let file = null;
-    try { file = await wire.ended(step.outcome); } catch { tell(say("lost")); }
+    let isTold = true;
+    try { file = await wire.ended(step.outcome); } catch { isTold = false; tell(say("lost")); }
     if (file) main.append(paragraph(say("hand_in")), element("p", {}, element("a", { href: file.address, download: file.name }, say("save"))));
     if (!completion || step.outcome !== "done") return;
     main.append(element("p", {}, element("a", { href: completion }, say("onward"))));
-    if (!file) setTimeout(() => location.assign(completion), ONWARD_MS);
+    if (isTold && !file) setTimeout(() => location.assign(completion), ONWARD_MS);
   },
 };
 
@@ -502,6 +512,7 @@ function isTheirs() {
 let isLocked = false;
 let isRemembered = false;
 let completion = "";
+let contact = "";
 
 async function begin(takesOver) {
   if (!key) await arrive();
@@ -543,6 +554,7 @@ async function begin(takesOver) {
   const told = answer.told;
   words = told.words;
   completion = told.completion || "";
+  contact = told.contact || "";
   document.documentElement.lang = told.language;
   document.title = told.title;
   document.getElementById("title").textContent = told.title;

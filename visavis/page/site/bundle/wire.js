@@ -25,6 +25,8 @@ await keepFiles();
 const bundle = await (await fetch("bundle.json", { cache: "no-store" })).json();
 const CLAIM_TRIES = 12;
 const CLAIM_PAUSE_MS = 400;
+const AGAIN_MS = 2000;
+const MAX_AGAIN_MS = 60000;
 const ID = /^[A-Za-z0-9_-]{1,64}$/;
 const PANELS = ["PROLIFIC_PID", "survey_code", "participant", "id"];
 
@@ -232,22 +234,45 @@ export async function post(path, key, body) {
 
 // ---- the end ----------------------------------------------------------------------------------
 
+// jatos.js ends a run once in a page: where that failed, a page that is loaded anew asks again, as soon
+// as the host answers. Only then is forgotten here what is to be deleted there.
+async function endInJatos(outcome, place) {
+  const mark = `visavis-ended-${at.run}`;
+  const tries = `visavis-ending-${at.run}`;
+  if (remembered((k) => k.getItem(mark))) return;
+  try {
+    if (outcome === "withdrawn" || outcome === "declined") await giveBack(claimName(place));
+    if (outcome === "withdrawn") await (jatos.abortStudyWithoutRedirect || jatos.abortStudyAjax)("stop and delete");
+    else await (jatos.endStudyWithoutRedirect || jatos.endStudyAjax)(outcome === "done", outcome);
+  } catch (error) {
+    const count = Number(remembered((k) => k.getItem(tries))) || 0;
+    remembered((k) => k.setItem(tries, count + 1));
+    hostAnswers(Math.min(AGAIN_MS * 2 ** count, MAX_AGAIN_MS)).then(() => location.reload());
+    throw error;
+  }
+  remembered((k) => k.setItem(mark, "1"));
+  if (outcome === "withdrawn") await kept.drop(at.run);
+}
+
+// The place is another's; one that somebody else has claimed by now stays theirs.
+async function giveBack(claim) {
+  try {
+    if ((jatos.batchSession.getAll() || {})[claim] === at.run) await jatos.batchSession.remove(`/${claim}`);
+  } catch { /* it stays given */ }
+}
+
+async function hostAnswers(everyMs) {
+  for (;;) {
+    await pause(everyMs);
+    try { if ((await fetch("bundle.json", { cache: "no-store" })).ok) return; } catch { /* not yet */ }
+  }
+}
+
 // Whose answers nobody took has them as a file; who wants them deleted, deleted wherever they are.
 export async function ended(outcome) {
   const lines = (await kept.of(at.run)).filter((line) => line.line >= 0);
-  const { place } = lines[0].arrived;
+  if (jatos) { await endInJatos(outcome, lines[0]?.arrived.place); return null; }
   if (outcome === "withdrawn") await kept.drop(at.run);
-  if (jatos) {
-    const mark = `visavis-ended-${at.run}`;
-    if (remembered((k) => k.getItem(mark))) return null;
-    if (outcome === "withdrawn" || outcome === "declined") { // the place is another's
-      try { await jatos.batchSession.remove(`/${claimName(place)}`); } catch { /* it stays given */ }
-    }
-    if (outcome === "withdrawn") await (jatos.abortStudyWithoutRedirect || jatos.abortStudyAjax)("stop and delete");
-    else await (jatos.endStudyWithoutRedirect || jatos.endStudyAjax)(outcome === "done", outcome);
-    remembered((k) => k.setItem(mark, "1"));
-    return null;
-  }
   if (bundle.results || outcome === "withdrawn" || outcome === "declined") return null;
   const name = `${bundle.study}-${at.run.slice(0, 8)}.jsonl`;
   return { name, address: URL.createObjectURL(new Blob([asText(lines)], { type: "application/x-ndjson" })) };
