@@ -33,7 +33,7 @@ MEASURED = re.compile(
 """Words that go with a figure that somebody found rather than chose."""
 PRINTED_BY = re.compile(r"(?:python -m |`)((?:benchmarks|tests|tools)\.[a-z_.]+)")
 OF_PAST_VERSIONS = "CHANGELOG.md"
-OUR_CODE = ("cli", "devices", "lab", "protocol", "recording", "stage", "visavis")
+OUR_CODE = ("analysis", "cli", "devices", "lab", "protocol", "recording", "stage", "visavis")
 
 
 def commands_of(page: Path) -> Iterator[list[str]]:
