@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (1.73, 0.579, 31.2, 1.4)
+    blur_deg: tuple[float, float, float, float] = (2.82, 0.466, 36.8, 1.28)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (1.92, 19.6, 13.1, 25.2)
-    sharpness: float = 1.03
-    reach_power: float = 32.9
-    least_reach_01: float = 0.371
-    self_bias: float = 2.6
+    looseness_deg: tuple[float, float, float, float] = (0.68, 7.4, 11.7, 9.29)
+    sharpness: float = 0.922
+    reach_power: float = 89.9
+    least_reach_01: float = 0.393
+    self_bias: float = 3.81
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.35
-    lapse_01: float = 0.00288
-    lapse_sd: float = 0.181
+    acuity_sd: float = 1.64
+    lapse_01: float = 0.00223
+    lapse_sd: float = 0.198
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
