@@ -67,7 +67,7 @@ class KeyInterpreter:
             )
             return f"{asked}{self._text}▏" + ("" if self._text else f"\n{listed}")
         if self._done is not None:
-            return f"{MAY_HAVE_REASON[self._done]}. W says why; every other key goes on"
+            return f"{MAY_HAVE_REASON[self._done]}. W says why"
         return ""
 
     def feed(self, keys: str) -> list[Command]:
@@ -221,6 +221,8 @@ def render(status: SessionStatus, entry_line: str, *, is_simulated: bool) -> Pan
     ]
     if status.messages:
         parts.append(Text("\n".join(f"· {m}" for m in status.messages), style="dim"))
+    if status.waiting:
+        parts.append(Panel(Text(status.waiting), style="bold red"))
     if status.prompt:
         parts.append(Panel(Text(status.prompt), title="waiting for you: space", style="bold cyan"))
     if entry_line:

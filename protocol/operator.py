@@ -64,8 +64,10 @@ class Command:
 class SessionStatus:
     """Everything an operator's screen shows; `condition` is empty when blinded.
 
-    `flags` are those of the trial that runs. `frame` is what the last frame brought and `shown`
-    what stood before the participant in it: who keeps them longer copies their arrays.
+    `prompt` is what waits for the operator, `waiting` what is waited for by itself: a device that
+    is away, and for how much longer; `can_go_on` tells whether ADVANCE does anything now. `flags`
+    are those of the trial that runs. `frame` is what the last frame brought and `shown` what stood
+    before the participant in it: who keeps them longer copies their arrays.
     """
 
     state: SessionState
@@ -83,6 +85,8 @@ class SessionStatus:
     calibration_age_s: float | None
     faults: tuple[Fault, ...]
     prompt: str = ""
+    waiting: str = ""
+    can_go_on: bool = False
     messages: tuple[str, ...] = field(default_factory=tuple)
     trials_skipped: int = 0
     is_calibrated_first: bool = True

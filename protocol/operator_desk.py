@@ -25,6 +25,9 @@ LOST_STREAM_NS = 3 * NS_PER_S
 EYE_SEEN_AT_LEAST_01 = 0.7
 """A trial that saw an eye in less of its samples is flagged (gaze.md section 5)."""
 
+MESSAGE_SHOWN_NS = 30 * NS_PER_S
+"""For so long a message stands on the operator's screen; what waits, until it is done."""
+
 LATER = {
     Action.PAUSE: "pausing before the next trial",
     Action.RECALIBRATE: "recalibrating before the next trial",
@@ -60,7 +63,7 @@ class OperatorDesk:
         self._last_trial: Trial | None = None
         self._next_check_ns = 0
         self._next_status_ns = 0
-        self._messages: list[str] = []
+        self._messages: list[tuple[int, str]] = []
         self._prompt = ""
         self._in_trial = False
         self._trial_start_ns = 0
@@ -70,6 +73,8 @@ class OperatorDesk:
         self.skip_reason: str | None = None
         self.flags: list[str] = []
         self.block_name = ""
+        self.waiting = ""
+        self.may_do_without = False
         self.trial: Trial | None = None
         self.trial_end_ns: int | None = None
         self.trials_done = self.trials_skipped = 0
@@ -156,6 +161,8 @@ class OperatorDesk:
         """Tell whether this was asked for since the last checkpoint, and forget it."""
         if action in self._pending:
             self._pending.discard(action)
+            done = LATER.get(action)
+            self._messages = [said for said in self._messages if said[1] != done]
             return True
         return False
 
@@ -186,7 +193,7 @@ class OperatorDesk:
 
     def say(self, message: str) -> None:
         """Put a line on the operator's screen."""
-        self._messages = [*self._messages[-4:], message]
+        self._messages = [*self._messages[-4:], (self._loop.t_ns, message)]
 
     def blocking_fault(self) -> Fault | None:
         """Return the first fault that keeps a trial from running, if any."""
@@ -402,8 +409,15 @@ class OperatorDesk:
             calibration_age_s=(t_ns - calibration.t_ns) / NS_PER_S if calibration else None,
             faults=self._faults.shown(t_ns),
             prompt=self._prompt,
-            messages=tuple(self._messages),
+            waiting=self.waiting,
+            can_go_on=bool(self._prompt) or self.may_do_without,
+            messages=self._messages_now(),
             flags=tuple(self.flags) if self._in_trial else (),
             frame=view,
             shown=self._loop.shown,
         )
+
+    def _messages_now(self) -> tuple[str, ...]:
+        waiting = {LATER[action] for action in self._pending & LATER.keys()}
+        since_ns = self._loop.t_ns - MESSAGE_SHOWN_NS
+        return tuple(text for t_ns, text in self._messages if t_ns >= since_ns or text in waiting)

@@ -205,9 +205,7 @@ class Session:
         self._loop.show_scene(self._setup.experiment.blank(None))
         self._recorder.event("break_start", self._loop.t_ns, before_block=block.index)
         self._recorder.checkpoint(timeout_s=5.0)
-        self._desk.wait(
-            f"Break before {block.name}. The headset may come off. Press space to go on."
-        )
+        self._desk.wait(f"Break before {block.name}. The headset may come off.")
         self._recorder.event("break_end", self._loop.t_ns, before_block=block.index)
 
     def _perform_block(self, block: Block, trials: tuple[Trial, ...]) -> None:
@@ -274,7 +272,7 @@ class Session:
         if self._desk.take(Action.PAUSE):
             self._states.move(SessionState.PAUSED)
             self._recorder.event("pause_start", self._loop.t_ns)
-            self._desk.wait("Paused. Press space to go on.", always=True)
+            self._desk.wait("Paused.", always=True)
             self._recorder.event("pause_end", self._loop.t_ns)
             calibrate = self._desk.take(Action.RECALIBRATE) or calibrate
         calibrate = calibrate or self._owes_calibration
@@ -293,9 +291,6 @@ class Session:
         self._recorder.checkpoint(timeout_s=5.0)
         limit_s = self._setup.lost_device_s
         spare = spare_roles_of(self._setup.experiment)
-        way_on = "; space goes on without it" if lost.role in spare else ""
-        safe = "every finished trial is safe"
-        desk.say(f"waiting for {lost.role}, at most {limit_s:.0f} s; {safe}{way_on}")
         desk.take_advance()
         give_up_ns = loop.t_ns + int(limit_s * NS_PER_S)
         while (fault := desk.blocking_fault()) is not None:
@@ -306,11 +301,19 @@ class Session:
                     role=fault.role,
                     remedy=f"{fault.remedy.partition(';')[0]}, then continue with `visavis resume`",
                 )
+            left_s = max(0, give_up_ns - loop.t_ns) // NS_PER_S
+            desk.may_do_without = fault.role in spare
+            way_on = "; space goes on without it" if desk.may_do_without else ""
+            desk.waiting = (
+                f"Waiting for {fault.role}: in {left_s} s the session ends, to be resumed. "
+                f"Every finished trial is safe{way_on}."
+            )
             desk.next_frame()
             if fault.role in spare and desk.take_advance():
                 desk.do_without(fault.role)
                 self._owes_calibration |= fault.role == "eye_tracker"
                 self._recorder.event("device_done_without", loop.t_ns, role=fault.role)
+        desk.waiting, desk.may_do_without = "", False
         if lost.role in desk.done_without:
             return False
         away_ns = loop.t_ns - since_ns

@@ -35,6 +35,7 @@ from visavis.sessions.study_folder import session_folders
 EXIT_RED = 5
 DATA_SET = "dataset_description.json"
 STYLE = {Level.GREEN: "green", Level.AMBER: "yellow", Level.RED: "bold red"}
+MARK = {Level.GREEN: "✓", Level.AMBER: "!", Level.RED: "✗"}
 ANSWER = {
     Level.GREEN: "They can leave.",
     Level.AMBER: "They can leave once you have looked at this.",
@@ -89,7 +90,7 @@ def _check_foreign(path: Path, *, as_json: bool) -> None:
         for verdict in verdicts:
             rate = "" if verdict.rate_hz is None else f", {verdict.rate_hz:.1f} Hz"
             say(
-                f"[{STYLE[verdict.level]}]●[/] [b]{verbatim(verdict.name)}[/]  "
+                f"[{STYLE[verdict.level]}]{MARK[verdict.level]}[/] [b]{verbatim(verdict.name)}[/]  "
                 f"{verdict.samples} samples{rate}"
                 + ("" if verdict.findings else "  nothing wrong with its times")
             )
@@ -118,7 +119,9 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
         say_json(content)
     elif problems:
         for problem in problems:
-            console.print(f"● {problem}", style="red", markup=False, highlight=False)
+            console.print(
+                f"{MARK[Level.RED]} {problem}", style="red", markup=False, highlight=False
+            )
         say(
             f"[bold]→ run `visavis recover {verbatim(folder)}`; "
             "it puts back what has an intact copy[/]"
@@ -129,7 +132,8 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
         for path, (status, done, planned) in unfinished.items():
             way_on = "it goes on now" if status == "running" else f"visavis resume {path}"
             say_plainly(
-                f"● not finished: {path}, {done} of {planned} trials; {way_on}", style="yellow"
+                f"{MARK[Level.AMBER]} not finished: {path}, {done} of {planned} trials; {way_on}",
+                style="yellow",
             )
         for session, verdict in verdicts.items():
             print_check(verdict, session, list_trials=True)
@@ -161,14 +165,14 @@ def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False)
     table = Table(box=None, pad_edge=False)
     for name in ("", "what", "finding"):
         table.add_column(name)
-    for finding in verdict.findings:
-        dot = f"[{STYLE[finding.level]}]●[/]"
-        table.add_row(dot, finding.subject, finding.message)
+    for finding in sorted(verdict.findings, key=lambda found: -found.level):
+        mark = f"[{STYLE[finding.level]}]{MARK[finding.level]}[/]"
+        table.add_row(mark, finding.subject, finding.message)
     console.print(table)
     streams = Table("stream", "samples", "expected", "rate", "longest gap", box=None)
     for s in verdict.streams:
         streams.add_row(
-            s.stream,
+            f"{'' if s.level is Level.GREEN else MARK[s.level] + ' '}{s.stream}",
             str(s.rows),
             "–" if s.expected is None else str(s.expected),
             "–" if s.rate_hz is None else f"{s.rate_hz:.1f} Hz",

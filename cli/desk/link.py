@@ -242,6 +242,8 @@ def told(number: int, status: SessionStatus, ray: "_Ray | None") -> dict[str, An
         "faults": [asdict(fault) for fault in status.faults],
         "flags": list(status.flags),
         "prompt": status.prompt,
+        "waiting": status.waiting,
+        "can_go_on": status.can_go_on,
         "messages": list(status.messages),
         "above": _above(status, ray),
     }

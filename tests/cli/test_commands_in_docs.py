@@ -9,6 +9,7 @@ from typing import Any
 import typer
 
 from cli.app import app
+from protocol.session_setup import LOST_DEVICE_S
 from visavis.catalogue import find_study
 
 ROOT = Path(__file__).parents[2]
@@ -32,7 +33,7 @@ MEASURED = re.compile(
 """Words that go with a figure that somebody found rather than chose."""
 PRINTED_BY = re.compile(r"(?:python -m |`)((?:benchmarks|tests|tools)\.[a-z_.]+)")
 OF_PAST_VERSIONS = "CHANGELOG.md"
-OUR_CODE = ("cli", "devices", "lab", "protocol", "recording", "stage", "visavis")
+OUR_CODE = ("analysis", "cli", "devices", "lab", "protocol", "recording", "stage", "visavis")
 
 
 def commands_of(page: Path) -> Iterator[list[str]]:
@@ -139,3 +140,9 @@ def test_the_study_for_newcomers_from_elsewhere_plans_its_trials(tmp_path: Path)
         sum(not t.is_practice for t in plan.trials),
         sum(t.is_practice for t in plan.trials),
     )
+
+
+def test_pages_say_how_long_a_session_waits_for_a_device() -> None:
+    assert 5 * 60.0 == LOST_DEVICE_S
+    for name in ("operator.md", "operator-card.md", "troubleshooting.md"):
+        assert "five minutes" in " ".join((ROOT / "docs" / name).read_text("utf-8").split())

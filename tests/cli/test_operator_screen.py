@@ -83,6 +83,12 @@ def test_a_device_without_samples_yet_shows_no_rate() -> None:
     assert "Hz" not in line
 
 
+def test_a_device_that_is_waited_for_stands_above_what_waits_for_the_operator() -> None:
+    screen = drawn(replace(STATUS, waiting="Waiting for hand: in 9 s the session ends."))
+    assert "in 9 s the session ends" in screen
+    assert "Waiting for" not in drawn(STATUS)
+
+
 def test_escape_asks_before_it_ends_the_session() -> None:
     keys = KeyInterpreter()
 

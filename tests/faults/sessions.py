@@ -97,7 +97,8 @@ def path_of(config: LabConfig) -> Path:
 class ScriptedOperator:
     """Send commands when a state is reached: (state, how often it was reached, frames, command).
 
-    `trail` holds every state that was seen; prompts are gone through after a few frames.
+    `trail` holds every state that was seen, `seen` every status; prompts are gone through after a
+    few frames.
     """
 
     status_period_ns = 1
@@ -110,6 +111,8 @@ class ScriptedOperator:
         self.trail: list[SessionState] = []
         self.messages: list[str] = []
         self.prompts: list[str] = []
+        self.waits: list[str] = []
+        self.seen: list[SessionStatus] = []
 
     def poll(self) -> Sequence[Command]:
         """Return what the script says now; ADVANCE while a prompt stands."""
@@ -135,6 +138,9 @@ class ScriptedOperator:
         self._prompted = bool(status.prompt)
         if status.prompt and status.prompt not in self.prompts:
             self.prompts.append(status.prompt)
+        if status.waiting and status.waiting not in self.waits:
+            self.waits.append(status.waiting)
+        self.seen.append(status)
         self.messages += [m for m in status.messages if m not in self.messages]
 
     def waits_for_advance(self, prompt: str) -> bool:

@@ -62,7 +62,11 @@ def test_a_pause_in_a_trial_waits_for_its_end_and_costs_nothing(tmp_path: Path) 
     assert 1 == len(events(recording, "pause_start")) == len(events(recording, "pause_end"))
     after = operator.trail[operator.trail.index(SessionState.PAUSED) - 1]
     assert TRIAL is after
-    assert "Paused. Press space to go on." in operator.prompts
+    assert "Paused." in operator.prompts
+    asked_for = "pausing before the next trial"
+    assert asked_for in operator.messages
+    told = [s.messages for s in operator.seen if s.state is SessionState.PAUSED]
+    assert not [messages for messages in told if asked_for in messages]
     assert "pauses: 1" in findings(recording)
 
 

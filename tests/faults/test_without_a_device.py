@@ -81,7 +81,7 @@ def test_a_device_on_which_nothing_rests_may_stay_away(role: str, tmp_path: Path
     assert "complete" == recording.status
     rows = recording.trials()
     assert rows["flags"].str.contains(f"{role}_lost").all()
-    assert any("space goes on without it" in message for message in operator.messages)
+    assert any("space goes on without it" in wait for wait in operator.waits)
     assert f"{role}: the operator went on without it; trials are flagged" in findings(recording)
 
 

@@ -19,7 +19,7 @@ const BUTTONS = [
   ["abort", "End session", "Esc", ""],
 ];
 const SAY = {
-  instructing: "instructions", intertrial: "between trials", trial: "trial", calibrating: "calibrating",
+  instructing: "instructions", intertrial: "between trials", trial: "trial runs", calibrating: "calibrating",
   validating: "validating", paused: "paused", break: "break", questionnaire: "questions",
   preflight: "getting ready", finished: "finished", aborted: "ended early", failed: "failed", idle: "getting ready",
 };
@@ -112,7 +112,7 @@ document.addEventListener("keydown", (event) => {
   if (["INPUT", "TEXTAREA"].includes(target) || (event.key === " " && ["BUTTON", "SUMMARY"].includes(target))) return;
   const name = event.key === "Escape" ? "Esc" : event.key.toUpperCase();
   const found = BUTTONS.find((button) => button[2] === name && allowed.includes(button[0]));
-  if (event.key === " " && allowed.includes("advance") && status && status.prompt) {
+  if (event.key === " " && allowed.includes("advance") && status && status.can_go_on) {
     event.preventDefault();
     command("advance");
   } else if (found) {
@@ -136,16 +136,18 @@ function build() {
       document.createTextNode(button[1]), el("kbd", { text: button[2], "aria-hidden": "true" })));
   frame = el("div", {},
     el("dl", { class: "facts" },
-      fact("f-participant", "participant"), fact("f-state", "now"), fact("f-block", "block"), fact("f-trial", "trial"),
-      fact("f-done", "trials done"), fact("f-left", "trial ends in"), fact("f-session", "session left"), fact("f-condition", "condition")),
+      fact("f-participant", "participant"), fact("f-block", "block"), fact("f-trial", "trial"), fact("f-left", "trial ends in"),
+      fact("f-done", "trials done"), fact("f-session", "session left"), fact("f-condition", "condition")),
     el("progress", { id: "bar", "aria-label": "trials done" }),
-    el("div", { class: "prompt", id: "prompt", hidden: "hidden" }, el("p", { id: "prompt-text" }),
+    el("div", { class: "prompt", id: "prompt" }, el("p", { id: "prompt-text" }),
       allowed.includes("advance") ? el("button", { type: "button", id: "do-advance", on: () => command("advance") }, document.createTextNode("Go on"), el("kbd", { text: "space", "aria-hidden": "true" })) : null),
     buttons.length ? el("div", { class: "buttons" }, ...buttons)
       : el("p", { class: "faint", text: "This session goes on at the participant's page; nothing can be commanded from here. Ctrl-C in the terminal ends it, and every answer is kept." }),
+    el("ul", { class: "plain", id: "messages", "aria-live": "polite" }),
     el("div", { id: "flags" }), el("div", { id: "faults", "aria-live": "polite" }), el("div", { id: "calibration" }),
-    el("div", { class: "wide", id: "streams" }), el("ul", { class: "plain faint", id: "messages" }));
-  at("session").replaceChildren(el("h2", { text: `${session.study}, session ${session.session}` }), frame);
+    el("div", { class: "wide", id: "streams" }));
+  const title = el("h2", { text: `${session.study}, session ${session.session}` });
+  at("session").replaceChildren(el("div", { class: "title" }, title, el("strong", { id: "f-state", class: "state" })), frame);
 }
 
 function put(id, text) {
@@ -164,7 +166,7 @@ function renew(id, content, make) {
 function showStatus() {
   const s = status;
   put("f-participant", session.participant);
-  put("f-state", SAY[s.state] || s.state);
+  showState(s);
   put("f-block", s.block || "–");
   put("f-trial", s.trial_id || "–");
   put("f-done", `${s.trials_done} of ${s.trials_planned}${s.trials_skipped ? `, ${s.trials_skipped} skipped` : ""}`);
@@ -173,8 +175,6 @@ function showStatus() {
   put("f-condition", s.condition || (session.is_blind && s.trial_id ? "hidden" : "–"));
   at("bar").max = Math.max(1, s.trials_planned);
   at("bar").value = s.trials_done + s.trials_skipped;
-  at("prompt").hidden = !s.prompt;
-  put("prompt-text", s.prompt);
   renew("flags", s.flags, () => s.flags.map((flag) => el("span", { class: "flag", text: flag })));
   renew("faults", [s.faults, allowed.length], () => s.faults.length ? s.faults.map((fault) =>
     el("div", { class: `fault ${fault.severity}` }, el("strong", { text: fault.role }), document.createTextNode(`: ${fault.message}`),
@@ -184,6 +184,23 @@ function showStatus() {
   renew("messages", s.messages, () => [...s.messages].reverse().map((message) => el("li", { text: message })));
   showAbove(s.above);
 }
+
+// What an operator must see at a glance: it goes by itself, it waits for them, or a device is away.
+// Its place keeps its height, so that no button moves away under a finger.
+function showState(s) {
+  const away = s.waiting || s.faults.filter((fault) => fault.severity === "blocking").map((fault) => `${fault.role}: ${fault.message}`).join(" ");
+  const kind = away ? "bad" : s.prompt || ["paused", "failed", "aborted"].includes(s.state) ? "look" : s.state === "trial" ? "good" : "";
+  put("f-state", SAY[s.state] || s.state);
+  at("f-state").className = `state ${kind}`;
+  put("prompt-text", [away, s.prompt].filter(Boolean).join("\n") || "Goes on by itself.");
+  at("prompt").className = `prompt ${away || s.prompt ? kind : "idle"}`;
+  if (at("do-advance")) at("do-advance").disabled = !s.can_go_on;
+  for (const id of ["prompt", "f-condition"]) {
+    const height = at(id).getBoundingClientRect().height;
+    if (height > (parseFloat(at(id).style.minHeight) || 0)) at(id).style.minHeight = `${height}px`;
+  }
+}
+addEventListener("resize", () => ["prompt", "f-condition"].forEach((id) => at(id) && (at(id).style.minHeight = "")));
 
 function showCalibration(s) {
   let text = "", kind = "faint";
@@ -199,16 +216,17 @@ function showCalibration(s) {
 }
 
 function streams(rows) {
+  const more = (column) => ([3, 5].includes(column) ? "more" : "");
   const cells = (row) => row.received
     ? [`${row.rate_hz.toFixed(1)} Hz`, `${row.gaps}`, number(row.longest_gap_ms, 0, " ms"), number(row.last_sample_age_ms, 0, " ms"), `${row.dropped}`]
     : ["nothing yet", "", "", "", ""];
   const table = el("table", {}, el("caption", { text: "Streams" }),
-    el("thead", {}, el("tr", {}, ...["device", "rate", "gaps", "longest gap", "last sample", "lost"].map((name) => el("th", { scope: "col", text: name })))));
+    el("thead", {}, el("tr", {}, ...["device", "rate", "gaps", "longest gap", "last sample", "lost"].map((name, i) => el("th", { scope: "col", text: name, class: more(i) })))));
   const body = el("tbody");
   for (const row of rows) {
     const battery = row.battery_01 === null ? "" : `, battery ${Math.round(row.battery_01 * 100)} %`;
     body.append(el("tr", { class: row.needs_look ? "bad" : row.received ? "" : "idle" },
-      el("td", { text: row.role.replaceAll("_", " ") + battery }), ...cells(row).map((text) => el("td", { text }))));
+      el("td", { text: row.role.replaceAll("_", " ") + battery }), ...cells(row).map((text, i) => el("td", { text, class: more(i + 1) }))));
   }
   table.append(body);
   return table;
@@ -262,13 +280,16 @@ function showAbove(above) {
 // ---- today and doctor -------------------------------------------------------------------------
 
 function verdictOf(verdict, label) {
+  const line = (finding) => el("li", { class: finding.level === "red" ? "bad" : finding.level === "amber" ? "look" : "" },
+    el("b", { text: finding.subject.replaceAll("_", " ") }), document.createTextNode(`: ${finding.message}`));
+  const wrong = ["red", "amber"].flatMap((level) => verdict.findings.filter((finding) => finding.level === level));
+  const right = verdict.findings.filter((finding) => finding.level === "green");
   return el("div", { class: `verdict ${verdict.level}` },
     el("strong", { text: verdict.answer }),
     el("span", { text: `Participant ${label}: ${verdict.done} of ${count(verdict.planned, "trial")} done.` }),
+    el("ul", { class: "plain" }, ...wrong.map(line)),
     el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...worded(step)))),
-    el("details", {}, el("summary", { text: "what was looked at" }),
-      el("ul", { class: "plain" }, ...verdict.findings.map((finding) =>
-        el("li", { class: finding.level === "red" ? "bad" : finding.level === "amber" ? "look" : "", text: `${finding.subject}: ${finding.message}` })))));
+    el("details", {}, el("summary", { text: `${right.length} as they should be` }), el("ul", { class: "plain" }, ...right.map(line))));
 }
 
 function copied(text) {
@@ -292,7 +313,8 @@ function person(who) {
 
 async function showToday() {
   today = await post("/api/today");
-  put("lab", `${today.lab} · ${today.configuration}`);
+  put("lab-name", today.lab);
+  put("lab-file", ` · ${today.configuration}`);
   at("rehearsal").hidden = !today.is_simulated;
   const shown = today.studies.filter((study) => study.people.length || study.problem);
   const before = (study) => (study.before ? `${count(study.before, "participant")} on other days` : "");
@@ -380,6 +402,7 @@ async function follow() {
       if (session && status) showStatus();
       else if (session) {
         put("f-state", SAY.preflight);
+        put("prompt-text", "Goes on by itself.");
         put("f-participant", session.participant);
       }
       if (isOffline) { isOffline = false; tell(""); }

@@ -22,6 +22,7 @@ from devices.contracts import Fault
 from lab.clock import StopWatch
 from lab.config_files import EXAMPLE
 from protocol.operator import Action, Command, SessionStatus, UnattendedOperator
+from protocol.states import SessionState
 from recording.reader import Recording
 from tests.cli.desk.test_link import seen
 from tests.cli.test_operator_screen import STATUS
@@ -134,6 +135,38 @@ def test_the_page_says_what_the_terminal_says(address: str, browser: Any, tmp_pa
     assert all(url.startswith((address.split("#")[0], "data:")) for url in asked)
 
 
+def test_no_button_moves_when_something_waits_or_breaks(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    calm = replace(STATUS, faults=())
+    away = "Waiting for eye_tracker: in 42 s the session ends, to be resumed."
+    shown_as = (
+        (
+            replace(calm, state=SessionState.PAUSED, prompt="Paused.", can_go_on=True),
+            "look",
+            "Paused.",
+            True,
+        ),
+        (replace(STATUS, state=SessionState.PAUSED, waiting=away), "bad", away, False),
+        (STATUS, "bad", "eye_tracker: disconnected", False),
+        (calm, "good", "Goes on by itself.", False),
+    )
+    with session(tmp_path) as link:
+        link.show(calm)
+        for width in WIDTHS_PX:
+            page = opened(browser, address, viewport={"width": width, "height": 900})
+            shown(page, "#prompt", "Goes on by itself.")
+            places = {page.locator("#do-flag").bounding_box()["y"]}
+            for status, kind, words, is_asked in shown_as:
+                link.show(status)
+                shown(page, "#prompt", words)
+                assert f"state {kind}" == page.locator("#f-state").get_attribute("class")
+                assert is_asked == page.locator("#do-advance").is_enabled()
+                places.add(page.locator("#do-flag").bounding_box()["y"])
+            assert len(places) <= 2  # it may have grown once, and never shrinks
+            page.close()
+
+
 def test_a_blinded_condition_stays_hidden(address: str, browser: Any, tmp_path: Path) -> None:
     with session(tmp_path, is_blind=True) as link:
         link.show(replace(STATUS, condition=""))
@@ -151,6 +184,7 @@ def test_a_session_on_a_participants_page_is_shown_and_not_commanded(
         shown(page, "#f-done", "5 of 73")
         shown(page, "#session", "goes on at the participant's page")
         assert 0 == page.locator("#session button").count()
+        shown(page, "#prompt", "Goes on by itself.")
         page.keyboard.press("f")
         page.wait_for_timeout(300)
         assert [] == list(link.poll())
@@ -160,7 +194,7 @@ def test_every_button_and_key_asks_for_what_the_terminals_keys_do(
     address: str, browser: Any, tmp_path: Path
 ) -> None:
     with session(tmp_path) as link:
-        link.show(replace(STATUS, prompt="Paused. Press space to go on."))
+        link.show(replace(STATUS, prompt="Paused.", can_go_on=True))
         page = opened(browser, address)
         page.wait_for_selector("#do-advance:visible")
         for action in (
@@ -302,6 +336,7 @@ def test_a_session_in_real_time_is_commanded_and_outlives_a_killed_desk(
         page.click("#ask-yes")
         shown(page, ".verdict", "Keep them here.")
         shown(page, ".verdict .remedy code", "visavis resume")
+        shown(page, ".verdict > ul", "planned trials complete")  # what is wrong is not folded away
         shown(page, "#people", "visavis resume")
         said, _ = running.communicate(timeout=PATIENCE_S)
         assert 3 == running.returncode, said
