@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lab.clock import NS_PER_MS, NS_PER_S
+from lab.clock import NS_PER_S
 
 CLOSING_01 = 0.3
 """Share of a blink spent closing; lids fall faster than they rise."""
@@ -77,8 +77,3 @@ def no_blinks() -> Blinks:
     """Return an empty table: eyes that stay open."""
     none = np.empty(0, np.int64)
     return Blinks(none, none, none)
-
-
-def blink_duration_ms(blinks: Blinks) -> npt.NDArray[np.float64]:
-    """Return how long each blink lasts."""
-    return (blinks.end_ns - blinks.start_ns) / NS_PER_MS

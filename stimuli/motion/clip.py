@@ -190,17 +190,6 @@ def cut(clip: Clip, first: int, last: int) -> Clip:
     return Clip(clip.skeleton, clip.frame_s, clip.root_m[rows], clip.orientation_wxyz[rows])
 
 
-def reversed_in_time(clip: Clip) -> Clip:
-    """Return the clip backwards."""
-    x, y, z = clip.travel_m
-    return replace(
-        clip,
-        root_m=clip.root_m[::-1].copy(),
-        orientation_wxyz=clip.orientation_wxyz[::-1].copy(),
-        travel_m=(-x, -y, -z),
-    )
-
-
 def mirrored(clip: Clip) -> Clip:
     """Swap left and right: reflect across the plane x = 0 and exchange the sides' joints."""
     flip = np.array([-1.0, 1.0, 1.0])

@@ -16,7 +16,6 @@ from stimuli.motion.clip import (
     mirrored,
     moved,
     placed_joints,
-    reversed_in_time,
     sampled,
     standing,
     standing_on_floor,
@@ -128,29 +127,6 @@ def test_mirror_commutes_with_forward_kinematics_and_undoes_itself(seed: int) ->
     expected = (placed * [-1, 1, 1])[:, CANONICAL.mirror_index]
     assert np.abs(expected - reflected).max() < 1e-12
     assert same(clip.orientation_wxyz, mirrored(mirrored(clip)).orientation_wxyz, 1e-15)
-
-
-@quick
-@given(seeds, st.floats(0.0, 1.0))
-def test_reversed_clip_runs_backwards(seed: int, share: float) -> None:
-    clip = wandering(np.random.default_rng(seed), 8)
-    t = share * clip.duration_s
-
-    expected, got = clip.at(clip.duration_s - t), reversed_in_time(clip).at(t)
-
-    assert same(expected.orientation_wxyz, got.orientation_wxyz, 1e-9)
-    assert np.abs(expected.root_m - got.root_m).max() < 1e-9
-
-
-def test_reversed_loop_goes_round_and_travels_the_other_way() -> None:
-    base = wandering(np.random.default_rng(2), 8)
-    clip = replace(base, looped=True, travel_m=(0.0, 0.0, -1.0))
-    t, last = np.linspace(-1, 1, 41), 7 * clip.frame_s
-
-    expected, got = clip.at(last - t), reversed_in_time(clip).at(t)
-
-    assert same(expected.orientation_wxyz, got.orientation_wxyz, 1e-9)
-    assert np.abs(expected.root_m - got.root_m).max() < 1e-9
 
 
 def test_moved_clip_is_the_same_body_elsewhere() -> None:
