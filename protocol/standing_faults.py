@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from devices.contracts import Fault
 from lab.clock import NS_PER_MS, NS_PER_S
@@ -91,8 +91,12 @@ class StandingFaults:
         return not is_count or self._standing[_key(fault)].changed_ns > start_ns
 
     def shown(self, t_ns: int) -> tuple[Fault, ...]:
-        """Return what belongs on the operator's screen."""
-        return tuple(f for f in self.present if self._is_fresh(f, t_ns))
+        """Return what belongs on the operator's screen; what is done without holds nothing up."""
+        return tuple(
+            replace(f, severity="warning") if f.role in self.done_without else f
+            for f in self.present
+            if self._is_fresh(f, t_ns)
+        )
 
     def _is_fresh(self, fault: Fault, t_ns: int) -> bool:
         standing = self._standing[_key(fault)]
