@@ -239,3 +239,23 @@ def test_who_can_tell_when_it_presses_next_is_asked_then(fault):
     assert (90 if fault else 2) == seldom
     assert 2 == len(each)
     assert each == foreseen
+
+
+class PresserByItself(ForeseeablePresser):
+    """Presses what the class that it inherits from does not foresee."""
+
+    def next_press_ns(self):
+        return None
+
+
+class Inheriting(PresserByItself):
+    """Adds presses, and inherits the word that there are none."""
+
+    def presses(self, until_ns):
+        return super().presses(until_ns)
+
+
+@pytest.mark.parametrize(("kind", "due"), [(PresserByItself, False), (Inheriting, True)])
+def test_presses_that_an_inherited_forecast_does_not_know_are_asked_for_always(kind, due):
+    device = SimulatedResponses("responses", kind(presses=[(1, "trigger", 1.0)]), SimClock())
+    assert due is (device.due_ns() == 0)

@@ -192,7 +192,8 @@ function showState(s) {
   const kind = away ? "bad" : s.prompt || ["paused", "failed", "aborted"].includes(s.state) ? "look" : s.state === "trial" ? "good" : "";
   put("f-state", SAY[s.state] || s.state);
   at("f-state").className = `state ${kind}`;
-  put("prompt-text", [away, s.prompt].filter(Boolean).join("\n") || "Goes on by itself.");
+  const calm = s.state === "questionnaire" ? "Questions are being answered." : "Goes on by itself.";
+  put("prompt-text", [away, s.prompt].filter(Boolean).join("\n") || calm);
   at("prompt").className = `prompt ${away || s.prompt ? kind : "idle"}`;
   if (at("do-advance")) at("do-advance").disabled = !s.can_go_on;
   for (const id of ["prompt", "f-condition"]) {

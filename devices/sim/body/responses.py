@@ -61,7 +61,7 @@ class SimulatedResponses:
         self._origin_ns = clock.now_ns()
         self._noise = WireNoise(seed, body)
         self._held: list[Press] = []
-        self._hand = body if isinstance(body, ForeseeableHand) else None
+        self._hand = body if isinstance(body, ForeseeableHand) and _foresees(type(body)) else None
         self.info = SIMULATED_RESPONSES.info(role, None)
 
     @property
@@ -182,3 +182,12 @@ class SimulatedResponses:
                 remedy="name this control in the configuration",
             )
         return self.controls.index(control)
+
+
+def _foresees(kind: type) -> bool:
+    """Tell whether a class foresees its own presses, and not those of one that it inherits from."""
+    first = {
+        name: next((i for i, c in enumerate(kind.__mro__) if name in vars(c)), len(kind.__mro__))
+        for name in ("presses", "next_press_ns")
+    }
+    return first["next_press_ns"] <= first["presses"]

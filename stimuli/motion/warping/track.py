@@ -10,12 +10,11 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from lab.geometry import Vector
-from stimuli.motion.warping.clips import WarpedClip
 from stimuli.motion.warping.control import (
     ControlSettings,
     Situation,
@@ -26,6 +25,9 @@ from stimuli.motion.warping.control import (
     wanted_features,
 )
 from stimuli.motion.warping.units import WarpingUnit, units_named
+
+if TYPE_CHECKING:  # loads SciPy's splines, which who merely shows a scene never needs
+    from stimuli.motion.warping.clips import WarpedClip
 
 LEAD_S: Final = 0.15
 """How long before it shapes what is shown a key is asked for: a solution and a frame or two."""
@@ -185,7 +187,7 @@ def reached_by(situations: Iterable[Situation], omega_rad: Vector) -> Reached:
 
 
 def planned_track(
-    found: WarpedClip,
+    found: "WarpedClip",
     start_s: float,
     end_s: float,
     fade_s: float,
