@@ -18,6 +18,7 @@ from analysis.plots.panels import (
     no_data,
     paired_lines,
     published_mark,
+    wrapped,
 )
 from analysis.report.notation import counted, fraction, probability, threshold
 from analysis.statistics.ranks import average_ranks
@@ -125,7 +126,7 @@ def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) ->
     for x, level in enumerate(levels):
         if level in printed:
             published_mark(axes, x + 0.26, *printed[level])
-    axes.set_ylabel(measure.axis)
+    axes.set_ylabel(wrapped(measure.axis, 30))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     left_out_lines(axes, *_values(outside, of.factor, measure, levels))
     besides = trials_with_left_out(analysis)
@@ -147,7 +148,7 @@ def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, pa
             first, second = (printed[level][0] for level in pair)
             published_mark(axes, j + 0.3, second - first, horizontal=True)
     differences(axes, columns, labels, BLUE, people=people)
-    axes.set_title(measure.words)
+    axes.set_title(wrapped(measure.words))
     axes.set_xlabel("Difference" + (f" ({measure.unit})" if measure.unit not in ("", "1") else ""))
 
 

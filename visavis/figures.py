@@ -32,6 +32,7 @@ from analysis.plots.panels import (
     paired_lines,
     published_mark,
     spread_out,
+    wrapped,
 )
 from analysis.report.notation import counted
 from visavis.analysis import Finding, StudyAnalysis
@@ -121,7 +122,7 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
             for i, level in enumerate(levels):
                 if str(level) in printed:
                     published_mark(ax, i + 0.22, *printed[str(level)])
-    axes[0].set_ylabel(finding.measure.axis)
+    axes[0].set_ylabel(wrapped(finding.measure.axis, 34))
     if finding.measure.scale is not None:
         low, high = finding.measure.scale
         beyond = SCALE_MARGIN_01 * (high - low)

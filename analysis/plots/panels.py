@@ -1,6 +1,7 @@
 """Panels that figures of any study are made of; each draws into axes it is given."""
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any, Final
 
 import numpy as np
@@ -170,6 +171,11 @@ def differences(
         draw_mean(axes, i, known, colour, level=level, horizontal=True)
     axes.set_yticks(np.arange(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.5, -0.6)
+
+
+def wrapped(words: str, characters: int = 26) -> str:
+    """Return words of a measure in lines that a panel of three inches has room for."""
+    return fill(words, characters, break_long_words=False)
 
 
 def no_data(axes: Axes, why: str) -> None:
