@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from benchmarks.analyse_many import repeat
+import pytest
+
+from benchmarks.analyse_many import repeat, time_over_linear
 from recording.integrity import damage_of
 from recording.reader import Recording
 from tests.recording.sessions import record_session
@@ -21,3 +23,10 @@ def test_people_that_are_added_have_whole_recordings_and_labels_of_their_own(
         assert () == damage_of(recording).problems
         assert person.name == f"sub-{recording.manifest.participant}"
     assert 2 == len(Recording(people[2] / "ses-001").trials())
+
+
+def test_time_is_held_to_the_line_of_the_first_two_sizes() -> None:
+    sizes = (25, 50, 100)
+    assert 1.0 == pytest.approx(time_over_linear(sizes, [10 + 0.4 * n for n in sizes]))
+    assert 1.5 == pytest.approx(time_over_linear(sizes, [20, 30, 75]))
+    assert time_over_linear(sizes, [10 + 0.01 * n**2 for n in sizes]) > 1.1
