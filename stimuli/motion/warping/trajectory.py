@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.interpolate import CubicSpline
-from scipy.sparse.linalg import splu
 
 from lab.geometry import Vector
 from stimuli.motion.warping.control import (
@@ -104,6 +102,8 @@ def _solved(
     settings: ControlSettings,
 ) -> Vector:
     """Return the change (k, w) that minimises errors, bending and distance from the original."""
+    from scipy.sparse.linalg import splu  # late: who serves a study need not pay for it
+
     keys, _, units = jacobians.shape
     stiff = settings.smoothness**2 * (bend.T @ bend)
     hold = settings.rest_pull * settings.damping**2
@@ -123,6 +123,8 @@ def joined(key_s: Vector, omega_rad: Vector, times_s: Vector, *, looped: bool = 
 
     A loop has its first key again after the last.
     """
+    from scipy.interpolate import CubicSpline  # late, as above
+
     if len(key_s) == 1:
         return np.repeat(omega_rad, len(times_s), axis=0)
     if looped:
