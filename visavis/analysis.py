@@ -426,7 +426,7 @@ def answered(
         return Finding(compare, measure, None, (), str(error))
     terms = tuple(
         Term(
-            str(row.get("term") or ":".join(factors)),
+            str(row.get("term") or ":".join(factors) or compare.dv),
             float(p),
             float(p),
             compare.alpha,

@@ -15,6 +15,8 @@ from visavis.pairs import Printed
 
 Correction = Literal["none", "holm", "bonferroni", "bh"]
 Model = Literal["", "lmm", "gee", "clmm", "bradleyterry"]
+ALONE: Final = ("sign", "binomial", "t", "tost")
+"""Tests that also hold one measure against a number, without a factor."""
 _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 
 
@@ -49,7 +51,9 @@ class Compare:
     mixed model ("lmm"), generalised estimating equations ("gee") or, for ratings, a cumulative
     link mixed model ("clmm"), or for choices between two a Bradley–Terry model ("bradleyterry":
     `within` are the factors of the first and the second item, or one whose levels name both,
-    "A|B"; the measure is above 0 where the first was preferred) instead. `claim` says in words
+    "A|B"; the measure is above 0 where the first was preferred) instead. Without a factor a test of
+    one sample ("sign", "binomial", "t", "tost") holds people's means against a number, the option
+    `mu`, or within bounds, the options `low` and `high`. `claim` says in words
     what a significant result would show; over several factors, their interaction. Comparisons
     of one `family` are corrected together. An `exploratory` one stands apart in the report and
     makes no headline. `only` are levels of other factors that trials must have
@@ -77,9 +81,16 @@ class Compare:
             value = getattr(self, name)
             object.__setattr__(self, name, (value,) if isinstance(value, str) else tuple(value))
         if not self.within and not self.between:
-            raise DesignError(
-                f"the comparison of {self.dv} names no factor; add within= or between="
-            )
+            if self.test not in ALONE:
+                raise DesignError(
+                    f"the comparison of {self.dv} names no factor; add within= or between=, or a "
+                    f"test that needs none ({', '.join(ALONE)})"
+                )
+            if not self.claim:
+                raise DesignError(
+                    f"the comparison of {self.dv} has no factor whose effect it could name; say "
+                    "what it would show: claim="
+                )
         if self.model not in get_args(Model):
             known = ", ".join(name for name in get_args(Model) if name)
             raise DesignError(f"model is {self.model!r}; it is {known} or left out")
@@ -102,12 +113,12 @@ class Compare:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """The effects it tests, as tests name them: "a", "b", "a:b"."""
+        """The effects tested, as tests name them: "a", "b", "a:b"; without factors its measure."""
         names = (*self.within, *self.between)
         if self.model == "bradleyterry":
             items = ":".join(self.within)
             return (items, *(f"{items}:{group}" for group in self.between))
-        every = ":".join(names)
+        every = ":".join(names) or self.dv
         pairs = [f"{a}:{b}" for i, a in enumerate(names) for b in names[i + 1 :]]
         return tuple(dict.fromkeys((*names, *pairs, every)))
 
@@ -124,7 +135,7 @@ class Compare:
     def name(self) -> str:
         """What the comparison is called in tables: measure and factors, and of whom."""
         of = f" ({', '.join(map(str, self.only.values()))})" if self.only else ""
-        return f"{self.dv} by {' × '.join((*self.within, *self.between))}{of}"
+        return f"{self.dv} by {' × '.join((*self.within, *self.between)) or 'itself'}{of}"
 
     def chosen(self, trials: pd.DataFrame) -> pd.DataFrame:
         """Return the trials it is about."""

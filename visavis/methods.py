@@ -197,7 +197,8 @@ def spoken(finding: Finding, texts: Texts) -> str:
     """Return what a comparison is called in sentences: measure, factors, and of whom."""
     words = finding.measure.words
     factors = " × ".join(
-        label_of(texts, name) for name in (*finding.compare.within, *finding.compare.between)
+        label_of(texts, name)
+        for name in (*finding.compare.within, *finding.compare.between) or ("itself",)
     )
     levels = ", ".join(label_of(texts, str(v)) for v in finding.compare.only.values())
     return f"{words[:1].lower()}{words[1:]} by {factors}" + (f" ({levels})" if levels else "")
