@@ -15,7 +15,7 @@ from lab.config import LabConfig
 from lab.errors import LabError
 from protocol.ledger import Ledger, Participant
 from recording.folder import REAL_ROOT, SIMULATED_ROOT
-from recording.manifest import read_manifest
+from recording.manifest import PartStatus, read_manifest
 from recording.reader import Recording
 from visavis.catalogue import SHIPPED
 from visavis.sessions.rig import is_simulated
@@ -23,19 +23,27 @@ from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
 
 
 class Verdicts:
-    """Verdicts on sessions, made once for each state of a session's files."""
+    """What became of sessions, read once for each state of a session's files."""
 
     def __init__(self) -> None:
-        self._kept: dict[Path, tuple[int, SessionCheck]] = {}
+        self._kept: dict[Path, tuple[int, PartStatus, SessionCheck]] = {}
 
-    def of(self, session: Path) -> SessionCheck:
-        """Return the verdict on a session; raises LabError where it cannot be read."""
+    def of(self, session: Path) -> tuple[PartStatus, SessionCheck]:
+        """Return a session's status and the verdict on it.
+
+        Both read every file of it. One that a process holds is read anew each time: its manifest
+        does not change as that process dies.
+
+        Raises:
+            LabError: the session cannot be read.
+        """
         changed_ns = (session / "manifest.json").stat().st_mtime_ns
         kept = self._kept.get(session)
-        if kept is None or kept[0] != changed_ns:
-            kept = (changed_ns, check_session(Recording(session)))
+        if kept is None or kept[0] != changed_ns or kept[1] == "running":
+            recording = Recording(session)
+            kept = (changed_ns, recording.status, check_session(recording))
             self._kept[session] = kept
-        return kept[1]
+        return kept[1:]
 
 
 def people_today(
@@ -106,7 +114,8 @@ def _person(
         if running:
             verdict, status = None, "complete" if is_whole else "aborted"
         else:
-            verdict, status = verdict_of(verdicts.of(session)), Recording(session).status
+            status, check = verdicts.of(session)
+            verdict = verdict_of(check)
     except LabError as error:
         return {**told, "state": f"damaged: {error}", "command": "", "order": 0}
     told["verdict"] = verdict

@@ -16,6 +16,7 @@ from protocol.ledger import Ledger
 from protocol.operator import Action, Command
 from protocol.states import SessionState
 from recording.folder import study_dir
+from recording.reader import Recording
 from tests.faults.sessions import ScriptedOperator, lab, path_of, perform
 from visavis.sessions.study_check import SIMULATED_PREFIX
 from visavis.sessions.study_folder import StudySettings, settle
@@ -92,6 +93,23 @@ def test_a_session_broken_off_on_another_day_still_waits_to_be_gone_on_with(
     monkeypatch.setattr("cli.desk.people._is_today", lambda changed_s: False)
     found = today(config)
     assert ("interrupted", 0) == (found["S01B"]["state"], found["before"])
+
+
+def test_a_session_is_read_once_for_as_long_as_it_does_not_change(
+    config: LabConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    perform(config, trial_s=1.0)
+    verdicts = Verdicts()
+    first = people_today(config, verdicts)
+
+    def read_again(path: Path) -> Recording:
+        raise AssertionError(f"{path} was read again")
+
+    monkeypatch.setattr("cli.desk.people.Recording", read_again)
+    assert first == people_today(config, verdicts)
+    os.utime(session_of(config) / "manifest.json")  # as going on with it does
+    with pytest.raises(AssertionError, match="ses-001 was read again"):
+        people_today(config, verdicts)
 
 
 def test_while_a_session_goes_on_no_other_is_judged(config: LabConfig) -> None:
