@@ -80,7 +80,7 @@ class KitPower:
         for compare in (c for c in compared if not c.exploratory):
             claimed_first = sorted(compare.terms, key=lambda term: term != compare.claimed)
             for term in claimed_first:
-                found[f"{compare.dv}:{term}"] = _claim_of(compare, term)
+                found[_effect_name(compare, term, compared)] = _claim_of(compare, term)
         for of in families_of(study):
             found |= claims_of(study, of)
         found |= study.questions
@@ -96,14 +96,15 @@ class KitPower:
         """The F tests of effects within people, and paired t tests, that the source prints."""
         study = self._opened.study
         found = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
-        for compare in self._opened.experiment(self.overrides).compare:
+        compared = self._opened.experiment(self.overrides).compare
+        for compare in compared:
             for term in compare.terms:
                 printed = compare.published_of(term)
                 if compare.between or printed is None or printed.statistic is None:
                     continue
                 if printed.df is not None:
                     df1, df2 = printed.df
-                    found[f"{compare.dv}:{term}"] = PrintedTest(
+                    found[_effect_name(compare, term, compared)] = PrintedTest(
                         f"F({df1:g}, {df2:g}) = {number(printed.statistic)}",
                         printed.statistic,
                         df1,
@@ -269,12 +270,25 @@ class KitPower:
         found: dict[str, Found] = dict.fromkeys(tests, Found(None))
         for finding in findings:
             for term in finding.terms:
-                name = f"{finding.compare.dv}:{term.name}"
+                name = _effect_name(finding.compare, term.name, experiment.compare)
                 if name in found:
                     found[name] = Found(
                         bool(term.p_corrected < alpha), *_difference(finding, rows, levels)
                     )
         return found | _of_families(opened, experiment, rows, tests, alpha, findings)
+
+
+def _effect_name(compare: Compare, term: str, every: Sequence[Compare]) -> str:
+    """Return what an effect is called: measure and term, and where several comparisons have it, of
+    whom, by which model or test and over which factors.
+    """
+    name = f"{compare.dv}:{term}"
+    same = [c for c in every if not c.exploratory and c.dv == compare.dv and term in c.terms]
+    if len(same) < 2:
+        return name
+    whom = [str(level) for level in compare.only.values()]
+    over = "by " + " × ".join((*compare.within, *compare.between))
+    return f"{name} ({', '.join(filter(None, (*whom, compare.model or compare.test, over)))})"
 
 
 def _is_asked(compare: Compare, tests: Sequence[str], experiment: StudyExperiment) -> bool:

@@ -40,6 +40,46 @@ def test_terms_of_several_factors_are_effects_and_interactions() -> None:
     assert ("a", "b", "a:b") == Compare("y", within="a", between="b").terms
 
 
+TWICE = """from visavis import Compare, Factor, Rating, Study
+
+study = Study(
+    "twice",
+    factors=[Factor("side", ["left", "right"]), Factor("hue", ["red", "blue"])],
+    calibrate=False,
+    compare=[
+        Compare("nice", within="side", only={"hue": "red"}),
+        Compare("nice", within="side", only={"hue": "blue"}),
+    ],
+)
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Rating("nice", 1, 9))
+"""
+
+
+def test_two_comparisons_of_one_effect_each_have_a_power(tmp_path: Path) -> None:
+    path = tmp_path / "twice.py"
+    path.write_text(TWICE, "utf-8")
+    twice = KitPower(str(path), tracker_of)
+    red, blue = twice.tests
+    assert ("nice:side (red, by side)", "nice:side (blue, by side)") == (red, blue)
+    cells = {("left", "red"): 2, ("right", "red"): 7, ("left", "blue"): 5, ("right", "blue"): 5}
+    rows = [
+        {
+            "participant": f"P{i}",
+            "side": side,
+            "hue": hue,
+            "nice": nice + (i * (side == "left")) % 3,
+        }
+        for i in range(12)
+        for (side, hue), nice in cells.items()
+    ]
+    found = twice.resample(pd.DataFrame(rows), (12,), [red, blue], seed=1, alpha=0.001)[12]
+    assert [True, False] == [found[name].is_significant for name in (red, blue)]
+
+
 CLAIMED = """from visavis import Compare, Factor, Rating, Study
 
 study = Study(
