@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -13,13 +14,16 @@ from lab.errors import LabError
 from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
+from stage.card_timer import CardTimer
 from stage.contracts import Viewer
 from stage.errors import StageError
 from stage.fades import Fades, FadeTimes, dimmed, fading_out
 from stage.frame_truth import (
+    DRAWN_GPU,
     DRAWN_VIEWS,
     DrawnFrame,
     drawn_schema,
+    gpu_rows,
     picture_crc32,
     read_row,
     truth_row,
@@ -126,7 +130,8 @@ class DrawnStage:
         self._views: Sequence[EyeView] = ()
         self._schema = drawn_schema(display.people_count, display.rate_hz)
         self._sink: Callable[[SampleBatch], None] | None = None
-        self._seq = self._views_seq = 0
+        self._seq = self._views_seq = self._gpu_seq = 0
+        self._timer: CardTimer | None = None
         self._retry_ns = 0
         self._trouble: StageError | None = None
         self._beside = ThreadPoolExecutor(1, "dress")
@@ -136,8 +141,12 @@ class DrawnStage:
 
     @property
     def schemas(self) -> tuple[StreamSchema, ...]:
-        """The stream of drawn frames, and that of how they are drawn."""
-        return (self._schema, DRAWN_VIEWS)
+        """The streams of drawn frames, of how they are drawn, and of what they cost the card.
+
+        On the virtual clock a card's time would be the one thing that no seed repeats.
+        """
+        timed = () if self._clock.is_virtual else (DRAWN_GPU,)
+        return (self._schema, DRAWN_VIEWS, *timed)
 
     def start(self, sink: Callable[[SampleBatch], None]) -> None:
         """Log what is drawn from now on."""
@@ -181,7 +190,8 @@ class DrawnStage:
             renderer = self._ready()
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
-            drawn = renderer.draw(picture, cameras, self._targets)
+            with nullcontext() if self._timer is None else self._timer.timed(frame):
+                drawn = renderer.draw(picture, cameras, self._targets)
             if is_calm or not self._has_drawn:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
@@ -319,6 +329,8 @@ class DrawnStage:
                 self._renderer = self._open_renderer()
                 quality, context = self._renderer.quality, self._renderer.context
                 self._targets = [EyeTarget(context, size_px, quality.samples) for _ in self._views]
+                if self._sink is not None and not self._clock.is_virtual:
+                    self._timer = CardTimer(context)
             except moderngl.Error as problem:
                 raise StageError(
                     f"the graphics driver cannot begin to draw: {problem}",
@@ -352,12 +364,15 @@ class DrawnStage:
         except moderngl.Error as second:
             # The context is gone with everything in it; the first failure is what matters.
             problem.add_note(str(second))
-            self._renderer, self._targets = None, []
+            self._renderer, self._timer, self._targets = None, None, []
 
     def _drop(self) -> None:
         for target in self._targets:
             target.release()
         self._targets, self._pieces = [], None
+        timer, self._timer = self._timer, None
+        if timer is not None:
+            timer.release()
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -385,3 +400,7 @@ class DrawnStage:
         )
         self._sink(truth_row(self._schema, self._seq, row, failed=failed))
         self._seq += 1
+        told = [] if self._timer is None else self._timer.told()
+        if told:
+            self._sink(gpu_rows(self._gpu_seq, told, self._clock.now_ns()))
+            self._gpu_seq += len(told)
