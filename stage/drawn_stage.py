@@ -82,7 +82,8 @@ class Display:
     """What is drawn for: how each eye looks and how many pixels it has (both asked at the first
     frame, when the headset is open), and at most how many people a picture holds. `hands_over`
     says whether the images go on to the headset. With `views_from` the eyes look another way from
-    every place of the head, as through a screen: it is asked in every frame.
+    every place of the head, as through a screen: it is asked in every frame. `late_head`
+    tells once more where the head will be, just before the picture is drawn from there.
     """
 
     views: Callable[[], Sequence[EyeView]]
@@ -91,6 +92,7 @@ class Display:
     rate_hz: float = 90.0
     hands_over: bool = True
     views_from: Callable[[Pose], Sequence[EyeView]] | None = None
+    late_head: Callable[[], Pose | None] | None = None
 
 
 class DrawnStage:
@@ -174,7 +176,9 @@ class DrawnStage:
         """Draw both eyes and return their textures, left first; none while the driver fails.
 
         People are drawn as they stand when the frame's light leaves, however long ago a plan
-        showed them.
+        showed them. Where the head will be then is asked once more when all but the view from
+        there has been done; before, where what is done depends on it: a body below the head, a
+        processor that leaves out what no eye sees.
         """
         for viewer in self._viewers:
             viewer.see(view, frame.predicted_display_ns)
@@ -184,14 +188,24 @@ class DrawnStage:
         view = as_drawn(view, frame.predicted_display_ns)
         picture = self._fades.faded(self._picture(view))
         is_calm = picture.brightness_01 <= 0.0 or not picture.cast
-        if self._own_body is not None:
-            picture = self._own_body.worn(picture, head)
+        late: Callable[[], Sequence[Camera]] | None = None
         try:
             renderer = self._ready()
+            if self._own_body is not None or renderer.quality.fast:
+                head = self._late_head(head)
+            elif self._display.late_head is not None:
+
+                def late() -> Sequence[Camera]:
+                    nonlocal head
+                    head = self._late_head(head)
+                    return [eye_camera(head, eye) for eye in self._views]
+
+            if self._own_body is not None:
+                picture = self._own_body.worn(picture, head)
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
             with nullcontext() if self._timer is None else self._timer.timed(frame):
-                drawn = renderer.draw(picture, cameras, self._targets)
+                drawn = renderer.draw(picture, cameras, self._targets, late=late)
             if is_calm or not self._has_drawn:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
@@ -338,6 +352,12 @@ class DrawnStage:
                 ) from problem
             self._tell_views(self._renderer)
         return self._renderer
+
+    def _late_head(self, head: Pose) -> Pose:
+        """Return where the head will be as it is foreseen now, `head` where nobody tells."""
+        if self._display.late_head is None:
+            return head
+        return self._display.late_head() or head
 
     def _look_from(self, head: Pose, renderer: Renderer) -> None:
         """Let the eyes look as they do from where the head is, where that makes a difference."""

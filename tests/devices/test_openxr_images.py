@@ -15,6 +15,7 @@ from devices.sim.openxr.runtime import RENDER_SIZE_PX
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceDisconnected, DeviceError
 from lab.geometry import quat_from_yaw_pitch_deg
+from tests.devices.bodies import FixatingBody
 from tests.devices.openvr_rigs import passer
 from tests.devices.test_openxr import column, simulated
 
@@ -250,3 +251,53 @@ def test_driver_with_images_keeps_the_contract(context):
         check_lifecycle(make, passer(clock))
         check_headset(make)
     assert isinstance(clock, SimClock)
+
+
+class _Foreseen(FixatingBody):
+    """A head whose place is foreseen wrong by 1 m for every second ahead."""
+
+    clock = SimClock()
+
+    def head(self, t_ns):
+        place, turn = super().head(t_ns)
+        return place + np.array([1e-9 * (t_ns - self.clock.now_ns()), 0.0, 0.0]), turn
+
+
+def test_images_are_shown_from_where_the_head_was_foreseen_last(context):
+    rng, seen, body = np.random.default_rng(9), [], _Foreseen()
+    with simulated(body=body) as (runtime, clock):
+        body.clock = clock
+        headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+        headset.show_images()
+        headset.open(1.0)
+        headset.start(lambda _: None)
+        runtime.images.on_frame = seen.append
+        told = []
+        for ask in (lambda: None, headset.late_head):
+            frame = one_frame(headset)
+            clock.sleep_until_ns(frame.t_ns + 8_000_000)
+            told.append(ask())
+            headset.submit(frame, noise(context, rng)[1])
+        headset.close()
+    early_m, late_m = (np.mean([e.position_m[0] for e in frame.eyes]) for frame in seen)
+    ahead_m = 1e-9 * (frame.predicted_display_ns - frame.t_ns)
+    assert (early_m, late_m) == pytest.approx((ahead_m, ahead_m - 0.008), abs=1e-6)
+    assert told[1].position_m[0] == pytest.approx(late_m, abs=1e-6)
+
+
+def test_nothing_is_foreseen_again_without_images_tracking_or_a_frame_that_has_begun(context):
+    with simulated() as (runtime, clock):
+        headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+        headset.open(1.0)
+        headset.start(lambda _: None)
+        one_frame(headset)
+        assert headset.late_head() is None
+        headset.close()
+    with showing({"kind": "silence", "start_s": 1.0, "duration_s": 9.0}) as (headset, _, clock, _):
+        frame = one_frame(headset)
+        assert headset.late_head() is not None
+        headset.submit(frame, ())
+        assert headset.late_head() is None
+        clock.sleep_until_ns(2 * NS_PER_S)
+        one_frame(headset)
+        assert headset.late_head() is None

@@ -3,7 +3,8 @@
 `show_images` before `open` makes it a session with graphics, in the OpenGL context that is then
 current; otherwise it is headless and refuses images. The pose of a frame is the runtime's
 prediction for the frame's light, with the view space's origin taken as the midpoint between the
-eyes. Images are handed over with the pose and the views they were drawn from. OpenXR has no frame
+eyes; `late_head` asks for it again. Images are handed over with the pose and the views they were
+drawn from. OpenXR has no frame
 timing: frames that the display went on without are told from its own display times. All of it
 belongs to the thread that draws.
 """
@@ -17,14 +18,14 @@ import numpy as np
 
 from devices.contracts import DeviceState, Fault
 from devices.drivers.openxr.graphics import packed_images
-from devices.drivers.openxr.packing import FRAME, pose_of
+from devices.drivers.openxr.packing import FRAME, LATE, pose_of
 from devices.drivers.openxr.spec import OPENXR_HEADSET
-from devices.drivers.runtimes.headset import CALL_TIMEOUT_S, RuntimeHeadset
+from devices.drivers.runtimes.headset import CALL_TIMEOUT_S, HeadPose, RuntimeHeadset
 from devices.transports import MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError, ProtocolViolation
 from lab.frame import EyeView, FrameInfo
-from lab.geometry import Vector, quat_multiply, rotate
+from lab.geometry import Pose, Vector, quat_multiply, rotate
 
 MAX_AHEAD_NS = 60 * NS_PER_S
 """A display time further off is none."""
@@ -72,6 +73,18 @@ class OpenXrHeadset(RuntimeHeadset):
             self._lose(error.decode("ascii", "replace") or "an unreadable answer")
         self._life.require("wait_frame", DeviceState.STREAMING, DeviceState.FAULT)
         return self._wait_alone()
+
+    def late_head(self) -> Pose | None:
+        """Return the head as the runtime now foresees it for the light of the last frame."""
+        if not self._shows_images:
+            return None
+        answer = self._late_answer((b"late",))
+        if len(answer) != LATE.size:
+            return None
+        flags, *located = LATE.unpack(answer)
+        pose = pose_of(int(flags), located, fully_tracked=True)
+        self._draw_from(pose)
+        return None if pose is None else Pose(*self._drawn_from)
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
         """Hand over one GL texture per eye, left first, same size; none shows nothing new.
@@ -174,11 +187,15 @@ class OpenXrHeadset(RuntimeHeadset):
             skipped = max(0, round((display - before) / period) - 1)
         self._last_display = display
         pose = pose_of(flags, numbers[5:], fully_tracked=True)
+        self._draw_from(pose)
+        self._close_frame()
+        return self._begin_frame(t_ns, predicted_ns, skipped, pose)
+
+    def _draw_from(self, pose: HeadPose) -> None:
+        """Say from now on that images are drawn from here; an unknown place changes nothing."""
         if pose is not None:
             drawn_from = np.array((*pose[0], *pose[1]), np.float32).astype(np.float64)
             self._drawn_from = (drawn_from[:3], drawn_from[3:])
-        self._close_frame()
-        return self._begin_frame(t_ns, predicted_ns, skipped, pose)
 
     def _packed(self, images: Sequence[object]) -> bytes:
         """Return two images with the place and the view each was drawn from."""

@@ -7,7 +7,8 @@ numbers), so that a `TeeTransport` around the transport writes a `.wire` log. On
 every device of the process. Times are XrTime (ns) as the runtime gives them, next to the same
 instant on the session's clock (`devices.drivers.openxr.runtime_time`).
 
-Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `frame`, `show`, `views`, `size`, `buzz`.
+Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `frame`, `late`, `show`, `views`, `size`,
+`buzz`.
 """
 
 import ctypes
@@ -38,7 +39,15 @@ from devices.drivers.openxr.graphics import (
     GraphicsBinding,
     ask_graphics_requirements,
 )
-from devices.drivers.openxr.packing import FRAME, INSTANT, LOCATED, number, numbers, packed_views
+from devices.drivers.openxr.packing import (
+    FRAME,
+    INSTANT,
+    LATE,
+    LOCATED,
+    number,
+    numbers,
+    packed_views,
+)
 from devices.drivers.openxr.runtime_time import RuntimeTime, performance_counter, time_extension
 from devices.drivers.openxr.wire import OpenXrTransport
 from devices.drivers.runtimes.loader_output import loader_output_logged
@@ -100,6 +109,7 @@ class OpenXrLibrary:
             "eyes": self._both_eyes,
             "hands": self._hands,
             "frame": self._frame,
+            "late": self._late,
             "show": self._show,
             "views": self._views,
             "size": self._size,
@@ -387,6 +397,13 @@ class OpenXrLibrary:
             self._xr.SessionState.FOCUSED.value
         )
         return packed, b"1" if has_focus else b"0"
+
+    def _late(self, _: Frames) -> Frames:
+        """Foresee the head once more for the frame that has begun."""
+        if self._begun is None:
+            raise _Refused("NoFrameBegun")
+        flags, pose = self._locate("view", "stage", int(number(self._begun)))
+        return (LATE.pack(flags, *numbers(pose)),)
 
     def _show(self, frames: Frames) -> Frames:
         """End the frame with two new images, or with those before."""
