@@ -342,7 +342,9 @@ class DrawnStage:
             try:
                 self._renderer = self._open_renderer()
                 quality, context = self._renderer.quality, self._renderer.context
-                self._targets = [EyeTarget(context, size_px, quality.samples) for _ in self._views]
+                self._targets = [
+                    EyeTarget(context, size_px, quality.samples, eye) for eye in self._views
+                ]
                 if self._sink is not None and not self._clock.is_virtual:
                     self._timer = CardTimer(context)
             except moderngl.Error as problem:

@@ -2,7 +2,9 @@
 
 import contextlib
 import sys
+from dataclasses import replace
 
+import msgpack
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from devices.contracts import DeviceState
 from devices.current_gl import GlCopies
 from devices.drivers.openxr.gaze import OpenXrGaze
 from devices.drivers.openxr.headset import OpenXrHeadset
-from devices.sim.openxr.runtime import RENDER_SIZE_PX
+from devices.sim.openxr.runtime import HIDDEN_CORNER_01, RENDER_SIZE_PX
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceDisconnected, DeviceError
 from lab.geometry import quat_from_yaw_pitch_deg
@@ -301,3 +303,59 @@ def test_nothing_is_foreseen_again_without_images_tracking_or_a_frame_that_has_b
         clock.sleep_until_ns(2 * NS_PER_S)
         one_frame(headset)
         assert headset.late_head() is None
+
+
+def test_what_the_lenses_hide_is_known_with_the_views(context):
+    with showing() as (headset, runtime, _, _):
+        views = headset.eye_views()
+    assert "xrGetVisibilityMaskKHR" in runtime.calls
+    for view in views:
+        corners = np.array(view.hidden).reshape(-1, 3, 2)
+        low = [view.tangent_left, view.tangent_bottom]
+        size = np.array([view.tangent_right, view.tangent_top]) - low
+        sides = np.diff(((corners - low) / size)[:, [0, 1, 2, 0]], axis=1)
+        areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
+        assert areas == pytest.approx([HIDDEN_CORNER_01**2 / 2] * 4)
+    left, right = (tuple(sorted(view.hidden)) for view in views)
+    assert left == right
+    assert views[0].hidden != views[1].hidden
+
+
+@pytest.mark.parametrize("shows", [True, False])
+def test_nothing_is_hidden_where_the_runtime_tells_nothing_or_nothing_is_shown(context, shows):
+    with simulated(hides_corners=not shows) as (runtime, clock):
+        headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+        if shows:
+            headset.show_images()
+        headset.open(1.0)
+        views = headset.eye_views()
+        headset.close()
+    assert [(), ()] == [view.hidden for view in views]
+    assert "xrGetVisibilityMaskKHR" not in runtime.calls
+
+
+class _Answering:
+    """A wire whose runtime answers one question otherwise."""
+
+    def __init__(self, wire, question, answer):
+        self._wire, self._question, self._answer = wire, question, answer
+
+    def __getattr__(self, name):
+        return getattr(self._wire, name)
+
+    def request(self, frames, timeout_s):
+        exchange = self._wire.request(frames, timeout_s)
+        if frames[0] == self._question:
+            return replace(exchange, frames=(b"", self._answer))
+        return exchange
+
+
+@pytest.mark.parametrize("answer", [[[[0, 0]], []], [[[0, np.nan]] * 3, []], [[], [], []], [1, 2]])
+def test_an_account_of_what_lenses_hide_that_makes_no_triangles_is_refused(context, answer):
+    with simulated() as (runtime, clock):
+        wire = _Answering(runtime.library().transport(), b"hidden", msgpack.packb(answer))
+        headset = OpenXrHeadset("headset", wire, clock)
+        headset.show_images()
+        with pytest.raises(DeviceError, match="lenses hide"):
+            headset.open(1.0)
+        headset.close()

@@ -21,6 +21,7 @@ from devices.drivers.openxr.graphics import packed_images
 from devices.drivers.openxr.packing import FRAME, LATE, pose_of
 from devices.drivers.openxr.spec import OPENXR_HEADSET
 from devices.drivers.runtimes.headset import CALL_TIMEOUT_S, HeadPose, RuntimeHeadset
+from devices.drivers.streaming.message_device import legible
 from devices.transports import MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError, ProtocolViolation
@@ -29,6 +30,7 @@ from lab.geometry import Pose, Vector, quat_multiply, rotate
 
 MAX_AHEAD_NS = 60 * NS_PER_S
 """A display time further off is none."""
+Corners = tuple[tuple[float, float], ...]
 USUAL_EYE_PX = (1440, 1600)
 """Until the runtime has been asked; only a session with graphics asks."""
 
@@ -42,7 +44,7 @@ class OpenXrHeadset(RuntimeHeadset):
         self, role: str, transport: MessageTransport, clock: Clock, *, display_rate_hz: float = 90
     ) -> None:
         self._refused = ""
-        self._shows_images = self._unfocused = False
+        self._shows_images = self._unfocused = self._tells_hidden = False
         self._drawn_from: tuple[Vector, Vector] = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         self._last_display: int | None = None
         super().__init__(
@@ -141,7 +143,8 @@ class OpenXrHeadset(RuntimeHeadset):
 
     def _connect(self, deadline_ns: int) -> None:
         """Begin the session, read the views and one frame's period."""
-        name = msgpack.unpackb(self._answer("runtime"))[0]
+        name, _, _, *more = msgpack.unpackb(self._answer("runtime"))
+        self._tells_hidden = more[:1] == [True]
         self._learn_views()
         if self._shows_images:
             width, height = msgpack.unpackb(self._answer("size"))
@@ -170,10 +173,28 @@ class OpenXrHeadset(RuntimeHeadset):
                 (row[0], row[1], row[2]),
                 (row[6], row[3], row[4], row[5]),
                 *(math.tan(angle) for angle in row[7:11]),
+                hidden=hidden,
             )
-            for row in rows
+            for row, hidden in zip(rows, self._hidden_areas(), strict=True)
         )
         self._views = (left, right)
+
+    def _hidden_areas(self) -> tuple[Corners, Corners]:
+        """Return what the lens hides of either view; nothing where the runtime does not tell."""
+        if not self._tells_hidden:
+            return (), ()
+        with legible("what the lenses hide", OPENXR_HEADSET.remedy):
+            left, right = (
+                tuple((float(x), float(y)) for x, y in corners)
+                for corners in msgpack.unpackb(self._answer("hidden"))
+            )
+        for corners in (left, right):
+            if len(corners) % 3 or not all(math.isfinite(x + y) for x, y in corners):
+                raise ProtocolViolation(
+                    "the runtime's account of what the lenses hide is not of triangles",
+                    remedy=OPENXR_HEADSET.remedy,
+                )
+        return left, right
 
     def _begin(self, numbers: tuple[float, ...], t_receive_ns: int) -> FrameInfo:
         _host_ns, now, display, period, flags = (int(n) for n in numbers[:5])
