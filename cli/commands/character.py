@@ -148,7 +148,7 @@ def sheet_command(
 
 @characters.command("import")
 def import_command(
-    source: Annotated[Path, typer.Argument(help="A .glb or .vrm file, or a folder of them.")],
+    source: Annotated[Path, typer.Argument(help="A .glb, .vrm or .fbx file, or a folder of them.")],
     config: ConfigOption = None,
     library: LibraryOption = None,
     gender: Annotated[
@@ -162,7 +162,7 @@ def import_command(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Import glTF characters into the lab's library; one line a file.
+    """Import glTF characters into the lab's library; one line a file. FBX files need Blender.
 
     Example: visavis character import avatars/
     """

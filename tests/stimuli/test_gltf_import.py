@@ -263,7 +263,7 @@ def test_folder_is_imported_line_by_line_and_a_bad_file_stops_nothing(tmp_path: 
     assert "second_M.glb" in results[1].problem
     assert library_names(library) == ("first_F", "third_M")
     assert load_character("third_M", library).gender == "male"
-    with pytest.raises(CharacterError, match=r"no \.glb"):
+    with pytest.raises(CharacterError, match=r"no \.glb, \.vrm"):
         list(import_characters(library, source))
 
 
