@@ -232,7 +232,8 @@ def test_what_hangs_on_a_bone_without_a_skin_is_worn(tmp_path: Path) -> None:
             del plate["attributes"][name]
         tree["meshes"].append({"primitives": [plate]})
         chest = names.index("Spine2")
-        at, above = np.zeros(3), chest
+        at = np.zeros(3)
+        above: int | None = chest
         while above is not None:
             at = at + tree["nodes"][above]["translation"]
             parents = [i for i, n in enumerate(tree["nodes"]) if above in n.get("children", [])]
