@@ -1,13 +1,14 @@
 """Between the operator and the frame loop: requests, prompts, faults, the status shown."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from devices.contracts import Armband, Fault
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import SessionAborted
 from protocol.calibration_record import CalibrationInForce
 from protocol.frame_loop import FrameLoop
-from protocol.operator import Action, Command, SessionStatus
+from protocol.operator import Action, BodyContact, Command, SessionStatus
 from protocol.plan import Trial
 from protocol.rig import RunningRig
 from protocol.session_setup import SessionSetup
@@ -15,6 +16,10 @@ from protocol.stall_watch import StallWatch, as_reason
 from protocol.standing_faults import StandingFaults
 from protocol.states import SessionState, StateMachine
 from protocol.steps import FrameView
+
+CONTACT_BEGIN, CONTACT_RENEW, CONTACT_END = "contact_begin", "contact_renew", "contact_end"
+"""Marks by which a plan tells what the participant's body touches, with `role` (the armband that
+answers), `segment`, `person` and `vibrates`."""
 
 FAULT_CHECK_NS = 200 * NS_PER_MS
 """How often device faults are looked at."""
@@ -69,6 +74,8 @@ class OperatorDesk:
         self._trial_start_ns = 0
         self._has_begun = False
         self._stalls = StallWatch()
+        self._contacts: dict[str, BodyContact] = {}
+        self._contacts_begun: int | None = None
         self.interrupt_reason: str | None = None
         self.skip_reason: str | None = None
         self.flags: list[str] = []
@@ -141,6 +148,8 @@ class OperatorDesk:
         self._rig.is_muted = self._rig.has_vibrated = False
         self._trial_start_ns = self._loop.t_ns
         self._has_begun = True
+        self._contacts.clear()
+        self._contacts_begun = None
         self._stalls.allow(2)  # the scene is made and drawn for the first time
         self.announce(trial)
         self.flags = [f"{role}_lost" for role in sorted(self._rig.without)]
@@ -149,13 +158,31 @@ class OperatorDesk:
     def end_trial(self, trial: Trial) -> None:
         """Note that this trial was the last one and that none runs."""
         self._in_trial = False
+        self._contacts.clear()
         self._prompt = ""
         self.trial_end_ns = None
         self._last_trial = trial
 
+    def hear(self, mark: str, payload: Mapping[str, Any]) -> None:
+        """Take from a plan's mark what the operator sees of it: contacts of the body."""
+        if mark not in (CONTACT_BEGIN, CONTACT_RENEW, CONTACT_END):
+            return
+        role, person = str(payload.get("role") or ""), payload.get("person")
+        if mark == CONTACT_END:
+            self._contacts.pop(role, None)
+            return
+        if mark == CONTACT_BEGIN:
+            self._contacts_begun = (self._contacts_begun or 0) + 1
+        self._contacts[role] = BodyContact(
+            role,
+            str(payload.get("segment") or ""),
+            person if isinstance(person, int) else None,
+            bool(payload.get("vibrates")),
+        )
+
     def leave_trial(self) -> None:
         """Take the last trial off the screen."""
-        self.trial = None
+        self.trial = self._contacts_begun = None
 
     def take(self, action: Action) -> bool:
         """Tell whether this was asked for since the last checkpoint, and forget it."""
@@ -415,6 +442,9 @@ class OperatorDesk:
             flags=tuple(self.flags) if self._in_trial else (),
             frame=view,
             shown=self._loop.shown,
+            glance=self._loop.glance,
+            contacts=tuple(self._contacts.values()),
+            contacts_begun=self._contacts_begun,
         )
 
     def _messages_now(self) -> tuple[str, ...]:

@@ -8,12 +8,12 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from lab.clock import NS_PER_S, Clock
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import LabError
 from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
-from stage.contracts import Viewer
+from stage.contracts import Glance, Viewer
 from stage.errors import StageError
 from stage.fades import Fades, FadeTimes, dimmed, fading_out
 from stage.frame_truth import (
@@ -28,6 +28,7 @@ from stage.frame_truth import (
 from stage.mirror import Mirror, gaze_on_eye
 from stage.own_body import OwnBody
 from stage.renderer import Image, Renderer
+from stage.small_picture import SmallPicture
 from stage.targets import EyeTarget
 from stage.window import Window
 from stimuli.characters.character import MORPHS
@@ -37,6 +38,7 @@ from stimuli.scene import Scene, SceneFrame
 
 Dresser = Callable[[SceneFrame], Picture]
 RETRY_NS = NS_PER_S
+GLANCE_PERIOD_NS = 500 * NS_PER_MS
 HALF_EYE_DISTANCE_M = 0.0315
 DEFAULT_TANGENT = 1.0
 NOWHERE = Room("nowhere", (), (), np.zeros(3), np.zeros(3))
@@ -133,6 +135,10 @@ class DrawnStage:
         self._coming: Future[Picture | None] | None = None
         self._pieces: Iterator[None] | None = None
         self._has_drawn = False
+        self._small: SmallPicture | None = None
+        self._drawn_from: Camera | None = None
+        self._glanced_from: Camera | None = None
+        self._next_glance_ns = 0
 
     @property
     def schemas(self) -> tuple[StreamSchema, ...]:
@@ -182,6 +188,7 @@ class DrawnStage:
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
             drawn = renderer.draw(picture, cameras, self._targets)
+            self._drawn_from = cameras[0]
             if is_calm or not self._has_drawn:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
@@ -202,6 +209,20 @@ class DrawnStage:
             self._mirror.show(self._renderer.context, self._targets[0].texture)
         except StageError as problem:
             self._fail(problem, self._clock.now_ns())
+
+    def glance(self) -> Glance | None:
+        """Return the left eye's picture, small, as it was when this was last called."""
+        if self._small is None or self._drawn_from is None or self._trouble is not None:
+            return None
+        now_ns = self._clock.now_ns()
+        if self._glanced_from is not None:
+            camera, self._glanced_from = self._glanced_from, None
+            return Glance(self._small.take(), camera)
+        if now_ns >= self._next_glance_ns:
+            self._next_glance_ns = now_ns + GLANCE_PERIOD_NS
+            self._glanced_from = self._drawn_from
+            self._small.ask(self._targets[0].texture)
+        return None
 
     def redraw(
         self,
@@ -319,6 +340,7 @@ class DrawnStage:
                 self._renderer = self._open_renderer()
                 quality, context = self._renderer.quality, self._renderer.context
                 self._targets = [EyeTarget(context, size_px, quality.samples) for _ in self._views]
+                self._small = SmallPicture(context, size_px)
             except moderngl.Error as problem:
                 raise StageError(
                     f"the graphics driver cannot begin to draw: {problem}",
@@ -353,11 +375,15 @@ class DrawnStage:
             # The context is gone with everything in it; the first failure is what matters.
             problem.add_note(str(second))
             self._renderer, self._targets = None, []
+            self._small = self._drawn_from = self._glanced_from = None
 
     def _drop(self) -> None:
         for target in self._targets:
             target.release()
         self._targets, self._pieces = [], None
+        if self._small is not None:
+            self._small.release()
+            self._small = self._drawn_from = self._glanced_from = None
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
