@@ -412,9 +412,7 @@ class OperatorDesk:
         per_trial_s = setup.experiment.trial_s + setup.experiment.intertrial_s
         condition = ""
         if trial is not None and not setup.blind:
-            condition = ", ".join(
-                str(v) if k == "condition" else f"{k} {v}" for k, v in trial.factors.items()
-            )
+            condition = ", ".join(_factor_words(k, v) for k, v in trial.factors.items())
         verdict = calibration.verdict if calibration else None
         return SessionStatus(
             state=self._states.state,
@@ -451,3 +449,13 @@ class OperatorDesk:
         waiting = {LATER[action] for action in self._pending & LATER.keys()}
         since_ns = self._loop.t_ns - MESSAGE_SHOWN_NS
         return tuple(text for t_ns, text in self._messages if t_ns >= since_ns or text in waiting)
+
+
+def _factor_words(name: str, level: object) -> str:
+    """Return a level as the operator reads it."""
+    if name == "condition":
+        return str(level)
+    words = name.replace("_", " ")
+    if isinstance(level, bool):
+        return f"{words}: {'yes' if level else 'no'}"
+    return f"{words} {str(level).replace('_', ' ')}"

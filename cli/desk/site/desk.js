@@ -313,8 +313,9 @@ function showView(view) {
   at("view-figure").hidden = !view;
   if (!view) return;
   const [left, right, bottom, top] = view.tangents, size = right - left, thin = size * 0.004;
-  const drawn = [shape("rect", { x: left, y: -top, width: size, height: top - bottom, fill: view.jpeg ? "#000" : "#eef1f4" })];
-  if (view.jpeg) drawn.push(shape("image", { x: left, y: -top, width: size, height: top - bottom, preserveAspectRatio: "none", href: `data:image/jpeg;base64,${view.jpeg}` }));
+  const box = { x: left, y: -top, width: size, height: top - bottom };
+  const drawn = [shape("rect", { ...box, fill: view.jpeg ? "#000" : "#eef1f4" })];
+  if (view.jpeg) drawn.push(shape("image", { ...box, preserveAspectRatio: "none", href: `data:image/jpeg;base64,${view.jpeg}` }));
   else {
     for (const corners of view.boards) drawn.push(shape("polygon", { points: corners.map(([x, y]) => `${x},${-y}`).join(" "), fill: "#fff", stroke: "#4a525b", "stroke-width": thin }));
     view.heads.forEach(([, x, y, r], i) => {
@@ -329,23 +330,35 @@ function showView(view) {
     drawn.push(shape("circle", { cx: view.gaze[0], cy: -view.gaze[1], r: size * 0.022, fill: "none", stroke: "#fff", "stroke-width": 3.5 * thin }));
     drawn.push(shape("circle", { class: "gaze", cx: view.gaze[0], cy: -view.gaze[1], r: size * 0.022, fill: "none", stroke: "#c0392b", "stroke-width": 2 * thin }));
   }
-  at("view").setAttribute("viewBox", `${left} ${-top} ${size} ${top - bottom}`);
-  at("view").replaceChildren(...drawn);
+  const seenBox = `${left} ${-top} ${size} ${top - bottom}`, inner = shape("svg", { ...box, viewBox: seenBox });
+  inner.append(...drawn);  // whose overflow is cut
+  at("view").setAttribute("viewBox", seenBox);
+  at("view").replaceChildren(inner);
   put("view-of", view.jpeg ? "left eye, a moment ago" : session.is_blind ? "in outline, as you are blinded" : "in outline: no picture is drawn");
 }
 
 // ---- today and doctor -------------------------------------------------------------------------
 
+// Findings of one level and subject in one line each, as they came.
+function bySubject(findings) {
+  const found = new Map();
+  for (const { level, subject, message } of findings) {
+    if (!found.has(subject)) found.set(subject, { level, subject, messages: [] });
+    found.get(subject).messages.push(message);
+  }
+  return [...found.values()];
+}
+
 function verdictOf(verdict, label) {
-  const line = (finding) => el("li", { class: finding.level === "red" ? "bad" : finding.level === "amber" ? "look" : "" },
-    el("b", { text: finding.subject.replaceAll("_", " ") }), document.createTextNode(`: ${finding.message}`));
-  const wrong = ["red", "amber"].flatMap((level) => verdict.findings.filter((finding) => finding.level === level));
-  const right = verdict.findings.filter((finding) => finding.level === "green");
+  const line = ({ level, subject, messages }) => el("li", { class: level === "red" ? "bad" : level === "amber" ? "look" : "" },
+    el("b", { text: subject.replaceAll("_", " ") }), document.createTextNode(`: ${messages.join("; ")}`));
+  const of = (level) => bySubject(verdict.findings.filter((finding) => finding.level === level));
+  const wrong = [...of("red"), ...of("amber")], right = of("green");
   return el("div", { class: `verdict ${verdict.level}` },
     el("strong", { text: verdict.answer }),
     el("span", { text: `Participant ${label}: ${verdict.done} of ${count(verdict.planned, "trial")} done.` }),
-    el("ul", { class: "plain" }, ...wrong.map(line)),
-    el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...worded(step)))),
+    verdict.redo.length ? el("ul", { class: "plain", "aria-label": "what to do" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...worded(step)))) : null,
+    el("ul", { class: "plain findings", "aria-label": "why" }, ...wrong.map(line)),
     el("details", {}, el("summary", { text: `${right.length} as they should be` }), el("ul", { class: "plain" }, ...right.map(line))));
 }
 

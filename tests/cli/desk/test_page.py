@@ -411,7 +411,9 @@ def test_a_session_in_real_time_is_commanded_and_outlives_a_killed_desk(
         page.click("#ask-yes")
         shown(page, ".verdict", "Keep them here.")
         shown(page, ".verdict .remedy code", "visavis resume")
-        shown(page, ".verdict > ul", "planned trials complete")  # what is wrong is not folded away
+        shown(
+            page, ".verdict > ul.findings", "planned trials complete"
+        )  # what is wrong is not folded away
         shown(page, "#people", "visavis resume")
         said, _ = running.communicate(timeout=PATIENCE_S)
         assert 3 == running.returncode, said
