@@ -134,7 +134,7 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         blocks.append(Verdicts(tuple(verdicts)))
     else:
         blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
-    beside = _beside_published(analysis)
+    beside = _beside_published(analysis, experiment.texts)
     blocks += [] if beside is None else [beside]
     agreed = agreement_table(analysis)
     blocks += [] if agreed is None else [agreed]
@@ -224,7 +224,7 @@ def _lower(text: str) -> str:
     return text[:1].lower() + text[1:]
 
 
-def _beside_published(analysis: StudyAnalysis) -> Table | None:
+def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
     source = analysis.study.source
     if source is None:
         return None
@@ -244,7 +244,8 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
                 ours = means.loc[means[factor].astype(str) == level, column].to_numpy(float)
                 here = _mean_sd(ours, measure.digits)
                 printed_mean = mean_sd(mean, sd, measure.digits)
-                rows.append((f"{measure.words}, {level}", here, printed_mean, _off(ours, mean)))
+                what = f"{measure.words}, {label_of(texts, level)}"
+                rows.append((what, here, printed_mean, _off(ours, mean)))
             break
     for finding in analysis.findings:
         for term in finding.terms:
@@ -321,11 +322,13 @@ def _measures(
             blocks.append(_means_table(analysis, measure.column, experiment))
         sections.append(Section(column, measure.words, tuple(blocks)))
     compared = {f.measure.column for f in analysis.findings}
-    others = [
-        _means_table(analysis, m.column, experiment)
-        for m in analysis.measures
-        if m.column not in compared and m.column in analysis.selection.counted
-    ]
+    counted_rows = analysis.selection.counted
+    further = [m for m in analysis.measures if m.column in counted_rows]
+    further = [m for m in further if m.column not in compared]
+    known = [m for m in further if counted_rows[m.column].notna().any()]
+    others: list[Block] = [_means_table(analysis, m.column, experiment) for m in known]
+    if unknown := [_lower(m.words) for m in further if m not in known]:
+        others.append(Paragraph(f"Nobody has a value: {'; '.join(unknown)}."))
     if others:
         sections.append(Section("others", "Means of further measures", tuple(others)))
     return sections
