@@ -41,7 +41,8 @@ class Question:
     mu: float = 0.0
     levels: Mapping[str, Sequence[str]] = field(default_factory=dict)
     family: str = "gaussian"
-    random: str = "maximal"
+    random: str = ""
+    nodes: int = 0
     correction: str = ""
     equal_variances: bool = False
     bayes: bool = False
@@ -59,6 +60,10 @@ class Question:
                 f"a Bayes factor stands beside the test t, not {self.test}; take --test t, or "
                 "leave --bayes out"
             )
+        if self.random and self.test not in ("lmm", "clmm"):
+            raise UsageError(f"random effects are chosen for lmm and clmm, not for {self.test}")
+        if self.nodes and self.test != "clmm":
+            raise UsageError(f"nodes of quadrature are chosen for clmm, not for {self.test}")
         if (self.low is not None or self.high is not None) and self.test not in ("t", "tost"):
             raise UsageError(
                 f"bounds of equivalence (low, high) go with the tests tost and t, not {self.test}"

@@ -152,8 +152,21 @@ def stats(
     ] = "gaussian",
     random: Annotated[
         str,
-        typer.Option("--random", help="Of lmm: maximal, or components (one variance per effect)."),
-    ] = "maximal",
+        typer.Option(
+            "--random",
+            help="How people differ. Of lmm: maximal, or components (one variance per effect); of "
+            "clmm: intercept, maximal, or effects (method+gesture).",
+        ),
+    ] = "",
+    nodes: Annotated[
+        int,
+        typer.Option(
+            "--nodes",
+            min=0,
+            help="Of clmm with slopes: quadrature nodes, not Laplace (three "
+            "random effects at most).",
+        ),
+    ] = 0,
     correction: Annotated[
         str,
         typer.Option(
@@ -229,6 +242,7 @@ def stats(
         levels=read_levels(levels or []),
         family=family,
         random=random,
+        nodes=nodes,
         correction=correction,
         equal_variances=equal_variances,
         bayes=bayes,
