@@ -48,6 +48,7 @@ class Question:
     bayes: bool = False
     side: bool = False
     scale: str = ""
+    kind: str = ""
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""
@@ -62,6 +63,8 @@ class Question:
             )
         if self.random and self.test not in ("lmm", "clmm"):
             raise UsageError(f"random effects are chosen for lmm and clmm, not for {self.test}")
+        if self.kind and self.test != "icc":
+            raise UsageError(f"a kind is chosen of intraclass correlations, not of {self.test}")
         if self.nodes and self.test != "clmm":
             raise UsageError(f"nodes of quadrature are chosen for clmm, not for {self.test}")
         if (self.low is not None or self.high is not None) and self.test not in ("t", "tost"):

@@ -141,7 +141,8 @@ def stats(
     ] = None,
     unit: Annotated[str, typer.Option("--unit", help="Unit of the bounds: raw or sd.")] = "raw",
     mu: Annotated[
-        float, typer.Option("--mu", help="What to test against, for t, sign, binomial.")
+        float,
+        typer.Option("--mu", help="What to test against: t, sign, binomial, icc, α and κ."),
     ] = 0.0,
     levels: Annotated[
         list[str] | None,
@@ -186,6 +187,9 @@ def stats(
     scale: Annotated[
         str,
         typer.Option("--scale", help="Of krippendorff, kappa: nominal, ordinal, interval, ratio."),
+    ] = "",
+    kind: Annotated[
+        str, typer.Option("--kind", help="Of icc: only this one (ICC2 …); all when left out.")
     ] = "",
     error_rate: Annotated[
         int,
@@ -248,6 +252,7 @@ def stats(
         bayes=bayes,
         side=side,
         scale=scale,
+        kind=kind,
     )
     table = read_table(file)
     table = rows_where(table if all_rows else counted_rows(table), where or [])
