@@ -185,6 +185,12 @@ def test_plan_refuses_the_devices_that_run_refuses(
     assert not (tmp_path / "data").exists()
 
 
+def test_a_study_on_pages_is_planned_in_a_lab_without_a_headset(tmp_path: Path) -> None:
+    path = configured(tmp_path, HEADSET, "")
+    planned = CliRunner().invoke(app, ["plan", "interpolation", "--config", str(path)])
+    assert 0 == planned.exit_code, planned.exception
+
+
 def test_a_missing_role_is_named() -> None:
     config = load_lab(CONFIG)
     without = config.model_copy(update={"devices": {"headset": config.devices["headset"]}})
