@@ -105,7 +105,7 @@ def test_an_effect_on_which_its_own_notes_rest_no_claim_is_inconclusive() -> Non
 
 def test_an_effect_lost_by_the_correction_is_no_finding() -> None:
     def lifted(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
-        return chance(factors, rng) + 0.7 * (factors["gaze"] == "directed")
+        return chance(factors, rng) + 0.7 * float(factors["gaze"] == "directed")
 
     compare = [Compare(n, within="gaze", claim=f"Gaze raises {n}") for n in ("a", "b", "c")]
     values = {"a": lifted, "b": chance, "c": chance}
