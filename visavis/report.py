@@ -160,7 +160,12 @@ def _verdict(
         return Verdict("undecided", untested, f"{finding.why_not}.")
     names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
     significant = term.is_significant
-    if compare.claim and (len(finding.terms) == 1 or compare.is_claimed(term.name)):
+    is_claimed = bool(compare.claim) and (len(finding.terms) == 1 or compare.is_claimed(term.name))
+    doubts = finding.outcome.doubts(term.name)
+    if doubts:
+        about = compare.claim if is_claimed else f"{words} by {names}"
+        headline = f"Inconclusive: {_lower(about)}"
+    elif is_claimed:
         headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
     elif significant:
         headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
@@ -177,9 +182,10 @@ def _verdict(
         same = printed.is_significant == significant
         published = f" Published: {printed} ({'the same' if same else 'another'} verdict)."
     return Verdict(
-        "found" if significant else "not_found",
+        "undecided" if doubts else "found" if significant else "not_found",
         headline,
-        f"{_sentence(finding, term)}{corrected}{published}",
+        f"{_sentence(finding, term)}{corrected}{published}"
+        + "".join(f" {note[:1].upper()}{note[1:]}." for note in doubts),
     )
 
 
