@@ -9,6 +9,7 @@ import pandas as pd
 
 from analysis.plots import Drawn, svg_for_page
 from analysis.plots.panels import Values
+from analysis.statistics.results import quantities
 from analysis.report import (
     Block,
     Bullets,
@@ -199,9 +200,12 @@ def _direction(
         return None
     more, less = (one, other) if means[one] > means[other] else (other, one)
     texts = experiment.texts
+    unit = "" if finding.measure.unit in ("", "1") else f" {finding.measure.unit}"
+    high, low = quantities(means[more], means[less])
     return (
-        f"{finding.measure.words}: more with {label_of(texts, str(more))} than with "
-        f"{label_of(texts, str(less))}"
+        f"{finding.measure.words}: more with {label_in_unit(texts, factors[0])} "
+        f"{label_of(texts, str(more))} than {label_of(texts, str(less))} "
+        f"({high}{unit} and {low}{unit})"
     )
 
 

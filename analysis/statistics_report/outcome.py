@@ -47,6 +47,8 @@ class Question:
     bayes: bool = False
     side: bool = False
     scale: str = ""
+    called: Mapping[str, str] = field(default_factory=dict)
+    measured_in: str = ""
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""
