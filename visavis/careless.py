@@ -88,7 +88,7 @@ class Careless:
             "sound_failed": "what the page said was not heard",
         }
         return tuple(
-            Exclusion(f"max_{name}", "participant", name, limit, words[name])
+            Exclusion(f"max_{name}", "participant", name, limit, words[name], what=SIGNS[name][1])
             for name, limit in self._limits.items()
             if np.isfinite(limit)
         )
