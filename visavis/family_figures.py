@@ -74,7 +74,8 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
         lambda: _grid(measures, 3.0, lambda axes, m, i: _offs(axes, analysis, family, m, i)),
         title=f"Differences by {factor}",
         caption="Each dot is one participant's difference, the first level minus the second as "
-        f"in the tables. Discs are means with {percent} confidence intervals. {called}. Stars: significant after Bonferroni ({stars})."
+        f"in the tables. Discs are means with {percent} confidence intervals. {called}. "
+        f"Stars: significant after Bonferroni ({stars})."
         + (" Open diamonds: the published difference of means." if printed else ""),
         alternative="A panel for each measure, with participants' differences by comparison.",
         is_simulated=analysis.is_simulated,

@@ -9,7 +9,6 @@ import pandas as pd
 
 from analysis.plots import Drawn, svg_for_page
 from analysis.plots.panels import Values
-from analysis.statistics.results import quantities
 from analysis.report import (
     Block,
     Bullets,
@@ -29,6 +28,7 @@ from analysis.report import (
     write_page,
 )
 from analysis.report.notation import counted, mean_sd, percentage, probability
+from analysis.statistics.results import quantities
 from protocol.questionnaires import Questionnaire
 from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
 from visavis.compare import trials_of
@@ -585,9 +585,7 @@ def _scores(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Table]:
         values = pd.to_numeric(people[column], errors="coerce") if column in people else None
         if values is not None and values.notna().any():
             n = str(int(values.notna().sum()))
-            rows.append(
-                (name.replace("_", " "), _mean_sd(values.to_numpy(float), SCORE_DIGITS), n)
-            )
+            rows.append((name.replace("_", " "), _mean_sd(values.to_numpy(float), SCORE_DIGITS), n))
     if rows:
         heads = (Column("Score"), Column("Mean (SD)", "right"), Column("People", "right"))
         yield Table(heads, tuple(rows), f"{asked.title}: scores")

@@ -145,9 +145,7 @@ def _t(table: DataTable, q: Question) -> Outcome:
     run: Callable[..., TTest] = partial(paired_t, unit=q.measured_in)
     title = "Paired t test"
     if q.between:
-        run = partial(
-            independent_t, equal_variances=q.equal_variances, unit=q.measured_in
-        )
+        run = partial(independent_t, equal_variances=q.equal_variances, unit=q.measured_in)
         title = "Student's t test" if q.equal_variances else "Welch's t test"
     rows, said = family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
     notes: tuple[str, ...] = ()
