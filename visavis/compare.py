@@ -207,8 +207,17 @@ class Compare:
             options=tuple({**dict(self.options), **options}.items()),
         )
 
-    def question(self, levels: dict[str, tuple[str, ...]]) -> Question:
-        """Return the question for `analysis.statistics_report`; `levels` in their order."""
+    def question(
+        self,
+        levels: dict[str, tuple[str, ...]],
+        *,
+        called: Mapping[str, str] | None = None,
+        unit: str = "",
+    ) -> Question:
+        """Return the question for `analysis.statistics_report`; `levels` in their order.
+
+        `called` is what sentences call levels, `unit` that of the measure.
+        """
         test = self.model or self.test or self._usual(levels)
         factors = (*self.within, *self.between)
         chosen = {f: levels[f] for f in factors}
@@ -222,6 +231,8 @@ class Compare:
             missing="listwise",
             alpha=self.alpha,
             levels=chosen,
+            called={} if self.model == "bradleyterry" else dict(called or {}),
+            measured_in=unit,
             **dict(self.options),
         )
 

@@ -49,6 +49,8 @@ class Question:
     side: bool = False
     scale: str = ""
     kind: str = ""
+    called: Mapping[str, str] = field(default_factory=dict)
+    measured_in: str = ""
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""
