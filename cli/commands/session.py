@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from analysis.gaze.aoi import DEFAULT_PAD_DEG
 from analysis.report.notation import counted
 from analysis.session_check import check_session
 from analysis.session_verdict import Level
@@ -142,8 +143,10 @@ def plan(
     Without a participant, what the next new one would get. Example: visavis plan ./duel.py
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
-    shown = who_is_shown(study_here(study, lab), participant, seed, assignments, language)
-    check_rig(devices_for(lab, shown.experiment))
+    here = study_here(study, lab)
+    shown = who_is_shown(here, participant, seed, assignments, language)
+    if here.study.study.on == "lab":  # a page needs none of the lab's devices
+        check_rig(devices_for(lab, shown.experiment))
     made = shown.experiment.plan(shown.index, shown.seed, shown.group)
     if as_json:
         say_json(asdict(made))
@@ -478,6 +481,7 @@ def _perform(
                 blind,
                 ACTIONS if on == "lab" else (),
                 here.lab.incidents,
+                float(experiment.parameters.get("pad_deg", DEFAULT_PAD_DEG)),
             )
             operator = stack.enter_context(SessionLink(operator, about, here.lab.data_root))
         request = Request(
