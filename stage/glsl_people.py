@@ -214,7 +214,7 @@ vec4 eye_at(vec3 at, float iris, float pupil, vec3 iris_colour, float blur) {
     float corner = smoothstep(0.9, CORNER, abs(place.x));
     // Who has much pigment in the iris has some in the white, too.
     float pale = smoothstep(0.03, 0.10, dot(iris_colour, vec3(0.2126, 0.7152, 0.0722)));
-    vec3 white = vec3(0.72, 0.69, 0.66) * mix(vec3(0.94, 0.91, 0.86), vec3(1.0), pale);
+    vec3 white = vec3(0.72, 0.69, 0.66) * mix(vec3(0.86, 0.83, 0.78), vec3(1.0), pale);
     white = mix(white, vec3(0.50, 0.34, 0.30), corner * corner);
     float angle = atan(at.y, at.x);
     float fibres = mix(1.0, 0.72 + 0.5 * smooth_grain(angle * 22.0 + 80.0 + 3.0 * share),

@@ -84,10 +84,14 @@ class Renderer(Closing):
         self._buffers = SceneBuffers(ctx, fast=self.quality.fast)
         self._frame = ctx.buffer(reserve=FRAME_BYTES, dynamic=True)
         self._lighting = ctx.buffer(reserve=LIGHTING_BYTES, dynamic=True)
-        self._programs = LitPrograms(ctx, fast=self.quality.fast, shadows=self._with_maps())
+        # Cards encode what is drawn into several samples a pixel; what is fast writes codes.
+        self._in_light = self.quality.samples > 0 and not self.quality.fast
+        self._programs = LitPrograms(
+            ctx, fast=self.quality.fast, shadows=self._with_maps(), in_light=self._in_light
+        )
         self._targets: dict[tuple[int, int], EyeTarget] = {}
         self._lit_before: tuple[object, Room, tuple[ShadowView, ...], bytes] | None = None
-        self._overlays = Overlays(ctx)
+        self._overlays = Overlays(ctx, in_light=self._in_light)
         self._shadow_maps = ShadowMaps(ctx, self.quality.shadow_map_px)
         self._closed = False
 
@@ -191,6 +195,8 @@ class Renderer(Closing):
             self.light(picture, crowd, drawn, cameras, max(widths, default=1))
         for camera, target in zip(cameras, targets, strict=True):
             target.begin(_background(picture))
+            if self._in_light:
+                ctx.enable_direct(GL_FRAMEBUFFER_SRGB)
             self.look_from(camera, picture.brightness_01, 0.35 if target.samples else 0.5)
             if crowd is not None:
                 if target.samples:
