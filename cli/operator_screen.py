@@ -222,7 +222,8 @@ def render(status: SessionStatus, entry_line: str, *, is_simulated: bool) -> Pan
     if status.messages:
         parts.append(Text("\n".join(f"· {m}" for m in status.messages), style="dim"))
     if status.waiting:
-        parts.append(Panel(Text(status.waiting), style="bold red"))
+        way_on = "space goes on without it" if status.can_go_on and not status.prompt else None
+        parts.append(Panel(Text(status.waiting), title=way_on, style="bold red"))
     if status.prompt:
         parts.append(Panel(Text(status.prompt), title="waiting for you: space", style="bold cyan"))
     if entry_line:

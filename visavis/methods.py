@@ -178,8 +178,8 @@ def _families(analysis: StudyAnalysis) -> Iterator[str]:
             "Two levels were compared with paired t tests where Shapiro–Wilk did not reject the "
             f"normality of the differences (α = {threshold(rules.normality_alpha)}), with "
             "Wilcoxon's signed-rank test (exact) otherwise. Statistics and effect sizes of a "
-            "comparison A – B are of A minus B; figures show the second minus the first. Effect "
-            f"sizes are dz and partial η² (t tests, with noncentral {percent} intervals; Steiger, "
+            "comparison A – B, and figures, are of A minus B. Effect sizes are "
+            f"dz and partial η² (t tests, with noncentral {percent} intervals; Steiger, "
             "2004) or the rank-biserial correlation."
         )
     said = []

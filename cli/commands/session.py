@@ -143,8 +143,10 @@ def plan(
     Without a participant, what the next new one would get. Example: visavis plan ./duel.py
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
-    shown = who_is_shown(study_here(study, lab), participant, seed, assignments, language)
-    check_rig(devices_for(lab, shown.experiment))
+    here = study_here(study, lab)
+    shown = who_is_shown(here, participant, seed, assignments, language)
+    if here.study.study.on == "lab":  # a page needs none of the lab's devices
+        check_rig(devices_for(lab, shown.experiment))
     made = shown.experiment.plan(shown.index, shown.seed, shown.group)
     if as_json:
         say_json(asdict(made))

@@ -94,6 +94,13 @@ def test_a_device_that_is_waited_for_stands_above_what_waits_for_the_operator() 
     assert "Waiting for" not in drawn(STATUS)
 
 
+def test_the_key_that_goes_on_without_a_device_is_named_where_it_does_something() -> None:
+    waiting = replace(STATUS, waiting="Waiting for responses: you can go on without it.")
+
+    assert "space goes on without it" in drawn(replace(waiting, can_go_on=True))
+    assert "space goes on" not in drawn(waiting)
+
+
 def test_escape_asks_before_it_ends_the_session() -> None:
     keys = KeyInterpreter()
 
