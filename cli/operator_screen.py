@@ -288,9 +288,11 @@ def _streams(health: dict[str, Health]) -> Table:
             table.add_row(role, "nothing yet", style="red" if needs_look(role, h) else "dim")
             continue
         style = "red" if needs_look(role, h) else ""
+        promised = f" of {h.nominal_rate_hz:g}" if h.nominal_rate_hz else ""
+        rate = f"{h.rate_hz:.1f}{promised} Hz"
         table.add_row(
             role,
-            f"{h.rate_hz:.1f} Hz",
+            rate,
             str(h.gaps),
             f"{h.longest_gap_ms:.0f} ms",
             age,

@@ -14,7 +14,7 @@ from analysis.statistics_report import Outcome, answer
 from lab.errors import DataError, LabError
 from protocol.steps import Scalar
 from recording.reader import Recording
-from visavis.compare import Compare
+from visavis.compare import AGREEMENT, THING, Compare
 from visavis.exclusions import Selection
 from visavis.looks import MAIN_MEASURES
 from visavis.measures import Measure, aggregated
@@ -36,6 +36,8 @@ from visavis.sensitivity import SensitivityRow, sensitivity
 from visavis.study import Study
 
 SIMULATED_COLUMN: Final = "is_simulated"
+DECIDING: Final = ("p_used", "p_above", "p")
+"""Columns of a row of a test, the first of which that is there holds the p that decides."""
 MIN_PARTICIPANTS: Final = 3
 """Below this nothing is tested."""
 
@@ -108,6 +110,8 @@ class Finding:
         factors = (*compare.within, *compare.between)
         if compare.model == "bradleyterry":
             return self._items_compared()
+        if compare.test in AGREEMENT:
+            return ()
         if outcome is None or outcome.data is None or len(factors) != 1 or not self.terms:
             return ()
         values = outcome.data[compare.dv].astype(float)
@@ -423,6 +427,9 @@ def answered(
     if n < MIN_PARTICIPANTS:
         why = f"{n} participants have {measure.column}; tests need {MIN_PARTICIPANTS}"
         return Finding(compare, measure, None, (), why)
+    notes: tuple[str, ...] = ()
+    if compare.test in AGREEMENT:
+        frame, notes = _rated(compare, frame)
     question = compare.question(
         {f: tuple(map(str, levels[f])) for f in factors},
         called=called,
@@ -433,6 +440,7 @@ def answered(
         outcome = answer(frame, question, name="the trials that count")
     except LabError as error:
         return Finding(compare, measure, None, (), str(error))
+    outcome = replace(outcome, notes=(*notes, *outcome.notes))
     terms = tuple(
         Term(
             str(row.get("term") or ":".join(factors) or compare.dv),
@@ -442,9 +450,23 @@ def answered(
             row,
         )
         for row in outcome.rows
-        if (p := row.get("p_used", row.get("p"))) is not None and isinstance(p, float)
+        if isinstance(p := next((row[n] for n in DECIDING if row.get(n) is not None), None), float)
     )
     return Finding(compare, measure, outcome, terms)
+
+
+def _rated(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Name what was rated; of participants who rate, those without all ratings leave an ICC."""
+    notes: tuple[str, ...] = ()
+    things = frame[list(compare.things)].astype(str)
+    frame = frame.assign(**{THING: things.agg(", ".join, axis=1)})
+    if compare.test == "icc" and compare.raters == "participant":
+        rated = frame.dropna(subset=[compare.dv]).groupby("participant")[THING].nunique()
+        gaps = rated.index[rated < frame[THING].nunique()]
+        if 0 < len(gaps):
+            frame = frame[~frame["participant"].isin(gaps)]
+            notes = (f"left out: {len(gaps)} participants without all ratings",)
+    return frame[["participant", *compare.within, THING, compare.dv]], notes
 
 
 def _levels_of(row: Mapping[str, Any]) -> tuple[str, str]:

@@ -167,6 +167,11 @@ class PairTest:
         return None if self.outcome is None else self.outcome.significant
 
     @property
+    def holds_corrected(self) -> bool | None:
+        """Tell the decision that headlines are made of: the threshold shares alpha already."""
+        return self.is_significant
+
+    @property
     def stars(self) -> str:
         """Return '', '*', '**' or '***' after correction; nothing when there was no test."""
         return "" if self.outcome is None else self.outcome.stars

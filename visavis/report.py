@@ -163,7 +163,12 @@ def _verdict(
         return Verdict("undecided", untested, f"{finding.why_not}.")
     names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
     significant = term.is_significant
-    if compare.claim and (len(finding.terms) == 1 or compare.is_claimed(term.name)):
+    is_claimed = bool(compare.claim) and (len(finding.terms) == 1 or compare.is_claimed(term.name))
+    doubts = finding.outcome.doubts(term.name)
+    if doubts:
+        about = compare.claim if is_claimed else f"{words} by {names}"
+        headline = f"Inconclusive: {_lower(about)}"
+    elif is_claimed:
         headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
     elif significant:
         headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
@@ -180,9 +185,10 @@ def _verdict(
         same = printed.is_significant == significant
         published = f" Published: {printed} ({'the same' if same else 'another'} verdict)."
     return Verdict(
-        "found" if significant else "not_found",
+        "undecided" if doubts else "found" if significant else "not_found",
         headline,
-        f"{_sentence(finding, term)}{corrected}{published}",
+        f"{_sentence(finding, term)}{corrected}{published}"
+        + "".join(f" {note[:1].upper()}{note[1:]}." for note in doubts),
     )
 
 
@@ -328,11 +334,13 @@ def _measures(
             blocks.append(_means_table(analysis, measure.column, experiment))
         sections.append(Section(column, measure.words, tuple(blocks)))
     compared = {f.measure.column for f in analysis.findings}
-    others = [
-        _means_table(analysis, m.column, experiment)
-        for m in analysis.measures
-        if m.column not in compared and m.column in analysis.selection.counted
-    ]
+    counted_rows = analysis.selection.counted
+    further = [m for m in analysis.measures if m.column in counted_rows]
+    further = [m for m in further if m.column not in compared]
+    known = [m for m in further if counted_rows[m.column].notna().any()]
+    others: list[Block] = [_means_table(analysis, m.column, experiment) for m in known]
+    if unknown := [_lower(m.words) for m in further if m not in known]:
+        others.append(Paragraph(f"Nobody has a value: {'; '.join(unknown)}."))
     if others:
         title = "Means of further measures" if compared else "Means"
         sections.append(Section("others", title, tuple(others)))

@@ -12,6 +12,8 @@ Cell: TypeAlias = str | int | float | bool | None
 Row: TypeAlias = Mapping[str, Cell]
 
 MINUS = "\N{MINUS SIGN}"
+NO_CLAIM = "do not rest a claim on it"
+"""Said in a note, begun with the name of an effect, on whose p alone nothing may rest."""
 
 
 @dataclass(frozen=True)

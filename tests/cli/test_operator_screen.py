@@ -36,6 +36,11 @@ def drawn(status: SessionStatus, entry_line: str = "") -> str:
     return text
 
 
+def test_a_streams_rate_stands_beside_the_one_promised() -> None:
+    promised = replace(STATUS, health={"eye_tracker": replace(HEALTH, nominal_rate_hz=120.0)})
+    assert "119.9 of 120 Hz" in drawn(promised)
+
+
 def test_everything_an_operator_needs_is_on_the_screen() -> None:
     text = drawn(STATUS)
 

@@ -70,6 +70,25 @@ def test_a_pause_in_a_trial_waits_for_its_end_and_costs_nothing(tmp_path: Path) 
     assert "pauses: 1" in findings(recording)
 
 
+def test_the_operator_is_told_conditions_by_their_name_and_no_second_that_is_over(
+    tmp_path: Path,
+) -> None:
+    operator = ScriptedOperator()
+    rows = trial_table(operated(tmp_path, operator))
+
+    told = {s.trial_id: s.condition for s in operator.seen if s.trial_id in TRIALS}
+    names = ("zone", "depth", "place")
+    assert {
+        trial: ", ".join(
+            [rows.loc[(trial, 1), "condition"], *(f"{n} {rows.loc[(trial, 1), n]}" for n in names)]
+        )
+        for trial in TRIALS
+    } == told
+    left = [s.trial_left_s for s in operator.seen if s.state is TRIAL]
+    assert None in left
+    assert 0 < min(s for s in left if s is not None)
+
+
 def test_a_pause_between_trials_comes_before_the_next_one(tmp_path: Path) -> None:
     operator = ScriptedOperator((*BEFORE_T02, Command(Action.PAUSE)))
     recording = operated(tmp_path, operator)
@@ -104,9 +123,12 @@ def test_repeat_between_trials_means_the_one_just_performed(tmp_path: Path) -> N
 def test_a_skipped_trial_keeps_its_reason_and_is_not_done_again(
     tmp_path: Path, when: tuple[SessionState, int, int]
 ) -> None:
-    command = Command(Action.SKIP, "participant coughed")
-    recording = operated(tmp_path, ScriptedOperator((*when, command)))
+    operator = ScriptedOperator((*when, Command(Action.SKIP, "participant coughed")))
+    recording = operated(tmp_path, operator)
 
+    last = operator.seen[-1]
+    assert (6, 1, 7) == (last.trials_done, last.trials_skipped, last.trials_planned)
+    assert 0 == last.session_left_s
     row = trial_table(recording).loc[("T02", 1)]
     assert ("skipped", "participant coughed") == (row["status"], row["reason"])
     assert ["P1", *TRIALS] == order(recording)

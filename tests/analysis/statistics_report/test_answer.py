@@ -111,6 +111,32 @@ def test_trials_lost_are_refused_or_left_out_as_asked() -> None:
     assert any("214 rows of 12 subjects" in note for note in kept.notes)
 
 
+def test_people_differ_in_a_rating_model_as_asked() -> None:
+    frame = people(trials=6)
+    frame["y"] = np.clip(np.round(frame["y"] + 2), 1, 5)
+    asked = Question("clmm", dv="y", within=("A",), subject="s")
+    plain, slopes = (answer(frame, replace(asked, random=r)) for r in ("", "A"))
+    assert plain.rows == answer(frame, replace(asked, random="intercept")).rows
+    assert "random intercept and slopes of A per s, correlated" in slopes.sentences[0]
+    assert slopes.row("A")["chi2"] != pytest.approx(plain.row("A")["chi2"], rel=1e-3)
+    assert slopes.rows == answer(frame, replace(asked, random="maximal")).rows
+    fine = answer(frame, replace(asked, random="A", nodes=7))
+    assert slopes.row("A")["chi2"] == pytest.approx(fine.row("A")["chi2"], rel=0.1)
+    assert slopes.row("A")["chi2"] != fine.row("A")["chi2"]
+
+
+def test_how_people_differ_is_never_asked_in_vain() -> None:
+    with pytest.raises(UsageError, match="random effects are chosen for lmm and clmm, not for gee"):
+        Question("gee", random="maximal")
+    with pytest.raises(UsageError, match="nodes of quadrature are chosen for clmm, not for lmm"):
+        Question("lmm", nodes=9)
+    with pytest.raises(DataError, match="no factor 'all'"):
+        answer(
+            people().assign(y=np.tile([1, 2], 18)),
+            Question("clmm", dv="y", within=("A",), subject="s", random="all"),
+        )
+
+
 def test_a_test_nobody_knows_is_answered_with_the_nearest() -> None:
     with pytest.raises(UsageError, match="did you mean lmm"):
         answer(people(), Question("lm", dv="y"))
