@@ -223,7 +223,7 @@ class PairTest:
         eta = "" if self.outcome.eta is None else f", {self.outcome.eta}"
         return (
             f"{what} {verdict} between {names} ({first} and {second}): {kind} of "
-            f"{self.first} minus {self.second}, "
+            f"{self.of.called(self.first)} minus {self.of.called(self.second)}, "
             f"n = {self.n_pairs}{incomplete}, {self.statistic()}, "
             f"{p_text(self.outcome.p)}, {effect}{eta}; threshold "
             f"{threshold(self.threshold)} ({threshold(self.alpha)} over {self.n_tests} tests)."

@@ -110,6 +110,16 @@ def number(value: float, digits: int = 2) -> str:
     return text.replace("-", MINUS)
 
 
+def quantities(*values: float) -> tuple[str, ...]:
+    """Format numbers in the unit of the data, all with as many decimals as the largest deserves.
+
+    The largest keeps three significant digits, and none has more than three decimals.
+    """
+    largest = max((abs(v) for v in values if np.isfinite(v)), default=0.0)
+    digits = 3 if largest == 0 else int(np.clip(2 - np.floor(np.log10(largest)), 0, 3))
+    return tuple(number(value, digits) for value in values)
+
+
 def degrees(df: float) -> str:
     """Format degrees of freedom: whole numbers plain, fractions with two digits."""
     return f"{round(df)}" if abs(df - round(df)) < 1e-6 else f"{df:.2f}"

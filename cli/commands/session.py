@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from analysis.gaze.aoi import DEFAULT_PAD_DEG
 from analysis.report.notation import counted
 from analysis.session_check import check_session
 from analysis.session_verdict import Level
@@ -480,6 +481,7 @@ def _perform(
                 blind,
                 ACTIONS if on == "lab" else (),
                 here.lab.incidents,
+                float(experiment.parameters.get("pad_deg", DEFAULT_PAD_DEG)),
             )
             operator = stack.enter_context(SessionLink(operator, about, here.lab.data_root))
         request = Request(

@@ -230,7 +230,7 @@ def test_spaces_accents_and_a_decimal_comma_change_nothing(tmp_path: Path) -> No
     assert "complete" == recording.status
     assert 73 == len(recording.trials())
     checked = visavis("check", str(session), cwd=tmp_path, LC_ALL="de_DE.UTF-8")
-    assert "73 of 73 planned trials complete" in checked.stdout
+    assert "73 of 73 planned trials complete, 1 of them practice" in checked.stdout
 
 
 def test_who_sees_a_body_of_their_own_is_tracked_in_every_study() -> None:

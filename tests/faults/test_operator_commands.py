@@ -167,10 +167,21 @@ def test_a_reason_given_after_a_flag_is_a_flag_of_the_trial_and_in_the_verdict(
     recording = operated(tmp_path, operator)
 
     assert "operator_flag;disturbance" == trial_table(recording).loc[("T02", 1), "flags"]
-    assert "reasons: given by the operator: disturbance 1" in findings(recording)
+    assert (
+        "reasons: given by the operator: noise, or somebody came in (disturbance) once"
+        in findings(recording)
+    )
     assert "note: drill next door" in findings(recording)
     given = [e for e in asked(recording) if e["action"] == "reason"]
     assert [{"action": "reason", "text": "drill next door", "code": "disturbance"}] == given
+
+
+def test_a_reason_of_the_labs_own_list_is_told_in_its_words(tmp_path: Path) -> None:
+    own = lab(tmp_path).model_copy(update={"incidents": {"tram": "the tram passed below"}})
+    operator = ScriptedOperator((*IN_T02, Command(Action.FLAG, code="tram")))
+    recording = perform(own, operator, trial_s=1.0)
+
+    assert "given by the operator: the tram passed below (tram) once" in findings(recording)
 
 
 def test_a_skipped_trial_bears_the_code_of_its_reason(tmp_path: Path) -> None:
@@ -223,15 +234,13 @@ def test_an_aborted_session_keeps_its_trials_and_is_completed_by_resume(
     assert "aborted" == recording.status
     assert kept == list(rows.loc[rows["status"] == "complete", "trial_id"])
     assert Level.RED is verdict(recording).level
-    assert "the session was ended early: the session was ended by the operator" in findings(
-        recording
-    )
+    assert "recording: ended early: the session was ended by the operator" in findings(recording)
 
     whole = resume(config)
     rows = whole.trials()
     assert "complete" == whole.status
     assert {"P1", *TRIALS} == set(rows.loc[rows["status"] == "complete", "trial_id"])
-    assert "part 1 ended early (aborted)" in findings(whole)
+    assert "part 1 ended early: the session was ended by the operator" in findings(whole)
 
 
 def test_training_goes_on_until_the_operator_ends_it(tmp_path: Path) -> None:
