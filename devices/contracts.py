@@ -280,6 +280,18 @@ class PoseAtOnce(Protocol):
 
 
 @runtime_checkable
+class LatePose(Protocol):
+    """A headset that is asked again, just before a frame is drawn, where its head will be."""
+
+    def late_head(self) -> Pose | None:
+        """Return the head as now foreseen for the light of the last frame; None where not told.
+
+        Images handed over for that frame are then said to be drawn from there.
+        """
+        ...
+
+
+@runtime_checkable
 class OnScreen(Protocol):
     """What a display offers through which the world is seen as through a window."""
 

@@ -56,7 +56,16 @@ _EYES = (
     ("eye3", "cyclopean", "direction_head", "valid", None),
 )
 BOOKKEEPING = frozenset(
-    ("frames", "frame_timing", "scene_states", "gaze_targets", "drawn", "drawn_views", "pointer")
+    (
+        "frames",
+        "frame_timing",
+        "scene_states",
+        "gaze_targets",
+        "drawn",
+        "drawn_gpu",
+        "drawn_views",
+        "pointer",
+    )
 )
 """Streams of the session itself, of use beside the session alone: what was shown and when."""
 

@@ -110,10 +110,12 @@ class Renderer(Closing):
         targets: Sequence[EyeTarget],
         *,
         levels: npt.NDArray[np.int64] | None = None,
+        late: Callable[[], Sequence[Camera]] | None = None,
     ) -> Drawn:
         """Draw the picture once per camera into the targets.
 
-        `levels` (n,) repeats recorded levels of detail instead of choosing them.
+        `levels` (n,) repeats recorded levels of detail instead of choosing them. `late` is asked
+        for the cameras once more when only they are left to be sent to the card.
 
         Raises:
             StageError: the graphics driver failed; what was recorded is not touched.
@@ -123,7 +125,7 @@ class Renderer(Closing):
             if self.context.error == "GL_NO_ERROR":
                 break
         try:
-            drawn = self._draw(picture, cameras, targets, levels)
+            drawn = self._draw(picture, cameras, targets, levels, late)
         except moderngl.Error as problem:
             raise StageError(
                 f"the graphics driver refused to draw: {problem}",
@@ -176,6 +178,7 @@ class Renderer(Closing):
         cameras: Sequence[Camera],
         targets: Sequence[EyeTarget],
         levels: npt.NDArray[np.int64] | None,
+        late: Callable[[], Sequence[Camera]] | None,
     ) -> Drawn:
         ctx = self.context
         ctx.disable_direct(GL_FRAMEBUFFER_SRGB)
@@ -193,6 +196,8 @@ class Renderer(Closing):
             ]
             drawn = self.pose(picture, crowd, cameras, levels, max(spans, default=1.0))
             self.light(picture, crowd, drawn, cameras, max(widths, default=1))
+        if late is not None:
+            cameras = late()
         for camera, target in zip(cameras, targets, strict=True):
             target.begin(_background(picture))
             if self._in_light:

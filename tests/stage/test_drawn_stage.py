@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import moderngl
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from lab.clock import NS_PER_S, SimClock
@@ -340,3 +342,71 @@ def test_samples_are_recorded_as_the_driver_gives_them() -> None:
     stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
     stage.close()
     assert most == views[0].values[0]["samples"]
+
+
+LATE = Pose(HEAD.position_m + np.array([0.02, 0.0, -0.03]), quat_from_yaw_pitch_deg(5.5, -2.0))
+
+
+@pytest.mark.parametrize("quality", [None, ON_PROCESSOR], ids=["card", "processor"])
+@pytest.mark.parametrize("bodied", [False, True])
+def test_a_frame_is_drawn_from_and_logged_with_the_pose_that_was_foreseen_last(
+    quality: Quality | None, bodied: bool
+) -> None:
+    rows: list[SampleBatch] = []
+
+    def opened() -> Renderer:
+        try:
+            return Renderer(quality=quality)
+        except StageError as problem:
+            pytest.skip(str(problem))
+
+    def images(head: Pose, late: Pose | None) -> tuple[DrawnStage, list[npt.NDArray[np.uint8]]]:
+        own_body = OwnBody(figures.picture(1).cast[0], SEGMENTS) if bodied else None
+        display = Display(default_views, lambda: SIZE, 4, late_head=lambda: late)
+        stage = DrawnStage(_dressed, opened, display, SimClock(), own_body=own_body)
+        stage.start(lambda batch: rows.append(batch) if batch.schema.name == "drawn" else None)
+        if bodied:
+            stage.watch("body_tracker", sample())
+        stage.draw(_scene(), FrameInfo(0, 0, 0), head)
+        return stage, stage.images()
+
+    stage, late = images(HEAD, LATE)
+    row = rows[0].values[0]
+    bodies = [] if stage._own_body is None else [stage._own_body]
+    again = stage.redraw([_scene()], row, bodies=bodies)
+    stage.close()
+    assert LATE.position_m.tolist() == row["head_position_m"].tolist()
+    assert LATE.orientation_wxyz.tolist() == row["head_orientation_wxyz"].tolist()
+    for head, foreseen, same in ((LATE, None, True), (HEAD, None, False)):
+        stage, expected = images(head, foreseen)
+        stage.close()
+        assert [same] * 2 == [bool((a == b).all()) for a, b in zip(late, expected, strict=True)]
+    assert all((a == b).all() for a, b in zip(late, again, strict=True))
+
+
+def test_the_pose_is_asked_for_again_when_only_the_views_are_left_to_be_sent() -> None:
+    order: list[str] = []
+
+    class Watched(Renderer):
+        def light(self, *arguments: Any, **options: Any) -> None:
+            super().light(*arguments, **options)
+            order.append("people and light")
+
+        def look_from(self, *arguments: Any) -> None:
+            super().look_from(*arguments)
+            order.append("view")
+
+    def opened() -> Renderer:
+        try:
+            return Watched()
+        except StageError as problem:
+            pytest.skip(str(problem))
+
+    def late_head() -> None:
+        order.append("pose")
+
+    display = Display(default_views, lambda: SIZE, 4, late_head=late_head)
+    stage = DrawnStage(_dressed, opened, display, SimClock())
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    stage.close()
+    assert ["people and light", "pose", "view", "view"] == order
