@@ -425,7 +425,8 @@ def answered(
         frame = aggregated(trials, [measure], factors).drop(columns="n")
     n = frame.dropna(subset=[measure.column])["participant"].nunique()
     if n < MIN_PARTICIPANTS:
-        why = f"{n} participants have {measure.column}; tests need {MIN_PARTICIPANTS}"
+        words = measure.words[:1].lower() + measure.words[1:]
+        why = f"{n} participants have {words}; tests need {MIN_PARTICIPANTS}"
         return Finding(compare, measure, None, (), why)
     notes: tuple[str, ...] = ()
     if compare.test in AGREEMENT:

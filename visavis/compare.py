@@ -158,11 +158,12 @@ class Compare:
         return self.published
 
     @property
-    def published_terms(self) -> tuple[Printed, ...]:
-        """Everything a source prints of it."""
+    def published_terms(self) -> Mapping[str, Printed]:
+        """Everything a source prints of it, by effect; of the only one by its factors."""
         if isinstance(self.published, Mapping):
-            return tuple(self.published.values())
-        return () if self.published is None else (self.published,)
+            return self.published
+        names = ":".join((*self.within, *self.between))
+        return {} if self.published is None else {names: self.published}
 
     @property
     def terms(self) -> tuple[str, ...]:

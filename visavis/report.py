@@ -281,10 +281,9 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
                     )
                 )
         if not finding.terms:
-            rows += [
-                (finding.compare.name, "–", str(printed), Cell("not tested", "weak"))
-                for printed in finding.compare.published_terms
-            ]
+            for name, printed in finding.compare.published_terms.items():
+                what = f"{finding.measure.words} by {name.replace(':', ' × ')}"
+                rows.append((what, "–", str(printed), Cell("not tested", "weak")))
     if not rows:
         return None
     return Table(
