@@ -337,8 +337,21 @@ def _drift_finding(
         level = Level.AMBER
     if end_deg > limits.accuracy_red_deg or drift_deg > limits.drift_red_deg:
         level = Level.RED
-    message = f"accuracy {end_deg:.2f}° at the end, drift {drift_deg:+.2f}° over the last block"
+    message = f"accuracy {end_deg:.2f}° at the end{drift_words(start_deg, end_deg)}"
     return Finding(level, "calibration", message, REDO_BLOCK if level is Level.RED else "")
+
+
+def drift_words(start_deg: float | None, end_deg: float) -> str:
+    """Return what became of the accuracy since the last block began; nothing where none is known.
+
+    Gaze that got worse has drifted; one that got better was measured at a better moment.
+    """
+    if start_deg is None:
+        return ""
+    change = f"{abs(end_deg - start_deg):.2f}"
+    if change == "0.00":
+        return ", as before the last block"
+    return f", {change}° {'worse' if end_deg > start_deg else 'better'} than before the last block"
 
 
 # ---- questionnaires and deviations -----------------------------------------------------------
@@ -346,6 +359,9 @@ def _drift_finding(
 
 def _questionnaire_findings(plan: Mapping[str, Any], events: Events) -> list[Finding]:
     complete = {p["questionnaire"] for p in _payloads(events, "questionnaire_complete")}
+    blocks = plan.get("blocks", ())
+    if not plan.get("questionnaires") and not any(b.get("questionnaires") for b in blocks):
+        return []  # nobody is asked anything
     found = [
         Finding(
             Level.RED,

@@ -5,7 +5,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.frame import EyeView
+from stage.context import GL_FRAMEBUFFER_SRGB
 from stage.programs import compile_program, set_bytes
+
+GL_SRGB8_ALPHA8 = 0x8C43
 
 # At the near plane nothing that is drawn later lies before it.
 _HIDING_VERTEX = """
@@ -24,7 +27,10 @@ void main() {
 
 
 class EyeTarget:
-    """An RGBA8 texture in sRGB, with `samples` per pixel while it is drawn.
+    """An RGBA8 texture of the display's codes, with `samples` per pixel while it is drawn.
+
+    Samples lie in sRGB: whoever draws light lets the card encode it (GL_FRAMEBUFFER_SRGB), whoever
+    draws codes does not. Either way a pixel is the mean of its samples' light, not of their codes.
 
     What the lens hides of the eye's `view` keeps the background: no pixel there is computed.
     """
@@ -44,8 +50,12 @@ class EyeTarget:
         self._depth = context.depth_renderbuffer(size_px, samples=self.samples)
         self._many: moderngl.Framebuffer | None = None
         if self.samples:
-            self._colour = context.renderbuffer(size_px, 4, samples=self.samples)
+            self._colour = context.texture(
+                size_px, 4, samples=self.samples, internal_format=GL_SRGB8_ALPHA8
+            )
+            self._mean = context.texture(size_px, 4, internal_format=GL_SRGB8_ALPHA8)
             self._many = context.framebuffer(self._colour, self._depth)
+            self._resolved = context.framebuffer(self._mean)
             self.frame = context.framebuffer(self.texture)
         else:
             self.frame = context.framebuffer(self.texture, self._depth)
@@ -58,6 +68,7 @@ class EyeTarget:
 
     def begin(self, background: tuple[float, float, float]) -> None:
         """Draw here from now on, over a background in sRGB (0 to 1)."""
+        self._context.disable_direct(GL_FRAMEBUFFER_SRGB)
         self.drawn_into.use()
         self.drawn_into.clear(*background, 1.0, depth=1.0)
         if self._hiding is not None:
@@ -69,13 +80,19 @@ class EyeTarget:
 
     def begin_over(self, other: "EyeTarget") -> None:
         """Draw here from now on, over what another of the same size and samples holds."""
+        self._context.disable_direct(GL_FRAMEBUFFER_SRGB)
         self._context.copy_framebuffer(self.drawn_into, other.drawn_into)
         self.drawn_into.use()
 
     def finish(self) -> None:
         """Make the texture final."""
-        if self._many is not None:
-            self._context.copy_framebuffer(self.frame, self._many)
+        if self._many is None:
+            return
+        self._context.enable_direct(GL_FRAMEBUFFER_SRGB)
+        self._context.copy_framebuffer(self._resolved, self._many)
+        # Headsets and windows take codes.
+        self._context.disable_direct(GL_FRAMEBUFFER_SRGB)
+        self._context.copy_framebuffer(self.frame, self._resolved)
 
     def read(self) -> npt.NDArray[np.uint8]:
         """Return the texture as (height, width, 3) bytes, top row first."""
@@ -92,7 +109,9 @@ class EyeTarget:
                 thing.release()
         if self._many is not None:
             self._many.release()
+            self._resolved.release()
             self._colour.release()
+            self._mean.release()
         self.frame.release()
         self._depth.release()
         self.texture.release()

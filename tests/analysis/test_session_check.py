@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.session_check import in_one, stream_findings
+from analysis.session_check import drift_words, in_one, stream_findings
 from analysis.session_verdict import Level, StreamCheck
 
 
@@ -33,3 +33,18 @@ def test_streams_that_lack_the_same_are_told_once() -> None:
         ("head", "94 % of the expected samples, longest gap 111 ms; so frame_timing, frames"),
         ("gaze", "70 % of the expected samples, longest gap 320 ms"),
     ] == [(f.subject, f.message) for f in stream_findings([*few, gaze, whole])]
+
+
+@pytest.mark.parametrize(
+    ("expected", "start_deg", "end_deg"),
+    [
+        (", 0.22° better than before the last block", 1.02, 0.80),
+        (", 0.50° worse than before the last block", 0.5, 1.0),
+        (", as before the last block", 0.8, 0.801),
+        ("", None, 0.8),
+    ],
+)
+def test_a_change_of_accuracy_is_told_without_a_sign_to_interpret(
+    expected: str, start_deg: float | None, end_deg: float
+) -> None:
+    assert expected == drift_words(start_deg, end_deg)

@@ -248,6 +248,8 @@ def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_pa
     assert all(re.search(r">[1-9]\d*</td></tr>", part) for part in means)  # nobody has no mean
     trials = pd.read_csv(tmp_path / "derived" / "trials.csv")
     assert 0 < trials[COUNTED].sum() <= (~trials["is_practice"]).sum()
+    assert not trials.loc[trials["is_practice"], COUNTED].any()
+    assert (trials[COUNTED] == trials["left_out_because"].isna()).all()
 
 
 @pytest.mark.slow
