@@ -323,12 +323,14 @@ def analyse_rows(
     tables: Mapping[str, pd.DataFrame] | None = None,
     thresholds: Any = None,
     how: Any = None,
+    called: Mapping[str, str] | None = None,
 ) -> StudyAnalysis:
     """Answer every planned comparison and make every family of tests; untested ones say why.
 
     `compare` are the comparisons that this design can make (all by default). `varied` holds the
     main measures of looks by padding and minimum duration, where there are any; `tables`, `how`
-    and `thresholds` are what sections and further findings need.
+    and `thresholds` are what sections and further findings need. `called` is what sentences call
+    levels; by their names where it is left out.
 
     Raises:
         DataError: no trial counts.
@@ -340,7 +342,9 @@ def analyse_rows(
         )
     known = {m.column: m for m in measures}
     found = [
-        answered(c, selection.counted, known, dict(levels), is_simulated=is_simulated)
+        answered(
+            c, selection.counted, known, dict(levels), is_simulated=is_simulated, called=called
+        )
         for c in (study.compare if compare is None else compare)
     ]
     made = StudyAnalysis(
@@ -391,8 +395,9 @@ def answered(
     levels: dict[str, tuple[Scalar, ...]],
     *,
     is_simulated: bool,
+    called: Mapping[str, str] | None = None,
 ) -> Finding:
-    """Test one comparison on the trials that count.
+    """Test one comparison on the trials that count; `called` is what sentences call levels.
 
     Raises:
         DataError: there is no such measure or factor.
@@ -420,12 +425,17 @@ def answered(
         frame = aggregated(trials, [measure], factors).drop(columns="n")
     n = frame.dropna(subset=[measure.column])["participant"].nunique()
     if n < MIN_PARTICIPANTS:
-        why = f"{n} participants have {measure.column}; tests need {MIN_PARTICIPANTS}"
+        words = measure.words[:1].lower() + measure.words[1:]
+        why = f"{n} participants have {words}; tests need {MIN_PARTICIPANTS}"
         return Finding(compare, measure, None, (), why)
     notes: tuple[str, ...] = ()
     if compare.test in AGREEMENT:
         frame, notes = _rated(compare, frame)
-    question = compare.question({f: tuple(map(str, levels[f])) for f in factors})
+    question = compare.question(
+        {f: tuple(map(str, levels[f])) for f in factors},
+        called=called,
+        unit="" if measure.unit == "1" else measure.unit,
+    )
     frame = frame.assign(**{SIMULATED_COLUMN: is_simulated})
     try:
         outcome = answer(frame, question, name="the trials that count")

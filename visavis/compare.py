@@ -158,11 +158,12 @@ class Compare:
         return self.published
 
     @property
-    def published_terms(self) -> tuple[Printed, ...]:
-        """Everything a source prints of it."""
+    def published_terms(self) -> Mapping[str, Printed]:
+        """Everything a source prints of it, by effect; of the only one by its factors."""
         if isinstance(self.published, Mapping):
-            return tuple(self.published.values())
-        return () if self.published is None else (self.published,)
+            return self.published
+        names = ":".join((*self.within, *self.between))
+        return {} if self.published is None else {names: self.published}
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -207,8 +208,17 @@ class Compare:
             options=tuple({**dict(self.options), **options}.items()),
         )
 
-    def question(self, levels: dict[str, tuple[str, ...]]) -> Question:
-        """Return the question for `analysis.statistics_report`; `levels` in their order."""
+    def question(
+        self,
+        levels: dict[str, tuple[str, ...]],
+        *,
+        called: Mapping[str, str] | None = None,
+        unit: str = "",
+    ) -> Question:
+        """Return the question for `analysis.statistics_report`; `levels` in their order.
+
+        `called` is what sentences call levels, `unit` that of the measure.
+        """
         test = self.model or self.test or self._usual(levels)
         factors = (*self.within, *self.between)
         chosen = {f: levels[f] for f in factors}
@@ -222,6 +232,8 @@ class Compare:
             missing="listwise",
             alpha=self.alpha,
             levels=chosen,
+            called={} if self.model == "bradleyterry" else dict(called or {}),
+            measured_in=unit,
             **dict(self.options),
         )
 

@@ -542,7 +542,7 @@ def _conditions(table: DataTable, q: Question) -> Outcome:
     pairs: Any = made.pairs.contrasts if isinstance(made.pairs, Contrasts) else made.pairs
     return Outcome(
         question=q,
-        title=f"Conditions of {within}",
+        title="Repeated-measures ANOVA" if made.is_parametric else "Friedman's test",
         rows=(made.row(),),
         sentences=(made.sentence(),),
         path=tuple(str(s) for s in made.steps),

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import pandas as pd
 
 from analysis.statistics.design import Missing
-from analysis.statistics.results import Array, Row
+from analysis.statistics.results import NO_CLAIM, Array, Row
 from lab.errors import UsageError
 
 
@@ -49,6 +49,8 @@ class Question:
     side: bool = False
     scale: str = ""
     kind: str = ""
+    called: Mapping[str, str] = field(default_factory=dict)
+    measured_in: str = ""
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""
@@ -165,6 +167,15 @@ class Outcome:
             if set(name.split(":")) == set(term.split(":")):
                 return row
         raise UsageError(f"{self.title} has no row {term!r}; there are {', '.join(known)}")
+
+    def doubts(self, term: str) -> tuple[str, ...]:
+        """Return the notes that say why no claim may rest on an effect, its name left out."""
+        begin = f"{term}: "
+        return tuple(
+            note.removeprefix(begin)
+            for note in self.notes
+            if note.startswith(begin) and NO_CLAIM in note
+        )
 
     def p(self, term: str = "") -> float:
         """Return the p to report of an effect: corrected for sphericity, adjusted in a family."""
