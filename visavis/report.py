@@ -324,7 +324,9 @@ def _measures(
     others = [
         _means_table(analysis, m.column, experiment)
         for m in analysis.measures
-        if m.column not in compared and m.column in analysis.selection.counted
+        if m.column not in compared
+        and m.column in analysis.selection.counted
+        and analysis.selection.counted[m.column].notna().any()
     ]
     if others:
         sections.append(Section("others", "Means of further measures", tuple(others)))
