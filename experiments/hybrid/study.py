@@ -87,14 +87,7 @@ study = Study(
     validate=False,
     questionnaires=("about_voters",),
     exclusions=COMPLETENESS_RULES,
-    measures=[
-        column(
-            "preference",
-            "1",
-            "vote for the hybrid: 2 significantly, 1 slightly better, 0 equal, negative for the "
-            "clip",
-        ),
-    ],
+    measures=[column("preference", "1", "vote for the hybrid (−2 to 2)")],
     compare=[
         Compare(
             "preference",
