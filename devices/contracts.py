@@ -93,7 +93,8 @@ class Health:
     """What a device has delivered since `start`.
 
     `gaps` counts spacings of more than 1.5 nominal periods (irregular streams: 0);
-    `last_sample_age_ms` is None before the first sample.
+    `last_sample_age_ms` is None before the first sample; `nominal_rate_hz` is the rate the device
+    promises, 0 where it promises none.
     """
 
     state: DeviceState
@@ -107,6 +108,7 @@ class Health:
     clock_offset_ms: float | None = None
     clock_drift_ppm: float | None = None
     battery_01: float | None = None
+    nominal_rate_hz: float = 0.0
 
 
 @runtime_checkable

@@ -9,13 +9,13 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from lab.clock import NS_PER_S, Clock
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import LabError
 from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
 from stage.card_timer import CardTimer
-from stage.contracts import Viewer
+from stage.contracts import Glance, Viewer
 from stage.errors import StageError
 from stage.fades import Fades, FadeTimes, dimmed, fading_out
 from stage.frame_truth import (
@@ -32,6 +32,7 @@ from stage.frame_truth import (
 from stage.mirror import Mirror, gaze_on_eye
 from stage.own_body import OwnBody
 from stage.renderer import Image, Renderer
+from stage.small_picture import SmallPicture
 from stage.targets import EyeTarget
 from stage.window import Window
 from stimuli.characters.character import MORPHS
@@ -41,6 +42,7 @@ from stimuli.scene import Scene, SceneFrame
 
 Dresser = Callable[[SceneFrame], Picture]
 RETRY_NS = NS_PER_S
+GLANCE_PERIOD_NS = 500 * NS_PER_MS
 HALF_EYE_DISTANCE_M = 0.0315
 DEFAULT_TANGENT = 1.0
 NOWHERE = Room("nowhere", (), (), np.zeros(3), np.zeros(3))
@@ -140,6 +142,10 @@ class DrawnStage:
         self._coming: Future[Picture | None] | None = None
         self._pieces: Iterator[None] | None = None
         self._has_drawn = False
+        self._small: SmallPicture | None = None
+        self._drawn_from: Camera | None = None
+        self._glanced_from: Camera | None = None
+        self._next_glance_ns = 0
 
     @property
     def schemas(self) -> tuple[StreamSchema, ...]:
@@ -206,6 +212,7 @@ class DrawnStage:
             cameras = [eye_camera(head, eye) for eye in self._views]
             with nullcontext() if self._timer is None else self._timer.timed(frame):
                 drawn = renderer.draw(picture, cameras, self._targets, late=late)
+            self._drawn_from = eye_camera(head, self._views[0])
             if is_calm or not self._has_drawn:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
@@ -226,6 +233,20 @@ class DrawnStage:
             self._mirror.show(self._renderer.context, self._targets[0].texture)
         except StageError as problem:
             self._fail(problem, self._clock.now_ns())
+
+    def glance(self) -> Glance | None:
+        """Return the left eye's picture, small, as it was when this was last called."""
+        if self._small is None or self._drawn_from is None or self._trouble is not None:
+            return None
+        now_ns = self._clock.now_ns()
+        if self._glanced_from is not None:
+            camera, self._glanced_from = self._glanced_from, None
+            return Glance(self._small.take(), camera)
+        if now_ns >= self._next_glance_ns:
+            self._next_glance_ns = now_ns + GLANCE_PERIOD_NS
+            self._glanced_from = self._drawn_from
+            self._small.ask(self._targets[0].texture)
+        return None
 
     def redraw(
         self,
@@ -345,6 +366,7 @@ class DrawnStage:
                 self._targets = [
                     EyeTarget(context, size_px, quality.samples, eye) for eye in self._views
                 ]
+                self._small = SmallPicture(context, size_px)
                 if self._sink is not None and not self._clock.is_virtual:
                     self._timer = CardTimer(context)
             except moderngl.Error as problem:
@@ -387,6 +409,7 @@ class DrawnStage:
             # The context is gone with everything in it; the first failure is what matters.
             problem.add_note(str(second))
             self._renderer, self._timer, self._targets = None, None, []
+            self._small = self._drawn_from = self._glanced_from = None
 
     def _drop(self) -> None:
         for target in self._targets:
@@ -395,6 +418,9 @@ class DrawnStage:
         timer, self._timer = self._timer, None
         if timer is not None:
             timer.release()
+        if self._small is not None:
+            self._small.release()
+            self._small = self._drawn_from = self._glanced_from = None
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

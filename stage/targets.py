@@ -59,6 +59,7 @@ class EyeTarget:
             self.frame = context.framebuffer(self.texture)
         else:
             self.frame = context.framebuffer(self.texture, self._depth)
+        self.drawn_into = self.frame if self._many is None else self._many
         self._hiding: moderngl.VertexArray | None = None
         if view is not None and view.hidden:
             self._hider = compile_program(context, _HIDING_VERTEX, _HIDING_FRAGMENT)
@@ -67,16 +68,21 @@ class EyeTarget:
 
     def begin(self, background: tuple[float, float, float]) -> None:
         """Draw here from now on, over a background in sRGB (0 to 1)."""
-        frame = self.frame if self._many is None else self._many
         self._context.disable_direct(GL_FRAMEBUFFER_SRGB)
-        frame.use()
-        frame.clear(*background, 1.0, depth=1.0)
+        self.drawn_into.use()
+        self.drawn_into.clear(*background, 1.0, depth=1.0)
         if self._hiding is not None:
             # The winding of the triangles differs between runtimes and eyes.
             self._context.disable(moderngl.CULL_FACE)
             set_bytes(self._hider, "background", np.array(background, np.float32).tobytes())
             self._hiding.render(moderngl.TRIANGLES)
             self._context.enable(moderngl.CULL_FACE)
+
+    def begin_over(self, other: "EyeTarget") -> None:
+        """Draw here from now on, over what another of the same size and samples holds."""
+        self._context.disable_direct(GL_FRAMEBUFFER_SRGB)
+        self._context.copy_framebuffer(self.drawn_into, other.drawn_into)
+        self.drawn_into.use()
 
     def finish(self) -> None:
         """Make the texture final."""

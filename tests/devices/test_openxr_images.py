@@ -359,3 +359,14 @@ def test_an_account_of_what_lenses_hide_that_makes_no_triangles_is_refused(conte
         with pytest.raises(DeviceError, match="lenses hide"):
             headset.open(1.0)
         headset.close()
+
+
+def test_a_capture_of_before_lenses_were_asked_about_hides_nothing(context):
+    with simulated() as (runtime, clock):
+        answer = msgpack.packb(["Visavis of old", False])
+        wire = _Answering(runtime.library().transport(), b"runtime", answer)
+        headset = OpenXrHeadset("headset", wire, clock)
+        headset.show_images()
+        headset.open(1.0)
+        assert [(), ()] == [view.hidden for view in headset.eye_views()]
+        headset.close()

@@ -14,11 +14,20 @@ from lab.errors import DesignError
 from lab.frame import FrameInfo
 from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from lab.schema import SampleBatch
-from stage.drawn_stage import Display, DrawnStage, as_drawn, default_views, eye_camera
+from stage.drawn_stage import (
+    GLANCE_PERIOD_NS,
+    Display,
+    DrawnStage,
+    as_drawn,
+    default_views,
+    eye_camera,
+)
 from stage.errors import StageError
 from stage.frame_truth import read_views
 from stage.own_body import OwnBody
 from stage.renderer import ON_PROCESSOR, Quality, Renderer
+from stage.small_picture import WIDTH_PX
+from stage.stills import made_small
 from stimuli.picture import Camera, Picture
 from stimuli.scene import Agent, Scene, SceneFrame
 from tests.stage import figures
@@ -410,3 +419,25 @@ def test_the_pose_is_asked_for_again_when_only_the_views_are_left_to_be_sent() -
     stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
     stage.close()
     assert ["people and light", "pose", "view", "view"] == order
+
+
+def test_the_operator_is_given_the_left_eye_small_twice_a_second() -> None:
+    clock, size = SimClock(), (4 * WIDTH_PX, 2 * WIDTH_PX)
+    stage = _stage([], _Watcher(), clock, size)
+    assert None is stage.glance()  # nothing is drawn yet
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    left = stage.images()[0]
+    assert None is stage.glance()  # asked for
+    later = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
+    stage.draw(later, FrameInfo(1, 1, 1), HEAD)
+    glance = stage.glance()
+    assert glance is not None
+    assert None is stage.glance()
+    clock.sleep_until_ns(GLANCE_PERIOD_NS)
+    assert [None, True] == [stage.glance(), stage.glance() is not None]
+    stage.close()
+    eye = eye_camera(HEAD, default_views()[0])
+    assert eye.pose.position_m.tolist() == glance.camera.pose.position_m.tolist()
+    small = made_small(left, (WIDTH_PX, WIDTH_PX // 2)).astype(int)
+    assert small.shape == glance.image.shape
+    assert np.abs(small - glance.image).mean() < 1.0

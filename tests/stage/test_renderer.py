@@ -2,13 +2,15 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
 from stage.errors import StageError
-from stage.renderer import Quality, Renderer
+from stage.renderer import LIGHTEST, Quality, Renderer
+from stage.room_buffers import PropBuffers
 from stage.stills import made_small
 from stage.targets import EyeTarget
 from stimuli.picture import Panel, Picture
@@ -22,6 +24,12 @@ def renderer() -> Iterator[Renderer]:
     except StageError as problem:
         pytest.skip(str(problem))
     with made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def lightest(renderer: Renderer) -> Iterator[Renderer]:
+    with Renderer(renderer.context, quality=LIGHTEST) as made:
         yield made
 
 
@@ -58,6 +66,29 @@ def test_black_scene_shows_only_the_mark(renderer: Renderer) -> None:
     lit = np.argwhere(marked.max(axis=2) > 60)
     assert 100 < len(lit) < 400
     assert lit.mean(axis=0) == pytest.approx((119.5, 159.5), abs=1.0)
+
+
+def test_pictures_of_a_camera_that_stands_still_are_as_each_alone(lightest: Renderer) -> None:
+    pictures = [figures.picture(count) for count in (2, 1, 3, 2)]
+    camera, small = figures.camera(), (160, 120)
+    standing = [lightest.image(picture, camera, small) for picture in pictures]
+    for picture, image in zip(pictures, standing, strict=True):
+        lightest.image(picture, figures.camera(half_deg=5), small)  # the camera moved away
+        assert np.array_equal(lightest.image(picture, camera, small), image)
+
+
+def test_the_room_of_a_camera_that_stands_still_is_drawn_twice_at_most(lightest: Renderer) -> None:
+    with patch.object(PropBuffers, "draw") as drawn:
+        for count in (1, 2, 1, 2):
+            lightest.image(figures.picture(count), figures.camera(), (80, 60))
+    assert drawn.call_count == 2
+
+
+def test_a_room_that_is_lit_otherwise_is_drawn_anew(lightest: Renderer) -> None:
+    lit, camera = figures.picture(0), figures.camera()
+    before = [lightest.image(lit, camera, (64, 48)) for _ in range(3)][-1]
+    dim = lightest.image(replace(lit, brightness_01=0.4), camera, (64, 48))
+    assert dim.mean() < 0.8 * before.mean()
 
 
 @pytest.mark.parametrize("fast", [False, True])

@@ -143,8 +143,8 @@ class OpenXrHeadset(RuntimeHeadset):
 
     def _connect(self, deadline_ns: int) -> None:
         """Begin the session, read the views and one frame's period."""
-        name, _, _, *more = msgpack.unpackb(self._answer("runtime"))
-        self._tells_hidden = more[:1] == [True]
+        name, *told = msgpack.unpackb(self._answer("runtime"))
+        self._tells_hidden = told[2:3] == [True]  # captures of before it was asked say less
         self._learn_views()
         if self._shows_images:
             width, height = msgpack.unpackb(self._answer("size"))
