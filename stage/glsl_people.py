@@ -194,33 +194,85 @@ float smooth_grain(float at) {
 }
 
 #ifdef KIND_EYE
-vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
-    vec3 at = normalize(detail);
-    float iris = float(surface.y) / 255.0, pupil = float(surface.w) / 255.0;
-    float radius = at.z < 0.0 ? length(at.xy) : 2.0;
-    float blur = max(fwidth(length(at.xy)), 0.004);
-    float share = radius / iris;
-    float angle = atan(at.y, at.x);
+// Lengths about an eye are counted in radii of its iris, some 6 mm: where the lids' margins lie
+// above and below the pupil and the corners beside it, and how far skin stands before the ball.
+const float UPPER_LID = 0.85, LOWER_LID = 1.0, CORNER = 2.2;
+const float UPPER_DEEP = 0.40, LOWER_DEEP = 0.20, CORNER_DEEP = 0.40;
+const float BESIDE_BROW_AND_NOSE = 0.80;  // of the light all round
 
-    float outward = smoothstep(0.25, 1.0, length(at.xy));
-    vec3 white = mix(vec3(0.84, 0.82, 0.795), vec3(0.62, 0.48, 0.44), outward * outward * outward);
+// The share of the light all round that an edge hides, so deep, at a place so far from it.
+float hidden_by(float deep, float away) {
+    float from = max(away, 0.0);
+    return 0.5 - 0.5 * from * inversesqrt(from * from + deep * deep);
+}
+
+// Colour of the eye at a place on it, times how open it lies; w: the share that the cornea covers.
+vec4 eye_at(vec3 at, float iris, float pupil, vec3 iris_colour, float blur) {
+    float radius = at.z < 0.0 ? length(at.xy) : 2.0;
+    float share = radius / iris;
+    vec2 place = at.xy / iris;
+    float corner = smoothstep(0.9, CORNER, abs(place.x));
+    // Who has much pigment in the iris has some in the white, too.
+    float pale = smoothstep(0.03, 0.10, dot(iris_colour, vec3(0.2126, 0.7152, 0.0722)));
+    vec3 white = vec3(0.72, 0.69, 0.66) * mix(vec3(0.86, 0.83, 0.78), vec3(1.0), pale);
+    white = mix(white, vec3(0.50, 0.34, 0.30), corner * corner);
+    float angle = atan(at.y, at.x);
     float fibres = mix(1.0, 0.72 + 0.5 * smooth_grain(angle * 22.0 + 80.0 + 3.0 * share),
                        1.0 - smoothstep(0.006, 0.03, blur));
-    vec3 ring = iris_colour * mix(0.88, 0.52, smoothstep(pupil / iris, 0.85, share)) * fibres;
-    ring = mix(ring, iris_colour * 0.12, smoothstep(0.66, 0.92, share));
+    vec3 ring = iris_colour * mix(0.54, 0.33, smoothstep(pupil / iris, 0.85, share)) * fibres;
+    ring = mix(ring, iris_colour * 0.12, smoothstep(0.62, 0.90, share));
     float soft = max(blur, 0.02);
     vec3 albedo = mix(ring, white, smoothstep(iris - 0.5 * soft, iris + 0.5 * soft, radius));
     albedo = mix(vec3(0.006), albedo, smoothstep(pupil - 0.6 * blur, pupil + 0.6 * blur, radius));
-    float lid = 1.0 - 0.30 * smoothstep(0.12, 0.62, at.y) - 0.08 * smoothstep(0.3, 0.7, -at.y);
+    float open = 1.0 - hidden_by(UPPER_DEEP, UPPER_LID - place.y)
+                 - hidden_by(LOWER_DEEP, LOWER_LID + place.y)
+                 - hidden_by(CORNER_DEEP, CORNER - abs(place.x));
+    return vec4(albedo * max(open, 0.0), 1.0 - smoothstep(iris * 0.9, iris * 1.25, radius));
+}
 
-    vec3 result = lit(albedo, vec3(0.25), place, n, view, 1.0, 0.0) * lid;
-    vec3 mirrored = reflect(-view, n);
+// The upper lid with its lashes and the brow keep light from above off the eye.
+float below_lid(vec3 towards, vec3 n, float up) {
+    vec3 upwards = normalize(vec3(0.0, 1.0, 0.0) - n * n.y + vec3(1e-5));
+    float rise = dot(towards, upwards) / max(dot(towards, n), 0.05);
+    float lid = smoothstep(-0.3, 0.3, UPPER_DEEP * rise - max(UPPER_LID - up, 0.0));
+    return (1.0 - 0.75 * lid) * (1.0 - 0.6 * smoothstep(0.8, 2.0, rise));
+}
+
+vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
+    float iris = float(surface.y) / 255.0, pupil = float(surface.w) / 255.0;
     vec3 side = normalize(cross(vec3(0.0, 1.0, 0.0), view) + vec3(1e-5));
     vec3 box = normalize(view + 0.62 * vec3(0.0, 1.0, 0.0) - 0.34 * side);
-    float catch_light = smoothstep(0.984, 0.993, dot(mirrored, box));
-    float cornea = 1.0 - smoothstep(iris * 0.9, iris * 1.25, radius);
+
+    // From afar an iris is smaller than two pixels: one point of each says little of where it is.
+    vec3 right = dFdx(detail), up = dFdy(detail), n_right = dFdx(n), n_up = dFdy(n);
+    float span = max(length(right), length(up));
+    int wide = clamp(int(ceil(span / 0.07)), 1, 4);
+    float blur = max(span / float(wide), 0.004);
+    vec4 seen = vec4(0.0);
+    float catch_light = 0.0;
+    for (int i = 0; i < wide * wide; ++i) {
+        vec2 aside = (vec2(i % wide, i / wide) + 0.5) / float(wide) - 0.5;
+        vec4 here = eye_at(normalize(detail + aside.x * right + aside.y * up), iris, pupil,
+                           iris_colour, blur);
+        vec3 leans = normalize(n + aside.x * n_right + aside.y * n_up);
+        seen.rgb += here.rgb;
+        catch_light += smoothstep(0.984, 0.993, dot(reflect(-view, leans), box))
+                       * mix(0.12, 0.95, here.w);
+    }
+    float points = float(wide * wide);
+
+    vec3 arrived = ambient_at(n) * BESIDE_BROW_AND_NOSE;
+    float raised = normalize(detail).y / iris;
+    for (int i = 0; i < LAMPS; ++i) {
+        vec3 towards;
+        vec3 arriving = lamp_at(i, place, towards);
+        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, n);
+        arrived += arriving * (below_lid(towards, n, raised)
+                               * max((dot(n, towards) + 0.25) / 1.5625, 0.0));
+    }
     vec3 sky_light = sky.rgb + 0.25;
-    result += sky_light * (catch_light * mix(0.12, 0.95, cornea) * tone.y);
+    vec3 result = arrived * seen.rgb / points;
+    result += sky_light * (catch_light / points * tone.y);
     result += sky_light * 0.035 * pow(1.0 - max(dot(n, view), 0.0), 3.0);
     return result;
 }

@@ -94,11 +94,15 @@ class Renderer(Closing):
         self._buffers = SceneBuffers(ctx, fast=self.quality.fast)
         self._frame = ctx.buffer(reserve=FRAME_BYTES, dynamic=True)
         self._lighting = ctx.buffer(reserve=LIGHTING_BYTES, dynamic=True)
-        self._programs = LitPrograms(ctx, fast=self.quality.fast, shadows=self._with_maps())
+        # Cards encode what is drawn into several samples a pixel; what is fast writes codes.
+        self._in_light = min(self.quality.samples, ctx.max_samples) > 0 and not self.quality.fast
+        self._programs = LitPrograms(
+            ctx, fast=self.quality.fast, shadows=self._with_maps(), in_light=self._in_light
+        )
         self._targets: dict[tuple[int, int], EyeTarget] = {}
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
         self._lit_before: tuple[object, Room, tuple[ShadowView, ...], bytes] | None = None
-        self._overlays = Overlays(ctx)
+        self._overlays = Overlays(ctx, in_light=self._in_light)
         self._shadow_maps = ShadowMaps(ctx, self.quality.shadow_map_px)
         self._closed = False
 
@@ -120,10 +124,12 @@ class Renderer(Closing):
         targets: Sequence[EyeTarget],
         *,
         levels: npt.NDArray[np.int64] | None = None,
+        late: Callable[[], Sequence[Camera]] | None = None,
     ) -> Drawn:
         """Draw the picture once per camera into the targets.
 
-        `levels` (n,) repeats recorded levels of detail instead of choosing them.
+        `levels` (n,) repeats recorded levels of detail instead of choosing them. `late` is asked
+        for the cameras once more when only they are left to be sent to the card.
 
         Raises:
             StageError: the graphics driver failed; what was recorded is not touched.
@@ -133,7 +139,7 @@ class Renderer(Closing):
             if self.context.error == "GL_NO_ERROR":
                 break
         try:
-            drawn = self._draw(picture, cameras, targets, levels)
+            drawn = self._draw(picture, cameras, targets, levels, late)
         except moderngl.Error as problem:
             raise StageError(
                 f"the graphics driver refused to draw: {problem}",
@@ -188,6 +194,7 @@ class Renderer(Closing):
         cameras: Sequence[Camera],
         targets: Sequence[EyeTarget],
         levels: npt.NDArray[np.int64] | None,
+        late: Callable[[], Sequence[Camera]] | None,
     ) -> Drawn:
         ctx = self.context
         ctx.disable_direct(GL_FRAMEBUFFER_SRGB)
@@ -205,13 +212,15 @@ class Renderer(Closing):
             ]
             drawn = self.pose(picture, crowd, cameras, levels, max(spans, default=1.0))
             self.light(picture, crowd, drawn, cameras, max(widths, default=1))
+        if late is not None:
+            cameras = late()
         for camera, target in zip(cameras, targets, strict=True):
             self.look_from(camera, picture.brightness_01, 0.35 if target.samples else 0.5)
             if crowd is not None and target.samples:
                 ctx.enable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
             backdrop = None if crowd is None else self._backdrop(picture, camera, target)
             if backdrop is None:
-                target.begin(_background(picture))
+                self._begin(picture, target)
             else:
                 self._begin_over(backdrop, picture, target)
             if crowd is not None:
@@ -388,19 +397,30 @@ class Renderer(Closing):
             backdrop.seen, backdrop.room, backdrop.looks = seen, picture.room, 0
         return backdrop
 
+    def _begin(self, picture: Picture, target: EyeTarget) -> None:
+        """Begin with the background, which is in codes."""
+        target.begin(_background(picture))
+        self._encode()
+
+    def _encode(self) -> None:
+        """Let the card encode what is drawn from now on, where light is drawn."""
+        if self._in_light:
+            self.context.enable_direct(GL_FRAMEBUFFER_SRGB)
+
     def _begin_over(self, backdrop: _Backdrop, picture: Picture, target: EyeTarget) -> None:
         """Begin with the room, in every picture: what is as far as it must not flicker."""
         backdrop.looks += 1
         if backdrop.looks == 1:
-            target.begin(_background(picture))
+            self._begin(picture, target)
             self._paint_room(picture.room, identity=False)
             return
         if backdrop.target is None:
             backdrop.target = EyeTarget(self.context, target.size_px, self.quality.samples)
         if backdrop.looks == 2:
-            backdrop.target.begin(_background(picture))
+            self._begin(picture, backdrop.target)
             self._paint_room(picture.room, identity=False)
         target.begin_over(backdrop.target)
+        self._encode()
 
     def _lit_box(self, picture: Picture, crowd: Crowd) -> tuple[Vector, Vector]:
         """Return the box around everyone, within the room; shadows are finest where people are.

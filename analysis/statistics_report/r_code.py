@@ -335,18 +335,31 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     assert outcome.data is not None  # noqa: S101  # r_code asked
     q = outcome.question
     mixed = bool(q.subject) and bool(outcome.data.duplicated([q.subject]).any())
+    random, how = ("(1 | s)", ", nAGQ = 15") if mixed else ("", "")
     lines = [
         f"X <- model.matrix(~ {' * '.join(names.values())}, d)",
         'term <- attr(X, "assign")[-1]; X <- X[, -1, drop = FALSE]',
+    ]
+    slopes = _people_differ(outcome)
+    if slopes:
+        parts = [term.split(":") for term in slopes]
+        named = _vector([":".join(r for f, r in names.items() if f in part) for part in parts])
+        labels = f'attr(terms(~ {" * ".join(names.values())}), "term.labels")'
+        lines.append(f"own <- X[, {labels}[term] %in% {named}, drop = FALSE]")
+        lines.append("# ordinal integrates several random effects by Laplace's approximation.")
+        random, how = "(1 + own | s)", ""
+    lines += [
         "fit <- function(keep) {",
         '  columns <- if (any(keep)) "X[, keep, drop = FALSE]" else "1"',
-        '  f <- as.formula(paste("ordered(y) ~", columns' + (', "+ (1 | s)"))' if mixed else "))"),
+        '  f <- as.formula(paste("ordered(y) ~", columns'
+        + (f', "+ {random}"))' if mixed else "))"),
         "  environment(f) <- environment()",
-        f"  ordinal::{'clmm(f, data = d, nAGQ = 15)' if mixed else 'clm(f, data = d)'}",
+        f"  ordinal::{f'clmm(f, data = d{how})' if mixed else 'clm(f, data = d)'}",
         "}",
         "full <- fit(rep(TRUE, ncol(X)))",
-        "# Likelihood ratios: they take people for alike in their effects. The F tests that",
-        "# Visavis decides by have errors robust to that, which ordinal does not offer.",
+        "# Likelihood ratios: they take people for alike in the effects that do not vary in the",
+        "# model. The F tests that Visavis decides by have errors robust to people who differ,",
+        "# which ordinal does not offer.",
     ]
     for i, row in enumerate(outcome.rows, 1):
         ratio = f"2 * c(logLik(full) - logLik(fit(term != {i})))"
@@ -355,6 +368,20 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
     return lines, ("ordinal",)
+
+
+def _people_differ(outcome: Outcome) -> list[str]:
+    """Return the terms in which people have slopes of their own in a cumulative link model."""
+    assert outcome.data is not None  # noqa: S101  # r_code asked
+    q = outcome.question
+    if q.random in ("", "intercept"):
+        return []
+    if q.random != "maximal":
+        return q.random.replace(" ", "").split("+")
+    repeated = bool(outcome.data.duplicated([q.subject, *q.within]).any())
+    sizes = range(1, len(q.within) + 1)
+    terms = [":".join(t) for size in sizes for t in combinations(q.within, size)]
+    return terms if repeated else terms[:-1]
 
 
 def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:

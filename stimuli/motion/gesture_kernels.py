@@ -24,8 +24,8 @@ HELD_AT = (0.8, 0.026, 0.012)
 the palm and towards the thumb."""
 EARPIECE_M = 0.055
 """From the middle of a telephone to where it lies at the ear; half of it along the fingers."""
-EAR_FINGERS = (0.4154, 0.7477, 0.5180)
-EAR_PALM = (1.0, -0.20, -0.38)
+EAR_FINGERS = (0.3221, 0.8965, 0.3043)
+EAR_PALM = (0.9438, -0.2789, -0.1771)
 """In the head's axes, for the left hand: x inward, y up, z back."""
 
 
@@ -158,9 +158,9 @@ def listen(a: Vector, b: Vector) -> None:
         a,
         p.HEAD,
         1.0,
-        -1.02 * b[p.B_HEAD_HALF] - f * fx - q * qx - t * tx,
+        -1.06 * b[p.B_HEAD_HALF] - f * fx - q * qx - t * tx,
         b[p.B_EAR_Y] - 0.010 * size - f * fy - q * qy - t * ty,
-        0.018 * size - f * fz - q * qz - t * tz,
+        0.034 * size - f * fz - q * qz - t * tz,
         fx,
         fy,
         fz,

@@ -22,6 +22,7 @@ from analysis.power import (
 )
 from benchmarks.stare_studies import condition_means
 from cli.commands.power import free_folder, power_study, read_effect, read_numbers, read_tests
+from cli.commands.study import DEMO_PARTICIPANTS
 from cli.main import app
 from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS
 from experiments.stare.study import experiment_of
@@ -243,6 +244,14 @@ def test_power_of_the_printed_statistic_is_that_of_the_noncentral_t() -> None:
         dz = 6.75 * np.sqrt(n / 30)
         tails = special.nctdtr(n - 1, dz, -reach) + 1 - special.nctdtr(n - 1, dz, reach)
         assert tails == pytest.approx(printed.power(n, 0.05), abs=1e-6)
+
+
+def test_the_demo_has_people_enough_to_find_what_its_study_is_about() -> None:
+    power = power_study("stare").printed[DWELL].power
+    assert 0.8 < power(DEMO_PARTICIPANTS, 0.05)
+    assert 0.25 > power(DEMO_PARTICIPANTS // 2, 0.05)
+    readme = (Path(__file__).parents[2] / "README.md").read_text("utf-8")
+    assert f"({DEMO_PARTICIPANTS} simulated participants," in readme
 
 
 def test_simulated_power_that_parts_from_the_printed_is_warned_of() -> None:

@@ -7,10 +7,13 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
 from stage.errors import StageError
-from stage.renderer import LIGHTEST, Renderer
+from stage.renderer import LIGHTEST, Quality, Renderer
 from stage.room_buffers import PropBuffers
+from stage.stills import made_small
 from stage.targets import EyeTarget
+from stimuli.picture import Panel, Picture
 from tests.stage import figures
 
 
@@ -86,3 +89,47 @@ def test_a_room_that_is_lit_otherwise_is_drawn_anew(lightest: Renderer) -> None:
     before = [lightest.image(lit, camera, (64, 48)) for _ in range(3)][-1]
     dim = lightest.image(replace(lit, brightness_01=0.4), camera, (64, 48))
     assert dim.mean() < 0.8 * before.mean()
+
+
+@pytest.mark.parametrize("fast", [False, True])
+def test_samples_of_a_pixel_are_averaged_in_light(fast: bool) -> None:
+    """Edges that are means of codes are too dark, and thin bright things vanish from afar."""
+    camera, picture = figures.camera(), figures.picture(3)
+    try:
+        with Renderer(quality=Quality(samples=4, fast=fast)) as few:
+            smooth = few.image(picture, camera, (160, 120)).astype(float)
+        with Renderer(quality=Quality(samples=0, fast=fast)) as rough:
+            fine = rough.image(picture, camera, (8 * 160, 8 * 120))
+    except StageError as problem:
+        pytest.skip(str(problem))
+    of_light = made_small(fine, (160, 120)).astype(float)
+    of_codes = fine.reshape(120, 8, 160, 8, 3).mean(axis=(1, 3))
+    edges = of_light - of_codes > 8
+    assert edges.sum() > 100
+    # Four samples stand for 64 points: what counts is which mean they lie about.
+    lighter = np.mean((smooth - of_codes)[edges]) / np.mean((of_light - of_codes)[edges])
+    assert lighter == pytest.approx(1.0, abs=0.35)
+
+
+@pytest.mark.parametrize("fast", [False, True])
+def test_colours_are_the_same_with_samples_and_without(fast: bool) -> None:
+    panel = Panel(
+        "How close?",
+        ("1", "2", "3"),
+        Pose(np.array([0.0, 1.2, -1.2]), quat_from_yaw_pitch_deg(0.0)),
+        (2.4, 1.8),
+    )
+    picture = replace(figures.picture(2), panels=(panel,), brightness_01=0.6)
+    try:
+        images = [_image(replace(Quality(samples=n), fast=fast), picture) for n in (0, 4)]
+    except StageError as problem:
+        pytest.skip(str(problem))
+    apart = np.abs(images[0] - images[1]).max(axis=2)
+    # Edges differ, planes do not.
+    assert np.percentile(apart, 75) <= 1.0
+
+
+def _image(quality: Quality, picture: Picture) -> Vector:
+    with Renderer(quality=quality) as renderer:
+        image: Vector = renderer.image(picture, figures.camera(), (160, 120)).astype(float)
+    return image

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lab.body_joints import BODY_JOINTS
-from lab.geometry import Vector, rotate
+from lab.geometry import Vector, quat_conjugate, rotate
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.cast import load_character
 from stimuli.characters.character import Character
@@ -73,7 +73,7 @@ def _ear_m(person: Character, side: str) -> Vector:
 def test_telephones_are_at_the_ear() -> None:
     picture = _picture(2, 5_000_000_000)
     crowd = station_crowd(2)
-    away = []
+    away, rises_deg = [], []
     for i in np.flatnonzero(crowd.behaviour == PHONING).tolist():
         person = picture.cast[i]
         body = forward(
@@ -95,9 +95,16 @@ def test_telephones_are_at_the_ear() -> None:
             for b in case[::3]
         )
         away.append(nearest)
+        axes = np.linalg.svd(case - case.mean(axis=0))[2]
+        from_mouth = rotate(quat_conjugate(body.orientation_wxyz[head]), axes[0])
+        from_mouth *= np.sign(from_mouth[2])  # a head's z points backwards
+        rises_deg.append(float(np.degrees(np.arcsin(from_mouth[1]))))
 
     assert 0.05 > max(away)
     assert 0.03 > np.median(away)
+    # They lay level, before the eyes, not along the cheek.
+    assert 7.0 < min(rises_deg)
+    assert 15.0 < np.median(rises_deg)
 
 
 @pytest.mark.parametrize("configuration", range(9))

@@ -33,6 +33,8 @@ QUESTIONS: dict[str, dict[str, Any]] = {
     "lmm": {"test": "lmm", **TWO, "random": "components"},
     "gee": {"test": "gee", **ONE},
     "clmm": {"test": "clmm", **ONE, "dv": "rating"},
+    "clmm with slopes": {"test": "clmm", **TWO, "dv": "rating", "random": "a"},
+    "clmm, maximal": {"test": "clmm", **PAIR, "dv": "rating", "random": "maximal"},
     "bradleyterry": {"test": "bradleyterry", **VOTES, "side": True},
     "bradleyterry of groups": {"test": "bradleyterry", **VOTES, "between": ("g",)},
     "sign": {"test": "sign", **PAIR},
