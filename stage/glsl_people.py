@@ -326,25 +326,28 @@ vec3 leant(vec3 n, vec2 at) {
                      + n * max(map.z, 0.05));
 }
 
+#endif
+
+#if (defined(MAPPED) && !defined(KIND_HAIR)) || (defined(KIND_SKIN) && !defined(VERTEX_LIT))
+// How far light bleeds round edges of skin, red the farthest, and what it mirrors when faced.
+const vec3 SKIN_WRAP = vec3(0.34, 0.17, 0.11);
+const float SKIN_MIRRORS = 0.028;
+
 // Microfacets (GGX, Smith, Schlick) over wrapped Lambert; lamps' colours have 1/pi in them.
-vec3 as_authored(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, float metalness,
-                 float open) {
+vec3 microfacets(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, float metalness,
+                 float mirroring, float open, vec3 fuzz) {
     float facing = max(dot(n, view), 1e-3);
     float a = max(roughness * roughness, 0.02);
     float a2 = a * a;
-#ifdef KIND_SKIN
-    vec3 f0 = mix(vec3(0.028), albedo, metalness);
-#else
-    vec3 f0 = mix(vec3(0.04), albedo, metalness);
-#endif
+    vec3 f0 = mix(vec3(mirroring), albedo, metalness);
+    float f90 = min(50.0 * f0.g, 1.0);
     vec3 matte = albedo * (1.0 - metalness);
     vec3 spread = 1.0 / ((1.0 + wrap) * (1.0 + wrap));
-    vec3 fuzz = texture(sheen_map, detail).rgb;
     // What the surroundings mirror: the split sum of microfacets, as fitted by Lazarov (2013).
     vec4 fit = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
     float low = min(fit.x * fit.x, exp2(-9.28 * facing)) * fit.x + fit.y;
     vec2 share = vec2(-1.04, 1.04) * low + fit.zw;
-    vec3 mirrored = max(f0 * share.x + share.y, 0.0) * ambient_at(reflect(-view, n));
+    vec3 mirrored = max(f0 * share.x + f90 * share.y, 0.0) * ambient_at(reflect(-view, n));
     vec3 result = open * (matte * ambient_at(n) + mirrored
                           + fuzz * ambient_at(n) * pow(1.0 - facing, 3.0));
     for (int i = 0; i < LAMPS; ++i) {
@@ -358,12 +361,37 @@ vec3 as_authored(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, flo
         float spread_of = a2 / (bell * bell);
         float hidden = lit_cosine * sqrt(facing * facing * (1.0 - a2) + a2)
                        + facing * sqrt(lit_cosine * lit_cosine * (1.0 - a2) + a2);
-        vec3 mirror = f0 + (1.0 - f0) * pow(1.0 - max(dot(halfway, view), 0.0), 5.0);
+        vec3 mirror = f0 + (f90 - f0) * pow(1.0 - max(dot(halfway, view), 0.0), 5.0);
         result += arriving * (matte * max((cosine + wrap) * spread, 0.0)
                               + mirror * (lit_cosine * spread_of * 0.5 / max(hidden, 1e-4))
                               + fuzz * lit_cosine * pow(1.0 - nh * nh, 1.5));
     }
     return result;
+}
+#endif
+
+#if defined(KIND_SKIN) && defined(TEXTURED) && !defined(MAPPED) && !defined(VERTEX_LIT)
+float smooth_grain(vec2 at) {
+    vec2 whole = floor(at), share = smoothstep(0.0, 1.0, at - whole);
+    return mix(mix(grain(whole), grain(whole + vec2(1.0, 0.0)), share.x),
+               mix(grain(whole + vec2(0.0, 1.0)), grain(whole + 1.0), share.x), share.y);
+}
+
+// The normal leant by pores and fine folds, as far as pixels are fine enough to show them; how much
+// rougher or smoother than the rest the place is, about -0.5 to 0.5.
+vec3 with_pores(vec3 n, vec2 at, out float uneven) {
+    vec2 folds = at * 420.0, pores = at * 1100.0;
+    float clear_folds = 1.0 - smoothstep(0.4, 1.0, length(fwidth(folds)));
+    float clear_pores = 1.0 - smoothstep(0.4, 1.0, length(fwidth(pores)));
+    uneven = smooth_grain(folds) - 0.5;
+    float height_m = 0.00010 * clear_folds * uneven
+                     + 0.00005 * clear_pores * (smooth_grain(pores) - 0.5);
+    uneven *= clear_folds;
+    vec3 right = dFdx(place), up = dFdy(place);
+    vec3 across = cross(up, n), along = cross(n, right);
+    float area = dot(right, across);
+    vec3 steepest = sign(area) * (dFdx(height_m) * across + dFdy(height_m) * along);
+    return normalize(abs(area) * n - steepest);
 }
 #endif
 
@@ -405,17 +433,25 @@ void main() {
 #endif
 #if defined(MAPPED) && !defined(KIND_HAIR)
 #if defined(KIND_SKIN)
-    vec3 wrap = vec3(0.34, 0.17, 0.11);
+    vec3 wrap = SKIN_WRAP;
+    float mirroring = SKIN_MIRRORS;
 #else
     vec3 wrap = vec3(0.0);
+    float mirroring = 0.04;
 #endif
-    vec3 result = as_authored(albedo, wrap, n, view, roughness, metalness, open)
+    vec3 result = microfacets(albedo, wrap, n, view, roughness, metalness, mirroring, open,
+                              texture(sheen_map, detail).rgb)
                   + texture(glow_map, detail).rgb;
 #elif defined(KIND_SKIN)
-    float grazing = 1.0 - max(dot(n, view), 0.0);
-    vec3 result = lit(albedo, vec3(0.34, 0.17, 0.11), place, n, view, 14.0 + 40.0 * smoothness,
-                      0.05 + 0.08 * smoothness);
-    result += (sky.rgb * albedo) * (0.22 * grazing * grazing * grazing * grazing);
+    float uneven = 0.0, mirroring = SKIN_MIRRORS;
+#ifdef TEXTURED
+    n = with_pores(n, detail.xy, uneven);
+    // Brows, stubble and short hair are painted on: they are darker than skin, and do not shine.
+    mirroring *= smoothstep(0.1, 0.5, texel.g);
+#endif
+    roughness = clamp(roughness + 0.14 * uneven, 0.5, 1.0);
+    vec3 result = microfacets(albedo, SKIN_WRAP, n, view, roughness, 0.0, mirroring, 1.0,
+                              vec3(0.0));
 #elif defined(KIND_EYE)
     vec3 result = eye_surface(n, view, albedo);
 #elif defined(KIND_HAIR)
