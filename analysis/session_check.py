@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from analysis.session_incidents import reason_words
 from analysis.session_verdict import (
     RESUME,
     CheckLimits,
@@ -63,8 +64,8 @@ def _checked(recording: Recording, limits: CheckLimits) -> SessionCheck:
     streams = _check_streams(recording, limits)
     findings = [
         *_recording_findings(recording),
-        *_trial_findings(trials),
-        *(() if _is_on_page(recording) else _stream_findings(streams)),
+        *_trial_findings(trials, _practice_trials(plan)),
+        *(() if _is_on_page(recording) else stream_findings(streams)),
         *_calibration_findings(plan, events, limits),
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, rows, recording),
@@ -104,7 +105,7 @@ def _recording_findings(recording: Recording) -> list[Finding]:
             Finding(
                 Level.RED,
                 "recording",
-                f"the session {'was ended early' if is_aborted else 'crashed'}"
+                ("ended early" if is_aborted else "the session crashed")
                 + _because(parts[-1].reason if parts else ""),
                 RESUME,
             )
@@ -179,13 +180,14 @@ def _share_level(share_01: float, amber_01: float, red_01: float) -> Level:
     return Level.AMBER if share_01 < amber_01 else Level.GREEN
 
 
-def _trial_findings(trials: list[TrialCheck]) -> list[Finding]:
+def _trial_findings(trials: list[TrialCheck], practice: int) -> list[Finding]:
     complete = sum(t.status == "complete" for t in trials)
+    besides = f", {practice} of them practice" if practice else ""
     found = [
         Finding(
             Level.GREEN if complete == len(trials) else Level.AMBER,
             "trials",
-            f"{complete} of {len(trials)} planned trials complete",
+            f"{complete} of {len(trials)} planned trials complete{besides}",
         )
     ]
     undone = [t.trial_id for t in trials if t.status in ("missing", "interrupted")]
@@ -206,10 +208,15 @@ def _trial_findings(trials: list[TrialCheck]) -> list[Finding]:
         if poor:
             redo = "recalibrate, then redo these trials in a further session" if level > 1 else ""
             found.append(Finding(level, "gaze", f"{word} valid gaze in {_listed(poor)}", redo))
-    flagged = [f"{t.trial_id} ({t.flags})" for t in trials if t.flags]
+    flagged = [f"{t.trial_id} ({t.flags.replace(';', ', ')})" for t in trials if t.flags]
     if flagged:
         found.append(Finding(Level.AMBER, "trials", f"flagged: {_listed(flagged)}"))
     return found
+
+
+def _practice_trials(plan: Mapping[str, Any]) -> int:
+    every = (trial for block in plan.get("blocks", ()) for trial in block["trials"])
+    return sum(bool(trial.get("is_practice")) for trial in every)
 
 
 def _listed(names: list[str], most: int = 12) -> str:
@@ -246,8 +253,10 @@ def _check_streams(recording: Recording, limits: CheckLimits) -> list[StreamChec
     return checks
 
 
-def _stream_findings(streams: list[StreamCheck]) -> list[Finding]:
+def stream_findings(streams: Sequence[StreamCheck]) -> list[Finding]:
+    """Return what streams lack; those that lack the same, as all of one busy computer do, once."""
     found = []
+    alike: dict[tuple[Level, str], list[str]] = {}
     for stream in streams:
         if stream.expected is None:
             continue
@@ -257,9 +266,12 @@ def _stream_findings(streams: list[StreamCheck]) -> list[Finding]:
         elif stream.level is not Level.GREEN:
             share = 100 * stream.rows / stream.expected
             message = (
-                f"{share:.0f} % of the expected samples; longest gap {stream.longest_gap_ms:.0f} ms"
+                f"{share:.0f} % of the expected samples, longest gap {stream.longest_gap_ms:.0f} ms"
             )
-            found.append(Finding(stream.level, stream.stream, message))
+            alike.setdefault((stream.level, message), []).append(stream.stream)
+    for (level, message), (first, *others) in alike.items():
+        also = f"; so {', '.join(others)}" if others else ""
+        found.append(Finding(level, first, message + also))
     if not streams:
         found.append(Finding(Level.RED, "streams", "nothing was recorded", "redo the session"))
     return found
@@ -325,8 +337,21 @@ def _drift_finding(
         level = Level.AMBER
     if end_deg > limits.accuracy_red_deg or drift_deg > limits.drift_red_deg:
         level = Level.RED
-    message = f"accuracy {end_deg:.2f}° at the end, drift {drift_deg:+.2f}° over the last block"
+    message = f"accuracy {end_deg:.2f}° at the end{drift_words(start_deg, end_deg)}"
     return Finding(level, "calibration", message, REDO_BLOCK if level is Level.RED else "")
+
+
+def drift_words(start_deg: float | None, end_deg: float) -> str:
+    """Return what became of the accuracy since the last block began; nothing where none is known.
+
+    Gaze that got worse has drifted; one that got better was measured at a better moment.
+    """
+    if start_deg is None:
+        return ""
+    change = f"{abs(end_deg - start_deg):.2f}"
+    if change == "0.00":
+        return ", as before the last block"
+    return f", {change}° {'worse' if end_deg > start_deg else 'better'} than before the last block"
 
 
 # ---- questionnaires and deviations -----------------------------------------------------------
@@ -334,6 +359,9 @@ def _drift_finding(
 
 def _questionnaire_findings(plan: Mapping[str, Any], events: Events) -> list[Finding]:
     complete = {p["questionnaire"] for p in _payloads(events, "questionnaire_complete")}
+    blocks = plan.get("blocks", ())
+    if not plan.get("questionnaires") and not any(b.get("questionnaires") for b in blocks):
+        return []  # nobody is asked anything
     found = [
         Finding(
             Level.RED,
@@ -368,7 +396,8 @@ def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> lis
         Finding(
             Level.AMBER,
             "interruption",
-            f"part {part.number} ended early ({part.status}){_because(part.reason)}",
+            f"part {part.number} {'crashed' if part.status == 'crashed' else 'ended early'}"
+            + _because(part.reason),
         )
         for part in recording.manifest.parts[:-1]
     ]
@@ -415,7 +444,10 @@ def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> lis
     asked = _payloads(events, "operator")
     given = Counter(str(p["code"]) for p in asked if p.get("code"))
     if given:
-        listed = ", ".join(f"{code} {count}" for code, count in sorted(given.items()))
+        listed = "; ".join(
+            f"{reason_words(code, recording)} {'once' if count == 1 else f'{count} times'}"
+            for code, count in sorted(given.items())
+        )
         found.append(Finding(Level.AMBER, "reasons", f"given by the operator: {listed}"))
     flags = sum(p["action"] == "flag" for p in asked)
     if flags:

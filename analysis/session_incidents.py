@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from lab.clock import NS_PER_S
+from lab.config import INCIDENTS
 from recording.reader import Recording
 
 
@@ -25,6 +26,14 @@ class _Trial:
     name: str
     start_ns: int
     end_ns: int
+
+
+def reason_words(code: str, recording: Recording) -> str:
+    """Return a reason in the words of the lab that recorded it, with its code."""
+    configuration = recording.manifest.configuration
+    own = configuration.get("incidents") if isinstance(configuration, Mapping) else None
+    words = (own if isinstance(own, Mapping) else INCIDENTS).get(code)
+    return code if words is None else f"{words} ({code})"
 
 
 def incidents_of(recording: Recording) -> tuple[Incident, ...]:

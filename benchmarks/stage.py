@@ -36,7 +36,6 @@ from stimuli.motion.kinds import Idle, Talk
 from stimuli.motion.people import PeopleMotion, Person
 from stimuli.picture import Light, Picture, Prop, Room
 from stimuli.rooms.solids import box
-from tests.stage.gl_counts import of_studies
 
 EYE_PX = (480, 540)
 HEAD = Pose(np.array([0.0, 1.6, 0.6]), quat_from_yaw_pitch_deg(0.0))
@@ -125,6 +124,9 @@ def _perform(task: str) -> tuple[float, ...]:
         few = frames_of(12, FULL, 200, read=False)[1]
         return few, frames_of(150, replace(Quality(), samples=4), 200, read=False)[1]
     if task == "calls":
+        # What counts calls belongs to the tests: no command that shows a frame loads it.
+        from tests.stage.gl_counts import of_studies
+
         asked = of_studies()
         steady = (asked["stare"][1], asked["crowd"][1])
         return tuple(float(counts[k]) for counts in steady for k in ("draws", "binds"))

@@ -222,7 +222,8 @@ def render(status: SessionStatus, entry_line: str, *, is_simulated: bool) -> Pan
     if status.messages:
         parts.append(Text("\n".join(f"· {m}" for m in status.messages), style="dim"))
     if status.waiting:
-        parts.append(Panel(Text(status.waiting), style="bold red"))
+        way_on = "space goes on without it" if status.can_go_on and not status.prompt else None
+        parts.append(Panel(Text(status.waiting), title=way_on, style="bold red"))
     if status.prompt:
         parts.append(Panel(Text(status.prompt), title="waiting for you: space", style="bold cyan"))
     if entry_line:
@@ -287,9 +288,11 @@ def _streams(health: dict[str, Health]) -> Table:
             table.add_row(role, "nothing yet", style="red" if needs_look(role, h) else "dim")
             continue
         style = "red" if needs_look(role, h) else ""
+        promised = f" of {h.nominal_rate_hz:g}" if h.nominal_rate_hz else ""
+        rate = f"{h.rate_hz:.1f}{promised} Hz"
         table.add_row(
             role,
-            f"{h.rate_hz:.1f} Hz",
+            rate,
             str(h.gaps),
             f"{h.longest_gap_ms:.0f} ms",
             age,

@@ -93,7 +93,8 @@ class Health:
     """What a device has delivered since `start`.
 
     `gaps` counts spacings of more than 1.5 nominal periods (irregular streams: 0);
-    `last_sample_age_ms` is None before the first sample.
+    `last_sample_age_ms` is None before the first sample; `nominal_rate_hz` is the rate the device
+    promises, 0 where it promises none.
     """
 
     state: DeviceState
@@ -107,6 +108,7 @@ class Health:
     clock_offset_ms: float | None = None
     clock_drift_ppm: float | None = None
     battery_01: float | None = None
+    nominal_rate_hz: float = 0.0
 
 
 @runtime_checkable
@@ -276,6 +278,18 @@ class PoseAtOnce(Protocol):
 
     def head_now(self) -> Pose | None:
         """Return the head at the last frame as its sample tells it; None where it is not seen."""
+        ...
+
+
+@runtime_checkable
+class LatePose(Protocol):
+    """A headset that is asked again, just before a frame is drawn, where its head will be."""
+
+    def late_head(self) -> Pose | None:
+        """Return the head as now foreseen for the light of the last frame; None where not told.
+
+        Images handed over for that frame are then said to be drawn from there.
+        """
         ...
 
 

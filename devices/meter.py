@@ -17,6 +17,7 @@ class StreamMeter:
     """Count one stream's samples; the rate is over about the last five seconds of arrival."""
 
     def __init__(self, nominal_rate_hz: float) -> None:
+        self._nominal_rate_hz = nominal_rate_hz
         self._gap_ns = round(GAP_PERIODS * NS_PER_S / nominal_rate_hz) if nominal_rate_hz else 0
         self.received = 0
         self.gaps = 0
@@ -63,6 +64,7 @@ class StreamMeter:
             gaps=self.gaps,
             longest_gap_ms=self.longest_gap_ns / NS_PER_MS,
             last_sample_age_ms=age_ms,
+            nominal_rate_hz=self._nominal_rate_hz,
         )
 
     def _rate_hz(self, now_ns: int) -> float:

@@ -27,7 +27,8 @@ ARMBAND_ROLE = re.compile(r"armband_[a-z0-9_]+")
 TAKEN_STREAMS = frozenset(
     {
         "gaze", "head", "body", "frames", "frame_timing", "pointer", "haptics", "band", "events",
-        "trials", "openness", "scene_states", "gaze_targets", "drawn", "drawn_views",
+        "trials", "openness", "scene_states", "gaze_targets", "drawn", "drawn_gpu",
+        "drawn_views",
     }
 )  # fmt: skip
 """Streams and tables of Visavis: a device of the lab's own is called by another name."""

@@ -1,6 +1,6 @@
 """What one display frame is, for whoever paces, draws or records it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 
@@ -23,7 +23,8 @@ class EyeView:
 
     `offset_m` leads from the midpoint between the eyes to this eye and `orientation_wxyz` turns
     its view, both in the head frame. The tangents bound the view at distance one: left and
-    bottom are negative, right and top positive.
+    bottom are negative, right and top positive. `hidden` are the corners, as tangents to the right
+    and up, of triangles that the lens hides from the eye: three a triangle.
     """
 
     offset_m: tuple[float, float, float]
@@ -32,3 +33,4 @@ class EyeView:
     tangent_right: float
     tangent_bottom: float
     tangent_top: float
+    hidden: tuple[tuple[float, float], ...] = field(default=(), kw_only=True)

@@ -40,7 +40,7 @@ from protocol.steps import (
 )
 from protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from recording.writer import Recorder
-from stage.contracts import Stage
+from stage.contracts import Glance, Stage
 from stimuli.scene import Scene, SceneFrame
 
 STATE_CODES = {state: code for code, state in enumerate(SessionState)}
@@ -175,6 +175,10 @@ class FrameLoop:
     def shown(self) -> SceneFrame | None:
         """What stands before the participant."""
         return self._view
+
+    def glance(self) -> Glance | None:
+        """Return what the participant saw, small; None where nothing is drawn, or nothing new."""
+        return self._stage.glance()
 
     def play_sound(self, step: PlaySound) -> None:
         """Play a sound and note in the recording which it is."""

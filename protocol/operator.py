@@ -1,6 +1,6 @@
 """What the operator can do while a session runs, and what the session shows."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
@@ -8,6 +8,7 @@ from typing import Protocol
 from devices.contracts import Fault, Health
 from protocol.states import SessionState
 from protocol.steps import FrameView
+from stage.contracts import Glance
 from stimuli.scene import SceneFrame
 
 
@@ -61,13 +62,34 @@ class Command:
 
 
 @dataclass(frozen=True)
+class BodyContact:
+    """A part of the participant's body that touches somebody, as a plan's marks told it.
+
+    `role` is the armband that answers it and `vibrates` whether it may; `person` counts from 0,
+    None where nobody is named.
+    """
+
+    role: str
+    segment: str
+    person: int | None
+    vibrates: bool
+
+
+def nothing_drawn() -> None:
+    """Return no picture: that of a session which draws none."""
+
+
+@dataclass(frozen=True)
 class SessionStatus:
     """Everything an operator's screen shows; `condition` is empty when blinded.
 
     `prompt` is what waits for the operator, `waiting` what is waited for by itself: a device that
     is away, and for how much longer; `can_go_on` tells whether ADVANCE does anything now. `flags`
-    are those of the trial that runs. `frame` is what the last frame brought and `shown` what stood
-    before the participant in it: who keeps them longer copies their arrays.
+    are those of the trial that runs, `contacts` what is touched now and `contacts_begun` how often
+    that began in it (None where nothing was touched). `frame` is what the last frame brought and
+    `shown` what stood before the participant in it: who keeps them longer copies their arrays.
+    `glance` returns a small picture of what they saw, twice a second at most, to who asks in the
+    session's own thread.
     """
 
     state: SessionState
@@ -93,6 +115,9 @@ class SessionStatus:
     flags: tuple[str, ...] = ()
     frame: FrameView | None = None
     shown: SceneFrame | None = None
+    contacts: tuple[BodyContact, ...] = ()
+    contacts_begun: int | None = None
+    glance: Callable[[], Glance | None] = nothing_drawn
 
 
 class Operator(Protocol):

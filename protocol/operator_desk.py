@@ -1,13 +1,14 @@
 """Between the operator and the frame loop: requests, prompts, faults, the status shown."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from devices.contracts import Armband, Fault
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import SessionAborted
 from protocol.calibration_record import CalibrationInForce
 from protocol.frame_loop import FrameLoop
-from protocol.operator import Action, Command, SessionStatus
+from protocol.operator import Action, BodyContact, Command, SessionStatus
 from protocol.plan import Trial
 from protocol.rig import RunningRig
 from protocol.session_setup import SessionSetup
@@ -15,6 +16,10 @@ from protocol.stall_watch import StallWatch, as_reason
 from protocol.standing_faults import StandingFaults
 from protocol.states import SessionState, StateMachine
 from protocol.steps import FrameView
+
+CONTACT_BEGIN, CONTACT_RENEW, CONTACT_END = "contact_begin", "contact_renew", "contact_end"
+"""Marks by which a plan tells what the participant's body touches, with `role` (the armband that
+answers), `segment`, `person` and `vibrates`."""
 
 FAULT_CHECK_NS = 200 * NS_PER_MS
 """How often device faults are looked at."""
@@ -69,6 +74,8 @@ class OperatorDesk:
         self._trial_start_ns = 0
         self._has_begun = False
         self._stalls = StallWatch()
+        self._contacts: dict[str, BodyContact] = {}
+        self._contacts_begun: int | None = None
         self.interrupt_reason: str | None = None
         self.skip_reason: str | None = None
         self.flags: list[str] = []
@@ -141,6 +148,8 @@ class OperatorDesk:
         self._rig.is_muted = self._rig.has_vibrated = False
         self._trial_start_ns = self._loop.t_ns
         self._has_begun = True
+        self._contacts.clear()
+        self._contacts_begun = None
         self._stalls.allow(2)  # the scene is made and drawn for the first time
         self.announce(trial)
         self.flags = [f"{role}_lost" for role in sorted(self._rig.without)]
@@ -149,13 +158,31 @@ class OperatorDesk:
     def end_trial(self, trial: Trial) -> None:
         """Note that this trial was the last one and that none runs."""
         self._in_trial = False
+        self._contacts.clear()
         self._prompt = ""
         self.trial_end_ns = None
         self._last_trial = trial
 
+    def hear(self, mark: str, payload: Mapping[str, Any]) -> None:
+        """Take from a plan's mark what the operator sees of it: contacts of the body."""
+        if mark not in (CONTACT_BEGIN, CONTACT_RENEW, CONTACT_END):
+            return
+        role, person = str(payload.get("role") or ""), payload.get("person")
+        if mark == CONTACT_END:
+            self._contacts.pop(role, None)
+            return
+        if mark == CONTACT_BEGIN:
+            self._contacts_begun = (self._contacts_begun or 0) + 1
+        self._contacts[role] = BodyContact(
+            role,
+            str(payload.get("segment") or ""),
+            person if isinstance(person, int) else None,
+            bool(payload.get("vibrates")),
+        )
+
     def leave_trial(self) -> None:
         """Take the last trial off the screen."""
-        self.trial = None
+        self.trial = self._contacts_begun = None
 
     def take(self, action: Action) -> bool:
         """Tell whether this was asked for since the last checkpoint, and forget it."""
@@ -385,9 +412,7 @@ class OperatorDesk:
         per_trial_s = setup.experiment.trial_s + setup.experiment.intertrial_s
         condition = ""
         if trial is not None and not setup.blind:
-            condition = ", ".join(
-                str(v) if k == "condition" else f"{k} {v}" for k, v in trial.factors.items()
-            )
+            condition = ", ".join(_factor_words(k, v) for k, v in trial.factors.items())
         verdict = calibration.verdict if calibration else None
         return SessionStatus(
             state=self._states.state,
@@ -415,9 +440,22 @@ class OperatorDesk:
             flags=tuple(self.flags) if self._in_trial else (),
             frame=view,
             shown=self._loop.shown,
+            glance=self._loop.glance,
+            contacts=tuple(self._contacts.values()),
+            contacts_begun=self._contacts_begun,
         )
 
     def _messages_now(self) -> tuple[str, ...]:
         waiting = {LATER[action] for action in self._pending & LATER.keys()}
         since_ns = self._loop.t_ns - MESSAGE_SHOWN_NS
         return tuple(text for t_ns, text in self._messages if t_ns >= since_ns or text in waiting)
+
+
+def _factor_words(name: str, level: object) -> str:
+    """Return a level as the operator reads it."""
+    if name == "condition":
+        return str(level)
+    words = name.replace("_", " ")
+    if isinstance(level, bool):
+        return f"{words}: {'yes' if level else 'no'}"
+    return f"{words} {str(level).replace('_', ' ')}"

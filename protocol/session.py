@@ -303,7 +303,7 @@ class Session:
                 )
             left_s = max(0, give_up_ns - loop.t_ns) // NS_PER_S
             desk.may_do_without = fault.role in spare
-            way_on = "; space goes on without it" if desk.may_do_without else ""
+            way_on = "; you can go on without it" if desk.may_do_without else ""
             desk.waiting = (
                 f"Waiting for {fault.role}: in {left_s} s the session ends, to be resumed. "
                 f"Every finished trial is safe{way_on}."

@@ -217,6 +217,7 @@ class TrialRunner:
             case Mark(name, payload):
                 setup.recorder.event(name, loop.t_ns, **payload)
                 self._rig.mark(name, loop.t_ns)
+                self._desk.hear(name, payload)
             case Ask(question_id, prompt, options):
                 answer = setup.respondent.answer(question_id, prompt, options)
                 self._desk.expect_pause()

@@ -9,9 +9,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv
 
-MIN_PLAIN: Final = 1e-3
+MIN_PLAIN: Final = 1e-4
 MAX_PLAIN: Final = 1e6
-"""Between these both libraries write a fraction as the same shortest decimal."""
+"""Above one and below the other both libraries write a fraction as the same shortest decimal."""
 
 
 def holds_numbers(table: pd.DataFrame) -> bool:
@@ -39,9 +39,11 @@ def _texts(values: npt.NDArray[Any], na_rep: str) -> pa.Array:
     texts = pa.array(values).cast(pa.string())
     if values.dtype.kind == "i":
         return texts
-    size = np.abs(values)
-    is_plain = (size >= MIN_PLAIN) & (size < MAX_PLAIN) & (np.trunc(values) != values)
-    others = ~is_plain
+    size, is_missing = np.abs(values), np.isnan(values)
+    if is_missing.any():
+        texts = pc.if_else(pa.array(is_missing), na_rep, texts)
+    is_plain = (size > MIN_PLAIN) & (size < MAX_PLAIN) & (np.trunc(values) != values)
+    others = ~(is_plain | is_missing)
     if not others.any():
         return texts
     as_pandas = pd.DataFrame({"": values[others]}).to_csv(

@@ -1,13 +1,28 @@
 """What the session asks of whatever shows a scene."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
 
 from lab.errors import DeviceError
 from lab.frame import FrameInfo
 from lab.geometry import Pose
 from lab.schema import SampleBatch, StreamSchema
+from stimuli.picture import Camera
 from stimuli.scene import SceneFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """What the participant saw a moment ago, small: `image` (height, width, 3) in sRGB, top row
+    first, and the eye it was drawn for.
+    """
+
+    image: npt.NDArray[np.uint8]
+    camera: Camera
 
 
 class Viewer(Protocol):
@@ -44,6 +59,13 @@ class Stage(Protocol):
 
     def handed_over(self) -> None:
         """Do what can wait until the images are handed over: the operator's picture of them."""
+        ...
+
+    def glance(self) -> Glance | None:
+        """Return what the participant saw, for an operator elsewhere who asks again and again.
+
+        None where nothing is drawn, and most of the time: there are two a second at most.
+        """
         ...
 
     @property
@@ -83,6 +105,9 @@ class GeometryStage:
 
     def handed_over(self) -> None:
         """Nothing was."""
+
+    def glance(self) -> None:
+        """Nothing is drawn."""
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Tell every viewer what stands there."""

@@ -2,24 +2,28 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from lab.clock import NS_PER_S, Clock
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import LabError
 from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
-from stage.contracts import Viewer
+from stage.card_timer import CardTimer
+from stage.contracts import Glance, Viewer
 from stage.errors import StageError
 from stage.fades import Fades, FadeTimes, dimmed, fading_out
 from stage.frame_truth import (
+    DRAWN_GPU,
     DRAWN_VIEWS,
     DrawnFrame,
     drawn_schema,
+    gpu_rows,
     picture_crc32,
     read_row,
     truth_row,
@@ -28,6 +32,7 @@ from stage.frame_truth import (
 from stage.mirror import Mirror, gaze_on_eye
 from stage.own_body import OwnBody
 from stage.renderer import Image, Renderer
+from stage.small_picture import SmallPicture
 from stage.targets import EyeTarget
 from stage.window import Window
 from stimuli.characters.character import MORPHS
@@ -37,6 +42,7 @@ from stimuli.scene import Scene, SceneFrame
 
 Dresser = Callable[[SceneFrame], Picture]
 RETRY_NS = NS_PER_S
+GLANCE_PERIOD_NS = 500 * NS_PER_MS
 HALF_EYE_DISTANCE_M = 0.0315
 DEFAULT_TANGENT = 1.0
 NOWHERE = Room("nowhere", (), (), np.zeros(3), np.zeros(3))
@@ -78,7 +84,8 @@ class Display:
     """What is drawn for: how each eye looks and how many pixels it has (both asked at the first
     frame, when the headset is open), and at most how many people a picture holds. `hands_over`
     says whether the images go on to the headset. With `views_from` the eyes look another way from
-    every place of the head, as through a screen: it is asked in every frame.
+    every place of the head, as through a screen: it is asked in every frame. `late_head`
+    tells once more where the head will be, just before the picture is drawn from there.
     """
 
     views: Callable[[], Sequence[EyeView]]
@@ -87,6 +94,7 @@ class Display:
     rate_hz: float = 90.0
     hands_over: bool = True
     views_from: Callable[[Pose], Sequence[EyeView]] | None = None
+    late_head: Callable[[], Pose | None] | None = None
 
 
 class DrawnStage:
@@ -126,18 +134,27 @@ class DrawnStage:
         self._views: Sequence[EyeView] = ()
         self._schema = drawn_schema(display.people_count, display.rate_hz)
         self._sink: Callable[[SampleBatch], None] | None = None
-        self._seq = self._views_seq = 0
+        self._seq = self._views_seq = self._gpu_seq = 0
+        self._timer: CardTimer | None = None
         self._retry_ns = 0
         self._trouble: StageError | None = None
         self._beside = ThreadPoolExecutor(1, "dress")
         self._coming: Future[Picture | None] | None = None
         self._pieces: Iterator[None] | None = None
         self._has_drawn = False
+        self._small: SmallPicture | None = None
+        self._drawn_from: Camera | None = None
+        self._glanced_from: Camera | None = None
+        self._next_glance_ns = 0
 
     @property
     def schemas(self) -> tuple[StreamSchema, ...]:
-        """The stream of drawn frames, and that of how they are drawn."""
-        return (self._schema, DRAWN_VIEWS)
+        """The streams of drawn frames, of how they are drawn, and of what they cost the card.
+
+        On the virtual clock a card's time would be the one thing that no seed repeats.
+        """
+        timed = () if self._clock.is_virtual else (DRAWN_GPU,)
+        return (self._schema, DRAWN_VIEWS, *timed)
 
     def start(self, sink: Callable[[SampleBatch], None]) -> None:
         """Log what is drawn from now on."""
@@ -165,7 +182,9 @@ class DrawnStage:
         """Draw both eyes and return their textures, left first; none while the driver fails.
 
         People are drawn as they stand when the frame's light leaves, however long ago a plan
-        showed them.
+        showed them. Where the head will be then is asked once more when all but the view from
+        there has been done; before, where what is done depends on it: a body below the head, a
+        processor that leaves out what no eye sees.
         """
         for viewer in self._viewers:
             viewer.see(view, frame.predicted_display_ns)
@@ -175,13 +194,25 @@ class DrawnStage:
         view = as_drawn(view, frame.predicted_display_ns)
         picture = self._fades.faded(self._picture(view))
         is_calm = picture.brightness_01 <= 0.0 or not picture.cast
-        if self._own_body is not None:
-            picture = self._own_body.worn(picture, head)
+        late: Callable[[], Sequence[Camera]] | None = None
         try:
             renderer = self._ready()
+            if self._own_body is not None or renderer.quality.fast:
+                head = self._late_head(head)
+            elif self._display.late_head is not None:
+
+                def late() -> Sequence[Camera]:
+                    nonlocal head
+                    head = self._late_head(head)
+                    return [eye_camera(head, eye) for eye in self._views]
+
+            if self._own_body is not None:
+                picture = self._own_body.worn(picture, head)
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
-            drawn = renderer.draw(picture, cameras, self._targets)
+            with nullcontext() if self._timer is None else self._timer.timed(frame):
+                drawn = renderer.draw(picture, cameras, self._targets, late=late)
+            self._drawn_from = eye_camera(head, self._views[0])
             if is_calm or not self._has_drawn:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
@@ -202,6 +233,20 @@ class DrawnStage:
             self._mirror.show(self._renderer.context, self._targets[0].texture)
         except StageError as problem:
             self._fail(problem, self._clock.now_ns())
+
+    def glance(self) -> Glance | None:
+        """Return the left eye's picture, small, as it was when this was last called."""
+        if self._small is None or self._drawn_from is None or self._trouble is not None:
+            return None
+        now_ns = self._clock.now_ns()
+        if self._glanced_from is not None:
+            camera, self._glanced_from = self._glanced_from, None
+            return Glance(self._small.take(), camera)
+        if now_ns >= self._next_glance_ns:
+            self._next_glance_ns = now_ns + GLANCE_PERIOD_NS
+            self._glanced_from = self._drawn_from
+            self._small.ask(self._targets[0].texture)
+        return None
 
     def redraw(
         self,
@@ -318,7 +363,12 @@ class DrawnStage:
             try:
                 self._renderer = self._open_renderer()
                 quality, context = self._renderer.quality, self._renderer.context
-                self._targets = [EyeTarget(context, size_px, quality.samples) for _ in self._views]
+                self._targets = [
+                    EyeTarget(context, size_px, quality.samples, eye) for eye in self._views
+                ]
+                self._small = SmallPicture(context, size_px)
+                if self._sink is not None and not self._clock.is_virtual:
+                    self._timer = CardTimer(context)
             except moderngl.Error as problem:
                 raise StageError(
                     f"the graphics driver cannot begin to draw: {problem}",
@@ -326,6 +376,12 @@ class DrawnStage:
                 ) from problem
             self._tell_views(self._renderer)
         return self._renderer
+
+    def _late_head(self, head: Pose) -> Pose:
+        """Return where the head will be as it is foreseen now, `head` where nobody tells."""
+        if self._display.late_head is None:
+            return head
+        return self._display.late_head() or head
 
     def _look_from(self, head: Pose, renderer: Renderer) -> None:
         """Let the eyes look as they do from where the head is, where that makes a difference."""
@@ -352,12 +408,19 @@ class DrawnStage:
         except moderngl.Error as second:
             # The context is gone with everything in it; the first failure is what matters.
             problem.add_note(str(second))
-            self._renderer, self._targets = None, []
+            self._renderer, self._timer, self._targets = None, None, []
+            self._small = self._drawn_from = self._glanced_from = None
 
     def _drop(self) -> None:
         for target in self._targets:
             target.release()
         self._targets, self._pieces = [], None
+        timer, self._timer = self._timer, None
+        if timer is not None:
+            timer.release()
+        if self._small is not None:
+            self._small.release()
+            self._small = self._drawn_from = self._glanced_from = None
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -385,3 +448,7 @@ class DrawnStage:
         )
         self._sink(truth_row(self._schema, self._seq, row, failed=failed))
         self._seq += 1
+        told = [] if self._timer is None else self._timer.told()
+        if told:
+            self._sink(gpu_rows(self._gpu_seq, told, self._clock.now_ns()))
+            self._gpu_seq += len(told)

@@ -37,6 +37,16 @@ DRAWN_VIEWS = StreamSchema(
 """How pictures are made from a frame on; a row whenever drawing begins, and whenever the eyes look
 another way: through a screen they do from every place of the head."""
 
+DRAWN_GPU = StreamSchema(
+    name="drawn_gpu",
+    nominal_rate_hz=0.0,
+    fields=(
+        Field("frame", "i8", "", description="index of the frame, as in FrameInfo"),
+        Field("gpu_ms", "f4", "ms", description="the card's own work on the frame's pictures"),
+    ),
+)
+"""What frames cost the card, told some frames later; no row for a frame whose cost is unknown."""
+
 
 def drawn_schema(people_count: int, rate_hz: float) -> StreamSchema:
     """Return the stream of drawn frames for pictures of at most so many people."""
@@ -144,6 +154,14 @@ def views_row(
     row["shadow_softness_m"] = quality.shadow_softness_m
     stamp = np.array([t_ns], np.int64)
     return SampleBatch(DRAWN_VIEWS, np.array([seq], np.int64), stamp, stamp, values)
+
+
+def gpu_rows(seq: int, told: Sequence[tuple[FrameInfo, float]], t_ns: int) -> SampleBatch:
+    """Return a row for every frame whose cost (ms) was told at `t_ns`."""
+    values = np.array([(frame.index, gpu_ms) for frame, gpu_ms in told], DRAWN_GPU.dtype)
+    shown_ns = np.array([frame.predicted_display_ns for frame, _ in told], np.int64)
+    told_ns = np.full(len(told), t_ns, np.int64)
+    return SampleBatch(DRAWN_GPU, seq + np.arange(len(told)), shown_ns, told_ns, values)
 
 
 def read_views(row: np.void) -> tuple[tuple[EyeView, ...], tuple[int, int], Quality]:

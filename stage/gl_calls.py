@@ -1,5 +1,5 @@
 """What the binding to OpenGL leaves out: many stretches drawn by one call, pictures in layers that
-hold sRGB. Everything else that draws goes through moderngl.
+hold sRGB, timers that are not waited for. Everything else that draws goes through moderngl.
 """
 
 import ctypes
@@ -17,12 +17,20 @@ GL_TEXTURE_2D_ARRAY, GL_UNPACK_ALIGNMENT = 0x8C1A, 0x0CF5
 GL_RGB, GL_RGBA, GL_SRGB8, GL_SRGB8_ALPHA8 = 0x1907, 0x1908, 0x8C41, 0x8C43
 
 _u, _i, _p = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
+Told = ctypes.c_int | ctypes.c_uint | ctypes.c_uint64 | ctypes.Array[ctypes.c_uint]
 _FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "glUseProgram": (_u,),
     "glBindVertexArray": (_u,),
     "glMultiDrawElementsBaseVertex": (_u, _p, _u, _p, _i, _p),
     "glPixelStorei": (_u, _i),
     "glTexImage3D": (_u, _i, _i, _i, _i, _i, _i, _u, _u, _p),
+    "glGenQueries": (_i, _p),
+    "glDeleteQueries": (_i, _p),
+    "glBeginQuery": (_u, _u),
+    "glEndQuery": (_u,),
+    "glGetQueryiv": (_u, _u, _p),
+    "glGetQueryObjectuiv": (_u, _u, _p),
+    "glGetQueryObjectui64v": (_u, _u, _p),
 }
 
 
@@ -71,6 +79,11 @@ class GlCalls:
             len(stretches.count),
             stretches.base.ctypes.data,
         )
+
+    def query(self, name: str, *arguments: int | Told) -> None:
+        """Call one of the driver's functions for timers; what it tells is written into the last."""
+        passed = [a if isinstance(a, int) else ctypes.addressof(a) for a in arguments]
+        self._functions[name](*passed)
 
     def fill_srgb(self, array: moderngl.TextureArray, pixels: bytes) -> None:
         """Give an array of 3 or 4 channels its pixels as sRGB, which is decoded when read."""

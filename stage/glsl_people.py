@@ -194,33 +194,85 @@ float smooth_grain(float at) {
 }
 
 #ifdef KIND_EYE
-vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
-    vec3 at = normalize(detail);
-    float iris = float(surface.y) / 255.0, pupil = float(surface.w) / 255.0;
-    float radius = at.z < 0.0 ? length(at.xy) : 2.0;
-    float blur = max(fwidth(length(at.xy)), 0.004);
-    float share = radius / iris;
-    float angle = atan(at.y, at.x);
+// Lengths about an eye are counted in radii of its iris, some 6 mm: where the lids' margins lie
+// above and below the pupil and the corners beside it, and how far skin stands before the ball.
+const float UPPER_LID = 0.85, LOWER_LID = 1.0, CORNER = 2.2;
+const float UPPER_DEEP = 0.40, LOWER_DEEP = 0.20, CORNER_DEEP = 0.40;
+const float BESIDE_BROW_AND_NOSE = 0.80;  // of the light all round
 
-    float outward = smoothstep(0.25, 1.0, length(at.xy));
-    vec3 white = mix(vec3(0.84, 0.82, 0.795), vec3(0.62, 0.48, 0.44), outward * outward * outward);
+// The share of the light all round that an edge hides, so deep, at a place so far from it.
+float hidden_by(float deep, float away) {
+    float from = max(away, 0.0);
+    return 0.5 - 0.5 * from * inversesqrt(from * from + deep * deep);
+}
+
+// Colour of the eye at a place on it, times how open it lies; w: the share that the cornea covers.
+vec4 eye_at(vec3 at, float iris, float pupil, vec3 iris_colour, float blur) {
+    float radius = at.z < 0.0 ? length(at.xy) : 2.0;
+    float share = radius / iris;
+    vec2 place = at.xy / iris;
+    float corner = smoothstep(0.9, CORNER, abs(place.x));
+    // Who has much pigment in the iris has some in the white, too.
+    float pale = smoothstep(0.03, 0.10, dot(iris_colour, vec3(0.2126, 0.7152, 0.0722)));
+    vec3 white = vec3(0.72, 0.69, 0.66) * mix(vec3(0.86, 0.83, 0.78), vec3(1.0), pale);
+    white = mix(white, vec3(0.50, 0.34, 0.30), corner * corner);
+    float angle = atan(at.y, at.x);
     float fibres = mix(1.0, 0.72 + 0.5 * smooth_grain(angle * 22.0 + 80.0 + 3.0 * share),
                        1.0 - smoothstep(0.006, 0.03, blur));
-    vec3 ring = iris_colour * mix(0.88, 0.52, smoothstep(pupil / iris, 0.85, share)) * fibres;
-    ring = mix(ring, iris_colour * 0.12, smoothstep(0.66, 0.92, share));
+    vec3 ring = iris_colour * mix(0.54, 0.33, smoothstep(pupil / iris, 0.85, share)) * fibres;
+    ring = mix(ring, iris_colour * 0.12, smoothstep(0.62, 0.90, share));
     float soft = max(blur, 0.02);
     vec3 albedo = mix(ring, white, smoothstep(iris - 0.5 * soft, iris + 0.5 * soft, radius));
     albedo = mix(vec3(0.006), albedo, smoothstep(pupil - 0.6 * blur, pupil + 0.6 * blur, radius));
-    float lid = 1.0 - 0.30 * smoothstep(0.12, 0.62, at.y) - 0.08 * smoothstep(0.3, 0.7, -at.y);
+    float open = 1.0 - hidden_by(UPPER_DEEP, UPPER_LID - place.y)
+                 - hidden_by(LOWER_DEEP, LOWER_LID + place.y)
+                 - hidden_by(CORNER_DEEP, CORNER - abs(place.x));
+    return vec4(albedo * max(open, 0.0), 1.0 - smoothstep(iris * 0.9, iris * 1.25, radius));
+}
 
-    vec3 result = lit(albedo, vec3(0.25), place, n, view, 1.0, 0.0) * lid;
-    vec3 mirrored = reflect(-view, n);
+// The upper lid with its lashes and the brow keep light from above off the eye.
+float below_lid(vec3 towards, vec3 n, float up) {
+    vec3 upwards = normalize(vec3(0.0, 1.0, 0.0) - n * n.y + vec3(1e-5));
+    float rise = dot(towards, upwards) / max(dot(towards, n), 0.05);
+    float lid = smoothstep(-0.3, 0.3, UPPER_DEEP * rise - max(UPPER_LID - up, 0.0));
+    return (1.0 - 0.75 * lid) * (1.0 - 0.6 * smoothstep(0.8, 2.0, rise));
+}
+
+vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
+    float iris = float(surface.y) / 255.0, pupil = float(surface.w) / 255.0;
     vec3 side = normalize(cross(vec3(0.0, 1.0, 0.0), view) + vec3(1e-5));
     vec3 box = normalize(view + 0.62 * vec3(0.0, 1.0, 0.0) - 0.34 * side);
-    float catch_light = smoothstep(0.984, 0.993, dot(mirrored, box));
-    float cornea = 1.0 - smoothstep(iris * 0.9, iris * 1.25, radius);
+
+    // From afar an iris is smaller than two pixels: one point of each says little of where it is.
+    vec3 right = dFdx(detail), up = dFdy(detail), n_right = dFdx(n), n_up = dFdy(n);
+    float span = max(length(right), length(up));
+    int wide = clamp(int(ceil(span / 0.07)), 1, 4);
+    float blur = max(span / float(wide), 0.004);
+    vec4 seen = vec4(0.0);
+    float catch_light = 0.0;
+    for (int i = 0; i < wide * wide; ++i) {
+        vec2 aside = (vec2(i % wide, i / wide) + 0.5) / float(wide) - 0.5;
+        vec4 here = eye_at(normalize(detail + aside.x * right + aside.y * up), iris, pupil,
+                           iris_colour, blur);
+        vec3 leans = normalize(n + aside.x * n_right + aside.y * n_up);
+        seen.rgb += here.rgb;
+        catch_light += smoothstep(0.984, 0.993, dot(reflect(-view, leans), box))
+                       * mix(0.12, 0.95, here.w);
+    }
+    float points = float(wide * wide);
+
+    vec3 arrived = ambient_at(n) * BESIDE_BROW_AND_NOSE;
+    float raised = normalize(detail).y / iris;
+    for (int i = 0; i < LAMPS; ++i) {
+        vec3 towards;
+        vec3 arriving = lamp_at(i, place, towards);
+        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, n);
+        arrived += arriving * (below_lid(towards, n, raised)
+                               * max((dot(n, towards) + 0.25) / 1.5625, 0.0));
+    }
     vec3 sky_light = sky.rgb + 0.25;
-    result += sky_light * (catch_light * mix(0.12, 0.95, cornea) * tone.y);
+    vec3 result = arrived * seen.rgb / points;
+    result += sky_light * (catch_light / points * tone.y);
     result += sky_light * 0.035 * pow(1.0 - max(dot(n, view), 0.0), 3.0);
     return result;
 }
@@ -274,25 +326,28 @@ vec3 leant(vec3 n, vec2 at) {
                      + n * max(map.z, 0.05));
 }
 
+#endif
+
+#if (defined(MAPPED) && !defined(KIND_HAIR)) || (defined(KIND_SKIN) && !defined(VERTEX_LIT))
+// How far light bleeds round edges of skin, red the farthest, and what it mirrors when faced.
+const vec3 SKIN_WRAP = vec3(0.34, 0.17, 0.11);
+const float SKIN_MIRRORS = 0.028;
+
 // Microfacets (GGX, Smith, Schlick) over wrapped Lambert; lamps' colours have 1/pi in them.
-vec3 as_authored(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, float metalness,
-                 float open) {
+vec3 microfacets(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, float metalness,
+                 float mirroring, float open, vec3 fuzz) {
     float facing = max(dot(n, view), 1e-3);
     float a = max(roughness * roughness, 0.02);
     float a2 = a * a;
-#ifdef KIND_SKIN
-    vec3 f0 = mix(vec3(0.028), albedo, metalness);
-#else
-    vec3 f0 = mix(vec3(0.04), albedo, metalness);
-#endif
+    vec3 f0 = mix(vec3(mirroring), albedo, metalness);
+    float f90 = min(50.0 * f0.g, 1.0);
     vec3 matte = albedo * (1.0 - metalness);
     vec3 spread = 1.0 / ((1.0 + wrap) * (1.0 + wrap));
-    vec3 fuzz = texture(sheen_map, detail).rgb;
     // What the surroundings mirror: the split sum of microfacets, as fitted by Lazarov (2013).
     vec4 fit = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
     float low = min(fit.x * fit.x, exp2(-9.28 * facing)) * fit.x + fit.y;
     vec2 share = vec2(-1.04, 1.04) * low + fit.zw;
-    vec3 mirrored = max(f0 * share.x + share.y, 0.0) * ambient_at(reflect(-view, n));
+    vec3 mirrored = max(f0 * share.x + f90 * share.y, 0.0) * ambient_at(reflect(-view, n));
     vec3 result = open * (matte * ambient_at(n) + mirrored
                           + fuzz * ambient_at(n) * pow(1.0 - facing, 3.0));
     for (int i = 0; i < LAMPS; ++i) {
@@ -306,12 +361,37 @@ vec3 as_authored(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, flo
         float spread_of = a2 / (bell * bell);
         float hidden = lit_cosine * sqrt(facing * facing * (1.0 - a2) + a2)
                        + facing * sqrt(lit_cosine * lit_cosine * (1.0 - a2) + a2);
-        vec3 mirror = f0 + (1.0 - f0) * pow(1.0 - max(dot(halfway, view), 0.0), 5.0);
+        vec3 mirror = f0 + (f90 - f0) * pow(1.0 - max(dot(halfway, view), 0.0), 5.0);
         result += arriving * (matte * max((cosine + wrap) * spread, 0.0)
                               + mirror * (lit_cosine * spread_of * 0.5 / max(hidden, 1e-4))
                               + fuzz * lit_cosine * pow(1.0 - nh * nh, 1.5));
     }
     return result;
+}
+#endif
+
+#if defined(KIND_SKIN) && defined(TEXTURED) && !defined(MAPPED) && !defined(VERTEX_LIT)
+float smooth_grain(vec2 at) {
+    vec2 whole = floor(at), share = smoothstep(0.0, 1.0, at - whole);
+    return mix(mix(grain(whole), grain(whole + vec2(1.0, 0.0)), share.x),
+               mix(grain(whole + vec2(0.0, 1.0)), grain(whole + 1.0), share.x), share.y);
+}
+
+// The normal leant by pores and fine folds, as far as pixels are fine enough to show them; how much
+// rougher or smoother than the rest the place is, about -0.5 to 0.5.
+vec3 with_pores(vec3 n, vec2 at, out float uneven) {
+    vec2 folds = at * 420.0, pores = at * 1100.0;
+    float clear_folds = 1.0 - smoothstep(0.4, 1.0, length(fwidth(folds)));
+    float clear_pores = 1.0 - smoothstep(0.4, 1.0, length(fwidth(pores)));
+    uneven = smooth_grain(folds) - 0.5;
+    float height_m = 0.00010 * clear_folds * uneven
+                     + 0.00005 * clear_pores * (smooth_grain(pores) - 0.5);
+    uneven *= clear_folds;
+    vec3 right = dFdx(place), up = dFdy(place);
+    vec3 across = cross(up, n), along = cross(n, right);
+    float area = dot(right, across);
+    vec3 steepest = sign(area) * (dFdx(height_m) * across + dFdy(height_m) * along);
+    return normalize(abs(area) * n - steepest);
 }
 #endif
 
@@ -353,17 +433,25 @@ void main() {
 #endif
 #if defined(MAPPED) && !defined(KIND_HAIR)
 #if defined(KIND_SKIN)
-    vec3 wrap = vec3(0.34, 0.17, 0.11);
+    vec3 wrap = SKIN_WRAP;
+    float mirroring = SKIN_MIRRORS;
 #else
     vec3 wrap = vec3(0.0);
+    float mirroring = 0.04;
 #endif
-    vec3 result = as_authored(albedo, wrap, n, view, roughness, metalness, open)
+    vec3 result = microfacets(albedo, wrap, n, view, roughness, metalness, mirroring, open,
+                              texture(sheen_map, detail).rgb)
                   + texture(glow_map, detail).rgb;
 #elif defined(KIND_SKIN)
-    float grazing = 1.0 - max(dot(n, view), 0.0);
-    vec3 result = lit(albedo, vec3(0.34, 0.17, 0.11), place, n, view, 14.0 + 40.0 * smoothness,
-                      0.05 + 0.08 * smoothness);
-    result += (sky.rgb * albedo) * (0.22 * grazing * grazing * grazing * grazing);
+    float uneven = 0.0, mirroring = SKIN_MIRRORS;
+#ifdef TEXTURED
+    n = with_pores(n, detail.xy, uneven);
+    // Brows, stubble and short hair are painted on: they are darker than skin, and do not shine.
+    mirroring *= smoothstep(0.1, 0.5, texel.g);
+#endif
+    roughness = clamp(roughness + 0.14 * uneven, 0.5, 1.0);
+    vec3 result = microfacets(albedo, SKIN_WRAP, n, view, roughness, 0.0, mirroring, 1.0,
+                              vec3(0.0));
 #elif defined(KIND_EYE)
     vec3 result = eye_surface(n, view, albedo);
 #elif defined(KIND_HAIR)

@@ -123,14 +123,31 @@ void main() {
 """
 )
 
-BOARD_FRAGMENT = """
+_CODES = (
+    DECODED
+    + """
+vec4 of_codes(vec4 codes) {
+#ifdef IN_LIGHT
+    codes.rgb = decoded(codes.rgb);
+#endif
+    return codes;
+}
+"""
+)
+
+BOARD_FRAGMENT = (
+    _CODES
+    + """
 uniform sampler2D picture;
 in vec2 uv;
 layout(location = 0) out vec4 pixel;
-void main() { pixel = texture(picture, uv); }
+void main() { pixel = of_codes(texture(picture, uv)); }
 """
+)
 
-MARK_FRAGMENT = """
+MARK_FRAGMENT = (
+    _CODES
+    + """
 in vec2 uv;
 layout(location = 0) out vec4 pixel;
 void main() {
@@ -141,6 +158,7 @@ void main() {
     float cross_at = min(abs(at.x), abs(at.y));
     float arms = 1.0 - smoothstep(0.20 - soft, 0.20 + soft, cross_at);
     float centre = 1.0 - smoothstep(0.20 - soft, 0.20 + soft, radius);
-    pixel = vec4(vec3(mix(mix(0.85, 0.05, arms), 0.95, centre)), disc);
+    pixel = of_codes(vec4(vec3(mix(mix(0.85, 0.05, arms), 0.95, centre)), disc));
 }
 """
+)

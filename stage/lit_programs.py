@@ -15,10 +15,14 @@ Family = Literal["people", "lit_people", "room", "baked_room"]
 class LitPrograms:
     """Programs by what they draw, compiled at first use."""
 
-    def __init__(self, context: moderngl.Context, *, fast: bool, shadows: bool) -> None:
+    def __init__(
+        self, context: moderngl.Context, *, fast: bool, shadows: bool, in_light: bool
+    ) -> None:
         self._context = context
-        self._common = (("FAST_TONE", "CODE_TEXTURES") if fast else ()) + (
-            ("SHADOWS",) if shadows else ()
+        self._common = (
+            *(("FAST_TONE", "CODE_TEXTURES") if fast else ()),
+            *(("SHADOWS",) if shadows else ()),
+            *(("IN_LIGHT",) if in_light else ()),
         )
         self._fast = fast
         self._made: dict[tuple[object, ...], moderngl.Program] = {}

@@ -23,8 +23,9 @@ PANELS_KEPT = 24
 class Overlays:
     """Panels and marks; both are drawn over everything, whatever stands before them."""
 
-    def __init__(self, context: moderngl.Context) -> None:
+    def __init__(self, context: moderngl.Context, *, in_light: bool) -> None:
         self._context = context
+        self._defines = ("IN_LIGHT",) if in_light else ()
         corners = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
         self._corners = context.buffer((corners / 2).tobytes())
         self._wide = context.buffer(corners.tobytes())
@@ -92,7 +93,7 @@ class Overlays:
         self, name: str, vertex: str, fragment: str, content: list[tuple[Any, ...]]
     ) -> moderngl.VertexArray:
         if name not in self._arrays:
-            program = compile_program(self._context, vertex, fragment)
+            program = compile_program(self._context, vertex, fragment, *self._defines)
             self._programs[name] = program
             self._arrays[name] = self._context.vertex_array(program, content)
         return self._arrays[name]

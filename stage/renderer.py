@@ -70,6 +70,16 @@ class Drawn:
     distance_m: Vector
 
 
+@dataclass(eq=False)
+class _Backdrop:
+    """A room as a camera sees it: drawn here at the second of its `looks`, then taken from here."""
+
+    target: EyeTarget | None = None
+    room: Room | None = None
+    seen: bytes = b""
+    looks: int = 0
+
+
 class Renderer(Closing):
     """Draw into textures or arrays; one per graphics context, in the thread of that context."""
 
@@ -84,17 +94,25 @@ class Renderer(Closing):
         self._buffers = SceneBuffers(ctx, fast=self.quality.fast)
         self._frame = ctx.buffer(reserve=FRAME_BYTES, dynamic=True)
         self._lighting = ctx.buffer(reserve=LIGHTING_BYTES, dynamic=True)
-        self._programs = LitPrograms(ctx, fast=self.quality.fast, shadows=self._with_maps())
+        # Cards encode what is drawn into several samples a pixel; what is fast writes codes.
+        self._in_light = min(self.quality.samples, ctx.max_samples) > 0 and not self.quality.fast
+        self._programs = LitPrograms(
+            ctx, fast=self.quality.fast, shadows=self._with_maps(), in_light=self._in_light
+        )
         self._targets: dict[tuple[int, int], EyeTarget] = {}
+        self._backdrops: dict[tuple[int, int], _Backdrop] = {}
         self._lit_before: tuple[object, Room, tuple[ShadowView, ...], bytes] | None = None
-        self._overlays = Overlays(ctx)
+        self._overlays = Overlays(ctx, in_light=self._in_light)
         self._shadow_maps = ShadowMaps(ctx, self.quality.shadow_map_px)
         self._closed = False
 
     # ---- what callers use ------------------------------------------------------------------
 
     def image(self, picture: Picture, camera: Camera, size_px: tuple[int, int]) -> Image:
-        """Return the picture as (height, width, 3) sRGB bytes, top row first."""
+        """Return the picture as (height, width, 3) sRGB bytes, top row first.
+
+        Where the camera stands still its room is drawn once, not in every picture.
+        """
         target = self._target(size_px)
         self.draw(picture, [camera], [target])
         return target.read()
@@ -106,10 +124,12 @@ class Renderer(Closing):
         targets: Sequence[EyeTarget],
         *,
         levels: npt.NDArray[np.int64] | None = None,
+        late: Callable[[], Sequence[Camera]] | None = None,
     ) -> Drawn:
         """Draw the picture once per camera into the targets.
 
-        `levels` (n,) repeats recorded levels of detail instead of choosing them.
+        `levels` (n,) repeats recorded levels of detail instead of choosing them. `late` is asked
+        for the cameras once more when only they are left to be sent to the card.
 
         Raises:
             StageError: the graphics driver failed; what was recorded is not touched.
@@ -119,7 +139,7 @@ class Renderer(Closing):
             if self.context.error == "GL_NO_ERROR":
                 break
         try:
-            drawn = self._draw(picture, cameras, targets, levels)
+            drawn = self._draw(picture, cameras, targets, levels, late)
         except moderngl.Error as problem:
             raise StageError(
                 f"the graphics driver refused to draw: {problem}",
@@ -153,8 +173,10 @@ class Renderer(Closing):
         if self._closed:
             return
         self._closed = True
-        for target in self._targets.values():
-            target.release()
+        backdrops = (backdrop.target for backdrop in self._backdrops.values())
+        for target in (*self._targets.values(), *backdrops):
+            if target is not None:
+                target.release()
         self._buffers.release()
         self._shadow_maps.release()
         self._overlays.release()
@@ -172,6 +194,7 @@ class Renderer(Closing):
         cameras: Sequence[Camera],
         targets: Sequence[EyeTarget],
         levels: npt.NDArray[np.int64] | None,
+        late: Callable[[], Sequence[Camera]] | None,
     ) -> Drawn:
         ctx = self.context
         ctx.disable_direct(GL_FRAMEBUFFER_SRGB)
@@ -189,13 +212,19 @@ class Renderer(Closing):
             ]
             drawn = self.pose(picture, crowd, cameras, levels, max(spans, default=1.0))
             self.light(picture, crowd, drawn, cameras, max(widths, default=1))
+        if late is not None:
+            cameras = late()
         for camera, target in zip(cameras, targets, strict=True):
-            target.begin(_background(picture))
             self.look_from(camera, picture.brightness_01, 0.35 if target.samples else 0.5)
+            if crowd is not None and target.samples:
+                ctx.enable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
+            backdrop = None if crowd is None else self._backdrop(picture, camera, target)
+            if backdrop is None:
+                self._begin(picture, target)
+            else:
+                self._begin_over(backdrop, picture, target)
             if crowd is not None:
-                if target.samples:
-                    ctx.enable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
-                self.paint(picture, crowd, identity=False)
+                self.paint(picture, crowd, identity=False, with_room=backdrop is None)
                 ctx.disable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
                 if self.quality.shadows == "blobs" and len(picture.cast):
                     self._overlays.blobs(crowd.joints.watched_m[drawn.level >= 0, 2:])
@@ -284,29 +313,38 @@ class Renderer(Closing):
         self._frame.write(block)
         self._frame.bind_to_uniform_block(0)
 
-    def paint(self, picture: Picture, crowd: Crowd, *, identity: bool) -> None:
+    def paint(
+        self, picture: Picture, crowd: Crowd, *, identity: bool, with_room: bool = True
+    ) -> None:
         """Draw room, things and people from the camera sent, with the light sent."""
         self._shadow_maps.use()
-        light = self._light_constants(picture.room)
-
-        def program(family: Family) -> Callable[[Run], moderngl.Program]:
-            return lambda run: self._programs.lit(family, run, light, identity=identity)
-
-        fast = self.quality.fast
-
         # People first: they hide much of the room, which is then not computed.
         if crowd.cast:
-            crowd.draw(program("lit_people" if fast else "people"))
-        in_codes = fast and not identity
-        self._buffers.room(picture.room).draw(program("baked_room" if in_codes else "room"))
+            family: Family = "lit_people" if self.quality.fast else "people"
+            crowd.draw(self._program(family, picture.room, identity=identity))
+        if with_room:
+            self._paint_room(picture.room, identity=identity)
         for placed in picture.moving:
-            self._buffers.thing(placed.prop).draw(program("room"), world_from(placed.pose))
+            self._buffers.thing(placed.prop).draw(
+                self._program("room", picture.room, identity=identity), world_from(placed.pose)
+            )
 
     def crowd_of(self, picture: Picture) -> Crowd:
         """Return the cast's buffers."""
         return self._buffers.crowd(picture.cast)
 
     # ---- parts -----------------------------------------------------------------------------
+
+    def _program(
+        self, family: Family, room: Room, *, identity: bool
+    ) -> Callable[[Run], moderngl.Program]:
+        light = self._light_constants(room)
+        return lambda run: self._programs.lit(family, run, light, identity=identity)
+
+    def _paint_room(self, room: Room, *, identity: bool) -> None:
+        in_codes = self.quality.fast and not identity
+        family: Family = "baked_room" if in_codes else "room"
+        self._buffers.room(room).draw(self._program(family, room, identity=identity))
 
     def _with_maps(self) -> bool:
         return self.quality.shadows == "maps" and not self.quality.fast
@@ -343,6 +381,46 @@ class Renderer(Closing):
                 )
             self._lit_before = key, picture.room, views, lighting_block(picture.room, views)
         return self._lit_before[2:]
+
+    def _backdrop(self, picture: Picture, camera: Camera, target: EyeTarget) -> _Backdrop | None:
+        """Return what may hold the room as the camera sent sees it.
+
+        None: a target of somebody else's, or people who throw shadows into the room.
+        """
+        if self._targets.get(target.size_px) is not target or self._casts(picture.room):
+            return None
+        edges = camera.left, camera.right, camera.bottom, camera.top, camera.near_m, camera.far_m
+        pose = camera.pose.position_m, camera.pose.orientation_wxyz
+        seen = np.concatenate([*pose, edges, [picture.brightness_01]]).tobytes()
+        backdrop = self._backdrops.setdefault(target.size_px, _Backdrop())
+        if backdrop.seen != seen or backdrop.room is not picture.room:
+            backdrop.seen, backdrop.room, backdrop.looks = seen, picture.room, 0
+        return backdrop
+
+    def _begin(self, picture: Picture, target: EyeTarget) -> None:
+        """Begin with the background, which is in codes."""
+        target.begin(_background(picture))
+        self._encode()
+
+    def _encode(self) -> None:
+        """Let the card encode what is drawn from now on, where light is drawn."""
+        if self._in_light:
+            self.context.enable_direct(GL_FRAMEBUFFER_SRGB)
+
+    def _begin_over(self, backdrop: _Backdrop, picture: Picture, target: EyeTarget) -> None:
+        """Begin with the room, in every picture: what is as far as it must not flicker."""
+        backdrop.looks += 1
+        if backdrop.looks == 1:
+            self._begin(picture, target)
+            self._paint_room(picture.room, identity=False)
+            return
+        if backdrop.target is None:
+            backdrop.target = EyeTarget(self.context, target.size_px, self.quality.samples)
+        if backdrop.looks == 2:
+            self._begin(picture, backdrop.target)
+            self._paint_room(picture.room, identity=False)
+        target.begin_over(backdrop.target)
+        self._encode()
 
     def _lit_box(self, picture: Picture, crowd: Crowd) -> tuple[Vector, Vector]:
         """Return the box around everyone, within the room; shadows are finest where people are.

@@ -2,10 +2,10 @@
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
 
 from lab.closing import Closing
 from stage.context import draws_on_processor, offscreen_context
+from stage.processor_models import LINEAR_OF_CODE
 from stage.renderer import Quality, Renderer
 from stimuli.picture import Camera, Picture
 
@@ -27,9 +27,22 @@ def still_quality() -> tuple[int, Quality]:
         context.release()
 
 
+_STEPS = 1 << 14
+_LIGHT_OF_CODE = np.round(LINEAR_OF_CODE * (_STEPS - 1)).astype(np.uint32)
+_CODE_OF_LIGHT = np.round(
+    np.interp(np.arange(_STEPS) / (_STEPS - 1), LINEAR_OF_CODE, np.arange(256))
+).astype(np.uint8)
+
+
 def made_small(large: npt.NDArray[np.uint8], size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
-    """Return a picture (height, width, 3) in a size whose width and height divide its own."""
-    return np.asarray(Image.fromarray(large).resize(size_px, Image.Resampling.BOX))
+    """Return a picture (height, width, 3) in a size whose width and height divide its own: each
+    pixel is the mean of the light of those it stands for.
+    """
+    down, across = large.shape[0] // size_px[1], large.shape[1] // size_px[0]
+    light = _LIGHT_OF_CODE[large]
+    total = sum(light[i::down, j::across] for i in range(down) for j in range(across))
+    small: npt.NDArray[np.uint8] = _CODE_OF_LIGHT[total // (down * across)]
+    return small
 
 
 class Stills(Closing):

@@ -57,6 +57,11 @@ class Scene:
     mark_m: Vector | None = None
     dressed_by: str = ""
 
+    @property
+    def stand_m(self) -> Vector:
+        """Where people stand who are no agents: (n, 2) x and z on the floor."""
+        return np.empty((0, 2))
+
 
 @dataclass(frozen=True, slots=True)
 class SceneFrame:

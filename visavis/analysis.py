@@ -14,7 +14,7 @@ from analysis.statistics_report import Outcome, answer
 from lab.errors import DataError, LabError
 from protocol.steps import Scalar
 from recording.reader import Recording
-from visavis.compare import Compare
+from visavis.compare import AGREEMENT, THING, Compare
 from visavis.exclusions import Selection
 from visavis.looks import MAIN_MEASURES
 from visavis.measures import Measure, aggregated
@@ -36,6 +36,8 @@ from visavis.sensitivity import SensitivityRow, sensitivity
 from visavis.study import Study
 
 SIMULATED_COLUMN: Final = "is_simulated"
+DECIDING: Final = ("p_used", "p_above", "p")
+"""Columns of a row of a test, the first of which that is there holds the p that decides."""
 MIN_PARTICIPANTS: Final = 3
 """Below this nothing is tested."""
 
@@ -108,6 +110,8 @@ class Finding:
         factors = (*compare.within, *compare.between)
         if compare.model == "bradleyterry":
             return self._items_compared()
+        if compare.test in AGREEMENT:
+            return ()
         if outcome is None or outcome.data is None or len(factors) != 1 or not self.terms:
             return ()
         values = outcome.data[compare.dv].astype(float)
@@ -319,12 +323,14 @@ def analyse_rows(
     tables: Mapping[str, pd.DataFrame] | None = None,
     thresholds: Any = None,
     how: Any = None,
+    called: Mapping[str, str] | None = None,
 ) -> StudyAnalysis:
     """Answer every planned comparison and make every family of tests; untested ones say why.
 
     `compare` are the comparisons that this design can make (all by default). `varied` holds the
     main measures of looks by padding and minimum duration, where there are any; `tables`, `how`
-    and `thresholds` are what sections and further findings need.
+    and `thresholds` are what sections and further findings need. `called` is what sentences call
+    levels; by their names where it is left out.
 
     Raises:
         DataError: no trial counts.
@@ -336,7 +342,9 @@ def analyse_rows(
         )
     known = {m.column: m for m in measures}
     found = [
-        answered(c, selection.counted, known, dict(levels), is_simulated=is_simulated)
+        answered(
+            c, selection.counted, known, dict(levels), is_simulated=is_simulated, called=called
+        )
         for c in (study.compare if compare is None else compare)
     ]
     made = StudyAnalysis(
@@ -387,8 +395,9 @@ def answered(
     levels: dict[str, tuple[Scalar, ...]],
     *,
     is_simulated: bool,
+    called: Mapping[str, str] | None = None,
 ) -> Finding:
-    """Test one comparison on the trials that count.
+    """Test one comparison on the trials that count; `called` is what sentences call levels.
 
     Raises:
         DataError: there is no such measure or factor.
@@ -416,14 +425,23 @@ def answered(
         frame = aggregated(trials, [measure], factors).drop(columns="n")
     n = frame.dropna(subset=[measure.column])["participant"].nunique()
     if n < MIN_PARTICIPANTS:
-        why = f"{n} participants have {measure.column}; tests need {MIN_PARTICIPANTS}"
+        words = measure.words[:1].lower() + measure.words[1:]
+        why = f"{n} participants have {words}; tests need {MIN_PARTICIPANTS}"
         return Finding(compare, measure, None, (), why)
-    question = compare.question({f: tuple(map(str, levels[f])) for f in factors})
+    notes: tuple[str, ...] = ()
+    if compare.test in AGREEMENT:
+        frame, notes = _rated(compare, frame)
+    question = compare.question(
+        {f: tuple(map(str, levels[f])) for f in factors},
+        called=called,
+        unit="" if measure.unit == "1" else measure.unit,
+    )
     frame = frame.assign(**{SIMULATED_COLUMN: is_simulated})
     try:
         outcome = answer(frame, question, name="the trials that count")
     except LabError as error:
         return Finding(compare, measure, None, (), str(error))
+    outcome = replace(outcome, notes=(*notes, *outcome.notes))
     terms = tuple(
         Term(
             str(row.get("term") or ":".join(factors) or compare.dv),
@@ -433,9 +451,25 @@ def answered(
             row,
         )
         for row in outcome.rows
-        if (p := row.get("p_used", row.get("p"))) is not None and isinstance(p, float)
+        if isinstance(p := next((row[n] for n in DECIDING if row.get(n) is not None), None), float)
     )
     return Finding(compare, measure, outcome, terms)
+
+
+def _rated(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Name what was rated; of participants who rate, those without all ratings leave an ICC."""
+    notes: tuple[str, ...] = ()
+    if compare.raters != "participant":
+        notes = ("what one participant rated counts as independent of each other",)
+    things = frame[list(compare.things)].astype(str)
+    frame = frame.assign(**{THING: things.agg(", ".join, axis=1)})
+    if compare.test == "icc" and compare.raters == "participant":
+        rated = frame.dropna(subset=[compare.dv]).groupby("participant")[THING].nunique()
+        gaps = rated.index[rated < frame[THING].nunique()]
+        if 0 < len(gaps):
+            frame = frame[~frame["participant"].isin(gaps)]
+            notes = (f"left out: {len(gaps)} participants without all ratings",)
+    return frame[["participant", *compare.within, THING, compare.dv]], notes
 
 
 def _levels_of(row: Mapping[str, Any]) -> tuple[str, str]:

@@ -87,8 +87,16 @@ class Careless:
             "checks_failed": "{value:.0f} attention checks failed (limit {limit:.0f})",
             "sound_failed": "what the page said was not heard",
         }
+        what = {
+            "same_answers": "a number of answers alike",
+            "patterned_01": "a share of answers that repeat those two or three before",
+            "hasty_01": f"a share of answers within {self.min_answer_ms:g} ms",
+            "retest_off": "a mean difference of two answers to the same thing",
+            "checks_failed": "a number of failed attention checks",
+            "sound_failed": "a number of failed sound checks",
+        }
         return tuple(
-            Exclusion(f"max_{name}", "participant", name, limit, words[name])
+            Exclusion(f"max_{name}", "participant", name, limit, words[name], what=what[name])
             for name, limit in self._limits.items()
             if np.isfinite(limit)
         )

@@ -7,6 +7,7 @@ from typing import Any, Final, Literal, get_args
 import pandas as pd
 
 from analysis.report.notation import fraction
+from analysis.statistics.agreement import ICC_KINDS, Scale
 from analysis.statistics.published import check_f
 from analysis.statistics_report import Question
 from lab.errors import DesignError
@@ -17,6 +18,10 @@ Correction = Literal["none", "holm", "bonferroni", "bh"]
 Model = Literal["", "lmm", "gee", "clmm", "bradleyterry"]
 ALONE: Final = ("sign", "binomial", "t", "tost")
 """Tests that also hold one measure against a number, without a factor."""
+AGREEMENT: Final = ("icc", "krippendorff", "kappa")
+"""Tests of how far raters agree on what the factors tell apart."""
+THING: Final = "thing rated"
+"""Column that names, for tests of agreement, what was rated."""
 _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 
 
@@ -53,7 +58,11 @@ class Compare:
     `within` are the factors of the first and the second item, or one whose levels name both,
     "A|B"; the measure is above 0 where the first was preferred) instead. Without a factor a test of
     one sample ("sign", "binomial", "t", "tost") holds people's means against a number, the option
-    `mu`, or within bounds, the options `low` and `high`. `claim` says in words
+    `mu`, or within bounds, the options `low` and `high`. Tests of agreement ("icc" with the option
+    `kind`, "krippendorff" and "kappa" with `scale`) ask how far the participants agree on what
+    the `within` factors tell apart, above the option `mu` (0 if left out); `raters` names a factor
+    instead whose levels rate (the occasion of a rating and its repetition), and then each
+    participant's things are things of their own. `claim` says in words
     what a significant result would show; over several factors, their interaction. Comparisons
     of one `family` are corrected together. An `exploratory` one stands apart in the report and
     makes no headline. `only` are levels of other factors that trials must have
@@ -75,6 +84,7 @@ class Compare:
     options: Sequence[tuple[str, Any]] = ()
     only: Mapping[str, Scalar] = field(default_factory=dict)
     pairs: Mapping[tuple[str, str], Printed] = field(default_factory=dict, repr=False)
+    raters: str = "participant"
 
     def __post_init__(self) -> None:
         for name in ("within", "between"):
@@ -97,6 +107,49 @@ class Compare:
         if self.model and self.test:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))
+        self._refuse_agreement()
+
+    def _refuse_agreement(self) -> None:
+        """Refuse tests of agreement that do not say what rates what, and by which coefficient."""
+        options = dict(self.options)
+        about = f"the comparison of {self.dv} by {self.test}"
+        if self.test not in AGREEMENT:
+            if self.raters != "participant":
+                raise DesignError(
+                    f"the comparison of {self.dv} names raters, which only tests of agreement "
+                    f"have ({', '.join(AGREEMENT)})"
+                )
+            return
+        if not self.claim:
+            raise DesignError(f"{about} needs a claim: what would agreement show? claim=")
+        if self.between:
+            raise DesignError(f"{about} has no between factor; take only= for one group")
+        if self.raters != "participant" and self.raters not in self.within:
+            raise DesignError(f"{about} names raters {self.raters!r}, which is no factor of within")
+        if self.test == "icc" and options.get("kind") not in ICC_KINDS:
+            raise DesignError(
+                f'{about} decides by one coefficient; name it: options=[("kind", "ICC2")] '
+                f"({', '.join(ICC_KINDS)})"
+            )
+        if self.test != "icc" and options.get("scale", self.test == "kappa") not in (
+            *get_args(Scale),
+            True,
+        ):
+            raise DesignError(
+                f'{about} needs a scale: options=[("scale", "ordinal")] '
+                f"({', '.join(get_args(Scale))})"
+            )
+        if self.test == "kappa" and self.raters == "participant":
+            raise DesignError(
+                f"{about} is of two raters; name the factor of two levels that tells them apart: "
+                "raters=, or take krippendorff for all participants"
+            )
+
+    @property
+    def things(self) -> tuple[str, ...]:
+        """The columns that tell apart what was rated, for tests of agreement."""
+        factors = tuple(name for name in self.within if name != self.raters)
+        return factors if self.raters == "participant" else ("participant", *factors)
 
     def published_of(self, term: str) -> Printed | None:
         """Return what a source prints of one effect; of the only one where it names none."""
@@ -105,11 +158,12 @@ class Compare:
         return self.published
 
     @property
-    def published_terms(self) -> tuple[Printed, ...]:
-        """Everything a source prints of it."""
+    def published_terms(self) -> Mapping[str, Printed]:
+        """Everything a source prints of it, by effect; of the only one by its factors."""
         if isinstance(self.published, Mapping):
-            return tuple(self.published.values())
-        return () if self.published is None else (self.published,)
+            return self.published
+        names = ":".join((*self.within, *self.between))
+        return {} if self.published is None else {names: self.published}
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -119,6 +173,8 @@ class Compare:
             items = ":".join(self.within)
             return (items, *(f"{items}:{group}" for group in self.between))
         every = ":".join(names) or self.dv
+        if self.test in AGREEMENT:
+            return (every,)
         pairs = [f"{a}:{b}" for i, a in enumerate(names) for b in names[i + 1 :]]
         return tuple(dict.fromkeys((*names, *pairs, every)))
 
@@ -135,6 +191,8 @@ class Compare:
     def name(self) -> str:
         """What the comparison is called in tables: measure and factors, and of whom."""
         of = f" ({', '.join(map(str, self.only.values()))})" if self.only else ""
+        if self.test in AGREEMENT:
+            of = f", {self.test}{of}"
         return f"{self.dv} by {' × '.join((*self.within, *self.between)) or 'itself'}{of}"
 
     def chosen(self, trials: pd.DataFrame) -> pd.DataFrame:
@@ -150,20 +208,32 @@ class Compare:
             options=tuple({**dict(self.options), **options}.items()),
         )
 
-    def question(self, levels: dict[str, tuple[str, ...]]) -> Question:
-        """Return the question for `analysis.statistics_report`; `levels` in their order."""
+    def question(
+        self,
+        levels: dict[str, tuple[str, ...]],
+        *,
+        called: Mapping[str, str] | None = None,
+        unit: str = "",
+    ) -> Question:
+        """Return the question for `analysis.statistics_report`; `levels` in their order.
+
+        `called` is what sentences call levels, `unit` that of the measure.
+        """
         test = self.model or self.test or self._usual(levels)
         factors = (*self.within, *self.between)
         chosen = {f: levels[f] for f in factors}
+        agreement = test in AGREEMENT
         return Question(
             test=test,
             dv=self.dv,
-            within=tuple(self.within),
+            within=(self.raters,) if agreement else tuple(self.within),
             between=tuple(self.between),
-            subject="participant",
+            subject=THING if agreement else "participant",
             missing="listwise",
             alpha=self.alpha,
             levels=chosen,
+            called={} if self.model == "bradleyterry" else dict(called or {}),
+            measured_in=unit,
             **dict(self.options),
         )
 

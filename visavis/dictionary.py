@@ -59,6 +59,8 @@ STATISTICS: Final = (
     Column("term", "", "the effect tested"),
     Column("kind", "", "which coefficient of agreement"),
     Column("agreement", "1", "its value: 1 where raters agree, 0 where they do so by chance"),
+    Column("above", "1", "what agreement was tested to lie above"),
+    Column("p_above", "1", "p that it lies above, one-sided"),
     Column("scale", "", "scale of the ratings: nominal, ordinal, interval or ratio"),
     Column("hits", "1", "how many were counted"),
     Column("of", "1", "of how many"),

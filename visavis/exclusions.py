@@ -31,6 +31,7 @@ PERSON_OUT: Final = "participant left out: "
 
 COLUMN_WORDS: Final[Mapping[str, str]] = {
     LOST_COLUMN: "share of the scene without usable gaze",
+    "lost_01": "share of the trial without usable gaze",
     HEAD_LOST_COLUMN: "share of the trial without a tracked head",
     "bad_trials_01": "share of trials left out",
     "calibration_error_deg": "mean calibration error in degrees",

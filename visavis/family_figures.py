@@ -73,9 +73,9 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
         names[1],
         lambda: _grid(measures, 3.0, lambda axes, m, i: _offs(axes, analysis, family, m, i)),
         title=f"Differences by {factor}",
-        caption="Each dot is one participant's difference, the second level minus the first "
-        f"(the tables' statistics are of first minus second). Discs are means with {percent} "
-        f"confidence intervals. Stars: significant after Bonferroni ({stars})."
+        caption="Each dot is one participant's difference, the first level minus the second as "
+        f"in the tables. Discs are means with {percent} confidence intervals. {called}. "
+        f"Stars: significant after Bonferroni ({stars})."
         + (" Open diamonds: the published difference of means." if printed else ""),
         alternative="A panel for each measure, with participants' differences by comparison.",
         is_simulated=analysis.is_simulated,
@@ -141,12 +141,12 @@ def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, pa
     for j, test in enumerate(tests):
         pair = (test.first, test.second)
         table, people = _values(analysis.selection.counted, test.of.factor, measure, pair)
-        columns.append(table[:, 1] - table[:, 0])
-        name = f"{test.second} − {test.first} {test.stars:<3}"
+        columns.append(table[:, 0] - table[:, 1])
+        name = f"{test.first} − {test.second} {test.stars:<3}"
         labels.append(name if panel % COLUMNS == 0 else test.stars)
         if set(pair) <= set(printed):
             first, second = (printed[level][0] for level in pair)
-            published_mark(axes, j + 0.3, second - first, horizontal=True)
+            published_mark(axes, j + 0.3, first - second, horizontal=True)
     differences(axes, columns, labels, BLUE, people=people)
     axes.set_title(wrapped(measure.words))
     axes.set_xlabel("Difference" + (f" ({measure.unit})" if measure.unit not in ("", "1") else ""))

@@ -51,8 +51,9 @@ def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
     for family in dict.fromkeys(r.of.family for r in analysis.results if not r.of.exploratory):
         tests = analysis.tests_of(family)
         made = [t for t in tests if t.outcome is not None]
-        hits = [t for t in made if t.is_significant]
-        headline = f"{family.capitalize()}: {len(hits)} of {counted(len(made), 'test')} significant"
+        hits = [t for t in made if t.holds_corrected]
+        found_of = f"{len(hits)} of {counted(len(made), 'test')} significant"
+        headline = f"{family.capitalize()}: {found_of if made else 'not tested'}"
         said = " ".join(t.sentence() for t in hits or tests[:1])
         found.append(
             Verdict("found" if hits else "not_found" if made else "undecided", headline, said)

@@ -48,7 +48,7 @@ COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
 
 def study_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[Drawn]:
     """Yield every figure, drawn as it is asked for; marked when the data are simulated."""
-    for finding in {f.compare.name: f for f in analysis.findings}.values():
+    for finding in {figure_name(f): f for f in analysis.findings}.values():
         if finding.measure.column in analysis.selection.rows and _factors(finding):
             yield _comparison(analysis, finding, texts)
     yield exclusions_figure(

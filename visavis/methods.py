@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from analysis.report.notation import decimal, threshold
+from analysis.statistics.adjust import ADJUSTMENT_NAME
 from protocol.plan import Trial
 from visavis.analysis import Finding, StudyAnalysis
 from visavis.experiment import StudyExperiment
@@ -146,7 +147,8 @@ def _compared(analysis: StudyAnalysis, texts: Texts) -> str:
     for finding in analysis.findings:
         title = "not tested" if finding.outcome is None else finding.outcome.title
         how = finding.compare.correction
-        family = f", {how} over the family {finding.compare.family}" if how != "none" else ""
+        of = f"the family “{finding.compare.family}”"
+        family = f", {ADJUSTMENT_NAME.get(how, how)} over {of}" if how != "none" else ""
         said.append(f"{spoken(finding, texts)}: {title} (α = {finding.compare.alpha:g}{family})")
     chosen = [f for f in analysis.findings if f.outcome is not None]
     is_art = any(f.compare.test == f.compare.model == "" and _factor_count(f) > 1 for f in chosen)
@@ -176,8 +178,8 @@ def _families(analysis: StudyAnalysis) -> Iterator[str]:
             "Two levels were compared with paired t tests where Shapiro–Wilk did not reject the "
             f"normality of the differences (α = {threshold(rules.normality_alpha)}), with "
             "Wilcoxon's signed-rank test (exact) otherwise. Statistics and effect sizes of a "
-            "comparison A – B are of A minus B; figures show the second minus the first. Effect "
-            f"sizes are dz and partial η² (t tests, with noncentral {percent} intervals; Steiger, "
+            "comparison A – B, and figures, are of A minus B. Effect sizes are "
+            f"dz and partial η² (t tests, with noncentral {percent} intervals; Steiger, "
             "2004) or the rank-biserial correlation."
         )
     said = []

@@ -43,6 +43,7 @@ from visavis.scenes import Scene, Staging, stage
 from visavis.sessions.cast import use_recorded_cast
 from visavis.slips import line_saying
 from visavis.study import Study
+from visavis.texts import label_of
 from visavis.validation import judge_validation
 from visavis.worth_a_look import MAX_LISTED, Striking, striking_trials
 
@@ -371,6 +372,11 @@ class OpenedStudy:
             tables=tables or {},
             thresholds=self.study.thresholds_with(settings),
             how=None if pieces is None else pieces.how_with(settings),
+            called={
+                str(level): label_of(experiment.texts, str(level))
+                for levels in experiment.levels.values()
+                for level in levels
+            },
         )
 
     def selection_of(

@@ -167,6 +167,11 @@ class PairTest:
         return None if self.outcome is None else self.outcome.significant
 
     @property
+    def holds_corrected(self) -> bool | None:
+        """Tell the decision that headlines are made of: the threshold shares alpha already."""
+        return self.is_significant
+
+    @property
     def stars(self) -> str:
         """Return '', '*', '**' or '***' after correction; nothing when there was no test."""
         return "" if self.outcome is None else self.outcome.stars
@@ -218,7 +223,7 @@ class PairTest:
         eta = "" if self.outcome.eta is None else f", {self.outcome.eta}"
         return (
             f"{what} {verdict} between {names} ({first} and {second}): {kind} of "
-            f"{self.first} minus {self.second}, "
+            f"{self.of.called(self.first)} minus {self.of.called(self.second)}, "
             f"n = {self.n_pairs}{incomplete}, {self.statistic()}, "
             f"{p_text(self.outcome.p)}, {effect}{eta}; threshold "
             f"{threshold(self.threshold)} ({threshold(self.alpha)} over {self.n_tests} tests)."

@@ -20,7 +20,7 @@ from analysis.statistics.results import number
 from lab.errors import DataError, UsageError
 from visavis.analysis import Finding, Results, StudyAnalysis, answered, corrected
 from visavis.catalogue import find_study
-from visavis.compare import Compare
+from visavis.compare import AGREEMENT, Compare
 from visavis.exclusions import COUNTED, Selection
 from visavis.experiment import StudyExperiment
 from visavis.measures import aggregated
@@ -491,6 +491,8 @@ def _difference(
 ) -> tuple[float, float]:
     """Return mean difference and dz of two levels within people; NaN for anything else."""
     compare = finding.compare
+    if compare.test in AGREEMENT:
+        return float("nan"), float("nan")
     if len(compare.within) != 1 or compare.between or len(levels[compare.within[0]]) != 2:
         return float("nan"), float("nan")
     return _off(rows, compare.within[0], compare.dv, *levels[compare.within[0]])

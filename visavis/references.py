@@ -76,7 +76,7 @@ def references_of(analysis: StudyAnalysis, *, with_gaze: bool) -> tuple[Referenc
     """Return what the report of an analysis rests on: methods used, the study's own references."""
     found = [GUIDELINE, VALIDATION] if with_gaze else []
     tested = [f for f in analysis.findings if f.outcome is not None]
-    if any(c.test == "art" or c.between or len(c.within) > 1 for c in (f.compare for f in tested)):
+    if any(f.outcome.question.test == "art" for f in tested if f.outcome is not None):
         found += [ALIGNED_RANKS]
     if any(f.compare.correction == "holm" for f in tested):
         found += [HOLM]

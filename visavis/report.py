@@ -28,6 +28,7 @@ from analysis.report import (
     write_page,
 )
 from analysis.report.notation import counted, mean_sd, percentage, probability
+from analysis.statistics.results import quantities
 from protocol.questionnaires import Questionnaire
 from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
 from visavis.compare import trials_of
@@ -50,6 +51,8 @@ from visavis.texts import Texts, label_in_unit, label_of
 from visavis.worth_a_look import VIEWS, looks_table, striking_trials
 
 REPORT_NAME: Final = "report.html"
+AGE_DIGITS: Final = 1
+SCORE_DIGITS: Final = 1
 Pictures = Mapping[str, Picture]
 
 
@@ -134,7 +137,7 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         blocks.append(Verdicts(tuple(verdicts)))
     else:
         blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
-    beside = _beside_published(analysis)
+    beside = _beside_published(analysis, experiment.texts)
     blocks += [] if beside is None else [beside]
     agreed = agreement_table(analysis)
     blocks += [] if agreed is None else [agreed]
@@ -160,7 +163,12 @@ def _verdict(
         return Verdict("undecided", untested, f"{finding.why_not}.")
     names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
     significant = term.is_significant
-    if compare.claim and (len(finding.terms) == 1 or compare.is_claimed(term.name)):
+    is_claimed = bool(compare.claim) and (len(finding.terms) == 1 or compare.is_claimed(term.name))
+    doubts = finding.outcome.doubts(term.name)
+    if doubts:
+        about = compare.claim if is_claimed else f"{words} by {names}"
+        headline = f"Inconclusive: {_lower(about)}"
+    elif is_claimed:
         headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
     elif significant:
         headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
@@ -177,9 +185,10 @@ def _verdict(
         same = printed.is_significant == significant
         published = f" Published: {printed} ({'the same' if same else 'another'} verdict)."
     return Verdict(
-        "found" if significant else "not_found",
+        "undecided" if doubts else "found" if significant else "not_found",
         headline,
-        f"{_sentence(finding, term)}{corrected}{published}",
+        f"{_sentence(finding, term)}{corrected}{published}"
+        + "".join(f" Note: {note}." for note in doubts),
     )
 
 
@@ -199,9 +208,12 @@ def _direction(
         return None
     more, less = (one, other) if means[one] > means[other] else (other, one)
     texts = experiment.texts
+    unit = "" if finding.measure.unit in ("", "1") else f" {finding.measure.unit}"
+    high, low = quantities(means[more], means[less])
     return (
-        f"{finding.measure.words}: more with {label_of(texts, str(more))} than with "
-        f"{label_of(texts, str(less))}"
+        f"{finding.measure.words}: more with {label_in_unit(texts, factors[0])} "
+        f"{label_of(texts, str(more))} than {label_of(texts, str(less))} "
+        f"({high}{unit} and {low}{unit})"
     )
 
 
@@ -224,7 +236,7 @@ def _lower(text: str) -> str:
     return text[:1].lower() + text[1:]
 
 
-def _beside_published(analysis: StudyAnalysis) -> Table | None:
+def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
     source = analysis.study.source
     if source is None:
         return None
@@ -244,7 +256,8 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
                 ours = means.loc[means[factor].astype(str) == level, column].to_numpy(float)
                 here = _mean_sd(ours, measure.digits)
                 printed_mean = mean_sd(mean, sd, measure.digits)
-                rows.append((f"{measure.words}, {level}", here, printed_mean, _off(ours, mean)))
+                what = f"{measure.axis}, {label_of(texts, level)}"
+                rows.append((what, here, printed_mean, _off(ours, mean)))
             break
     for finding in analysis.findings:
         for term in finding.terms:
@@ -268,10 +281,9 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
                     )
                 )
         if not finding.terms:
-            rows += [
-                (finding.compare.name, "–", str(printed), Cell("not tested", "weak"))
-                for printed in finding.compare.published_terms
-            ]
+            for name, printed in finding.compare.published_terms.items():
+                what = f"{finding.measure.words} by {name.replace(':', ' × ')}"
+                rows.append((what, "–", str(printed), Cell("not tested", "weak")))
     if not rows:
         return None
     return Table(
@@ -321,13 +333,16 @@ def _measures(
             blocks.append(_means_table(analysis, measure.column, experiment))
         sections.append(Section(column, measure.words, tuple(blocks)))
     compared = {f.measure.column for f in analysis.findings}
-    others = [
-        _means_table(analysis, m.column, experiment)
-        for m in analysis.measures
-        if m.column not in compared and m.column in analysis.selection.counted
-    ]
+    counted_rows = analysis.selection.counted
+    further = [m for m in analysis.measures if m.column in counted_rows]
+    further = [m for m in further if m.column not in compared]
+    known = [m for m in further if counted_rows[m.column].notna().any()]
+    others: list[Block] = [_means_table(analysis, m.column, experiment) for m in known]
+    if unknown := [_lower(m.words) for m in further if m not in known]:
+        others.append(Paragraph(f"Nobody has a value: {'; '.join(unknown)}."))
     if others:
-        sections.append(Section("others", "Means of further measures", tuple(others)))
+        title = "Means of further measures" if compared else "Means"
+        sections.append(Section("others", title, tuple(others)))
     return sections
 
 
@@ -459,7 +474,7 @@ def _people(
     if "age" in people:
         ages = pd.to_numeric(people["age"], errors="coerce").dropna().to_numpy(float)
         if len(ages):
-            blocks.append(Paragraph(f"Age {_mean_sd(ages)} years."))
+            blocks.append(Paragraph(f"Age {_mean_sd(ages, AGE_DIGITS)} years."))
     for asked in questionnaires:
         blocks += _said(asked, people)
     blocks += [
@@ -534,7 +549,11 @@ def _happened(provenance: ReportProvenance) -> Iterator[Block]:
 
 
 def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
-    """Yield how often each option was chosen, and what was said in free words."""
+    """Yield how often each option was chosen, and what was said in free words.
+
+    Of a questionnaire that is scored the scores stand first, and its questions fold.
+    """
+    chosen = []
     for question in asked.questions():
         name = question.question_id
         if name not in people:
@@ -556,16 +575,33 @@ def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
                 for value, label in question.scale.options.items()
             }
             counts["no answer"] = len(answers) - sum(counts.values())
-            yield Paragraph(
-                f"{name.replace('_', ' ').capitalize()}: "
-                f"{', '.join(f'{label} {n}' for label, n in counts.items() if n)}."
-            )
+            told = ", ".join(f"{label} {n}" for label, n in counts.items() if n)
+            chosen.append(f"{question.prompt} {told}.")
+    if asked.scores:
+        yield from _scores(asked, people)
+        title = f"{asked.title}: every answer, {counted(len(chosen), 'question')}"
+        yield from [Fold(title, (Bullets(tuple(chosen)),))] if chosen else []
+    else:
+        yield from map(Paragraph, chosen)
+
+
+def _scores(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Table]:
+    rows = []
+    for name in asked.scores:
+        column = f"{asked.name}_{name}"
+        values = pd.to_numeric(people[column], errors="coerce") if column in people else None
+        if values is not None and values.notna().any():
+            n = str(int(values.notna().sum()))
+            rows.append((name.replace("_", " "), _mean_sd(values.to_numpy(float), SCORE_DIGITS), n))
+    if rows:
+        heads = (Column("Score"), Column("Mean (SD)", "right"), Column("People", "right"))
+        yield Table(heads, tuple(rows), f"{asked.title}: scores")
 
 
 def _answered_by(analysis: StudyAnalysis, response: str) -> str:
     ways = analysis.selection.counted[f"{response}_by"].value_counts()
-    given = ", ".join(f"{count} by {way}" for way, count in ways.items())
-    return f"Answers to {response.replace('_', ' ')}: {given}."
+    given = ", ".join(f"by {way} {counted(count, 'time')}" for way, count in ways.items())
+    return f"How {response.replace('_', ' ')} was answered: {given}."
 
 
 def _methods(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:

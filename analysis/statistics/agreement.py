@@ -30,6 +30,7 @@ from analysis.statistics.results import (
 )
 
 Scale: TypeAlias = Literal["nominal", "ordinal", "interval", "ratio"]
+ICC_KINDS = ("ICC1", "ICC2", "ICC3", "ICC1k", "ICC2k", "ICC3k")
 N_RESAMPLES = 2000
 RESAMPLING_SEED = 1
 
@@ -50,13 +51,16 @@ class Icc(Result):
     df2: int
     p: float
     provenance: Provenance
+    above: float = 0.0
+    p_above: float = float("nan")
 
     def sentence(self) -> str:
         """Return the result as an APA sentence."""
-        return (
+        said = (
             f"{self.kind} = {number(self.value)}, {self.interval}, "
             f"{f_text(self.F, self.df1, self.df2)}, {p_text(self.p)}"
         )
+        return f"{said}{_above_text(self.above, self.p_above)}" if self.above else said
 
     def row(self) -> Row:
         """Return the result as one flat table row."""
@@ -69,16 +73,20 @@ class Icc(Result):
             "df1": self.df1,
             "df2": self.df2,
             "p": self.p,
+            "above": self.above,
+            "p_above": self.p_above,
             **self.provenance.row(),
         }
 
 
-def icc(ratings: npt.ArrayLike, *, level: float = 0.95) -> tuple[Icc, ...]:
+def icc(ratings: npt.ArrayLike, *, level: float = 0.95, above: float = 0.0) -> tuple[Icc, ...]:
     """Return ICC1, ICC2, ICC3 and ICC1k, ICC2k, ICC3k of complete ratings (things, raters).
 
     Estimates, F tests and intervals are those of Shrout and Fleiss (1979) and McGraw and Wong
-    (1996). Raises a `StatisticsError` where a rating is missing or nothing varies.
+    (1996); `p_above` is theirs of a correlation no larger than `above`. Raises a `StatisticsError`
+    where a rating is missing or nothing varies.
     """
+    _refuse_bound(above)
     table = _table(ratings)
     gaps = np.flatnonzero(np.isnan(table).any(axis=1))
     if gaps.size:
@@ -112,10 +120,52 @@ def icc(ratings: npt.ArrayLike, *, level: float = 0.95) -> tuple[Icc, ...]:
     provenance = Provenance(
         "Intraclass correlation", n, unit="things rated", notes=(f"{n} things by {k} raters",)
     )
+    tests = {
+        kind: _above(kind, above, (between, raters, error), F, n, k) for kind, _, _, F, _ in made
+    }
     return tuple(
-        Icc(kind, value, ends, F, df1, df2, float(special.fdtrc(df1, df2, F)), provenance)
+        Icc(
+            kind,
+            value,
+            ends,
+            F,
+            df1,
+            df2,
+            float(special.fdtrc(df1, df2, F)),
+            provenance,
+            above,
+            float(special.fdtrc(df1, tests[kind][1] or df2, tests[kind][0])),
+        )
         for kind, value, ends, F, df2 in sorted(made, key=lambda m: (m[0].endswith("k"), m[0]))
     )
+
+
+def _above(
+    kind: str, bound: float, squares: tuple[float, float, float], F: float, n: int, k: int
+) -> tuple[float, float]:
+    """Return F, and its second df where it is another, of a correlation of `bound` at most.
+
+    McGraw and Wong (1996), table 8; `squares` are mean squares of things, raters and error.
+    """
+    of_mean = kind.endswith("k")
+    if not kind.startswith("ICC2"):
+        return F * (1 - bound) / (1 if of_mean else 1 + (k - 1) * bound), 0.0
+    between, raters, error = squares
+    times = bound / (n * (1 - bound)) * (1 if of_mean else k)
+    of_raters, of_error = times * raters, (1 + times * (n - 1)) * error
+    if of_raters + of_error <= 0:
+        return float("inf"), 0.0
+    df = (of_raters + of_error) ** 2 / (of_raters**2 / (k - 1) + of_error**2 / ((n - 1) * (k - 1)))
+    return between / (of_raters + of_error), df
+
+
+def _refuse_bound(above: float) -> None:
+    if not -1 < above < 1:
+        raise UnknownMethod(f"agreement lies below 1, so it cannot be tested against {above:g}")
+
+
+def _above_text(above: float, p: float) -> str:
+    return f", above {number(above)}: {p_text(p)}"
 
 
 def _ratio(a: float, b: float) -> float:
@@ -162,10 +212,15 @@ class Agreement(Result):
     interval: Interval
     scale: Scale
     provenance: Provenance
+    above: float = 0.0
+    p_above: float = float("nan")
 
     def sentence(self) -> str:
         """Return the result as an APA sentence."""
-        return f"{self.name} = {number(self.value)}, {self.interval}, {self.scale} scale"
+        return (
+            f"{self.name} = {number(self.value)}, {self.interval}, {self.scale} scale"
+            f"{_above_text(self.above, self.p_above)}"
+        )
 
     def row(self) -> Row:
         """Return the result as one flat table row."""
@@ -175,20 +230,25 @@ class Agreement(Result):
             "ci_low": self.interval.low,
             "ci_high": self.interval.high,
             "scale": self.scale,
+            "above": self.above,
+            "p_above": self.p_above,
             **self.provenance.row(),
         }
 
 
-def krippendorff_alpha(ratings: npt.ArrayLike, *, scale: Scale, level: float = 0.95) -> Agreement:
+def krippendorff_alpha(
+    ratings: npt.ArrayLike, *, scale: Scale, level: float = 0.95, above: float = 0.0
+) -> Agreement:
     """Return Krippendorff's alpha of ratings (things, raters), NaN where there is none.
 
     Any number of raters, missing ratings left out; categories of a nominal scale are numbers
     standing for them. The interval is that of 2000 samples of the things, with distances between
-    the categories as in all of them. Raises a `StatisticsError` where nothing was rated twice, or
-    all ratings are the same.
+    the categories as in all of them; `p_above` is the share of samples no larger than `above`.
+    Raises a `StatisticsError` where nothing was rated twice, or all ratings are the same.
     """
     if scale not in get_args(Scale):
         raise UnknownMethod(f"no scale {scale!r}; it is {', '.join(get_args(Scale))}")
+    _refuse_bound(above)
     table = _table(ratings)
     there = ~np.isnan(table)
     table, there = table[there.sum(axis=1) > 1], there[there.sum(axis=1) > 1]
@@ -217,7 +277,8 @@ def krippendorff_alpha(ratings: npt.ArrayLike, *, scale: Scale, level: float = 0
 
     rng = np.random.default_rng(RESAMPLING_SEED)
     drawn = rng.multinomial(len(table), np.full(len(table), 1 / len(table)), size=N_RESAMPLES)
-    low, high = np.quantile(alpha(drawn.astype(float)), [(1 - level) / 2, (1 + level) / 2])
+    resampled = alpha(drawn.astype(float))
+    low, high = np.quantile(resampled, [(1 - level) / 2, (1 + level) / 2])
     return Agreement(
         "Krippendorff's α",
         float(alpha(np.ones((1, len(table))))[0]),
@@ -229,6 +290,8 @@ def krippendorff_alpha(ratings: npt.ArrayLike, *, scale: Scale, level: float = 0
             unit="things rated",
             notes=(f"{int(n_of_thing.sum())} ratings of {len(table)} things rated twice or more",),
         ),
+        above,
+        float((resampled <= above).sum() + 1) / (N_RESAMPLES + 1),
     )
 
 
@@ -247,17 +310,18 @@ def _distances(values: Array, counts: Array, scale: Scale) -> Array:
 
 
 def cohen_kappa(
-    ratings: npt.ArrayLike, *, scale: Scale = "nominal", level: float = 0.95
+    ratings: npt.ArrayLike, *, scale: Scale = "nominal", level: float = 0.95, above: float = 0.0
 ) -> Agreement:
     """Return Cohen's kappa of two raters: plain, or weighted by how far categories are apart.
 
     Weights are linear in the categories' places for an ordinal scale and quadratic in their
-    values for an interval scale. The interval is the large-sample one (Fleiss, Cohen and Everitt
-    1969). Things that one rater left out are left out. Raises a `StatisticsError` for other than
-    two raters, or where both gave one answer throughout.
+    values for an interval scale. Interval and `p_above` (of a kappa no larger than `above`) are the
+    large-sample ones (Fleiss, Cohen and Everitt 1969). Things that one rater left out are left out.
+    Raises a `StatisticsError` for other than two raters, or where both gave one answer throughout.
     """
     if scale not in ("nominal", "ordinal", "interval"):
         raise UnknownMethod(f"kappa takes a nominal, ordinal or interval scale, not {scale}")
+    _refuse_bound(above)
     table = _table(ratings)
     if table.shape[1] != 2:
         raise TooFewLevels(
@@ -283,7 +347,9 @@ def cohen_kappa(
     own = np.add.outer(weight @ columns, rows @ weight)
     spread = (joint * (weight * (1 - chance) - own * (1 - seen)) ** 2).sum()
     variance = (spread - (seen * chance - 2 * chance + seen) ** 2) / (n * (1 - chance) ** 4)
-    reach = float(special.ndtri((1 + level) / 2) * np.sqrt(max(variance, 0.0)))
+    se = float(np.sqrt(max(variance, 0.0)))
+    reach = float(special.ndtri((1 + level) / 2)) * se
+    beyond = (value - above) / se if se > 0 else np.copysign(np.inf, value - above)
     left = int((~both).sum())
     dropped = (f"{left} things that one rater left out",) if left else ()
     return Agreement(
@@ -298,6 +364,8 @@ def cohen_kappa(
             dropped=dropped,
             notes=(f"both raters alike in {100 * float(np.trace(joint)):.0f} % of {n} things",),
         ),
+        above,
+        float(special.ndtr(-beyond)),
     )
 
 

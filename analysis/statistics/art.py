@@ -21,7 +21,7 @@ from analysis.statistics.design import Codes, Design, Frame, Levels, Missing, re
 from analysis.statistics.errors import StatisticsError, UnknownMethod
 from analysis.statistics.mixed import Ddf, RandomPart, mixed_effects
 from analysis.statistics.ranks import average_ranks
-from analysis.statistics.results import Array, Provenance, number, p_text
+from analysis.statistics.results import NO_CLAIM, Array, Provenance, number, p_text
 from analysis.statistics.strata import Strata, Stratum
 
 ArtError: TypeAlias = Literal["strata", "pooled", "mixed"]
@@ -276,7 +276,7 @@ def _notes(
         if (effect.p_used < alpha) != (p < alpha):
             notes.append(
                 f"{effect.name}: {p_text(effect.p_used)} here but {p_text(p)} by {beside}; "
-                "the verdict depends on the transform, do not rest a claim on it"
+                f"the verdict depends on the transform, {NO_CLAIM}"
             )
     if abs(skew) > SKEW_LIMIT and transform == "art":
         notes.append(

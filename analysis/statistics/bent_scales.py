@@ -7,6 +7,7 @@ import numpy as np
 from analysis.statistics.anova import AnovaEffect
 from analysis.statistics.design import Design
 from analysis.statistics.normality import skewness
+from analysis.statistics.results import NO_CLAIM
 
 BOUND_SHARE = 0.1
 """Share of responses at the lowest or highest value from which a scale counts as bounded."""
@@ -38,6 +39,6 @@ def bent_interactions(
         if len(term) > 1 and all((name,) in found for name in term):
             yield (
                 f"{':'.join(term)}: {why} and its factors have effects of their own, which make an "
-                "interaction by themselves on such a scale; do not rest a claim on it "
+                f"interaction by themselves on such a scale; {NO_CLAIM} "
                 "(visavis stats --error-rate shows how often that happens in data like these)"
             )

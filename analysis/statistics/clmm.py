@@ -1,11 +1,13 @@
 """Cumulative link mixed models of ratings: categories in an order, no distances between them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from scipy import special
 
+from analysis.statistics.answer_likelihood import MAX_QUADRATURE
 from analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from analysis.statistics.cumulative_link import CumulativeFit, fit_cumulative, log_likelihood
 from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
@@ -16,16 +18,21 @@ from analysis.statistics.errors import (
     NotNumeric,
     TooFewSubjects,
     UnknownColumn,
+    UnknownMethod,
 )
 from analysis.statistics.gee import GeeEffect, hotelling, term_effect
+from analysis.statistics.linear import sum_coding
 from analysis.statistics.marginal import marginal_contrasts
 from analysis.statistics.mixed import design_matrix
+from analysis.statistics.random_effects import slope_terms
 from analysis.statistics.results import Array, Provenance, Row, number, p_text
 
 MAX_CATEGORIES = 30
 """Different answers from which a response is taken for a measure, not for a rating."""
 MIN_ANSWERS = 3
 """Answers in a category below which its thresholds rest on next to nothing."""
+
+Terms: TypeAlias = Sequence[tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -48,7 +55,10 @@ class ClmmModel:
 
 @dataclass(frozen=True)
 class ClmmEffect(GeeEffect):
-    """The test of one term, beside the likelihood ratio, in which people's effects are alike."""
+    """The test of one term, beside the likelihood ratio.
+
+    In the ratio people's effects are alike, but for those that vary in the model.
+    """
 
     chi2: float
     chi2_p: float
@@ -94,14 +104,21 @@ def clmm(
     between: Sequence[str] = (),
     levels: Levels | None = None,
     missing: Missing = "error",
+    random: str = "intercept",
+    nodes: int = 0,
 ) -> Clmm:
     """Test all effects of a cumulative link mixed model (logit) of single ratings.
 
     Where people give several answers each has a normal random intercept, integrated by adaptive
-    quadrature as in R's `ordinal::clmm`; else there is none (`clm`). Terms are tested by
-    Hotelling's T² with robust errors of subjects, which holds its level where people differ in the
-    effect; the likelihood ratio beside it does not. Raises a `StatisticsError` naming the row or
-    cell, or `NotConverged`.
+    quadrature as in R's `ordinal::clmm`; else there is none (`clm`). `random` names the within
+    effects in which people differ too ("method", "method+gesture", "method:gesture"), with all
+    their covariances and the intercept's; "maximal" are all of them. Several random effects are
+    integrated by Laplace's approximation, as R does; `nodes` asks for quadrature with so many to
+    each, of three at most.
+
+    Terms are tested by Hotelling's T² with robust errors of subjects, which holds its level where
+    people differ in the effect; the likelihood ratio beside it does so only where that effect
+    varies in the model. Raises a `StatisticsError` naming the row or cell, or `NotConverged`.
     """
     if not within and not between:
         raise UnknownColumn("a cumulative link model needs a within or a between factor")
@@ -123,11 +140,18 @@ def clmm(
     groups = design.group_sizes.size
     if design.n <= groups:
         raise TooFewSubjects("a group needs more than one subject")
-    has_intercept = bool(design.y.size > design.n)
+    slopes = _slopes(design, random)
+    Z = _random_columns(design, X, place, slopes)
+    if Z.shape[1] > 1 and nodes > 1 and Z.shape[1] > MAX_QUADRATURE:
+        raise UnknownMethod(
+            f"quadrature over {Z.shape[1]} random effects per {subject} takes too long; leave "
+            f"nodes out (Laplace), or name fewer slopes ({MAX_QUADRATURE} effects at most)"
+        )
     try:
-        fit = fit_cumulative(category, X[:, 1:], design.subject, has_intercept=has_intercept)
+        fit = fit_cumulative(category, X[:, 1:], design.subject, Z, nodes=nodes)
     except NotConverged as error:
-        raise NotConverged(f"{dv}: {error}; take fewer factors, or join categories") from error
+        fewer = "fewer factors" if not slopes else "random=intercept, fewer factors"
+        raise NotConverged(f"{dv}: {error}; take {fewer}, or join categories") from error
     model = _model(fit, design.n, groups)
     effects = []
     for term, columns in place.items():
@@ -136,26 +160,27 @@ def clmm(
         L = np.eye(X.shape[1])[columns]
         F, df = model.test(L)
         q = L.shape[0]
-        fewer = np.delete(X, [0, *range(X.shape[1])[columns]], axis=1)
-        without = log_likelihood(category, fewer, design.subject, has_intercept=has_intercept)
+        fewer_X = np.delete(X, [0, *range(X.shape[1])[columns]], axis=1)
+        without = log_likelihood(category, fewer_X, design.subject, Z, nodes=nodes)
         chi2 = max(0.0, 2 * (fit.log_likelihood - without))
         p, chi2_p = float(special.fdtrc(q, df, F)), float(special.chdtrc(q, chi2))
         size = term_effect(design, model, term, L, df, ratio="odds ratio")
         effects.append(ClmmEffect(term, F, q, df, p, *size, chi2, chi2_p))
     notes = [f"{design.y.size} rows of {design.n} subjects"] if design.is_repeated else []
     notes.append(f"{categories.size} categories of {dv}, {_shown(categories)}")
-    if has_intercept:
+    if Z.size:
         notes.append(f"SD of people's thresholds {number(fit.sigma)} (logit scale)")
+    notes += _people_differ(design, slopes, fit)
     rare = categories[np.bincount(category) < MIN_ANSWERS]
     if rare.size:
         notes.append(
             f"fewer than {MIN_ANSWERS} answers of {_shown(rare)}; the thresholds beside are guesses"
         )
-    name = "Cumulative link mixed model" if has_intercept else "Cumulative link model"
+    name = "Cumulative link mixed model" if Z.size else "Cumulative link model"
     provenance = Provenance(
         f"{name} (logit)",
         design.n,
-        error_term=f"{f'random intercept per {subject}, ' if has_intercept else ''}robust errors",
+        error_term=f"{_random_text(slopes, subject) if Z.size else ''}robust errors",
         dropped=design.dropped,
         notes=tuple(notes),
     )
@@ -168,9 +193,72 @@ def _model(fit: CumulativeFit, n: int, groups: int) -> ClmmModel:
     p = fit.beta.size + 1
     robust, likelihood = np.zeros((p, p)), np.zeros((p, p))
     likelihood[1:, 1:] = fit.covariance
-    meat = fit.scores.T @ fit.scores * n / (n - groups)
-    robust[1:, 1:] = fit.covariance @ meat @ fit.covariance
+    robust[1:, 1:] = fit.robust * n / (n - groups)
     return ClmmModel(np.concatenate([[0.0], fit.beta]), robust, likelihood, n - groups)
+
+
+def _slopes(design: Design, random: str) -> tuple[tuple[str, ...], ...]:
+    """Return the within effects in which people differ, as a text names them."""
+    if random == "intercept":
+        return ()
+    possible = slope_terms(design)
+    if random == "maximal":
+        terms = possible
+    else:
+        named = {design.term(name.strip()) for name in random.split("+")}
+        terms = tuple(term for term in design.terms if term in named)
+    within = {f.name for f in design.within}
+    for term in terms:
+        if not within.issuperset(term):
+            raise UnknownMethod(
+                f"random is {random!r}, but a {':'.join(term)} slope of one person there cannot "
+                f"be: only within factors vary in people ({', '.join(sorted(within)) or 'none'})"
+            )
+    q = 1 + sum(int(np.prod([design.factor(name).k - 1 for name in term])) for term in terms)
+    if not terms or design.y.size <= design.n * q:
+        raise TooFewSubjects(
+            f"{design.y.size} rows do not determine {design.n} × {q} random effects; name fewer "
+            "slopes, or take random=intercept"
+        )
+    return terms
+
+
+def _random_columns(
+    design: Design, X: Array, place: Mapping[tuple[str, ...], slice], slopes: Terms
+) -> Array:
+    """Return the columns of intercept and slopes; none where everybody answered once."""
+    if design.y.size == design.n:
+        return np.zeros((design.y.size, 0))
+    return np.hstack([X[:, :1], *(X[:, place[term]] for term in slopes)])
+
+
+def _random_text(slopes: Terms, subject: str) -> str:
+    if not slopes:
+        return f"random intercept per {subject}, "
+    listed = " and ".join(" × ".join(term) for term in slopes)
+    return f"random intercept and slopes of {listed} per {subject}, correlated, "
+
+
+def _people_differ(design: Design, slopes: Terms, fit: CumulativeFit) -> list[str]:
+    """Say how far people differ in every effect that varies, level by level."""
+    told, first = [], 1
+    for term in slopes:
+        coded: Array = np.ones((1, 1))
+        levels = [""]
+        for factor in (design.factor(name) for name in term):
+            coded = np.kron(coded, sum_coding(factor.k)).astype(np.float64)
+            levels = [f"{a},{b}".strip(",") for a in levels for b in factor.levels]
+        at = slice(first, first + coded.shape[1])
+        first += coded.shape[1]
+        sds = np.sqrt(np.einsum("ij,jk,ik->i", coded, fit.spread[at, at], coded))
+        each = "; ".join(f"{v} {number(float(sd))}" for v, sd in zip(levels, sds, strict=True))
+        told.append(f"SD between people of the effect of {' × '.join(term)}: {each} (logit scale)")
+    if slopes and fit.is_singular:
+        told.append(
+            "people's effects are singular: the ratings do not tell them all apart; name fewer "
+            "slopes (random=)"
+        )
+    return told
 
 
 def _shown(categories: Array) -> str:

@@ -22,6 +22,7 @@ from analysis.statistics.results import (
     Result,
     Row,
     p_text,
+    quantities,
     threshold_text,
 )
 from analysis.statistics.signed_rank import SignedRank, SignedRankMethod, wilcoxon_signed_rank
@@ -46,6 +47,7 @@ class PairedComparison(Result):
 
     `p` is as tested. Without correction and with Bonferroni, `p` below `threshold` is
     significant; with Holm and Benjamini-Hochberg, `p_adjusted` below `threshold` (= alpha) is.
+    `means` are those of the two samples, in `unit`.
     `stars` count how many of alpha, alpha/5 and alpha/50 the adjusted p stays below.
     """
 
@@ -62,6 +64,8 @@ class PairedComparison(Result):
     stars: str
     steps: tuple[Step, ...]
     provenance: Provenance
+    means: tuple[float, float]
+    unit: str = ""
 
     @property
     def is_parametric(self) -> bool:
@@ -86,8 +90,11 @@ class PairedComparison(Result):
         rule = f"threshold {threshold_text(self.threshold)}"
         if self.correction != "none":
             rule = f"adjusted {p_text(self.p_adjusted)}, {rule} ({self.provenance.correction})"
+        unit = f" {self.unit}" if self.unit else ""
+        first, second = quantities(*self.means)
         return (
-            f"{self.names[0]} and {self.names[1]} {verdict}: {kind}, "
+            f"{self.names[0]} and {self.names[1]} {verdict} (means {first}{unit} and "
+            f"{second}{unit}): {kind} of {self.names[0]} {MINUS} {self.names[1]}, "
             f"{self.test.sentence()}{eta}; {rule}."
         )
 
@@ -122,6 +129,7 @@ def compare_paired(
     normality_alpha: float = 0.05,
     wilcoxon: SignedRankMethod = "auto",
     level: float = 0.95,
+    unit: str = "",
 ) -> PairedComparison:
     """Compare two paired samples: Shapiro-Wilk on x − y, then paired t or Wilcoxon.
 
@@ -137,7 +145,7 @@ def compare_paired(
     is_normal = normality.p > normality_alpha
     test: TTest | SignedRank
     if is_normal:
-        test = paired_t(first, second, names=names, level=level)
+        test = paired_t(first, second, names=names, level=level, unit=unit)
     else:
         test = wilcoxon_signed_rank(first, second, names=names, method=wilcoxon, level=level)
     threshold = bonferroni_thresholds(alpha, n_tests)[0]
@@ -168,6 +176,8 @@ def compare_paired(
             correction=_correction_text(correction, n_tests),
             notes=(*test.provenance.notes, f"chosen by {normality.sentence()}"),
         ),
+        means=(float(first.mean()), float(second.mean())),
+        unit=unit,
     )
 
 

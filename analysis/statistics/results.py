@@ -12,6 +12,8 @@ Cell: TypeAlias = str | int | float | bool | None
 Row: TypeAlias = Mapping[str, Cell]
 
 MINUS = "\N{MINUS SIGN}"
+NO_CLAIM = "do not rest a claim on it"
+"""Said in a note, begun with the name of an effect, on whose p alone nothing may rest."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,16 @@ def number(value: float, digits: int = 2) -> str:
     if not is_lost and float(text) == 0:
         text = text.removeprefix("-")
     return text.replace("-", MINUS)
+
+
+def quantities(*values: float) -> tuple[str, ...]:
+    """Format numbers in the unit of the data, all with as many decimals as the largest deserves.
+
+    The largest keeps three significant digits, and none has more than three decimals.
+    """
+    largest = max((abs(v) for v in values if np.isfinite(v)), default=0.0)
+    digits = 3 if largest == 0 else int(np.clip(2 - np.floor(np.log10(largest)), 0, 3))
+    return tuple(number(value, digits) for value in values)
 
 
 def degrees(df: float) -> str:

@@ -23,6 +23,7 @@ from analysis.statistics.results import (
     number,
     p_text,
     percent,
+    quantities,
 )
 
 
@@ -33,7 +34,7 @@ class TTest(Result):
     `estimate` is the mean difference (first minus second, or mean minus mu) with its `interval`;
     `sd` the standard deviation it is judged by (of the differences, pooled, or of the sample; for
     Welch the pooled one, which only the effect size uses). `effect` is dz, d or d of the sample,
-    `eta` partial eta squared.
+    `eta` partial eta squared. `unit` is that of the data, for sentences.
     """
 
     t: float
@@ -48,14 +49,16 @@ class TTest(Result):
     sds: tuple[float, ...]
     provenance: Provenance
     d_av: float | None = None
+    unit: str = ""
 
     def sentence(self) -> str:
         """Return the result as an APA sentence."""
         interval = self.interval
+        estimate, low, high = quantities(self.estimate, interval.low, interval.high)
+        unit = f" {self.unit}" if self.unit else ""
         return (
             f"t({degrees(self.df)}) = {number(self.t)}, {p_text(self.p)}, {self.effect}, "
-            f"mean difference {number(self.estimate, 3)}, {percent(interval.level)} CI "
-            f"[{number(interval.low, 3)}, {number(interval.high, 3)}]"
+            f"mean difference {estimate}{unit}, {percent(interval.level)} CI [{low}, {high}]{unit}"
         )
 
     def row(self) -> Row:
@@ -78,6 +81,7 @@ def paired_t(
     *,
     level: float = 0.95,
     names: tuple[str, str] = ("x", "y"),
+    unit: str = "",
 ) -> TTest:
     """Test whether the mean of x − y is zero; dz is mean over SD of the differences."""
     first, second = paired(x, y, names=names)
@@ -103,11 +107,12 @@ def paired_t(
         sds=(float(first.std(ddof=1)), float(second.std(ddof=1))),
         provenance=Provenance("paired t", n, error_term="SD of the differences"),
         d_av=d_average(first, second),
+        unit=unit,
     )
 
 
 def one_sample_t(
-    x: npt.ArrayLike, *, mu: float = 0.0, level: float = 0.95, name: str = "x"
+    x: npt.ArrayLike, *, mu: float = 0.0, level: float = 0.95, name: str = "x", unit: str = ""
 ) -> TTest:
     """Test whether the mean is `mu`; d is (mean − mu) over SD."""
     column = sample(x, name=name)
@@ -129,6 +134,7 @@ def one_sample_t(
         provenance=Provenance(
             "one-sample t", n, error_term="SD", notes=(f"tested against {mu:g}",)
         ),
+        unit=unit,
     )
 
 
@@ -139,6 +145,7 @@ def independent_t(
     equal_variances: bool = True,
     level: float = 0.95,
     names: tuple[str, str] = ("x", "y"),
+    unit: str = "",
 ) -> TTest:
     """Test whether two independent groups differ in their mean (Student, or Welch).
 
@@ -156,6 +163,7 @@ def independent_t(
         int(second.size),
         equal_variances=equal_variances,
         level=level,
+        unit=unit,
     )
 
 
@@ -169,6 +177,7 @@ def independent_t_from_summary(
     *,
     equal_variances: bool = True,
     level: float = 0.95,
+    unit: str = "",
 ) -> TTest:
     """Test two independent groups from their means, standard deviations and sizes."""
     if min(n_1, n_2) < 2:
@@ -206,6 +215,7 @@ def independent_t_from_summary(
             error_term="pooled SD" if equal_variances else "separate variances",
             notes=(f"groups of {n_1} and {n_2}",),
         ),
+        unit=unit,
     )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.statistics_report.agreement import AGREEMENT_TESTS
+from analysis.statistics_report.called import called_of
 from analysis.statistics_report.choices import CHOICE_TESTS
 from analysis.statistics_report.chosen_rows import counted_rows, rows_where
 from analysis.statistics_report.error_rate import error_rate_notes, error_rates
@@ -24,7 +25,7 @@ from analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRun
 from analysis.statistics_report.outcome import Outcome, Question, Samples
 from analysis.statistics_report.simple import SIMPLE_TESTS
 from analysis.statistics_report.table_file import DataTable, read_table, table_of
-from lab.errors import UsageError
+from lab.errors import LabError, UsageError
 
 TESTS: Mapping[str, TestRun] = {
     **FACTORIAL_TESTS,
@@ -51,7 +52,14 @@ def answer(
         hint = f"; did you mean {near[0]}?" if near else "."
         raise UsageError(f"there is no test {question.test!r}{hint} Known: {', '.join(TESTS)}")
     table = data if isinstance(data, DataTable) else table_of(data, name=name)
-    return TESTS[question.test](table, question)
+    called = called_of(question)
+    if called is None:
+        return TESTS[question.test](table, question)
+    try:
+        return called.told(TESTS[question.test](*called.marked(table, question)), question)
+    except LabError as error:
+        called.worded(error)
+        raise
 
 
 def with_error_rates(

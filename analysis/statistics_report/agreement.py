@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 import pandas as pd
 
-from analysis.statistics.agreement import Scale, cohen_kappa, icc, krippendorff_alpha
+from analysis.statistics.agreement import ICC_KINDS, Scale, cohen_kappa, icc, krippendorff_alpha
 from analysis.statistics.errors import DuplicateCell, MissingValue
 from analysis.statistics.results import Array, Result
 from analysis.statistics_report.factorial import TestRun
@@ -81,8 +81,12 @@ def _icc(table: DataTable, q: Question) -> Outcome:
         names = list(dict.fromkeys(table.labels(q.subject)))
         kept = {names[i] for i in np.flatnonzero(whole)}
         tested = tested[tested[q.subject].isin(kept)]
-    made = icc(ratings[whole])
+    made = icc(ratings[whole], above=q.mu)
     notes += made[0].provenance.notes
+    if q.kind:
+        if q.kind not in ICC_KINDS:
+            raise UsageError(f"there is no {q.kind!r} of the test icc; {', '.join(ICC_KINDS)}")
+        made = tuple(one for one in made if one.kind == q.kind)
     notes += (
         "ICC1: raters of its own for each; ICC2: raters stand for others; ICC3: these raters, "
         "their levels apart; k: of the raters' mean",
@@ -94,14 +98,14 @@ def _krippendorff(table: DataTable, q: Question) -> Outcome:
     if not q.scale:
         raise UsageError("the test krippendorff needs scale: nominal, ordinal, interval or ratio")
     ratings, tested = _wide(table, q, named=q.scale == "nominal")
-    made = krippendorff_alpha(ratings, scale=cast(Scale, q.scale))
+    made = krippendorff_alpha(ratings, scale=cast(Scale, q.scale), above=q.mu)
     return _outcome(table, q, "Krippendorff's alpha", (made,), tested, made.provenance.notes)
 
 
 def _kappa(table: DataTable, q: Question) -> Outcome:
     scale = cast(Scale, q.scale or "nominal")
     ratings, tested = _wide(table, q, named=scale == "nominal")
-    made = cohen_kappa(ratings, scale=scale)
+    made = cohen_kappa(ratings, scale=scale, above=q.mu)
     notes = (*(f"left out: {d}" for d in made.provenance.dropped), *made.provenance.notes)
     title = "Cohen's kappa" if scale == "nominal" else "Weighted kappa"
     return _outcome(table, q, title, (made,), tested, notes)

@@ -356,7 +356,8 @@ def _complete_anova(table: DataTable, q: Question) -> Anova:
 
 def _lmm(table: DataTable, q: Question) -> Outcome:
     q.need("subject", "within")
-    _refuse_method("random", q.random, get_args(RandomEffects))
+    random = q.random or "maximal"
+    _refuse_method("random", random, get_args(RandomEffects))
     prepared = prepare(table, q, average=False)
     adjust = q.adjustment("holm", CONTRAST_WAYS)
     made = linear_mixed(
@@ -367,7 +368,7 @@ def _lmm(table: DataTable, q: Question) -> Outcome:
         between=q.between,
         levels=prepared.levels,
         missing=q.missing,
-        random=cast(RandomEffects, q.random),
+        random=cast(RandomEffects, random),
     )
     return _model_outcome(table, q, prepared, made, list(made.steps), adjust)
 
@@ -407,6 +408,8 @@ def _clmm(table: DataTable, q: Question) -> Outcome:
         between=q.between,
         levels=prepared.levels,
         missing=q.missing,
+        random=q.random or "intercept",
+        nodes=q.nodes,
     )
     return _model_outcome(table, q, prepared, made, [], adjust)
 
@@ -539,7 +542,7 @@ def _conditions(table: DataTable, q: Question) -> Outcome:
     pairs: Any = made.pairs.contrasts if isinstance(made.pairs, Contrasts) else made.pairs
     return Outcome(
         question=q,
-        title=f"Conditions of {within}",
+        title="Repeated-measures ANOVA" if made.is_parametric else "Friedman's test",
         rows=(made.row(),),
         sentences=(made.sentence(),),
         path=tuple(str(s) for s in made.steps),

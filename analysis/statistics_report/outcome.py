@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import pandas as pd
 
 from analysis.statistics.design import Missing
-from analysis.statistics.results import Array, Row
+from analysis.statistics.results import NO_CLAIM, Array, Row
 from lab.errors import UsageError
 
 
@@ -41,12 +41,16 @@ class Question:
     mu: float = 0.0
     levels: Mapping[str, Sequence[str]] = field(default_factory=dict)
     family: str = "gaussian"
-    random: str = "maximal"
+    random: str = ""
+    nodes: int = 0
     correction: str = ""
     equal_variances: bool = False
     bayes: bool = False
     side: bool = False
     scale: str = ""
+    kind: str = ""
+    called: Mapping[str, str] = field(default_factory=dict)
+    measured_in: str = ""
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""
@@ -59,6 +63,16 @@ class Question:
                 f"a Bayes factor stands beside the test t, not {self.test}; take --test t, or "
                 "leave --bayes out"
             )
+        for name, tests in (
+            ("random", ("lmm", "clmm", "bradleyterry")),
+            ("nodes", ("clmm", "bradleyterry")),
+        ):
+            if getattr(self, name) and self.test not in tests:
+                raise UsageError(f"{name} goes with {', '.join(tests)}, not with {self.test}")
+        if self.kind and self.test != "icc":
+            raise UsageError(f"a kind is chosen of intraclass correlations, not of {self.test}")
+        if self.nodes and self.test != "clmm":
+            raise UsageError(f"nodes of quadrature are chosen for clmm, not for {self.test}")
         if (self.low is not None or self.high is not None) and self.test not in ("t", "tost"):
             raise UsageError(
                 f"bounds of equivalence (low, high) go with the tests tost and t, not {self.test}"
@@ -153,6 +167,15 @@ class Outcome:
             if set(name.split(":")) == set(term.split(":")):
                 return row
         raise UsageError(f"{self.title} has no row {term!r}; there are {', '.join(known)}")
+
+    def doubts(self, term: str) -> tuple[str, ...]:
+        """Return the notes that say why no claim may rest on an effect, its name left out."""
+        begin = f"{term}: "
+        return tuple(
+            note.removeprefix(begin)
+            for note in self.notes
+            if note.startswith(begin) and NO_CLAIM in note
+        )
 
     def p(self, term: str = "") -> float:
         """Return the p to report of an effect: corrected for sphericity, adjusted in a family."""

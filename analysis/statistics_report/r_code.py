@@ -335,18 +335,32 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     assert outcome.data is not None  # noqa: S101  # r_code asked
     q = outcome.question
     mixed = bool(q.subject) and bool(outcome.data.duplicated([q.subject]).any())
+    random, how = ("(1 | s)", ", nAGQ = 15") if mixed else ("", "")
     lines = [
         f"X <- model.matrix(~ {' * '.join(names.values())}, d)",
         'term <- attr(X, "assign")[-1]; X <- X[, -1, drop = FALSE]',
+    ]
+    slopes = _people_differ(outcome)
+    if slopes:
+        parts = [term.split(":") for term in slopes]
+        named = _vector([":".join(r for f, r in names.items() if f in part) for part in parts])
+        labels = f'attr(terms(~ {" * ".join(names.values())}), "term.labels")'
+        lines.append(f"own <- X[, {labels}[term] %in% {named}, drop = FALSE]")
+        lines.append("# ordinal integrates several random effects by Laplace's approximation.")
+        random, how = "(1 + own | s)", ""
+    more = f', "+ {random}"' if mixed else ""
+    call = f"clmm(f, data = d[{_vector(['y', 's'])}]{how})" if mixed else "clm(f, data = d)"
+    lines += [
         "fit <- function(keep) {",
         '  columns <- if (any(keep)) "X[, keep, drop = FALSE]" else "1"',
-        '  f <- as.formula(paste("ordered(y) ~", columns' + (', "+ (1 | s)"))' if mixed else "))"),
+        f'  f <- as.formula(paste("ordered(y) ~", columns{more}))',
         "  environment(f) <- environment()",
-        f"  ordinal::{'clmm(f, data = d, nAGQ = 15)' if mixed else 'clm(f, data = d)'}",
+        f"  ordinal::{call}",
         "}",
         "full <- fit(rep(TRUE, ncol(X)))",
-        "# Likelihood ratios: they take people for alike in their effects. The F tests that",
-        "# Visavis decides by have errors robust to that, which ordinal does not offer.",
+        "# Likelihood ratios: they take people for alike in the effects that do not vary in the",
+        "# model. The F tests that Visavis decides by have errors robust to people who differ,",
+        "# which ordinal does not offer.",
     ]
     for i, row in enumerate(outcome.rows, 1):
         ratio = f"2 * c(logLik(full) - logLik(fit(term != {i})))"
@@ -355,6 +369,20 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
     return lines, ("ordinal",)
+
+
+def _people_differ(outcome: Outcome) -> list[str]:
+    """Return the terms in which people have slopes of their own in a cumulative link model."""
+    assert outcome.data is not None  # noqa: S101  # r_code asked
+    q = outcome.question
+    if q.random in ("", "intercept"):
+        return []
+    if q.random != "maximal":
+        return q.random.replace(" ", "").split("+")
+    repeated = bool(outcome.data.duplicated([q.subject, *q.within]).any())
+    sizes = range(1, len(q.within) + 1)
+    terms = [":".join(t) for size in sizes for t in combinations(q.within, size)]
+    return terms if repeated else terms[:-1]
 
 
 def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
@@ -377,6 +405,8 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
             "function(j) own * G[, j]))); "
             "term <- c(term, rep(2, ncol(own) * ncol(G)))"
         )
+    if q.random:
+        return _people_like(outcome, lines)
     lines += [
         "# Davidson's likelihood (Bradley and Terry's where there are no ties), by optim.",
         "fit <- function(X) {",
@@ -399,6 +429,38 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
     return lines, ()
+
+
+def _people_like(outcome: Outcome, lines: list[str]) -> Body:
+    """Return the code of choices by people with abilities of their own, where lme4 has the model.
+
+    `lines` make the columns X of the odds and the terms they belong to.
+    """
+    assert outcome.data is not None  # noqa: S101  # r_code asked
+    q = outcome.question
+    if q.random != "maximal" or (outcome.data[q.dv] == 0).any() or q.nodes > 1:
+        return ["# Not repeated here: no package of R has this model (ties, or one SD)."], ()
+    lines = [
+        *lines,
+        "own <- X[, term == 1, drop = FALSE]",
+        "# Likelihood ratios, by Laplace's approximation. The F tests that Visavis decides by have",
+        "# robust errors, which lme4 does not offer.",
+        "fit <- function(keep) {",
+        '  columns <- if (any(keep)) "0 + X[, keep, drop = FALSE]" else "0"',
+        '  f <- as.formula(paste("as.integer(y > 0) ~", columns, "+ (0 + own | s)"))',
+        "  environment(f) <- environment()",
+        '  lme4::glmer(f, d[c("y", "s")], binomial, control = lme4::glmerControl(',
+        '    optimizer = "bobyqa", tolPwrss = 1e-12, check.conv.singular = "ignore"))',
+        "}",
+        "full <- fit(rep(TRUE, ncol(X)))",
+    ]
+    for i, row in enumerate(outcome.rows, 1):
+        lines.append(
+            f"chi2 <- 2 * c(logLik(full) - logLik(fit(term != {i}))); "
+            f"line({_quoted(str(row['term']))}, chi2, "
+            f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
+        )
+    return lines, ("lme4",)
 
 
 def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:

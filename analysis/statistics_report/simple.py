@@ -88,7 +88,7 @@ def _paired(table: DataTable, q: Question) -> Outcome:
     design = read(prepared, q)
     columns = columns_of(design)
     made = tuple(
-        compare_paired(columns[a], columns[b], names=(a, b), alpha=q.alpha)
+        compare_paired(columns[a], columns[b], names=(a, b), alpha=q.alpha, unit=q.measured_in)
         for a, b in combinations(columns, 2)
     )
     if len(made) > 1:
@@ -142,10 +142,10 @@ def _t(table: DataTable, q: Question) -> Outcome:
     prepared = prepare(table, q)
     design = read(prepared, q)
     columns = columns_of(design)
-    run: Callable[..., TTest] = paired_t
+    run: Callable[..., TTest] = partial(paired_t, unit=q.measured_in)
     title = "Paired t test"
     if q.between:
-        run = partial(independent_t, equal_variances=q.equal_variances)
+        run = partial(independent_t, equal_variances=q.equal_variances, unit=q.measured_in)
         title = "Student's t test" if q.equal_variances else "Welch's t test"
     rows, said = family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
     notes: tuple[str, ...] = ()
@@ -206,7 +206,7 @@ def known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
 
 def _one_sample_t(table: DataTable, q: Question) -> Outcome:
     prepared, y = known(table, q)
-    made = one_sample_t(y, mu=q.mu, name=q.dv)
+    made = one_sample_t(y, mu=q.mu, name=q.dv, unit=q.measured_in)
     rows: tuple[Row, ...] = (made.row(),)
     said: tuple[str, ...] = (f"{q.dv} against {q.mu:g}: {made.sentence()}.",)
     notes: tuple[str, ...] = ()

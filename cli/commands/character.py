@@ -23,6 +23,7 @@ from lab.errors import UsageError
 from lab.yaml_lines import read_document
 from stimuli.characters.cast import cast_names, load_character
 from stimuli.characters.character import Character
+from stimuli.characters.checking import findings
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf import Gender
 from stimuli.characters.library import import_characters, library_names, people_in
@@ -148,7 +149,7 @@ def sheet_command(
 
 @characters.command("import")
 def import_command(
-    source: Annotated[Path, typer.Argument(help="A .glb or .vrm file, or a folder of them.")],
+    source: Annotated[Path, typer.Argument(help="A .glb, .vrm or .fbx file, or a folder of them.")],
     config: ConfigOption = None,
     library: LibraryOption = None,
     gender: Annotated[
@@ -162,7 +163,7 @@ def import_command(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Import glTF characters into the lab's library; one line a file.
+    """Import glTF characters into the lab's library; one line a file. FBX files need Blender.
 
     Example: visavis character import avatars/
     """
@@ -247,17 +248,23 @@ def _import(
             rows.append({"file": str(result.source), "problem": result.problem})
             line = f"[bold red]not imported[/]  {result.problem.replace('[', chr(92) + '[')}"
         else:
-            rows.append({"file": str(result.source), **_row(result.character, "imported")})
+            odd = findings(result.character)
+            row = _row(result.character, "imported")
+            rows.append({"file": str(result.source), **row, "findings": list(odd)})
             line = (
                 f"[green]imported[/]  {result.character.name}: {result.character.gender}, "
                 f"{result.character.stature_m:.2f} m"
             )
+            line += "".join(f"\n  [yellow]look:[/] {text}" for text in odd)
         if not as_json:
             say(line)
     if as_json:
         say_json(rows)
     elif failed < len(rows):
-        say(f"They are in {verbatim(folder)}; name them in a scene as above.")
+        say(
+            f"They are in {verbatim(folder)}; name them in a scene as above. Look at them first: "
+            "visavis character sheet imported.png --at 1,2,3.5,5,8"
+        )
     if failed:
         raise CharacterError(
             f"{failed} of {len(rows)} files could not be imported; mend them as said above and "

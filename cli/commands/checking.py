@@ -36,6 +36,9 @@ EXIT_RED = 5
 DATA_SET = "dataset_description.json"
 STYLE = {Level.GREEN: "green", Level.AMBER: "yellow", Level.RED: "bold red"}
 MARK = {Level.GREEN: "✓", Level.AMBER: "!", Level.RED: "✗"}
+PRESSES = (
+    "responses are presses of keys and buttons; who chooses an answer by looking at it needs none"
+)
 ANSWER = {
     Level.GREEN: "They can leave.",
     Level.AMBER: "They can leave once you have looked at this.",
@@ -180,6 +183,8 @@ def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False)
             style=STYLE[s.level] if s.level is not Level.GREEN else "",
         )
     console.print(streams)
+    if any(s.stream == "responses" for s in verdict.streams):
+        say(f"[dim]{PRESSES}[/]")
     if list_trials:
         rows = Table("trial", "block", "status", "attempts", "gaze valid/received/expected")
         for t in verdict.trials:

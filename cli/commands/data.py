@@ -149,7 +149,8 @@ def export(
     sessions = _exported(session_path, config, participant)
     require_intact(sessions, accept=accept_damage)
     is_simulated = all(Recording(session).is_simulated for session in sessions)
-    lab = load_lab(config, only_simulates=is_simulated, quiet=True)
+    # Of a study that is named it has been said already.
+    lab = load_lab(config, only_simulates=is_simulated, quiet=not session_path.is_dir())
     shown = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
     written = _written(shown, format_name, output, lab)
     if tier == "public":

@@ -146,7 +146,7 @@ def print_rules(
     """
     from devices.access_rules import RULES_PATH, access_rules
 
-    rules = access_rules(load_lab(config, quiet=True).devices)
+    rules = access_rules(load_lab(config).devices)
     for note in rules.notes:
         typer.echo(f"# {note}", err=True)
     if not install:

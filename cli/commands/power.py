@@ -138,7 +138,7 @@ def power(
 
     Example: visavis power stare --participants 8:32:8 --replicates 200 --fast
     """
-    of_lab = load_lab(config, "sim", only_simulates=True, quiet=True).studies
+    of_lab = load_lab(config, "sim", only_simulates=True, quiet=as_json).studies
     chosen = power_study(study, of_lab, assignments)
     if tests and "list" in tests:
         for name, claim in chosen.tests.items():

@@ -3,7 +3,7 @@
 import shlex
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from analysis.gaze.aoi import DEFAULT_PAD_DEG
 from analysis.report.notation import counted
 from analysis.session_check import check_session
 from analysis.session_verdict import Level
@@ -69,7 +70,7 @@ from visavis.sessions.study_folder import (
     refuse_other,
     study_of_folder,
 )
-from visavis.texts import DEFAULT_LANGUAGE
+from visavis.texts import DEFAULT_LANGUAGE, Texts, label_of
 
 BODIES = ("female", "male")
 MIN_STATURE_M, MAX_STATURE_M = 1.2, 2.3
@@ -142,13 +143,15 @@ def plan(
     Without a participant, what the next new one would get. Example: visavis plan ./duel.py
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
-    shown = who_is_shown(study_here(study, lab), participant, seed, assignments, language)
-    check_rig(devices_for(lab, shown.experiment))
+    here = study_here(study, lab)
+    shown = who_is_shown(here, participant, seed, assignments, language)
+    if here.study.study.on == "lab":  # a page needs none of the lab's devices
+        check_rig(devices_for(lab, shown.experiment))
     made = shown.experiment.plan(shown.index, shown.seed, shown.group)
     if as_json:
         say_json(asdict(made))
         return
-    _print_plan(made, shown.label, shown.note)
+    _print_plan(made, shown.label, shown.note, shown.experiment.texts)
 
 
 @dataclass(frozen=True)
@@ -211,7 +214,7 @@ def _place_shown(
     )
 
 
-def _print_plan(made: SessionPlan, label: str, note: str) -> None:
+def _print_plan(made: SessionPlan, label: str, note: str, texts: Texts) -> None:
     console.print(
         f"[b]{verbatim(made.study)}[/b]  "
         + (f"participant [b]{verbatim(label)}[/b]  " if label else "[b]next new participant[/b]  ")
@@ -239,6 +242,26 @@ def _print_plan(made: SessionPlan, label: str, note: str) -> None:
         f"{counted(total, 'trial')} in {counted(blocks, 'block')}, {practice} practice; then "
         f"{', '.join(made.questionnaires) or 'no questions'}."
     )
+    for legend in legends(made, texts):
+        console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
+
+
+def legends(made: SessionPlan, texts: Texts) -> Iterator[str]:
+    """Yield what a factor and its levels are called in reports, where they are called otherwise."""
+    levels: dict[str, dict[str, None]] = {}
+    for trial in made.trials:
+        for name, level in trial.factors.items():
+            levels.setdefault(name, {})[str(level)] = None
+    for name, found in levels.items():
+        told = [
+            f"{level} {label}"
+            for level in sorted(found)
+            if (label := label_of(texts, level)) != level.replace("_", " ")
+        ]
+        if told:
+            called = label_of(texts, name)
+            same = called == name.replace("_", " ")
+            yield f"{name}{'' if same else f' ({called})'}: {', '.join(told)}"
 
 
 @app.command()
@@ -478,6 +501,7 @@ def _perform(
                 blind,
                 ACTIONS if on == "lab" else (),
                 here.lab.incidents,
+                float(experiment.parameters.get("pad_deg", DEFAULT_PAD_DEG)),
             )
             operator = stack.enter_context(SessionLink(operator, about, here.lab.data_root))
         request = Request(

@@ -141,7 +141,8 @@ def stats(
     ] = None,
     unit: Annotated[str, typer.Option("--unit", help="Unit of the bounds: raw or sd.")] = "raw",
     mu: Annotated[
-        float, typer.Option("--mu", help="What to test against, for t, sign, binomial.")
+        float,
+        typer.Option("--mu", help="What to test against: t, sign, binomial, icc, α and κ."),
     ] = 0.0,
     levels: Annotated[
         list[str] | None,
@@ -152,8 +153,20 @@ def stats(
     ] = "gaussian",
     random: Annotated[
         str,
-        typer.Option("--random", help="Of lmm: maximal, or components (one variance per effect)."),
-    ] = "maximal",
+        typer.Option(
+            "--random",
+            help="How people differ. Of lmm: maximal, or components (one variance per effect); of "
+            "clmm: intercept, maximal, effects (method+gesture); of bradleyterry: alike, maximal.",
+        ),
+    ] = "",
+    nodes: Annotated[
+        int,
+        typer.Option(
+            "--nodes",
+            min=0,
+            help="With several random effects: quadrature nodes, not Laplace (three at most).",
+        ),
+    ] = 0,
     correction: Annotated[
         str,
         typer.Option(
@@ -173,6 +186,9 @@ def stats(
     scale: Annotated[
         str,
         typer.Option("--scale", help="Of krippendorff, kappa: nominal, ordinal, interval, ratio."),
+    ] = "",
+    kind: Annotated[
+        str, typer.Option("--kind", help="Of icc: only this one (ICC2 …); all when left out.")
     ] = "",
     error_rate: Annotated[
         int,
@@ -229,11 +245,13 @@ def stats(
         levels=read_levels(levels or []),
         family=family,
         random=random,
+        nodes=nodes,
         correction=correction,
         equal_variances=equal_variances,
         bayes=bayes,
         side=side,
         scale=scale,
+        kind=kind,
     )
     table = read_table(file)
     table = rows_where(table if all_rows else counted_rows(table), where or [])

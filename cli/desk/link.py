@@ -17,21 +17,20 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
-import numpy.typing as npt
 import platformdirs
 
+from analysis.gaze.aoi import DEFAULT_PAD_DEG
+from cli.desk.seen import Looking, above, from_head, jpeg_of
 from cli.operator_screen import needs_look
 from devices.contracts import Health
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.config import INCIDENTS
-from lab.geometry import rotate
 from protocol.operator import Action, Command, Operator, SessionStatus
+from stage.contracts import Glance
 
 LOCAL: Final = "127.0.0.1"
 STATUS_PERIOD_NS: Final = 125 * NS_PER_MS
 PERIOD_S: Final = STATUS_PERIOD_NS / NS_PER_S
-GAZE_KEPT: Final = 3
-"""How many statuses the last gaze is shown for where none came since: a blink, not a loss."""
 MAX_LINE_BYTES: Final = 1 << 16
 MAX_TEXT: Final = 500
 PATIENCE_S: Final = 5.0
@@ -42,7 +41,11 @@ ACTIONS: Final = tuple(action for action in Action if action is not Action.ANSWE
 
 @dataclass(frozen=True)
 class About:
-    """What a desk is told once of a session; `path` is its folder, `commands` what it takes."""
+    """What a desk is told once of a session.
+
+    `path` is its folder, `commands` what it takes, `pad_deg` by how much areas of interest are
+    wider than heads. While it `is_blind` no picture of what the participant sees leaves it.
+    """
 
     study: str
     participant: str
@@ -53,6 +56,7 @@ class About:
     commands: tuple[str, ...] = ACTIONS
     incidents: Mapping[str, str] = field(default_factory=lambda: dict(INCIDENTS))
     """Reasons that may be given, by code."""
+    pad_deg: float = DEFAULT_PAD_DEG
 
 
 def meeting_folder() -> Path:
@@ -82,9 +86,9 @@ class SessionLink:
         self._shown = 0
         self._token = secrets.token_urlsafe(24)
         self._commands: deque[Command] = deque()
-        self._latest: tuple[int, SessionStatus, _Ray | None] | None = None
-        self._ray: _Ray | None = None
-        self._ray_at = 0
+        self._latest: tuple[int, SessionStatus, Looking] | None = None
+        self._looking = Looking()
+        self._seen: tuple[int, SessionStatus, Looking, Glance] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._over: asyncio.Event | None = None
         self._listens = threading.Event()
@@ -98,6 +102,7 @@ class SessionLink:
         return STATUS_PERIOD_NS
 
     def __enter__(self) -> Self:
+        jpeg_of(np.zeros((1, 1, 3), np.uint8))  # what writes them is loaded now, not in a trial
         self._thread.start()
         self._listens.wait(PATIENCE_S)
         return self
@@ -130,12 +135,11 @@ class SessionLink:
     def show(self, status: SessionStatus) -> None:
         """Keep the status for the desk, and show it at the terminal as often as that wants."""
         self._shown += 1
-        ray = _last_ray(status)
-        if ray is not None:
-            self._ray, self._ray_at = ray, self._shown
-        elif self._shown - self._ray_at > GAZE_KEPT:
-            self._ray = None
-        self._latest = (self._shown, status, self._ray)
+        self._looking = self._looking.after(status, self._about.pad_deg)
+        self._latest = (self._shown, status, self._looking)
+        glance = status.glance() if self._desks and not self._about.is_blind else None
+        if glance is not None:
+            self._seen = (self._shown, status, self._looking, glance)
         if self._every and self._shown % self._every == 0:
             self._operator.show(status)
 
@@ -188,12 +192,17 @@ class SessionLink:
             writer.close()
 
     async def _send(self, writer: asyncio.StreamWriter) -> None:
-        sent = 0
+        sent = sent_seen = 0
         while True:
             latest = self._latest
             if latest is not None and latest[0] != sent:
                 sent = latest[0]
-                writer.write(line_of(told(sent, latest[1], latest[2])))
+                writer.write(line_of(told(*latest)))
+                await writer.drain()
+            seen = self._seen
+            if seen is not None and seen[0] != sent_seen:
+                sent_seen = seen[0]
+                writer.write(line_of({"seen": from_head(*seen[1:])}))
                 await writer.drain()
             await asyncio.sleep(PERIOD_S)
 
@@ -221,7 +230,7 @@ def command_of(
     return Command(action, plain, code)
 
 
-def told(number: int, status: SessionStatus, ray: "_Ray | None") -> dict[str, Any]:
+def told(number: int, status: SessionStatus, looking: Looking) -> dict[str, Any]:
     """Return what a desk is told of a status; NaN and what is not known are None."""
     return {
         "number": number,
@@ -245,7 +254,10 @@ def told(number: int, status: SessionStatus, ray: "_Ray | None") -> dict[str, An
         "waiting": status.waiting,
         "can_go_on": status.can_go_on,
         "messages": list(status.messages),
-        "above": _above(status, ray),
+        "contacts": [asdict(contact) for contact in status.contacts],
+        "contacts_begun": status.contacts_begun,
+        "above": above(status, looking),
+        "from_head": from_head(status, looking),
     }
 
 
@@ -254,6 +266,7 @@ def _stream(role: str, health: Health) -> dict[str, Any]:
         "role": role,
         "received": health.received,
         "rate_hz": health.rate_hz,
+        "nominal_rate_hz": health.nominal_rate_hz or None,
         "gaps": health.gaps,
         "longest_gap_ms": health.longest_gap_ms,
         "last_sample_age_ms": health.last_sample_age_ms,
@@ -261,54 +274,6 @@ def _stream(role: str, health: Health) -> dict[str, Any]:
         "battery_01": health.battery_01,
         "needs_look": needs_look(role, health),
     }
-
-
-@dataclass(frozen=True, eq=False)
-class _Ray:
-    """A copy of the newest gaze: from where, where to, and whom it meets (-1: nobody)."""
-
-    origin_m: npt.NDArray[np.float64]
-    direction: npt.NDArray[np.float64]
-    hit: int
-
-
-def _last_ray(status: SessionStatus) -> _Ray | None:
-    if status.frame is None:
-        return None
-    gaze = status.frame.gaze
-    seen = np.flatnonzero(gaze.valid)
-    if not seen.size:
-        return None
-    i = int(seen[-1])
-    return _Ray(gaze.origin_world_m[i].copy(), gaze.direction_world[i].copy(), int(gaze.hit[i]))
-
-
-def _above(status: SessionStatus, ray: _Ray | None) -> dict[str, Any] | None:
-    """Return where everybody is, seen from above: metres to the right (x) and backwards (z)."""
-    frame, shown = status.frame, status.shown
-    if frame is None or shown is None:
-        return None
-    if shown.people is not None:
-        people = [(str(n + 1), at[0], at[2], 0.22) for n, at in enumerate(shown.people.root_m)]
-    else:
-        people = [
-            (a.place, a.head_centre_m[0], a.head_centre_m[2], max(a.head_radius_m, 0.12))
-            for a in shown.scene.agents
-        ]
-    ahead = rotate(frame.head.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
-    is_dark = shown.scene.brightness_01 == 0.0
-    meets = ray is not None and not is_dark and shown.people is None
-    return {
-        "people": [] if is_dark else [[n, float(x), float(z), float(r)] for n, x, z, r in people],
-        "head": _ground(frame.head.position_m) if frame.head_valid else None,
-        "ahead": _ground(ahead),
-        "gaze": None if ray is None else [*_ground(ray.origin_m), *_ground(ray.direction)],
-        "hit": ray.hit if ray is not None and meets else -1,
-    }
-
-
-def _ground(vector: npt.NDArray[np.float64]) -> list[float]:
-    return [round(float(vector[0]), 4), round(float(vector[2]), 4)]
 
 
 def _finite(value: Any) -> Any:

@@ -103,6 +103,7 @@ class DeskServer:
                 "which": next((name for name, one in watch.live.items() if one is shown), ""),
                 "session": None if shown is None else shown.about,
                 "status": None if shown is None else shown.status,
+                "seen": None if shown is None else shown.seen,
                 "sessions": _listed(watch),
                 "ended": None if watch.ended is None else watch.ended["path"],
             }

@@ -24,6 +24,8 @@ class Live:
     about: Mapping[str, Any]
     writer: asyncio.StreamWriter
     status: Mapping[str, Any] | None = None
+    seen: Mapping[str, Any] | None = None
+    """The last picture of what the participant saw; None where none came."""
 
 
 class SessionWatch:
@@ -125,7 +127,11 @@ class SessionWatch:
             found = self.live[meeting.stem] = Live(about, writer)
             await self.wake()
             while line := await reader.readline():
-                found.status = json.loads(line)
+                said = json.loads(line)
+                if "seen" in said:
+                    found.seen = said["seen"]
+                else:
+                    found.status = said
                 await self.wake()
         except TimeoutError:
             return  # a busy session, or another program that waits to be spoken to

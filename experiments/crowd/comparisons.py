@@ -48,9 +48,16 @@ RULES: Final = (
         "lost_01",
         0.10,
         "{value:.0%} of the walk not tracked (limit {limit:.0%})",
+        what="share of the walk that was not tracked",
     ),
     Exclusion(
-        "came_back", "trial", "came_back", 1.0, "did not come back to the mark in time", above=False
+        "came_back",
+        "trial",
+        "came_back",
+        1.0,
+        "did not come back to the mark in time",
+        above=False,
+        what="return to the mark in time (1 yes, 0 no)",
     ),
     Exclusion(
         "min_walks_01",

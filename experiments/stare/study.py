@@ -47,10 +47,10 @@ QUESTIONNAIRES: Final = ("demographics", "social_anxiety", "free_comment")
 METHODS: Final = f"""
 Participants faced {{agents}} seated agents while one of nine of them was the active agent. Its gaze
 was averted (A), directed at the participant (D), averted until first looked at and then directed
-(AD), or directed until first looked at and then averted (DA) (after Raimbaud et al., 2022). A look
-of {{look_trigger_ms}} ms or more changed it; without a look the change came after a share of
-{{switch_at_01}} of the trial, which lasted {{trial_s}} s. The head's padding in the session was
-{{pad_deg}}°. The training lasted {{practice_s}} s or longer.
+(AD), or directed until first looked at and then averted (DA) (after Raimbaud et al., 2022). The
+first look that lasted at least {{look_trigger_ms}} ms changed it (0: the first sample of gaze on
+the head, padded by {{pad_deg}}°); where nobody looked, the change came at {{switch_at_01}} of the
+trial's {{trial_s}} s. The training lasted {{practice_s}} s or longer.
 
 The source names no limits of exclusion; those below are this platform's, set before analysis. As in
 the source, each participant's trials of a condition were averaged, alpha is shared by a family of

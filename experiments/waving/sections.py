@@ -2,6 +2,7 @@
 
 from typing import Final
 
+import numpy as np
 import pandas as pd
 
 from analysis.report import Block, Column, Paragraph, Section, Table
@@ -56,6 +57,8 @@ def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
     if "target_met_01" not in trials or not trials["target_met_01"].notna().any():
         return [Paragraph("No wave was warped, or the recording does not tell what was reached.")]
     known = trials[trials["target_met_01"].notna()]
+    if "target_reachable_01" not in known:  # recorded before it was written down
+        known = known.assign(target_reachable_01=np.nan)
     rows = []
     for direction in (*DIRECTIONS, None):
         part = known if direction is None else known[known["direction"] == direction]

@@ -80,12 +80,22 @@ def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> F
         return world[i]
 
     bound = _bound_bones(file, place)
-    surfaces = [
-        surface
-        for i, node in enumerate(nodes)
-        if "mesh" in node and "skin" in node
-        for surface in _surfaces(file, node, bound, i)
-    ]
+    surfaces = []
+    for i, node in enumerate(nodes):
+        if "mesh" not in node:
+            continue
+        if "skin" in node:
+            joints, moves = _skin(file, skins[node["skin"]], bound)
+        else:
+            # A hat, glasses, an eyeball that hangs on one bone as it is.
+            above = int(parents[i])
+            while above >= 0 and above not in bound:
+                above = int(parents[above])
+            if above < 0:
+                continue
+            joints = np.array([above])
+            moves = (bound[above] @ np.linalg.inv(place(above)) @ place(i))[None]
+        surfaces += _surfaces(file, node, joints, moves, i)
     if not surfaces:
         raise CharacterError(f"{file.path}: no mesh hangs on its skin; export mesh and armature")
     if not all(np.isfinite(surface.vertices_m).all() for surface in surfaces):
@@ -129,30 +139,46 @@ def _bound_bones(file: GltfFile, place: Callable[[int], Vector]) -> dict[int, Ve
     return bound
 
 
-def _surfaces(
-    file: GltfFile, node: Mapping[str, Any], bound: dict[int, Vector], index: int
-) -> list[Surface]:
-    skin = file.tree["skins"][node["skin"]]
-    mesh = file.tree["meshes"][node["mesh"]]
-    joints_of = np.array(skin["joints"])
+def _skin(
+    file: GltfFile, skin: Mapping[str, Any], bound: dict[int, Vector]
+) -> tuple[Indices, Vector]:
+    """Return the bones (n,) of a skin and what brings its mesh to where each holds it (n, 4, 4)."""
+    joints = skin["joints"]
     if "inverseBindMatrices" in skin:
         raw = file.accessor(skin["inverseBindMatrices"]).astype(np.float64)
         inverse = raw.reshape(-1, 4, 4).transpose(0, 2, 1)
     else:
-        inverse = np.stack([np.linalg.inv(bound[j]) for j in skin["joints"]])
-    moves = np.stack([bound[j] @ matrix for j, matrix in zip(skin["joints"], inverse, strict=True)])
+        inverse = np.stack([np.linalg.inv(bound[j]) for j in joints])
+    moves = [bound[j] @ matrix for j, matrix in zip(joints, inverse, strict=True)]
+    return np.array(joints), np.stack(moves)
+
+
+def _weights(file: GltfFile, attributes: Mapping[str, int], count: int) -> tuple[Indices, Vector]:
+    """Return bones of a skin and their weights (v, k) of every set; all on the first without."""
+    sets = [k for k in range(len(attributes)) if f"JOINTS_{k}" in attributes]
+    if not sets:
+        return np.zeros((count, 1), np.int64), np.ones((count, 1))
+    joints = np.hstack([file.accessor(attributes[f"JOINTS_{k}"]) for k in sets]).astype(np.int64)
+    weights = np.hstack([file.accessor(attributes[f"WEIGHTS_{k}"]) for k in sets])
+    weights = weights.astype(np.float64)
+    total = weights.sum(axis=1, keepdims=True)
+    weights = weights / np.where(total == 0, 1, total)
+    weights[total[:, 0] == 0, 0] = 1.0
+    return joints, weights
+
+
+def _surfaces(
+    file: GltfFile, node: Mapping[str, Any], joints_of: Indices, moves: Vector, index: int
+) -> list[Surface]:
+    mesh = file.tree["meshes"][node["mesh"]]
     shape_names = (mesh.get("extras") or {}).get("targetNames", [])
     found = []
     for primitive in mesh["primitives"]:
         attributes = primitive["attributes"]
-        if primitive.get("mode", 4) != 4 or "JOINTS_0" not in attributes:
+        if primitive.get("mode", 4) != 4 or ("skin" in node and "JOINTS_0" not in attributes):
             continue
         position = file.accessor(attributes["POSITION"]).astype(np.float64)
-        joints = file.accessor(attributes["JOINTS_0"]).astype(np.int64)
-        weights = file.accessor(attributes["WEIGHTS_0"]).astype(np.float64)
-        total = weights.sum(axis=1, keepdims=True)
-        weights = weights / np.where(total == 0, 1, total)
-        weights[total[:, 0] == 0, 0] = 1.0
+        joints, weights = _weights(file, attributes, len(position))
         move = np.einsum("vk,vkab->vab", weights, moves[joints])
         turn = move[:, :3, :3]
         vertices = np.einsum("vab,vb->va", turn, position) + move[:, :3, 3]

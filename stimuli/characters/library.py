@@ -3,7 +3,7 @@
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
@@ -11,8 +11,9 @@ from zipfile import BadZipFile, ZipFile
 
 from stimuli.characters.character import Character
 from stimuli.characters.errors import CharacterError
+from stimuli.characters.fbx import as_glb
 from stimuli.characters.gltf import Gender, import_gltf
-from stimuli.characters.storage import write_character
+from stimuli.characters.storage import FIGURE_FILES, write_character
 
 
 @dataclass(frozen=True)
@@ -72,23 +73,24 @@ def import_characters(
     gender: Gender | None = None,
     joint_map: Mapping[str, str] | None = None,
 ) -> Iterator[Imported]:
-    """Import a .glb or .vrm file, or every one in a folder, into the library, one after the other.
+    """Import a .glb, .vrm or .fbx file, or every one in a folder, into the library, one by one.
 
-    A file that cannot be used is reported and does not stop the others.
+    FBX files are converted by Blender (`stimuli.characters.fbx`). A file that cannot be used is
+    reported and does not stop the others.
 
     Raises:
         CharacterError: there is nothing to import.
     """
     files = [source]
     if source.is_dir():
-        files = sorted(path for kind in ("glb", "vrm") for path in source.glob(f"*.{kind}"))
+        files = sorted(path for path in source.iterdir() if path.suffix.lower() in FIGURE_FILES)
     if not files:
         raise CharacterError(
-            f"{source}: no .glb or .vrm files in it; give the folder that holds them"
+            f"{source}: no .glb, .vrm or .fbx files in it; give the folder that holds them"
         )
     for file in files:
         try:
-            character = import_gltf(file, gender=gender, joint_map=joint_map)
+            character = _imported(file, gender, joint_map)
         except CharacterError as error:
             yield Imported(file, None, None, str(error))
             continue
@@ -96,3 +98,11 @@ def import_characters(
         path = library / f"{character.name}.npz"
         write_character(character, path)
         yield Imported(file, character, path)
+
+
+def _imported(file: Path, gender: Gender | None, joint_map: Mapping[str, str] | None) -> Character:
+    if file.suffix.lower() != ".fbx":
+        return import_gltf(file, gender=gender, joint_map=joint_map)
+    with as_glb(file) as converted:
+        character = import_gltf(converted, gender=gender, joint_map=joint_map)
+    return replace(character, source=f"imported from {file.name} by way of Blender")

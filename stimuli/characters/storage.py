@@ -25,6 +25,8 @@ from stimuli.characters.character import (
 from stimuli.characters.errors import CharacterError
 from stimuli.motion.skeleton import Skeleton
 
+FIGURE_FILES = (".glb", ".vrm", ".fbx")
+"""Files that figures are imported from."""
 FORMAT = 3
 _READ = (2, 3)
 """What is read: format 2 had no maps, and one picture a material."""

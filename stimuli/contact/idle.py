@@ -18,10 +18,10 @@ from stimuli.motion import posture as p
 from stimuli.motion.gesture_kernels import phone_rows
 from stimuli.motion.kinds import NUMBERS, Idle, Kind, Phone
 from stimuli.motion.placing_kernels import placed_rows
-from stimuli.motion.posture_kernels import look_from, pose_rows
+from stimuli.motion.posture_kernels import look_from, pose_but_fingers
 from stimuli.motion.skeleton import canonical_skeleton
 from stimuli.motion.slerp_kernels import forward_rows
-from stimuli.motion.standing_kernels import idle_rows
+from stimuli.motion.standing_kernels import idle_but_fingers
 from stimuli.scenes.station_crowd import Crowd
 
 N_JOINTS: Final = len(BODY_JOINTS)
@@ -92,8 +92,8 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
         numbers[0, 1], numbers[0, 2] = person[_HAND], person[_TALK]
         phone_rows(rows, since, seeds, numbers, lengths, controls)
     else:
-        numbers[0, 1] = person[_ARMS]
-        idle_rows(rows, since, seeds, numbers, lengths, controls)
+        way = int(person[_ARMS])
+        idle_but_fingers(controls[0], t_s, lengths[0], int(person[_SEED]), person[_LIVELY], way)
     place, heading = np.zeros((1, 3)), np.full(1, person[2])
     place[0, 0], place[0, 2] = person[0], person[1]
     placed_rows(controls, place, heading)
@@ -117,8 +117,9 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
     controls[0, p.HEAD_YAW] += added[0, 1]
     controls[0, p.HEAD_PITCH] += added[0, 2]
     turns = np.empty((1, p.JOINTS, 4))
-    nobody = np.zeros((1, 3))
-    pose_rows(controls, offsets, rows, np.zeros(1, np.bool_), nobody, nobody, root, turns)
+    pose_but_fingers(controls[0], offsets[0], turns[0])
+    for k in range(3):
+        root[0, k] = controls[0, p.HIPS + k]
     for k in range(N_JOINTS):
         for i in range(4):
             local[0, k, i] = turns[0, _BODY[k], i]

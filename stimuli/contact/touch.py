@@ -4,8 +4,7 @@ A circle and a box leave the few people who stand near; only those are posed and
 capsule by capsule.
 """
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +19,15 @@ REACH_M: Final = 0.65
 """No part of an idle person is farther than this from where they stand (a telephoning elbow)."""
 NEARER_WAITING_M: Final = 0.13
 """By so much nearer every part of somebody is who waits, with hanging arms."""
+FRONT_M: Final = 0.41
+BACK_M: Final = 0.18
+ASIDE_M: Final = 0.45
+ELBOW_ASIDE_M: Final = 0.62
+"""Nor is any part farther before, behind or beside somebody; who telephones lifts an elbow."""
 MAX_TOUCHES: Final = 64
 
 
-@dataclass(frozen=True)
-class Touch:
+class Touch(NamedTuple):
     """One of the participant's capsules inside a person at an instant.
 
     `part` indexes the participant's capsules, `person` the crowd, `person_part` the person's
@@ -111,19 +114,28 @@ def pose_capsules(
 
 
 @compiled
-def _any_near(
-    starts: Vector, ends: Vector, radii: Vector, x_m: float, z_m: float, reach_m: float
-) -> bool:
-    """Tell whether any part comes within reach of where somebody stands, seen from above."""
+def _any_near(starts: Vector, ends: Vector, radii: Vector, person: Vector, reach_m: float) -> bool:
+    """Tell whether any part comes within reach of where somebody stands, seen from above, and is
+    not all before, behind or beside whatever they take up.
+    """
+    cos, sin = np.cos(person[2]), np.sin(person[2])
+    aside_m = ELBOW_ASIDE_M if person[4] > 0.5 else ASIDE_M
     for k in range(starts.shape[0]):
         ux, uz = ends[k, 0] - starts[k, 0], ends[k, 2] - starts[k, 2]
-        px, pz = x_m - starts[k, 0], z_m - starts[k, 2]
+        px, pz = person[0] - starts[k, 0], person[1] - starts[k, 2]
         along = ux * ux + uz * uz
         t = min(max((px * ux + pz * uz) / along, 0.0), 1.0) if along > 0.0 else 0.0
         dx, dz = px - t * ux, pz - t * uz
         far = reach_m + radii[k]
-        if dx * dx + dz * dz <= far * far:
-            return True
+        if not dx * dx + dz * dz <= far * far:
+            continue
+        x0, x1 = sin * pz - cos * px, sin * (pz - uz) - cos * (px - ux)
+        z0, z1 = -sin * px - cos * pz, -sin * (px - ux) - cos * (pz - uz)
+        if min(x0, x1) - radii[k] > aside_m or max(x0, x1) + radii[k] < -aside_m:
+            continue
+        if min(z0, z1) - radii[k] > BACK_M or max(z0, z1) + radii[k] < -FRONT_M:
+            continue
+        return True
     return False
 
 
@@ -166,7 +178,7 @@ def find_touches(
         reach = reach_m if people[i, 4] > 0.5 else reach_m - NEARER_WAITING_M
         if not dx * dx + dz * dz <= reach * reach:
             continue
-        if not _any_near(part_starts, part_ends, part_radii, people[i, 0], people[i, 1], reach):
+        if not _any_near(part_starts, part_ends, part_radii, people[i], reach):
             continue
         place_person(people[i], t_s, figures, root, local, position, world)
         person = int(people[i, 15])

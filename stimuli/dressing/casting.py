@@ -11,12 +11,11 @@ from lab.errors import DesignError
 from stimuli.characters.cast import cast_names, load_cast, load_character
 from stimuli.characters.character import Character
 from stimuli.characters.outfits import in_other_clothes
-from stimuli.characters.storage import read_character
+from stimuli.characters.storage import FIGURE_FILES, read_character
 from stimuli.motion.build import Build, build_of_character
 
 Casting = Callable[[str], Character]
 """Finds the character for the name a study uses ("female_03")."""
-FIGURE_FILES: Final = (".glb", ".vrm")
 
 
 @dataclass(frozen=True)
@@ -54,9 +53,13 @@ def members_of(entries: Sequence[str], folder: Path, library: Path) -> tuple[Mem
         if entry in cast_names() or not there.is_dir():
             names.append(entry)
             continue
-        figures = sorted(path.stem for path in there.iterdir() if path.suffix in FIGURE_FILES)
+        figures = sorted(
+            path.stem for path in there.iterdir() if path.suffix.lower() in FIGURE_FILES
+        )
         if not figures:
-            raise DesignError(f"cast: {there} holds no .glb file; give the folder that holds them")
+            raise DesignError(
+                f"cast: {there} holds no .glb, .vrm or .fbx file; give the folder that holds them"
+            )
         names += figures
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -1,6 +1,6 @@
-"""Rotations between key poses by three methods behind one interface: LinEuler, Slerp, Squad.
+"""Rotations between key poses by four methods behind one interface: LinEuler, Slerp, Squad, Spline.
 
-All three hold the keys of any number of joints and answer for any number of times at once.
+All hold the keys of any number of joints and answer for any number of times at once.
 Squad is Shoemake's: three nested arcs towards the keys and towards control points. Keys are put
 into one hemisphere, the nested arcs are taken as they lie: a shorter-arc rule inside makes
 figures jump when neighbouring keys are more than 90° apart.
@@ -8,7 +8,7 @@ figures jump when neighbouring keys are more than 90° apart.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +26,10 @@ from stimuli.motion.rotations import (
 from stimuli.motion.slerp_kernels import slerp_segments
 from stimuli.motion.squad_kernels import arcs_of, squad_segments
 
-Method: TypeAlias = Literal["lineuler", "slerp", "squad"]
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RotationSpline
+
+Method: TypeAlias = Literal["lineuler", "slerp", "squad", "spline"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,10 +267,54 @@ class Squad:
         return self.in_segment(*self.times.locate(t_s))
 
 
+@dataclass(frozen=True, eq=False)
+class Spline:
+    """Pass through the keys without a break in angular acceleration: a cubic spline of rotations.
+
+    `keys_wxyz` (k, ..., 4), of an open motion. Source: the rotation spline of SciPy, after
+    McEnnan; natural ends, where nothing accelerates.
+
+    Raises:
+        MotionError: the motion is closed.
+    """
+
+    times: KeyTimes
+    keys_wxyz: Vector
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "keys_wxyz", unit_quats(self.keys_wxyz, "keys"))
+        _count(self.times, self.keys_wxyz)
+        if self.times.is_closed:
+            raise MotionError("a spline of rotations is open; close a motion with Squad")
+
+    @cached_property
+    def _curves(self) -> tuple["RotationSpline", ...]:
+        from scipy.spatial.transform import Rotation, RotationSpline
+
+        keys = _flat(self.keys_wxyz)
+        return tuple(
+            RotationSpline(self.times.t_s, Rotation.from_quat(np.roll(keys[:, j], -1, axis=-1)))
+            for j in range(keys.shape[1])
+        )
+
+    def in_segment(self, segment: npt.ArrayLike, h: npt.ArrayLike) -> Vector:
+        """Return rotations at share h of segments; h is not clamped."""
+        s, x = _shares(self.times, segment, h)
+        t_s = (self.times.t_s[s] + x * self.times.segment_s[s]).ravel()
+        turned = [np.roll(curve(t_s).as_quat(), 1, axis=-1) for curve in self._curves]
+        near = _flat(self.keys_wxyz)[s.ravel()]
+        out = same_hemisphere(np.stack(turned, axis=1), near)
+        return out.reshape(*s.shape, *self.keys_wxyz.shape[1:])
+
+    def at(self, t_s: npt.ArrayLike) -> Vector:
+        """Return unit quaternions, shape (shape of t_s, shape of the joints, 4)."""
+        return self.in_segment(*self.times.locate(t_s))
+
+
 def interpolate(
     method: Method, times: KeyTimes, keys_wxyz: npt.ArrayLike, *, order: str = "ZXY"
 ) -> Interpolation:
-    """Return the rotations between key poses (k, ..., 4) by one of the three methods.
+    """Return the rotations between key poses (k, ..., 4) by one of the methods.
 
     `order` is that of the Euler angles LinEuler blends; they are taken within ±180°, the middle
     one within ±90°. Authored angles go to `LinEuler` itself.
@@ -275,4 +322,6 @@ def interpolate(
     keys = unit_quats(keys_wxyz, "keys")
     if method == "lineuler":
         return LinEuler(times, euler_from_quat(keys, order), order)
-    return Slerp(times, keys) if method == "slerp" else Squad(times, keys)
+    if method == "slerp":
+        return Slerp(times, keys)
+    return Squad(times, keys) if method == "squad" else Spline(times, keys)

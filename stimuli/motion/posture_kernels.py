@@ -307,7 +307,6 @@ def _arm(
     _put(turns, first + p.S_UPPER_ARM, local)
     _put(turns, first + p.S_LOWER_ARM, forearm)
     _put(turns, first + p.S_HAND, wrist)
-    _fingers(a, first, side, turns)
 
 
 @compiled
@@ -361,6 +360,23 @@ def _hold_head(
 
 
 @compiled
+def _limbs(c: Vector, own: Vector, world: Vector, place: Vector, turns: Vector) -> None:
+    """Pose legs and arms but for the fingers, on a trunk that is posed."""
+    for side in range(2):
+        thigh = _leg(side, c, own, world, place, turns)
+        arm = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
+        _arm(side, arm, own, world, place, thigh, turns)
+
+
+@compiled
+def pose_but_fingers(c: Vector, own: Vector, turns: Vector) -> None:
+    """Write the turns (JOINTS, 4) of trunk, head, legs and arms of a posture; no others."""
+    world, place = np.empty((p.JOINTS, 4)), np.empty((p.JOINTS, 3))
+    _trunk(c, own, turns, world, place)
+    _limbs(c, own, world, place, turns)
+
+
+@compiled
 def pose_rows(
     controls: Vector,
     offsets: Vector,
@@ -384,9 +400,9 @@ def pose_rows(
         _trunk(c, own, t, world, place)
         if held[r]:
             _hold_head(c, own, held_eyes_m[r], held_facing[r], t, world, place)
+        _limbs(c, own, world, place, t)
         for side in range(2):
-            thigh = _leg(side, c, own, world, place, t)
             arm = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
-            _arm(side, arm, own, world, place, thigh, t)
+            _fingers(arm, p.J_SIDE + side * p.SIDE_SIZE, side, t)
         for k in range(3):
             root_m[r, k] = c[p.HIPS + k]

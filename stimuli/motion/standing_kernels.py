@@ -33,6 +33,23 @@ def breathe(c: Vector, t_s: float, person: int, amount: float) -> None:
 @compiled
 def stir(c: Vector, t_s: float, person: int, amount: float) -> None:
     """Add the small drifts of a body that nobody holds still: trunk, head, arms, fingers."""
+    stir_body(c, t_s, person, amount)
+    stir_fingers(c, t_s, person, amount)
+
+
+@compiled
+def stir_fingers(c: Vector, t_s: float, person: int, amount: float) -> None:
+    """Add the small drifts of the fingers alone."""
+    for side in range(2):
+        a = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
+        for finger in range(4):
+            a[p.CURL + finger] += amount * 0.022 * drift(t_s, 0.07, person, 41 + 4 * side + finger)
+        a[p.THUMB] += amount * 0.05 * drift(t_s, 0.06, person, 49 + side)
+
+
+@compiled
+def stir_body(c: Vector, t_s: float, person: int, amount: float) -> None:
+    """Add the small drifts of trunk, head and arms alone."""
     c[p.TRUNK_YAW] += amount * np.radians(1.1) * drift(t_s, 0.06, person, 21)
     c[p.TRUNK_LEAN] += amount * np.radians(0.6) * drift(t_s, 0.07, person, 22)
     c[p.TRUNK_ROLL] += amount * np.radians(0.7) * drift(t_s, 0.06, person, 23)
@@ -46,9 +63,6 @@ def stir(c: Vector, t_s: float, person: int, amount: float) -> None:
         a[p.ELBOW] += amount * np.radians(1.6) * drift(t_s, 0.08, person, 33 + side)
         a[p.PRONATION] += amount * np.radians(2.2) * drift(t_s, 0.06, person, 35 + side)
         a[p.WRIST] += amount * np.radians(1.8) * drift(t_s, 0.08, person, 37 + side)
-        for finger in range(4):
-            a[p.CURL + finger] += amount * 0.022 * drift(t_s, 0.07, person, 41 + 4 * side + finger)
-        a[p.THUMB] += amount * 0.05 * drift(t_s, 0.06, person, 49 + side)
 
 
 @compiled
@@ -208,6 +222,18 @@ def arms_of(c: Vector, b: Vector, way: int, person: int) -> None:
 
 
 @compiled
+def idle_but_fingers(
+    c: Vector, t_s: float, b: Vector, person: int, lively: float, way: int
+) -> None:
+    """Write the posture of somebody who stands idle, but for how the fingers stir."""
+    c[:] = 0.0
+    stand(c, t_s, b, person, lively)
+    arms_of(c, b, way, person)
+    stir_body(c, t_s, person, lively)
+    breathe(c, t_s, person, 1.0)
+
+
+@compiled
 def idle_rows(
     rows: npt.NDArray[np.int64],
     t_s: Vector,
@@ -223,9 +249,6 @@ def idle_rows(
     for i in range(rows.shape[0]):
         r = rows[i]
         c, b, person, t = controls[r], builds[r], persons[r], t_s[r]
-        c[:] = 0.0
         lively = numbers[r, 0]
-        stand(c, t, b, person, lively)
-        arms_of(c, b, int(numbers[r, 1]), person)
-        stir(c, t, person, lively)
-        breathe(c, t, person, 1.0)
+        idle_but_fingers(c, t, b, person, lively, int(numbers[r, 1]))
+        stir_fingers(c, t, person, lively)

@@ -107,6 +107,11 @@ class CrowdScene(Scene):
     crowd: Crowd | None = None
     dressed_by: str = "stimuli.dressing.station:station_picture"
 
+    @property
+    def stand_m(self) -> Vector:
+        """Where the people of the crowd stand."""
+        return np.empty((0, 2)) if self.crowd is None else self.crowd.position_m
+
 
 @dataclass(frozen=True, slots=True)
 class CrowdFrame(SceneFrame):

@@ -63,3 +63,12 @@ def test_joint_map_is_read_from_a_file(tmp_path: Path) -> None:
     said.write_text("- left_hand\n")
     with pytest.raises(UsageError, match="one line a joint"):
         character("import", tmp_path / "someone_F.glb", "--joint-map", said, "--library", tmp_path)
+
+
+def test_import_says_what_is_odd_and_how_to_look_at_whom_it_imported(tmp_path: Path) -> None:
+    write_glb(tmp_path / "boxes_F.glb")
+    told = " ".join(
+        character("import", tmp_path / "boxes_F.glb", "--library", tmp_path / "lib").split()
+    )
+    assert "its right lids do not close: give the file a shape such as eyeBlinkRight" in told
+    assert "visavis character sheet imported.png --at 1,2,3.5,5,8" in told

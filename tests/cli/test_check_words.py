@@ -21,10 +21,15 @@ def test_what_is_wrong_stands_first_and_is_marked_by_more_than_a_colour(
             Finding(Level.RED, "trials", "6 of 7 planned trials complete", "do T03 again"),
         ),
         trials=(),
-        streams=(StreamCheck("head", 94, 100, 84.6, 111.0, Level.AMBER),),
+        streams=(
+            StreamCheck("head", 94, 100, 84.6, 111.0, Level.AMBER),
+            StreamCheck("responses", 18, None, None, None, Level.GREEN),
+        ),
     )
     print_check(verdict, Path("ses-001"))
-    lines = capsys.readouterr().out.splitlines()
+    printed = capsys.readouterr().out
+    lines = printed.splitlines()
+    assert "responses are presses" in printed
 
     marked = [line.split()[:2] for line in lines if line.strip()[:1] in ("✗", "!", "✓")]
     assert [["✗", "trials"], ["!", "head"], ["✓", "recording"], ["!", "head"]] == marked

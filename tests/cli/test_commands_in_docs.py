@@ -76,6 +76,12 @@ def test_every_command_on_a_page_exists_with_its_options() -> None:
     assert {} == problems
 
 
+def test_a_trial_shown_in_the_readme_is_a_picture_which_takes_seconds() -> None:
+    shown = [words for words in commands_of(ROOT / "README.md") if words[0] == "preview"]
+    assert shown
+    assert all("--png" in words and "--video" not in words for words in shown)
+
+
 def unfounded(text: str) -> list[str]:
     """Return the measured figures of sections that name no command that prints them."""
     told = []

@@ -1,9 +1,12 @@
 """Which configuration a command takes: that of its folder or above, never the program's own."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 from typer.testing import CliRunner, Result
 
 from cli.app import load_lab
@@ -78,13 +81,77 @@ def test_data_of_the_example_go_to_the_current_folder(here: Path) -> None:
     assert all(device.simulated for device in lab.devices.values())
 
 
-def test_the_configuration_in_force_is_said_in_the_first_line(here: Path) -> None:
-    visavis("init")
-    result = visavis("participant", "list", "stare")
-    assert (
-        f"configuration: {here / 'lab_config.yaml'} (Example laboratory)"
-        == (result.stderr.splitlines()[0])
-    )
+SAYS_IT = {
+    "doctor": "",
+    "devices list": "",
+    "devices test": "nobody",
+    "devices identify": "nobody",
+    "devices setup": "nobody",
+    "devices capture": "nobody",
+    "devices rules": "",
+    "sync-test": "",
+    "participant add": "nothing",
+    "participant list": "nothing",
+    "participant withdraw": "nothing 1",
+    "plan": "nothing",
+    "lock": "nothing --participants 3",
+    "prepare": "nothing",
+    "run": "nothing --participant 1",
+    "resume": "nothing",
+    "serve": "nothing",
+    "board": "nothing",
+    "export-web": "nothing --output web",
+    "import-web": "nothing results.txt",
+    "desk": "",
+    "check": "nothing",
+    "quality": "nothing",
+    "preview": "nothing --png a.png",
+    "redraw": "nothing --frame 1 --png a.png",
+    "simulate": "nothing",
+    "demo": "",
+    "view": "nothing",
+    "film": "nothing --trial T01 -o a.avi",
+    "replay": "nothing --verify",
+    "analyse": "nothing",
+    "report": "nothing",
+    "power": "nothing",
+    "export": "nothing",
+    "character list": "",
+    "character sheet": "a.png",
+    "character import": "nobody.glb",
+    "character fetch": "valid nobody.zip",
+}
+"""With what each verb ends soon after it has read the configuration."""
+NEEDS_NONE = {"new", "devices replay"}
+"""Files are written from a study's name alone, a wire that was captured is its own device."""
+
+
+def verbs(command: Any, name: str = "") -> Iterator[str]:
+    """Yield every verb that takes a configuration."""
+    context = command.context_class(command)
+    if hasattr(command, "list_commands"):
+        for below in command.list_commands(context):
+            yield from verbs(command.get_command(context, below), f"{name} {below}".strip())
+    elif any("--config" in option.opts for option in command.params):
+        yield name
+
+
+def test_every_verb_with_a_configuration_is_listed_here() -> None:
+    assert {*SAYS_IT, *NEEDS_NONE} == set(verbs(typer.main.get_command(app)))
+
+
+@pytest.mark.parametrize("verb", SAYS_IT)
+def test_the_configuration_in_force_is_said_in_the_first_line(
+    verb: str, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ended(*_: object, **__: object) -> None:
+        raise UsageError("enough")
+
+    monkeypatch.setattr("cli.commands.study.simulate_study", ended)
+    monkeypatch.setattr("cli.commands.desk._desk_server", ended)
+    CliRunner().invoke(app, ["init"])
+    said = CliRunner().invoke(app, [*verb.split(), *SAYS_IT[verb].split()]).stderr.splitlines()
+    assert f"configuration: {here / 'lab_config.yaml'} (Example laboratory)" == said[0]
 
 
 def test_json_stands_alone(here: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from cli.app import app
@@ -18,10 +19,11 @@ from cli.film.cameras import FromViewpoint
 from cli.film.film import FilmedTrial, pictures_of
 from cli.film.on_page import FilmPictures, film_share, page_picture
 from cli.film.stand_in import StandIn
-from cli.preview.pictures import Viewpoint
+from cli.preview.pictures import Viewpoint, labelled
 from cli.recorded_trial import recorded_trial, trial_row
 from cli.redraw import board_at
 from cli.session_lanes import lanes_of
+from cli.telling import Forecast
 from lab.errors import DesignError, UsageError
 from lab.geometry import Pose
 from protocol.exports_register import registered_exports
@@ -85,6 +87,25 @@ def test_every_camera_films_a_session_in_which_nothing_was_drawn(
     assert done.exit_code == 0, done.output
     assert b"AVI " == (tmp_path / "a.avi").read_bytes()[8:12]
     assert not (tmp_path / "a.json").exists()
+
+
+def test_every_picture_says_that_nobody_took_part_and_the_verb_how_long_it_takes(
+    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[str] = []
+
+    def keep(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
+        written.append(text)
+        return labelled(image, text)
+
+    monkeypatch.setattr("cli.film.film.labelled", keep)
+    monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
+    for name, is_simulated in (("simulated", True), ("duel", False)):
+        monkeypatch.setattr(KeptRecording, "is_simulated", is_simulated)
+        written.clear()
+        done = filmed(session, tmp_path / f"{name}.avi", "--camera", "eyes")
+        assert 1 == done.output.count("3 take long"), done.output
+        assert [name] * 3 == [text.split()[0] for text in written]
 
 
 @pytest.mark.parametrize(

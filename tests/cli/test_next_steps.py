@@ -78,6 +78,16 @@ def test_plan_of_nobody_in_particular_is_of_the_next_new_participant(fresh: Path
     )
 
 
+def test_plan_says_what_the_codes_in_its_columns_stand_for(fresh: Path) -> None:
+    text = said(fresh, "plan", "stare")
+
+    assert (
+        "condition (gaze of the active agent): A averted, AD averted-then-directed, D directed, "
+        "DA directed-then-averted" in text
+    )
+    assert "zone:" not in text  # whose levels are words already
+
+
 def _interrupted(*_: object) -> None:
     raise KeyboardInterrupt
 

@@ -36,6 +36,11 @@ def drawn(status: SessionStatus, entry_line: str = "") -> str:
     return text
 
 
+def test_a_streams_rate_stands_beside_the_one_promised() -> None:
+    promised = replace(STATUS, health={"eye_tracker": replace(HEALTH, nominal_rate_hz=120.0)})
+    assert "119.9 of 120 Hz" in drawn(promised)
+
+
 def test_everything_an_operator_needs_is_on_the_screen() -> None:
     text = drawn(STATUS)
 
@@ -87,6 +92,13 @@ def test_a_device_that_is_waited_for_stands_above_what_waits_for_the_operator() 
     screen = drawn(replace(STATUS, waiting="Waiting for hand: in 9 s the session ends."))
     assert "in 9 s the session ends" in screen
     assert "Waiting for" not in drawn(STATUS)
+
+
+def test_the_key_that_goes_on_without_a_device_is_named_where_it_does_something() -> None:
+    waiting = replace(STATUS, waiting="Waiting for responses: you can go on without it.")
+
+    assert "space goes on without it" in drawn(replace(waiting, can_go_on=True))
+    assert "space goes on" not in drawn(waiting)
 
 
 def test_escape_asks_before_it_ends_the_session() -> None:

@@ -22,6 +22,7 @@ from analysis.power import (
 )
 from benchmarks.stare_studies import condition_means
 from cli.commands.power import free_folder, power_study, read_effect, read_numbers, read_tests
+from cli.commands.study import DEMO_PARTICIPANTS
 from cli.main import app
 from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS
 from experiments.stare.study import experiment_of
@@ -245,6 +246,14 @@ def test_power_of_the_printed_statistic_is_that_of_the_noncentral_t() -> None:
         assert tails == pytest.approx(printed.power(n, 0.05), abs=1e-6)
 
 
+def test_the_demo_has_people_enough_to_find_what_its_study_is_about() -> None:
+    power = power_study("stare").printed[DWELL].power
+    assert 0.8 < power(DEMO_PARTICIPANTS, 0.05)
+    assert 0.25 > power(DEMO_PARTICIPANTS // 2, 0.05)
+    readme = (Path(__file__).parents[2] / "README.md").read_text("utf-8")
+    assert f"({DEMO_PARTICIPANTS} simulated participants," in readme
+
+
 def test_simulated_power_that_parts_from_the_printed_is_warned_of() -> None:
     class Printed(TwoTests):
         printed = {"first": PrintedTest("t(29) = 6.75", 6.75**2, 1, 29, 30, 30)}  # noqa: RUF012
@@ -436,10 +445,14 @@ def test_means_of_a_pool_are_those_of_the_analysis(study: KitPower, folder: Path
 
 
 def test_a_folder_that_is_there_is_not_written_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for expected in ("power_stare", "power_stare_2", "power_stare_3"):
-        folder = free_folder("power_stare")
-        assert expected == folder.name
-        folder.mkdir()
+    (tmp_path / "power_stare").mkdir()
+    for expected in ("power_stare_2", "power_stare_3"):
+        assert expected == free_folder("power_stare").name
+        few = ("--participants", "4", "--replicates", "1", "--test", DWELL, "--processes", "1")
+        done = run("stare", "--from", str(folder), *few)
+        assert done.exception is None, done.output
+        assert (tmp_path / expected / "power.csv").is_file()
+    assert [] == [*(tmp_path / "power_stare").iterdir()]

@@ -18,6 +18,7 @@ from cli.preview import people as preview_people
 from cli.preview import pictures as preview_pictures
 from cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
 from cli.preview.pictures import Viewpoint, camera_of, labelled
+from cli.telling import Forecast
 from lab.config_files import EXAMPLE
 from lab.errors import LabError, UsageError
 from lab.geometry import Pose, rotate
@@ -101,10 +102,22 @@ def test_preview_shows_the_trial_that_plan_lists(
     assert listed["factors"] == dict(shown[0].trial.factors)
 
 
-def test_film_has_as_many_pictures_as_its_seconds_say(tmp_path: Path) -> None:
+def test_film_has_as_many_pictures_as_its_seconds_say_all_marked_and_says_how_long_it_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "film.avi"
-    preview("stare", "--video", path, "--seconds", 0.2, "--rate", 10, "--size", "96x64")
+    written: list[str] = []
 
+    def keep(image: np.ndarray, text: str) -> Image.Image:
+        written.append(text)
+        return labelled(image, text)
+
+    monkeypatch.setattr("cli.commands.preview.labelled", keep)
+    monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
+    said = preview("stare", "--video", path, "--seconds", 0.2, "--rate", 10, "--size", "96x64")
+
+    assert 1 == said.count("3 take long")
+    assert ["simulated"] * 3 == [text.split()[0] for text in written]
     assert path.read_bytes().count(b"00dc") == 2 * 3  # each in the data and in the index
 
 

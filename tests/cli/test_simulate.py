@@ -70,6 +70,37 @@ def test_every_file_and_table_says_it_is_simulated(study: Path) -> None:
     assert "simulated" in study.parts
 
 
+RECORDINGS_PAGE = Path(__file__).parents[2] / "docs" / "recordings.md"
+WITH_OTHER_STUDIES = {"responses", "pointer", "drawn", "drawn_views", "choices.csv"}
+
+
+def told_of(section: str) -> set[str]:
+    """Return what the tables of a section of the page name in their first column."""
+    page = f"\n{RECORDINGS_PAGE.read_text('utf-8')}"
+    text = page.partition(f"# {section}\n")[2].partition("\n## ")[0]
+    return {
+        name for row in re.findall(r"^\| (`[^|]+) \|", text, re.M) for name in row.split("`")[1::2]
+    }
+
+
+def test_the_page_of_recordings_names_the_paths_that_a_session_has(study: Path) -> None:
+    session = min(study.glob("sub-*/ses-001"))
+    place = re.search(r"^`(<data_root>/.*)/`$", RECORDINGS_PAGE.read_text("utf-8"), re.M)
+    assert place is not None
+    told = re.sub(r"<(\w+\|\w+)>", r"(\1)", place[1])
+    told = re.sub(r"<NNN>", r"\\d{3}", re.sub(r"<(data_root|study|ID)>", ".+", told))
+    assert re.fullmatch(told, str(session))
+    files = {
+        re.sub(r"/\w+\.arrows", "/<stream>.arrows", str(path.relative_to(session)))
+        for path in session.rglob("*")
+        if path.is_file()
+    }
+    assert files == told_of("What a recording holds")
+    streams = {path.stem for path in session.rglob("*.arrows")}
+    assert streams <= told_of("Streams")
+    assert told_of("Streams") <= streams | WITH_OTHER_STUDIES
+
+
 @pytest.mark.slow
 def test_analysis_writes_a_row_per_trial_in_two_formats_and_a_report(study: Path) -> None:
     result = CliRunner().invoke(app, ["analyse", str(study), "--processes", "1"])
@@ -84,6 +115,12 @@ def test_analysis_writes_a_row_per_trial_in_two_formats_and_a_report(study: Path
     page = (study / "derived" / "report.html").read_text()
     assert "SIMULATED" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
+    captions = re.findall(r'<p class="caption">([^<]+)</p>', page)
+    assert page.count("<table>") == len(captions) > 10
+    tables = told_of("Tables of a study")
+    assert {"trials.csv", "participants.csv", "statistics.csv"} < tables
+    written = {path.name for path in (study / "derived").iterdir()}
+    assert tables - written <= WITH_OTHER_STUDIES
 
 
 def test_sessions_already_there_are_kept(study: Path) -> None:

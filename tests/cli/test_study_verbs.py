@@ -69,6 +69,14 @@ def test_export_of_a_study_file_copies_every_session(here: Path) -> None:
     assert list((here / "out").rglob("*.parquet"))
 
 
+def test_export_says_once_whose_keys_and_privacy_are_in_force(here: Path) -> None:
+    session = next(here.rglob("ses-001")).relative_to(here)
+    for wanted, folder in (("./duel.py", "a"), (session, "b")):
+        _, text = said(here, f"export {wanted} -o out_{folder}")
+        assert text.startswith(f"configuration: {here / 'lab_config.yaml'}")
+        assert 1 == text.count("configuration:")
+
+
 def test_resume_of_a_study_without_a_broken_session_says_so(here: Path) -> None:
     with pytest.raises(Exception, match="no unfinished session"):
         said(here, "resume ./duel.py")

@@ -314,3 +314,48 @@ def test_body_stays_the_one_source_of_truth():
         found = headset.poses_by_serial()
         assert found["LHR-HMD00001"].position_m == pytest.approx(body.head(clock.now_ns())[0])
         assert clock.now_ns() < NS_PER_S
+
+
+def test_images_drawn_from_a_later_pose_are_handed_over_with_it():
+    with headset_on() as (headset, runtime, clock, batches):
+        run(headset, 1)
+        frame = headset.wait_frame()
+        headset.poll(0.0)
+        clock.sleep_until_ns(frame.t_ns + 8_000_000)
+        late = headset.late_head()
+        headset.submit(frame, (11, 12))
+        turn = quat_from_yaw_pitch_deg(clock.now_ns() * 1e-9)
+        run(headset, 1)
+    assert late.orientation_wxyz == pytest.approx(turn, abs=1e-6)
+    early = column(batches, "head", "orientation_wxyz")[1]
+    assert np.abs(early - turn).max() > 5e-5
+    before, handed, after = (
+        runtime.submissions[:2],
+        runtime.submissions[2:4],
+        runtime.submissions[4:],
+    )
+    assert [s.drawn_from for s in before + after] == [None] * 4
+    for submission in handed:
+        place, found = codec.decode_matrix(submission.drawn_from.ravel().tolist())
+        assert found == pytest.approx(turn, abs=1e-6)
+        assert place == pytest.approx([0.0, 1.2, 0.0], abs=1e-6)
+        assert late.position_m == pytest.approx(place, abs=1e-6)
+
+
+def test_a_capture_of_before_the_pose_was_asked_again_has_no_later_one(tmp_path):
+    path = tmp_path / "headset.wire"
+    with simulated_runtime() as (runtime, clock):
+        recorded = OpenVrHeadset(
+            "headset", TeeTransport(runtime.library().transport(), path, clock), clock
+        )
+        recorded.open(1.0)
+        recorded.start(lambda _: None)
+        run(recorded, 3)
+        recorded.close()
+    again = SimClock()
+    replayed = OpenVrHeadset("headset", ReplayTransport(path, again), again)
+    replayed.open(1.0)
+    replayed.start(lambda _: None)
+    replayed.wait_frame()
+    assert replayed.late_head() is None
+    replayed.close()

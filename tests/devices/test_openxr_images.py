@@ -2,7 +2,9 @@
 
 import contextlib
 import sys
+from dataclasses import replace
 
+import msgpack
 import numpy as np
 import pytest
 
@@ -11,10 +13,11 @@ from devices.contracts import DeviceState
 from devices.current_gl import GlCopies
 from devices.drivers.openxr.gaze import OpenXrGaze
 from devices.drivers.openxr.headset import OpenXrHeadset
-from devices.sim.openxr.runtime import RENDER_SIZE_PX
+from devices.sim.openxr.runtime import HIDDEN_CORNER_01, RENDER_SIZE_PX
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceDisconnected, DeviceError
 from lab.geometry import quat_from_yaw_pitch_deg
+from tests.devices.bodies import FixatingBody
 from tests.devices.openvr_rigs import passer
 from tests.devices.test_openxr import column, simulated
 
@@ -250,3 +253,120 @@ def test_driver_with_images_keeps_the_contract(context):
         check_lifecycle(make, passer(clock))
         check_headset(make)
     assert isinstance(clock, SimClock)
+
+
+class _Foreseen(FixatingBody):
+    """A head whose place is foreseen wrong by 1 m for every second ahead."""
+
+    clock = SimClock()
+
+    def head(self, t_ns):
+        place, turn = super().head(t_ns)
+        return place + np.array([1e-9 * (t_ns - self.clock.now_ns()), 0.0, 0.0]), turn
+
+
+def test_images_are_shown_from_where_the_head_was_foreseen_last(context):
+    rng, seen, body = np.random.default_rng(9), [], _Foreseen()
+    with simulated(body=body) as (runtime, clock):
+        body.clock = clock
+        headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+        headset.show_images()
+        headset.open(1.0)
+        headset.start(lambda _: None)
+        runtime.images.on_frame = seen.append
+        told = []
+        for ask in (lambda: None, headset.late_head):
+            frame = one_frame(headset)
+            clock.sleep_until_ns(frame.t_ns + 8_000_000)
+            told.append(ask())
+            headset.submit(frame, noise(context, rng)[1])
+        headset.close()
+    early_m, late_m = (np.mean([e.position_m[0] for e in frame.eyes]) for frame in seen)
+    ahead_m = 1e-9 * (frame.predicted_display_ns - frame.t_ns)
+    assert (early_m, late_m) == pytest.approx((ahead_m, ahead_m - 0.008), abs=1e-6)
+    assert told[1].position_m[0] == pytest.approx(late_m, abs=1e-6)
+
+
+def test_nothing_is_foreseen_again_without_images_tracking_or_a_frame_that_has_begun(context):
+    with simulated() as (runtime, clock):
+        headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+        headset.open(1.0)
+        headset.start(lambda _: None)
+        one_frame(headset)
+        assert headset.late_head() is None
+        headset.close()
+    with showing({"kind": "silence", "start_s": 1.0, "duration_s": 9.0}) as (headset, _, clock, _):
+        frame = one_frame(headset)
+        assert headset.late_head() is not None
+        headset.submit(frame, ())
+        assert headset.late_head() is None
+        clock.sleep_until_ns(2 * NS_PER_S)
+        one_frame(headset)
+        assert headset.late_head() is None
+
+
+def test_what_the_lenses_hide_is_known_with_the_views(context):
+    with showing() as (headset, runtime, _, _):
+        views = headset.eye_views()
+    assert "xrGetVisibilityMaskKHR" in runtime.calls
+    for view in views:
+        corners = np.array(view.hidden).reshape(-1, 3, 2)
+        low = [view.tangent_left, view.tangent_bottom]
+        size = np.array([view.tangent_right, view.tangent_top]) - low
+        sides = np.diff(((corners - low) / size)[:, [0, 1, 2, 0]], axis=1)
+        areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
+        assert areas == pytest.approx([HIDDEN_CORNER_01**2 / 2] * 4)
+    left, right = (tuple(sorted(view.hidden)) for view in views)
+    assert left == right
+    assert views[0].hidden != views[1].hidden
+
+
+@pytest.mark.parametrize("shows", [True, False])
+def test_nothing_is_hidden_where_the_runtime_tells_nothing_or_nothing_is_shown(context, shows):
+    with simulated(hides_corners=not shows) as (runtime, clock):
+        headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+        if shows:
+            headset.show_images()
+        headset.open(1.0)
+        views = headset.eye_views()
+        headset.close()
+    assert [(), ()] == [view.hidden for view in views]
+    assert "xrGetVisibilityMaskKHR" not in runtime.calls
+
+
+class _Answering:
+    """A wire whose runtime answers one question otherwise."""
+
+    def __init__(self, wire, question, answer):
+        self._wire, self._question, self._answer = wire, question, answer
+
+    def __getattr__(self, name):
+        return getattr(self._wire, name)
+
+    def request(self, frames, timeout_s):
+        exchange = self._wire.request(frames, timeout_s)
+        if frames[0] == self._question:
+            return replace(exchange, frames=(b"", self._answer))
+        return exchange
+
+
+@pytest.mark.parametrize("answer", [[[[0, 0]], []], [[[0, np.nan]] * 3, []], [[], [], []], [1, 2]])
+def test_an_account_of_what_lenses_hide_that_makes_no_triangles_is_refused(context, answer):
+    with simulated() as (runtime, clock):
+        wire = _Answering(runtime.library().transport(), b"hidden", msgpack.packb(answer))
+        headset = OpenXrHeadset("headset", wire, clock)
+        headset.show_images()
+        with pytest.raises(DeviceError, match="lenses hide"):
+            headset.open(1.0)
+        headset.close()
+
+
+def test_a_capture_of_before_lenses_were_asked_about_hides_nothing(context):
+    with simulated() as (runtime, clock):
+        answer = msgpack.packb(["Visavis of old", False])
+        wire = _Answering(runtime.library().transport(), b"runtime", answer)
+        headset = OpenXrHeadset("headset", wire, clock)
+        headset.show_images()
+        headset.open(1.0)
+        assert [(), ()] == [view.hidden for view in headset.eye_views()]
+        headset.close()

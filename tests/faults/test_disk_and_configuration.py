@@ -28,6 +28,7 @@ from tests.faults.sessions import (
     resume,
 )
 from visavis.catalogue import find_study
+from visavis.sessions.data_root import DataDisk
 from visavis.sessions.perform import perform_new
 from visavis.sessions.rig import build_rig, devices_for
 
@@ -87,6 +88,14 @@ def test_a_disk_that_fills_up_ends_the_session_and_keeps_what_was_acknowledged(
     recording = Recording(path_of(config))
     assert acknowledged == list(recording.trials()["trial_id"])
     assert "not done: T03" in findings(recording)
+
+    full_disk = DataDisk(1.0, "1.0 GB are free, a session needs 2", "free some space")
+    monkeypatch.setattr("visavis.sessions.data_root.data_disk", lambda _: full_disk)
+    arguments = ["resume", str(path_of(config)), "--fast", "--config", str(CONFIG)]
+    refused = CliRunner().invoke(app, arguments).exception
+    assert isinstance(refused, RecordingError)
+    assert "1.0 GB are free, a session needs 2; free some space" in str(refused)
+    assert ["part-01"] == [part.name for part in path_of(config).glob("part-*")]
     assert "complete" == resume(config).status
 
 
@@ -185,6 +194,12 @@ def test_plan_refuses_the_devices_that_run_refuses(
     assert not (tmp_path / "data").exists()
 
 
+def test_a_study_on_pages_is_planned_in_a_lab_without_a_headset(tmp_path: Path) -> None:
+    path = configured(tmp_path, HEADSET, "")
+    planned = CliRunner().invoke(app, ["plan", "interpolation", "--config", str(path)])
+    assert 0 == planned.exit_code, planned.exception
+
+
 def test_a_missing_role_is_named() -> None:
     config = load_lab(CONFIG)
     without = config.model_copy(update={"devices": {"headset": config.devices["headset"]}})
@@ -215,7 +230,7 @@ def test_spaces_accents_and_a_decimal_comma_change_nothing(tmp_path: Path) -> No
     assert "complete" == recording.status
     assert 73 == len(recording.trials())
     checked = visavis("check", str(session), cwd=tmp_path, LC_ALL="de_DE.UTF-8")
-    assert "73 of 73 planned trials complete" in checked.stdout
+    assert "73 of 73 planned trials complete, 1 of them practice" in checked.stdout
 
 
 def test_who_sees_a_body_of_their_own_is_tracked_in_every_study() -> None:

@@ -70,6 +70,25 @@ def test_a_pause_in_a_trial_waits_for_its_end_and_costs_nothing(tmp_path: Path) 
     assert "pauses: 1" in findings(recording)
 
 
+def test_the_operator_is_told_conditions_by_their_name_and_no_second_that_is_over(
+    tmp_path: Path,
+) -> None:
+    operator = ScriptedOperator()
+    rows = trial_table(operated(tmp_path, operator))
+
+    told = {s.trial_id: s.condition for s in operator.seen if s.trial_id in TRIALS}
+    names = ("zone", "depth", "place")
+    assert {
+        trial: ", ".join(
+            [rows.loc[(trial, 1), "condition"], *(f"{n} {rows.loc[(trial, 1), n]}" for n in names)]
+        )
+        for trial in TRIALS
+    } == told
+    left = [s.trial_left_s for s in operator.seen if s.state is TRIAL]
+    assert None in left
+    assert 0 < min(s for s in left if s is not None)
+
+
 def test_a_pause_between_trials_comes_before_the_next_one(tmp_path: Path) -> None:
     operator = ScriptedOperator((*BEFORE_T02, Command(Action.PAUSE)))
     recording = operated(tmp_path, operator)
@@ -104,9 +123,12 @@ def test_repeat_between_trials_means_the_one_just_performed(tmp_path: Path) -> N
 def test_a_skipped_trial_keeps_its_reason_and_is_not_done_again(
     tmp_path: Path, when: tuple[SessionState, int, int]
 ) -> None:
-    command = Command(Action.SKIP, "participant coughed")
-    recording = operated(tmp_path, ScriptedOperator((*when, command)))
+    operator = ScriptedOperator((*when, Command(Action.SKIP, "participant coughed")))
+    recording = operated(tmp_path, operator)
 
+    last = operator.seen[-1]
+    assert (6, 1, 7) == (last.trials_done, last.trials_skipped, last.trials_planned)
+    assert 0 == last.session_left_s
     row = trial_table(recording).loc[("T02", 1)]
     assert ("skipped", "participant coughed") == (row["status"], row["reason"])
     assert ["P1", *TRIALS] == order(recording)
@@ -145,10 +167,21 @@ def test_a_reason_given_after_a_flag_is_a_flag_of_the_trial_and_in_the_verdict(
     recording = operated(tmp_path, operator)
 
     assert "operator_flag;disturbance" == trial_table(recording).loc[("T02", 1), "flags"]
-    assert "reasons: given by the operator: disturbance 1" in findings(recording)
+    assert (
+        "reasons: given by the operator: noise, or somebody came in (disturbance) once"
+        in findings(recording)
+    )
     assert "note: drill next door" in findings(recording)
     given = [e for e in asked(recording) if e["action"] == "reason"]
     assert [{"action": "reason", "text": "drill next door", "code": "disturbance"}] == given
+
+
+def test_a_reason_of_the_labs_own_list_is_told_in_its_words(tmp_path: Path) -> None:
+    own = lab(tmp_path).model_copy(update={"incidents": {"tram": "the tram passed below"}})
+    operator = ScriptedOperator((*IN_T02, Command(Action.FLAG, code="tram")))
+    recording = perform(own, operator, trial_s=1.0)
+
+    assert "given by the operator: the tram passed below (tram) once" in findings(recording)
 
 
 def test_a_skipped_trial_bears_the_code_of_its_reason(tmp_path: Path) -> None:
@@ -201,15 +234,13 @@ def test_an_aborted_session_keeps_its_trials_and_is_completed_by_resume(
     assert "aborted" == recording.status
     assert kept == list(rows.loc[rows["status"] == "complete", "trial_id"])
     assert Level.RED is verdict(recording).level
-    assert "the session was ended early: the session was ended by the operator" in findings(
-        recording
-    )
+    assert "recording: ended early: the session was ended by the operator" in findings(recording)
 
     whole = resume(config)
     rows = whole.trials()
     assert "complete" == whole.status
     assert {"P1", *TRIALS} == set(rows.loc[rows["status"] == "complete", "trial_id"])
-    assert "part 1 ended early (aborted)" in findings(whole)
+    assert "part 1 ended early: the session was ended by the operator" in findings(whole)
 
 
 def test_training_goes_on_until_the_operator_ends_it(tmp_path: Path) -> None:

@@ -273,13 +273,16 @@ def _gee(case: Case, entry: Entry) -> dict[str, Any]:
 
 
 def _clmm(case: Case, entry: Entry) -> dict[str, Any]:
-    made = clmm(case.frame, entry["dv"], **case.arguments(entry) | {"missing": "mixed"})
+    random = entry.get("random", "intercept")
+    arguments = case.arguments(entry) | {"missing": "mixed", "random": random}
+    made = clmm(case.frame, entry["dv"], **arguments)
     return {
         "thresholds": made.fit.thresholds.tolist(),
         "coefficients": made.fit.beta.tolist(),
         "se": np.sqrt(np.diag(made.fit.covariance)).tolist(),
         "log_likelihood": made.fit.log_likelihood,
         "sigma": made.fit.sigma,
+        "spread": made.fit.spread.tolist(),
         "chi2": [e.chi2 for e in made.effects],
         "chi2_p": [e.chi2_p for e in made.effects],
     }

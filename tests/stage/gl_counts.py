@@ -29,6 +29,8 @@ from tests.stage.test_golden import audience, station
 
 Scene = Callable[[], tuple[Picture, Camera]]
 EYE_PX = (480, 540)
+HIDDEN = ((-0.9, -1.0), (-0.6, -1.0), (-0.9, -0.6))
+"""A corner that the lens hides, as a headset's does."""
 
 COUNTED: dict[str, tuple[tuple[type, str], ...]] = {
     "draws": (
@@ -125,7 +127,8 @@ def of_studies() -> dict[str, list[Counter[str]]]:
     scenes = {"stare": audience, "crowd": station, "stare, one fewer": fewer}
     levels = [0, 0, 0, 2]
     with Renderer() as renderer:
-        targets = [EyeTarget(renderer.context, EYE_PX, 4) for _ in default_views()]
+        eyes = [replace(eye, hidden=HIDDEN) for eye in default_views()]
+        targets = [EyeTarget(renderer.context, EYE_PX, 4, eye) for eye in eyes]
         return {name: frames(renderer, targets, s, levels) for name, s in scenes.items()}
 
 

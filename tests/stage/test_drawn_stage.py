@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import moderngl
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from lab.clock import NS_PER_S, SimClock
@@ -12,11 +14,20 @@ from lab.errors import DesignError
 from lab.frame import FrameInfo
 from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from lab.schema import SampleBatch
-from stage.drawn_stage import Display, DrawnStage, as_drawn, default_views, eye_camera
+from stage.drawn_stage import (
+    GLANCE_PERIOD_NS,
+    Display,
+    DrawnStage,
+    as_drawn,
+    default_views,
+    eye_camera,
+)
 from stage.errors import StageError
 from stage.frame_truth import read_views
 from stage.own_body import OwnBody
 from stage.renderer import ON_PROCESSOR, Quality, Renderer
+from stage.small_picture import PROCESSOR_WIDTH_PX, WIDTH_PX
+from stage.stills import made_small
 from stimuli.picture import Camera, Picture
 from stimuli.scene import Agent, Scene, SceneFrame
 from tests.stage import figures
@@ -340,3 +351,95 @@ def test_samples_are_recorded_as_the_driver_gives_them() -> None:
     stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
     stage.close()
     assert most == views[0].values[0]["samples"]
+
+
+LATE = Pose(HEAD.position_m + np.array([0.02, 0.0, -0.03]), quat_from_yaw_pitch_deg(5.5, -2.0))
+
+
+@pytest.mark.parametrize("quality", [None, ON_PROCESSOR], ids=["card", "processor"])
+@pytest.mark.parametrize("bodied", [False, True])
+def test_a_frame_is_drawn_from_and_logged_with_the_pose_that_was_foreseen_last(
+    quality: Quality | None, bodied: bool
+) -> None:
+    rows: list[SampleBatch] = []
+
+    def opened() -> Renderer:
+        try:
+            return Renderer(quality=quality)
+        except StageError as problem:
+            pytest.skip(str(problem))
+
+    def images(head: Pose, late: Pose | None) -> tuple[DrawnStage, list[npt.NDArray[np.uint8]]]:
+        own_body = OwnBody(figures.picture(1).cast[0], SEGMENTS) if bodied else None
+        display = Display(default_views, lambda: SIZE, 4, late_head=lambda: late)
+        stage = DrawnStage(_dressed, opened, display, SimClock(), own_body=own_body)
+        stage.start(lambda batch: rows.append(batch) if batch.schema.name == "drawn" else None)
+        if bodied:
+            stage.watch("body_tracker", sample())
+        stage.draw(_scene(), FrameInfo(0, 0, 0), head)
+        return stage, stage.images()
+
+    stage, late = images(HEAD, LATE)
+    row = rows[0].values[0]
+    bodies = [] if stage._own_body is None else [stage._own_body]
+    again = stage.redraw([_scene()], row, bodies=bodies)
+    stage.close()
+    assert LATE.position_m.tolist() == row["head_position_m"].tolist()
+    assert LATE.orientation_wxyz.tolist() == row["head_orientation_wxyz"].tolist()
+    for head, foreseen, same in ((LATE, None, True), (HEAD, None, False)):
+        stage, expected = images(head, foreseen)
+        stage.close()
+        assert [same] * 2 == [bool((a == b).all()) for a, b in zip(late, expected, strict=True)]
+    assert all((a == b).all() for a, b in zip(late, again, strict=True))
+
+
+def test_the_pose_is_asked_for_again_when_only_the_views_are_left_to_be_sent() -> None:
+    order: list[str] = []
+
+    class Watched(Renderer):
+        def light(self, *arguments: Any, **options: Any) -> None:
+            super().light(*arguments, **options)
+            order.append("people and light")
+
+        def look_from(self, *arguments: Any) -> None:
+            super().look_from(*arguments)
+            order.append("view")
+
+    def opened() -> Renderer:
+        try:
+            return Watched()
+        except StageError as problem:
+            pytest.skip(str(problem))
+
+    def late_head() -> None:
+        order.append("pose")
+
+    display = Display(default_views, lambda: SIZE, 4, late_head=late_head)
+    stage = DrawnStage(_dressed, opened, display, SimClock())
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    stage.close()
+    assert ["people and light", "pose", "view", "view"] == order
+
+
+def test_the_operator_is_given_the_left_eye_small_twice_a_second() -> None:
+    clock, size = SimClock(), (4 * WIDTH_PX, 2 * WIDTH_PX)
+    stage = _stage([], _Watcher(), clock, size)
+    assert None is stage.glance()  # nothing is drawn yet
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    left = stage.images()[0]
+    assert None is stage.glance()  # asked for
+    later = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
+    stage.draw(later, FrameInfo(1, 1, 1), HEAD)
+    glance = stage.glance()
+    assert glance is not None
+    assert None is stage.glance()
+    clock.sleep_until_ns(GLANCE_PERIOD_NS)
+    assert [None, True] == [stage.glance(), stage.glance() is not None]
+    stage.close()
+    eye = eye_camera(HEAD, default_views()[0])
+    assert eye.pose.position_m.tolist() == glance.camera.pose.position_m.tolist()
+    height, width, _ = glance.image.shape
+    assert width in (WIDTH_PX, PROCESSOR_WIDTH_PX)
+    assert 2 * height == width
+    small = made_small(left, (width, height)).astype(int)
+    assert np.abs(small - glance.image).mean() < 1.0

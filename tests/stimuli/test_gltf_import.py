@@ -21,7 +21,7 @@ from stimuli.characters.gltf_file import read_glb
 from stimuli.characters.gltf_skin import like_the_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
-from tests.stimuli.glb_figure import bone_names, write_glb
+from tests.stimuli.glb_figure import Plate, bone_names, write_glb
 
 AVATARS = os.environ.get("VISAVIS_AVATARS")
 
@@ -220,6 +220,59 @@ def test_bones_may_be_said_where_their_names_tell_nothing(tmp_path: Path, glb: P
     np.testing.assert_array_equal(person.skeleton.rest_m, import_gltf(glb).skeleton.rest_m)
 
 
+def test_what_hangs_on_a_bone_without_a_skin_is_worn(tmp_path: Path) -> None:
+    worn, hung = tmp_path / "worn_F.glb", tmp_path / "hung_F.glb"
+    write_glb(worn, plate=Plate({"name": "badge"}))
+
+    def unskinned(tree: dict[str, Any]) -> object:
+        """Hang the plate on the chest's bone, half as large as twice its size."""
+        names = [node["name"] for node in tree["nodes"]]
+        plate = tree["meshes"][0]["primitives"].pop()
+        for name in ("JOINTS_0", "WEIGHTS_0"):
+            del plate["attributes"][name]
+        tree["meshes"].append({"primitives": [plate]})
+        chest = names.index("Spine2")
+        at = np.zeros(3)
+        above: int | None = chest
+        while above is not None:
+            at = at + tree["nodes"][above]["translation"]
+            parents = [i for i, n in enumerate(tree["nodes"]) if above in n.get("children", [])]
+            above = parents[0] if parents else None
+        tree["nodes"][chest]["children"].append(len(names))
+        tree["nodes"].append({"name": "hook", "scale": [0.5] * 3, "children": [len(names) + 1]})
+        tree["nodes"].append(
+            {"name": "badge", "mesh": 1, "scale": [2.0] * 3, "translation": (-2 * at).tolist()}
+        )
+        return tree
+
+    _retold(worn, hung, unskinned)
+    expected, person = (import_gltf(path).levels[0] for path in (worn, hung))
+    assert expected.vertices_m.shape == person.vertices_m.shape
+    np.testing.assert_allclose(person.vertices_m, expected.vertices_m, atol=1e-5)
+    np.testing.assert_allclose(person.normals, expected.normals, atol=1e-5)
+    np.testing.assert_array_equal(person.weights, expected.weights)
+
+
+def test_more_than_four_bones_of_a_vertex_are_heard(tmp_path: Path, glb: Path) -> None:
+    path = tmp_path / "eight_F.glb"
+
+    def second_set(tree: dict[str, Any]) -> object:
+        """Let the first four bones of every vertex weigh nothing, the next four all."""
+        attributes = tree["meshes"][0]["primitives"][0]["attributes"]
+        for name in ("JOINTS", "WEIGHTS"):
+            attributes[f"{name}_1"] = attributes[f"{name}_0"]
+            nothing = dict(tree["accessors"][attributes[f"{name}_0"]])
+            del nothing["bufferView"]
+            attributes[f"{name}_0"] = len(tree["accessors"])
+            tree["accessors"].append(nothing)
+        return tree
+
+    _retold(glb, path, second_set)
+    expected, person = import_gltf(glb).levels[0], import_gltf(path).levels[0]
+    np.testing.assert_array_equal(person.vertices_m, expected.vertices_m)
+    np.testing.assert_array_equal(person.weights, expected.weights)
+
+
 @pytest.mark.parametrize("version", ["VRM", "VRMC_vrm"])
 def test_vrm_itself_says_which_bone_is_which(tmp_path: Path, glb: Path, version: str) -> None:
     path = tmp_path / "vrm_F.vrm"
@@ -263,7 +316,7 @@ def test_folder_is_imported_line_by_line_and_a_bad_file_stops_nothing(tmp_path: 
     assert "second_M.glb" in results[1].problem
     assert library_names(library) == ("first_F", "third_M")
     assert load_character("third_M", library).gender == "male"
-    with pytest.raises(CharacterError, match=r"no \.glb"):
+    with pytest.raises(CharacterError, match=r"no \.glb, \.vrm"):
         list(import_characters(library, source))
 
 

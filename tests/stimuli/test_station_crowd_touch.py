@@ -17,7 +17,16 @@ from stimuli.contact.body import (
 )
 from stimuli.contact.figures import crowd_figures, over_capsules
 from stimuli.contact.idle import crowd_poses, people_of
-from stimuli.contact.touch import NEARER_WAITING_M, REACH_M, TouchSensor, segment_distance
+from stimuli.contact.touch import (
+    ASIDE_M,
+    BACK_M,
+    ELBOW_ASIDE_M,
+    FRONT_M,
+    NEARER_WAITING_M,
+    REACH_M,
+    TouchSensor,
+    segment_distance,
+)
 from stimuli.dressing.casting import default_casting
 from stimuli.dressing.station import station_picture
 from stimuli.motion.skeleton import forward
@@ -108,6 +117,14 @@ def test_nobody_reaches_farther_than_the_cull_assumes():
                 out = np.linalg.norm(ends[:, [0, 2]] - row[:2], axis=1) + radius
                 nearer = 0.0 if row[4] > 0.5 else NEARER_WAITING_M
                 assert out.max() < REACH_M - nearer
+                facing = np.array([[-np.sin(row[2]), -np.cos(row[2])]])
+                right = np.array([[np.cos(row[2]), -np.sin(row[2])]])
+                off = ends[:, [0, 2]] - row[:2]
+                ahead, aside = (off * facing).sum(axis=1), (off * right).sum(axis=1)
+                assert (ahead + radius).max() < FRONT_M
+                assert (radius - ahead).max() < BACK_M
+                limit = ELBOW_ASIDE_M if row[4] > 0.5 else ASIDE_M
+                assert (np.abs(aside) + radius).max() < limit
 
 
 def test_idle_people_move_little_and_stand_on_the_floor():

@@ -1,8 +1,10 @@
 """Studies of the tests, simulated at low rates on the virtual clock."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from protocol.operator import Operator
 from recording.reader import Recording
 from tests.faults.sessions import lab
 from visavis.catalogue import find_study
@@ -20,7 +22,13 @@ def opened(name: str) -> OpenedStudy:
 
 
 def perform(
-    name: str, data_root: Path, index: int = 0, *, effect: bool = True, **parameters: Any
+    name: str,
+    data_root: Path,
+    index: int = 0,
+    *,
+    effect: bool = True,
+    operator: Operator | None = None,
+    **parameters: Any,
 ) -> Recording:
     """Simulate one participant of a study and return what was recorded."""
     study = opened(name)
@@ -33,4 +41,4 @@ def perform(
         seed=1,
         effect=effect,
     )
-    return Recording(perform_new(request))
+    return Recording(perform_new(replace(request, operator=operator or request.operator)))

@@ -85,3 +85,13 @@ def test_what_a_sign_needs_is_asked_for() -> None:
         Careless("rating", max_retest_off=1.0)
     with pytest.raises(DesignError, match="checks="):
         Careless("rating", max_checks_failed=1)
+
+
+def test_the_methods_say_in_words_what_leaves_careless_people_out() -> None:
+    said = [
+        rule.rule(rule.limit) for rule in Careless("rated", max_same=9.5, max_hasty_01=0.2).rules
+    ]
+    assert [
+        "participants with a number of answers alike (max_same_answers) above 9.5",
+        "participants with a share of answers within 300 ms (max_hasty_01) above 0.2",
+    ] == said

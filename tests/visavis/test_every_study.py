@@ -1,6 +1,7 @@
 """What must hold of every study, shipped or found: plans, people, texts, tables, pictures."""
 
 import os
+import re
 import signal
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -200,6 +201,9 @@ class Killing(UnattendedOperator):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
+MEANS = "mean over participants (SD)"
+
+
 def killed(request: Request) -> bool:
     """Perform a session in a process of its own that is killed; tell whether it was."""
     pid = os.fork()
@@ -238,9 +242,14 @@ def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_pa
         example=None,
         settings=settings,
     )
-    assert "SIMULATED" in report.read_text(encoding="utf-8")
+    said = report.read_text(encoding="utf-8")
+    assert "SIMULATED" in said
+    means = [part for part in said.split('<div class="table">')[1:] if MEANS in part]
+    assert all(re.search(r">[1-9]\d*</td></tr>", part) for part in means)  # nobody has no mean
     trials = pd.read_csv(tmp_path / "derived" / "trials.csv")
     assert 0 < trials[COUNTED].sum() <= (~trials["is_practice"]).sum()
+    assert not trials.loc[trials["is_practice"], COUNTED].any()
+    assert (trials[COUNTED] == trials["left_out_because"].isna()).all()
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from lab.errors import UsageError
+from visavis.catalogue import SHIPPED, find_study
 from visavis.exclusions import (
     STANDARD_RULES,
     Exclusion,
@@ -126,3 +127,11 @@ def test_trials_left_out_are_told_by_rule_with_the_number() -> None:
 def test_cell_that_a_damaged_recording_emptied_in_part_is_judged_by_the_rest() -> None:
     table = sides(4, 4, status=["complete"] * 5 + ["damaged"] * 3)
     assert 1.0 == standard(table, 8, 1.0).people["smallest_cell_01"].item()
+
+
+@pytest.mark.parametrize("name", sorted(SHIPPED))
+def test_every_rule_of_the_studies_that_come_along_is_told_in_words(name: str) -> None:
+    for rule in find_study(name).study.exclusions:
+        if not rule.if_missing:
+            assert rule.column_words != rule.column.replace("_", " "), rule.name
+            assert not rule.column_words.endswith(" 01"), rule.name

@@ -7,12 +7,16 @@ import pytest
 from analysis.session_check import check_session
 from analysis.session_verdict import Level
 from recording.reader import Recording
+from tests.cli.test_operator_screen import drawn
+from tests.faults.sessions import ScriptedOperator
 from tests.visavis.sessions import STUDIES, perform
+
+OPERATOR = ScriptedOperator()
 
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    return perform("greeting", tmp_path_factory.mktemp("idle"))
+    return perform("greeting", tmp_path_factory.mktemp("idle"), operator=OPERATOR)
 
 
 def test_a_study_without_gaze_is_green_though_its_tracker_was_never_calibrated(
@@ -21,6 +25,12 @@ def test_a_study_without_gaze_is_green_though_its_tracker_was_never_calibrated(
     check = check_session(session)
     assert {""} == set(session.trials()["flags"])
     assert Level.GREEN is check.level, check.findings
+
+
+def test_the_operator_of_a_study_that_calibrates_nothing_is_told_so(session: Recording) -> None:
+    assert session.trials().size
+    assert {False} == {status.is_calibrated_first for status in OPERATOR.seen}
+    assert "calibration  not needed" in drawn(OPERATOR.seen[-1])
 
 
 def test_who_measures_by_gaze_and_calibrates_nothing_is_warned(tmp_path: Path) -> None:

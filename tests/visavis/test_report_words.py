@@ -93,3 +93,59 @@ def test_a_role_in_words_says_person_once() -> None:
     assert "Dwell time on the person" == dwell_on("person").words
     assert "Dwell time on the active person" == dwell_on("active").words
     assert "Dwell time on the front left person" == dwell_on("front_left").words
+
+
+WARM = """from visavis import Compare, Factor, Rating, Scene, Study
+
+study = Study(
+    "warm",
+    factors=[Factor("eyes", ["averted", "directed"])],
+    repetitions=4,
+    texts="texts",
+    calibrate=False,
+    compare=[Compare("comfort", within="eyes")],
+)
+
+
+@study.trial
+def trial(t):
+    yield t.show(Scene("person", eyes=t.eyes), seconds=0.1)
+    yield t.ask(Rating("comfort", 1, 9))
+
+
+@study.answer
+def answer(seen, response, rng):
+    liked = seen.looked_at_me_01[0] > 0.5
+    return int(min(9, max(1, round(rng.normal(8 if liked else 2, 0.7)))))
+"""
+
+
+def test_headline_and_sentence_call_levels_alike_and_give_both_means(tmp_path: Path) -> None:
+    (tmp_path / "texts").mkdir()
+    labels = "labels:\n  eyes: gaze\n  directed: at the participant\n"
+    (tmp_path / "texts" / "en.yaml").write_text(labels, "utf-8")
+    path = tmp_path / "warm.py"
+    path.write_text(WARM, "utf-8")
+    study = opened(str(path))
+    recordings = [
+        perform(str(path), tmp_path / "data", index, intertrial_s=0.1) for index in range(4)
+    ]
+    page = study.analyse(
+        [study.measure(r) for r in recordings],
+        tmp_path / "out",
+        is_simulated=True,
+        commands=(),
+        example=recordings[0],
+    ).read_text("utf-8")
+    said = re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", page)))
+
+    high, low = r"[78]\.\d\d", r"[12]\.\d\d"
+    assert re.search(
+        rf"Comfort: more with gaze at the participant than averted \({high} and {low}\)", said
+    )
+    assert re.search(
+        rf"averted and at the participant differ \(means {low} and {high}\): paired t test of "
+        r"averted − at the participant, t\(3\) = −\d",
+        said,
+    )
+    assert "directed" not in said.split("Methods")[0]

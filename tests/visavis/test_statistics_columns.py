@@ -9,7 +9,7 @@ import pytest
 from analysis.statistics_report import TESTS
 from lab.errors import LabError
 from visavis.analysis import answered
-from visavis.compare import Compare
+from visavis.compare import AGREEMENT, Compare
 from visavis.dictionary import PEOPLE, STATISTICS
 from visavis.measures import Measure
 
@@ -19,7 +19,7 @@ DESIGNS: tuple[dict[str, Any], ...] = (
     {"within": "a", "between": "g"}, {"within": "b", "between": "g"},
 )  # fmt: skip
 MODELS = ("lmm", "gee", "clmm", "bradleyterry")
-NOT_OF_MEANS = ("spearman", "pearson", "tost", "cronbach", "binomial", "krippendorff")
+NOT_OF_MEANS = ("spearman", "pearson", "tost", "cronbach", "binomial")
 """Tests that ask for more than a measure and its factors."""
 
 
@@ -43,7 +43,7 @@ def trials() -> pd.DataFrame:
     )
 
 
-@pytest.mark.parametrize("test", ["", *(t for t in TESTS if t not in MODELS)])
+@pytest.mark.parametrize("test", ["", *(t for t in TESTS if t not in (*MODELS, *AGREEMENT))])
 @pytest.mark.parametrize("dv", ["even", "skewed"])
 def test_every_column_of_a_test_is_described(test: str, dv: str, trials: pd.DataFrame) -> None:
     known = {column.name for column in (*STATISTICS, *PEOPLE)}
@@ -61,6 +61,35 @@ def test_every_column_of_a_test_is_described(test: str, dv: str, trials: pd.Data
         names |= {n for row in found.outcome.contrasts for n in row if n != "family"}
         assert set() == names - known, (test, design)
     assert bool(made) != (test in NOT_OF_MEANS)
+
+
+@pytest.mark.parametrize(
+    ("test", "options", "raters"),
+    [
+        ("icc", {"kind": "ICC3"}, "participant"),
+        ("krippendorff", {"scale": "interval"}, "participant"),
+        ("kappa", {"scale": "ordinal"}, "a"),
+    ],
+)
+def test_every_column_of_agreement_is_described(
+    test: str, options: dict[str, Any], raters: str, trials: pd.DataFrame
+) -> None:
+    rated = trials.assign(even=np.round(trials["even"]))
+    compare = Compare(
+        "even",
+        within=("a", "b"),
+        test=test,
+        options=tuple(options.items()),
+        raters=raters,
+        claim="they agree",
+    )
+    known = {column.name for column in (*STATISTICS, *PEOPLE)}
+    found = answered(
+        compare, rated, {"even": Measure("even", "1", "even")}, LEVELS, is_simulated=True
+    )
+    assert found.outcome is not None
+    assert set() == {name for row in found.outcome.rows for name in row} - known
+    assert compare.terms == tuple(term.name for term in found.terms)
 
 
 @pytest.mark.parametrize("test", ["lmm", "gee", "clmm"])

@@ -119,6 +119,8 @@ def _comparisons(
         about["only"] = dict(one.only)
         if not one.only:  # which plans locked before had not
             del about["only"]
+        if one.raters == "participant":  # nor this
+            del about["raters"]
         about["test"] = one.question(levels).test if known else one.test
         about["options"] = {key: str(value) for key, value in one.options}
         yield name, about

@@ -19,6 +19,9 @@ KINDS: Final = ("reply", "visibility", "fullscreen", "resize", "problem")
 PAGE_EVENT: Final = "page_event"
 RESTARTED: Final = "server restarted"
 RELOADED: Final = "page reloaded"
+ASLEEP: Final = "computer asleep"
+ASLEEP_NS: Final = 5 * NS_PER_S
+"""A page's clock that stood still for so long did so because the computer slept."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +44,29 @@ class Past:
 
 @dataclass
 class _Origin:
-    """Where a page's clock lies in session time: the least delay of an event tells it best."""
+    """Where a page's clock lies in session time: the least delay of an event tells it best.
+
+    `ahead_ms` is by how much the time of day on that computer is ahead of the page's clock.
+    """
 
     least_ns: int | None = None
+    ahead_ms: float | None = None
+
+    def has_slept(self, at_ms: float, wall_ms: float, t_ns: int) -> bool:
+        """Tell whether a page's clock stood still since it was heard before.
+
+        A slow network makes what it says late, a clock that is set moves its time of day; a
+        computer that slept does both.
+        """
+        before_ms, self.ahead_ms = self.ahead_ms, wall_ms - at_ms
+        if before_ms is None or self.least_ns is None:
+            return False
+        late_ns = t_ns - ns_of_ms(at_ms) - self.least_ns
+        return min(late_ns, ns_of_ms(self.ahead_ms - before_ms)) > ASLEEP_NS
+
+    def begin_anew(self, at_ms: float, t_ns: int) -> None:
+        """Forget where the clock lay."""
+        self.least_ns = t_ns - ns_of_ms(at_ms)
 
     def heard(self, at_ms: float, t_ns: int) -> None:
         offset_ns = t_ns - ns_of_ms(at_ms)
@@ -115,8 +138,13 @@ class PageDesk:
         self._opened(payload, now_ns)
         self._heard_ns, self._has_left = now_ns, False
 
-    def take(self, tab: str, events: Sequence[Any]) -> None:
+    def take(
+        self, tab: str, events: Sequence[Any], sent: tuple[float, float] | None = None
+    ) -> bool:
         """Take numbered events of the page that has the session; those known already are passed.
+
+        `sent` is when they were: by the page's clock, and by the time of day there, both in ms.
+        Returns whether anything may be to write.
 
         Raises:
             OpenElsewhereError: another page has it.
@@ -128,6 +156,11 @@ class PageDesk:
             raise PageError(f"{len(events)} events at once; {MAX_EVENTS} are taken")
         now_ns = self.clock.now_ns()
         self._heard_ns = now_ns
+        slept = sent is not None and self._origin(tab).has_slept(*sent, now_ns)
+        if sent is not None and slept:
+            payload = {"kind": "slept", "tab": tab, "at_ms": sent[0]}
+            self.recorder.event(PAGE_EVENT, now_ns, **payload)
+            self._slept(payload, now_ns)
         for content in events:
             event = mapping(content, "an event")
             n = count(event.get("n"), "n")
@@ -143,6 +176,7 @@ class PageDesk:
             self._told_trial()
             self.recorder.event(PAGE_EVENT, now_ns, **payload)
             self._apply(payload, now_ns)
+        return slept or bool(events)
 
     def told(self) -> dict[str, Any]:
         """Return what the page is told: what is on the disk, and the step to show."""
@@ -183,7 +217,7 @@ class PageDesk:
 
     def _apply(self, payload: Mapping[str, Any], t_ns: int) -> None:
         self.acknowledged = int(payload["n"])
-        origin = self._origins.setdefault(str(payload["tab"]), _Origin())
+        origin = self._origin(str(payload["tab"]))
         origin.heard(float(payload["at_ms"]), t_ns)
         if payload["kind"] == "problem":
             self.notes.add("page problem")
@@ -195,7 +229,14 @@ class PageDesk:
         if self._tab and tab != self._tab:
             self.notes.add(RELOADED)
         self._tab = tab
-        self._origins.setdefault(tab, _Origin()).heard(float(payload["at_ms"]), t_ns)
+        self._origin(tab).heard(float(payload["at_ms"]), t_ns)
+
+    def _slept(self, payload: Mapping[str, Any], t_ns: int) -> None:
+        self.notes.add(ASLEEP)
+        self._origin(str(payload["tab"])).begin_anew(float(payload["at_ms"]), t_ns)
+
+    def _origin(self, tab: str) -> _Origin:
+        return self._origins.setdefault(tab, _Origin())
 
     def _advance(self, reply: Reply | None) -> None:
         try:
@@ -235,6 +276,8 @@ class PageDesk:
             part = its_part
             if payload["kind"] == "opened":
                 self._opened(payload, t_ns)
+            elif payload["kind"] == "slept":
+                self._slept(payload, t_ns)
             else:
                 self._apply(payload, t_ns)
         self._broken(past)

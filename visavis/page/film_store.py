@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from stage.renderer import Renderer
     from visavis.filmed import FilmSeen
 
-MADE: Final = "vp9 2"
+MADE: Final = "vp9 3"
 """How films are drawn and encoded: another one here makes every film anew."""
 QUALITY: Final[Mapping[str, str]] = {
     "crf": "18",

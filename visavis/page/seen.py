@@ -169,7 +169,8 @@ def _replies(
                 continue
             tab = str(payload["tab"])
             offset_ns = t_ns - ns_of_ms(float(payload["at_ms"]))
-            least_ns[tab] = min(offset_ns, least_ns.get(tab, offset_ns))
+            before_ns = offset_ns if payload["kind"] == "slept" else least_ns.get(tab, offset_ns)
+            least_ns[tab] = min(offset_ns, before_ns)
             if is_here and payload["kind"] == "reply":
                 yield part.number, t_ns, payload, partial(_page_ns, least_ns[tab])
 

@@ -13,6 +13,7 @@ from lab.errors import DeviceError, RecordingError
 from lab.plain_files import parse_json
 from visavis.page.desk import PageDesk
 from visavis.page.errors import OpenElsewhereError, PageError
+from visavis.page.steps import number
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {
@@ -238,7 +239,9 @@ class PageServer(LocalServer):
         events = body.get("events", [])
         if not isinstance(events, list):
             raise PageError("events are a list")
-        told = await self._done(held, lambda: held.desk.take(tab, events), is_empty=not events)
+        sent = body.get("sent_ms"), body.get("wall_ms")
+        times = None if None in sent else (number(sent[0], "sent_ms"), number(sent[1], "wall_ms"))
+        told = await self._done(held, lambda: held.desk.take(tab, events, times))
         return web.json_response(told)
 
     async def _arrive(self, request: web.Request) -> web.StreamResponse:
@@ -264,16 +267,16 @@ class PageServer(LocalServer):
             held.desk.leave(tab)
         return web.json_response({})
 
-    async def _done(
-        self, held: Held, act: Callable[[], None], *, is_empty: bool = False
-    ) -> dict[str, Any]:
-        """Act, wait until everything is on the disk, and return what the page is told."""
+    async def _done(self, held: Held, act: Callable[[], bool | None]) -> dict[str, Any]:
+        """Act, wait until everything is on the disk, and return what the page is told.
+
+        What tells that it had nothing to write (False) waits for no disk.
+        """
 
         def whole() -> dict[str, Any]:
             if held.closed.is_set():
                 return held.desk.told()
-            act()
-            if not is_empty:
+            if act() is not False:
                 held.desk.recorder.checkpoint()
             return held.desk.told()
 

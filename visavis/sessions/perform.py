@@ -15,7 +15,7 @@ from devices.haptic_safety import HapticGuard
 from devices.shared_body import SharedBody
 from lab.clock import Clock, SimClock, require_fine_clock
 from lab.compiled import forget_old_kernels
-from lab.config import LabConfig, with_devices
+from lab.config import INCIDENTS, LabConfig, with_devices
 from lab.errors import ConfigError, LabError, RecordingError, SessionAborted
 from protocol.experiment import Respondent, demands_of, untold
 from protocol.gaze_setup import TargetTiming
@@ -159,6 +159,7 @@ def perform_new(request: Request) -> Path:
             "sha256": config.sha256,
             "effect": request.effect,
             **_screen(config),
+            **_incidents(config),
             **_locked(request, config),
             DESIGN_KEY: design_of(request.experiment),
             **cast,
@@ -224,6 +225,12 @@ def _locked(request: Request, config: LabConfig) -> dict[str, Any]:
     simulated = is_simulated(config)
     folder = study_dir(config.data_root, request.study.name, is_simulated=simulated)
     return carried_by_session(folder, request.study, request.experiment, request.seed)
+
+
+def _incidents(config: LabConfig) -> dict[str, Any]:
+    """Return what a session keeps of the lab's own list of reasons; nothing of the usual one."""
+    own = dict(config.incidents)
+    return {} if own == dict(INCIDENTS) else {"incidents": own}
 
 
 def _screen(config: LabConfig) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-from devices.contracts import BodyTracker, KeyListener, OnScreen
+from devices.contracts import BodyTracker, KeyListener, LatePose, OnScreen
 from devices.screen.display import ScreenDisplay
 from lab.clock import Clock
 from lab.config import LabConfig, Screen
@@ -64,7 +64,11 @@ def build_stage(
             lambda: Renderer(context, quality=quality_of(config, on_processor=True)),
             _through_screen(rig, n)
             or Display(
-                getattr(rig.headset, "eye_views", default_views), lambda: OFFSCREEN_PX, n, rate_hz
+                getattr(rig.headset, "eye_views", default_views),
+                lambda: OFFSCREEN_PX,
+                n,
+                rate_hz,
+                late_head=_late_head(rig),
             ),
             clock,
             viewers=viewers,
@@ -247,4 +251,9 @@ def _of_headset(config: LabConfig, rig: Rig, people_count: int) -> "Display":
         scale = config.display.quality.render_scale
         return round(scale * width), round(scale * height)
 
-    return Display(views, size_px, people_count, headset.display_rate_hz)
+    return Display(views, size_px, people_count, headset.display_rate_hz, late_head=_late_head(rig))
+
+
+def _late_head(rig: Rig) -> Callable[[], Pose | None] | None:
+    """Return how the headset is asked for its head again; None where it cannot be."""
+    return rig.headset.late_head if isinstance(rig.headset, LatePose) else None

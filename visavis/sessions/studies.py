@@ -15,6 +15,7 @@ from analysis.report.notation import counted
 from analysis.report.sources import on_virtual_clock
 from lab.clock import SimClock, StopWatch, SystemClock
 from lab.config import LabConfig
+from lab.config_files import CONFIG_NAME
 from lab.errors import DataError, LedgerError, SessionAborted
 from protocol.exports_register import ANALYSIS, register_export
 from protocol.ledger import Ledger, Participant, UnknownParticipant
@@ -399,8 +400,14 @@ def _measured_piecewise(
 
 
 def _from_root(folder: Path) -> str:
-    """Name a study folder from its data root on: reports hold no path of the machine."""
-    return "/".join(folder.parts[-3:])
+    """Name a study folder as it is named in its lab's folder; without a lab, from its data root on.
+
+    Reports hold no path of the machine, and their commands are typed where the lab's file lies.
+    """
+    lab = next((a for a in folder.resolve().parents if (a / CONFIG_NAME).is_file()), None)
+    if lab is None:
+        return "/".join(folder.parts[-3:])
+    return folder.resolve().relative_to(lab).as_posix()
 
 
 def _origin(folder: Path, manifests: Sequence[Manifest]) -> tuple[str, ...]:
@@ -414,6 +421,6 @@ def _origin(folder: Path, manifests: Sequence[Manifest]) -> tuple[str, ...]:
     options = [f"--participants {count}", f"--seed {settings.seed}"]
     options += [f"--set {name}={value}" for name, value in settings.parameters.items()]
     options += [] if settings.effect else ["--no-effect"]
-    root = folder.parent.parent.name
+    root = _from_root(folder).rsplit("/", 2)[0]
     name = Path(settings.source).name if settings.source else settings.study
     return (f"visavis simulate {name} {' '.join(options)} --output {root}",)

@@ -32,7 +32,7 @@ from visavis.opened import OpenedStudy, overrides_of
 from visavis.sessions.evaluated_again import TARGETS, targets_again
 from visavis.sessions.perform import Request, of_no_session, perform_new, perform_rest
 
-DRAWN: Final = ("drawn", "drawn_views", "mirror")
+DRAWN: Final = ("drawn", "drawn_gpu", "drawn_views", "mirror")
 """Streams of what was drawn: nothing is drawn when a session is performed again."""
 
 

@@ -25,7 +25,7 @@ const SAY = {
 };
 
 const at = (id) => document.getElementById(id);
-let session = null, status = null, ended = null, allowed = [], asked = null, heardAt = performance.now(), today = null, bounds = null, isOffline = false, which = "", wanted = "";
+let session = null, status = null, seen = null, ended = null, allowed = [], asked = null, heardAt = performance.now(), today = null, bounds = null, isOffline = false, which = "", wanted = "";
 
 function el(name, content = {}, ...inner) {
   const made = document.createElement(name);
@@ -182,7 +182,7 @@ function showStatus() {
   showCalibration(s);
   renew("streams", s.streams, () => s.streams.length ? [streams(s.streams)] : []);
   renew("messages", s.messages, () => [...s.messages].reverse().map((message) => el("li", { text: message })));
-  showAbove(s.above);
+  showScene(s);
 }
 
 // What an operator must see at a glance: it goes by itself, it waits for them, or a device is away.
@@ -219,7 +219,7 @@ function showCalibration(s) {
 function streams(rows) {
   const more = (column) => ([3, 5].includes(column) ? "more" : "");
   const cells = (row) => row.received
-    ? [`${row.rate_hz.toFixed(1)} Hz`, `${row.gaps}`, number(row.longest_gap_ms, 0, " ms"), number(row.last_sample_age_ms, 0, " ms"), `${row.dropped}`]
+    ? [row.nominal_rate_hz === null ? `${row.rate_hz.toFixed(1)} Hz` : `${row.rate_hz.toFixed(1)} of ${+row.nominal_rate_hz.toFixed(1)} Hz`, `${row.gaps}`, number(row.longest_gap_ms, 0, " ms"), number(row.last_sample_age_ms, 0, " ms"), `${row.dropped}`]
     : ["nothing yet", "", "", "", ""];
   const table = el("table", {}, el("caption", { text: "Streams" }),
     el("thead", {}, el("tr", {}, ...["device", "rate", "gaps", "longest gap", "last sample", "lost"].map((name, i) => el("th", { scope: "col", text: name, class: more(i) })))));
@@ -243,7 +243,19 @@ function shape(name, attributes, text) {
   return made;
 }
 
-function showAbove(above) {
+// Colours of both drawings; who is looked at and who is touched differ in more than colour.
+const PERSON = { fill: "#b7c0c9", stroke: "#4a525b" };
+const MET = { fill: "#f2a900", stroke: "#4a525b" };
+const TOUCHED = { fill: "#f6d3d6", stroke: "#a3121f" };
+const AREA = { fill: "none", stroke: "#14509a" };
+
+function showScene(s) {
+  showAbove(s);
+  showView(seen && seen.jpeg ? seen : s.from_head);
+}
+
+function showAbove(s) {
+  const above = s.above;
   at("place").hidden = !above;
   if (!above) return;
   const points = [...above.people.map((person) => [person[1], person[2]]), ...(above.head ? [above.head] : [])];
@@ -253,43 +265,100 @@ function showAbove(above) {
   if (!bounds) return;
   const wide = Math.max(bounds[2] - bounds[0] + 1.6, 3), deep = Math.max(bounds[3] - bounds[1] + 1.6, 2.2);
   const x0 = (bounds[0] + bounds[2] - wide) / 2, z0 = (bounds[1] + bounds[3] - deep) / 2, size = Math.max(wide, deep);
-  const drawn = [];
+  const thin = size * 0.003, drawn = [];
+  above.areas.forEach((r, i) => drawn.push(shape("circle", { class: "area", cx: above.people[i][1], cy: above.people[i][2], r, ...AREA, "stroke-width": thin, "stroke-dasharray": size * 0.012 })));
   above.people.forEach((person, i) => {
-    const isMet = i === above.hit;
-    drawn.push(shape("circle", { cx: person[1], cy: person[2], r: person[3], fill: isMet ? "#f2a900" : "#b7c0c9", stroke: "#4a525b", "stroke-width": size * 0.003 }));
+    const isTouched = above.touched.includes(i);
+    const look = isTouched ? TOUCHED : i === above.hit ? MET : PERSON;
+    drawn.push(shape("circle", { class: isTouched ? "touched" : "person", cx: person[1], cy: person[2], r: Math.max(person[3], size * 0.014), ...look, "stroke-width": isTouched ? 3 * thin : thin }));
   });
   if (above.gaze) {
     const [x, z, dx, dz] = above.gaze;
     drawn.push(shape("line", { x1: x, y1: z, x2: x + 2 * size * dx, y2: z + 2 * size * dz, stroke: "#c0392b", "stroke-width": size * 0.006, "stroke-opacity": 0.8 }));
   }
   if (above.head) {
-    const [x, z] = above.head, r = 0.16;
+    const [x, z] = above.head, r = Math.max(0.16, size * 0.018);
     const length = Math.hypot(...above.ahead) || 1, ux = above.ahead[0] / length, uz = above.ahead[1] / length;
     drawn.push(shape("path", { d: `M ${x + ux * r * 2} ${z + uz * r * 2} L ${x - uz * r} ${z + ux * r} L ${x + uz * r} ${z - ux * r} Z`, fill: "#14509a" }));
     drawn.push(shape("circle", { cx: x, cy: z, r, fill: "#14509a" }));
+    for (const contact of s.contacts) {  // at the side of the arm that touches, bolder while its band vibrates
+      const side = contact.segment.startsWith("left") ? 1 : -1;
+      drawn.push(shape("circle", { class: "contact", cx: x + side * uz * r * 1.5, cy: z - side * ux * r * 1.5, r: r * 0.6, fill: contact.vibrates ? "#a3121f" : "#fff", stroke: "#a3121f", "stroke-width": 3 * thin }));
+    }
   }
   const bar = size > 12 ? 5 : 1, y = z0 + deep - size * 0.03, x = x0 + size * 0.03;
   drawn.push(shape("path", { d: `M ${x} ${y} h ${bar}`, stroke: "#4a525b", "stroke-width": size * 0.006 }));
   drawn.push(shape("text", { x: x + bar + size * 0.015, y: y + size * 0.012, "font-size": size * 0.04, fill: "#4a525b" }, `${bar} m`));
   at("above").setAttribute("viewBox", `${x0} ${z0} ${wide} ${deep}`);
   at("above").replaceChildren(...drawn);
-  const met = above.people[above.hit];
-  const gaze = !above.gaze ? "gaze is lost" : met ? `looks at ${met[0].replaceAll("_", " ")}` : "looks at nobody";
-  put("above-text", status.streams.some((row) => row.role === "eye_tracker") ? gaze : "gaze is not measured");
+  put("above-text", [gazeWords(s), contactWords(s)].filter(Boolean).join(" "));
+  put("above-key", above.areas.length ? "Dashed: areas of interest, as wide as the study counts looks." : "");
+}
+
+function gazeWords(s) {
+  if (!s.streams.some((row) => row.role === "eye_tracker")) return "Gaze is not measured.";
+  if (!s.above.gaze) return "Gaze is lost.";
+  const met = s.above.people[s.above.hit];
+  return met ? `Looks at ${met[0].replaceAll("_", " ")}.` : "Looks at nobody.";
+}
+
+function contactWords(s) {
+  const now = s.contacts.map((one) => `${one.segment.replaceAll("_", " ") || "body"} touches ${one.person === null ? "somebody" : `person ${one.person + 1}`}${one.vibrates ? ", its band vibrates" : ""}`);
+  const begun = s.contacts_begun ? `${count(s.contacts_begun, "contact")} in this trial.` : "";
+  return [now.length ? `${now.join("; ")}.`.replace(/^./, (c) => c.toUpperCase()) : "", begun].filter(Boolean).join(" ");
+}
+
+// Tangents to the right and up of straight ahead; SVG's y points down.
+function showView(view) {
+  at("view-figure").hidden = !view;
+  if (!view) return;
+  const [left, right, bottom, top] = view.tangents, size = right - left, thin = size * 0.004;
+  const box = { x: left, y: -top, width: size, height: top - bottom };
+  const drawn = [shape("rect", { ...box, fill: view.jpeg ? "#000" : "#eef1f4" })];
+  if (view.jpeg) drawn.push(shape("image", { ...box, preserveAspectRatio: "none", href: `data:image/jpeg;base64,${view.jpeg}` }));
+  else {
+    for (const corners of view.boards) drawn.push(shape("polygon", { points: corners.map(([x, y]) => `${x},${-y}`).join(" "), fill: "#fff", stroke: "#4a525b", "stroke-width": thin }));
+    view.heads.forEach(([, x, y, r], i) => {
+      const look = i === view.hit ? MET : PERSON;
+      drawn.push(shape("path", { d: `M ${x - 2 * r} ${-y + 4.5 * r} V ${-y + 2.2 * r} Q ${x - 2 * r} ${-y + 1.3 * r} ${x} ${-y + 1.3 * r} Q ${x + 2 * r} ${-y + 1.3 * r} ${x + 2 * r} ${-y + 2.2 * r} V ${-y + 4.5 * r} Z`, ...PERSON, "stroke-width": thin }));
+      drawn.push(shape("ellipse", { class: "head", cx: x, cy: -y, rx: 0.85 * r, ry: 1.1 * r, ...look, "stroke-width": thin }));
+    });
+    if (view.mark) drawn.push(shape("circle", { cx: view.mark[0], cy: -view.mark[1], r: size * 0.012, fill: "#1d2126" }));
+  }
+  for (const [x, y, r] of view.areas) drawn.push(shape("circle", { class: "area", cx: x, cy: -y, r, ...AREA, "stroke-width": thin, "stroke-dasharray": size * 0.016 }));
+  if (view.gaze) {
+    drawn.push(shape("circle", { cx: view.gaze[0], cy: -view.gaze[1], r: size * 0.022, fill: "none", stroke: "#fff", "stroke-width": 3.5 * thin }));
+    drawn.push(shape("circle", { class: "gaze", cx: view.gaze[0], cy: -view.gaze[1], r: size * 0.022, fill: "none", stroke: "#c0392b", "stroke-width": 2 * thin }));
+  }
+  const seenBox = `${left} ${-top} ${size} ${top - bottom}`, inner = shape("svg", { ...box, viewBox: seenBox });
+  inner.append(...drawn);  // whose overflow is cut
+  at("view").setAttribute("viewBox", seenBox);
+  at("view").replaceChildren(inner);
+  put("view-of", view.jpeg ? "left eye, a moment ago" : session.is_blind ? "in outline, as you are blinded" : "in outline: no picture is drawn");
 }
 
 // ---- today and doctor -------------------------------------------------------------------------
 
+// Findings of one level and subject in one line each, as they came.
+function bySubject(findings) {
+  const found = new Map();
+  for (const { level, subject, message } of findings) {
+    if (!found.has(subject)) found.set(subject, { level, subject, messages: [] });
+    found.get(subject).messages.push(message);
+  }
+  return [...found.values()];
+}
+
 function verdictOf(verdict, label) {
-  const line = (finding) => el("li", { class: finding.level === "red" ? "bad" : finding.level === "amber" ? "look" : "" },
-    el("b", { text: finding.subject.replaceAll("_", " ") }), document.createTextNode(`: ${finding.message}`));
-  const wrong = ["red", "amber"].flatMap((level) => verdict.findings.filter((finding) => finding.level === level));
-  const right = verdict.findings.filter((finding) => finding.level === "green");
+  const line = ({ level, subject, messages }) => el("li", { class: level === "red" ? "bad" : level === "amber" ? "look" : "" },
+    el("b", { text: subject.replaceAll("_", " ") }), document.createTextNode(`: ${messages.join("; ")}`));
+  const of = (level) => bySubject(verdict.findings.filter((finding) => finding.level === level));
+  const wrong = [...of("red"), ...of("amber")], right = of("green");
   return el("div", { class: `verdict ${verdict.level}` },
     el("strong", { text: verdict.answer }),
     el("span", { text: `Participant ${label}: ${verdict.done} of ${count(verdict.planned, "trial")} done.` }),
-    el("ul", { class: "plain" }, ...wrong.map(line)),
-    el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...worded(step)))),
+    verdict.redo.length ? el("ul", { class: "plain", "aria-label": "what to do" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...worded(step)))) : null,
+    el("ul", { class: "plain findings", "aria-label": "why" }, ...wrong.map(line)),
     el("details", {}, el("summary", { text: `${right.length} as they should be` }), el("ul", { class: "plain" }, ...right.map(line))));
 }
 
@@ -388,6 +457,7 @@ async function follow() {
       which = told.which;
       showSessions(told.sessions);
       status = told.status;
+      seen = told.seen;
       ended = told.ended;
       const now = session && session.path + session.participant;
       if (session && (now !== before || !frame || !frame.isConnected)) {

@@ -2,7 +2,8 @@
 
 Codec: `devices.drivers.openvr.codec`. Wire: `devices.drivers.openvr.library`, a `.wire` replay,
 or any `MessageTransport` with the same requests. The pose of a frame is the runtime's prediction
-for that frame's light; its `t_device_ns` is `predicted_display_ns`. All of it, `wait_frame` and
+for that frame's light; its `t_device_ns` is `predicted_display_ns`. Images drawn from a later pose
+(`late_head`) are handed over with it. All of it, `wait_frame` and
 `submit` included, belongs to the thread that draws.
 """
 
@@ -49,7 +50,7 @@ class OpenVrHeadset(RuntimeHeadset):
         self._base_due_ns = 0
         self._last_poses = codec.decode_poses(b"")
         self._last_count: int | None = None
-        self._timing_raw = b""
+        self._timing_raw = self._drawn_from = b""
         super().__init__(
             role,
             transport,
@@ -87,6 +88,19 @@ class OpenVrHeadset(RuntimeHeadset):
         poses = codec.decode_poses(exchange.frames[1] if len(exchange.frames) > 1 else b"")
         return self._begin_with(t_ns, max(predicted_ns, t_ns), skipped, poses)
 
+    def late_head(self) -> Pose | None:
+        """Return the head as the runtime now foresees it for the light of the last frame."""
+        if self._frame is None:
+            return None
+        ahead_s = (self._frame.predicted_display_ns - self._clock.now_ns()) / NS_PER_S
+        raw = self._late_answer((b"late", f"{max(ahead_s, 0.0):.9f}".encode()))
+        poses = codec.decode_poses(raw)
+        found = codec.decode_pose(poses[0]) if len(poses) else None
+        if found is None:
+            return None
+        self._drawn_from = poses[0]["matrix"].tobytes()
+        return self._between_eyes(found)
+
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
         """Hand over one GL texture name per eye, left first; none shows nothing new.
 
@@ -104,7 +118,9 @@ class OpenVrHeadset(RuntimeHeadset):
             )
         for eye, image in enumerate(images):
             name = int(getattr(image, "glo", image))  # type: ignore[call-overload]  # int or texture
-            frames = (f"submit {eye}".encode(), str(name).encode())
+            frames: tuple[bytes, ...] = (f"submit {eye}".encode(), str(name).encode())
+            if self._drawn_from:
+                frames = (*frames, self._drawn_from)
             error = (
                 self._transport.request(frames, CALL_TIMEOUT_S).frames[0].decode("ascii", "replace")
             )
@@ -208,12 +224,18 @@ class OpenVrHeadset(RuntimeHeadset):
         self._last_poses = poses
         found = codec.decode_pose(poses[0]) if len(poses) else None
         if found is not None:
-            place = np.array(found[0]) + rotate(np.array(found[1]), self._midpoint)
-            found = (place[0], place[1], place[2]), found[1]
+            x, y, z = self._between_eyes(found).position_m
+            found = (x, y, z), found[1]
+        self._drawn_from = b""
         if t_ns >= self._base_due_ns:
             self._base_due_ns = t_ns + BASE_STATIONS_EVERY_NS
             self._bases.look(poses)
         return self._begin_frame(t_ns, predicted_ns, skipped, found)
+
+    def _between_eyes(self, found: tuple[codec.Triple, codec.Quadruple]) -> Pose:
+        """Return the pose of the midpoint between the eyes, of the headset's."""
+        turn = np.array(found[1])
+        return Pose(np.array(found[0]) + rotate(turn, self._midpoint), turn)
 
     def _add_timing(self, row: np.void) -> None:
         add_timing(row, self._timing_raw)

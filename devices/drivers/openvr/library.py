@@ -5,8 +5,8 @@ controllers and trackers; each gets its own `OpenVrTransport`. Every call is a r
 its arguments) with an answer (the name of the error, empty for none, then what the runtime
 filled in); events arrive as messages. A `TeeTransport` around it thus writes a `.wire` log.
 
-Requests: `runtime`, `devices`, `display`, `eye 0`, `eye 1`, `wait_poses`, `poses`, `activity`,
-`submit 0`, `submit 1`, `axes`, `haptic`.
+Requests: `runtime`, `devices`, `display`, `eye 0`, `eye 1`, `wait_poses`, `late`, `poses`,
+`activity`, `submit 0`, `submit 1`, `axes`, `haptic`.
 """
 
 import ctypes
@@ -68,6 +68,7 @@ class OpenVrLibrary:
             "display": self._display,
             "eye": self._eye,
             "wait_poses": self._wait_poses,
+            "late": self._late_pose,
             "poses": self._present_poses,
             "activity": self._activity,
             "submit": self._submit,
@@ -217,6 +218,14 @@ class OpenVrLibrary:
         filled, timing = self._compositor.getFrameTiming(1)
         return poses, vsync, bytes(timing) if filled else b"", remaining
 
+    def _late_pose(self, frames: Frames) -> Frames:
+        """Return the headset's pose as foreseen now, so many seconds ahead."""
+        poses = self._poses_here()
+        self._system.getDeviceToAbsoluteTrackingPose(
+            self._openvr.TrackingUniverseStanding, float(frames[1]), poses
+        )
+        return (bytes(poses[0]),)
+
     def _present_poses(self, _: Frames) -> Frames:
         self._system.getDeviceToAbsoluteTrackingPose(
             self._openvr.TrackingUniverseStanding, 0.0, self._poses_here()
@@ -234,13 +243,22 @@ class OpenVrLibrary:
         return (struct.pack("<i", int(self._system.getTrackedDeviceActivityLevel(0))),)
 
     def _submit(self, frames: Frames) -> Frames:
-        vr = self._openvr
+        """Hand over an image, with the headset's pose it was drawn from where that is given."""
+        vr, flags = self._openvr, self._openvr.Submit_Default
         texture = vr.Texture_t(
             handle=int(frames[1]), eType=vr.TextureType_OpenGL, eColorSpace=vr.ColorSpace_Gamma
         )
+        if len(frames) > 2:
+            flags = vr.Submit_TextureWithPose
+            texture = vr.VRTextureWithPose_t(
+                texture.handle,
+                texture.eType,
+                texture.eColorSpace,
+                vr.HmdMatrix34_t.from_buffer_copy(frames[2]),
+            )
         # The package's own submit() cannot pass "the whole texture".
         error = self._compositor.function_table.submit(
-            int(frames[0][-1:]), ctypes.byref(texture), None, vr.Submit_Default
+            int(frames[0][-1:]), ctypes.byref(texture), None, flags
         )
         vr.error_code.CompositorError.check_error_value(error)
         return ()

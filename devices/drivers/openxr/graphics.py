@@ -1,7 +1,8 @@
 """Show images through an OpenXR session: bind it to OpenGL, keep a swap chain for each eye.
 
 Images are copied as they are, sRGB bytes into an sRGB swap chain, within the context that drew
-them. Source: the OpenXR specification, XR_KHR_opengl_enable and XR_MNDX_egl_enable.
+them. Source: the OpenXR specification, XR_KHR_opengl_enable, XR_MNDX_egl_enable and
+XR_KHR_visibility_mask.
 """
 
 import ctypes
@@ -18,6 +19,7 @@ from lab.frame import EyeView
 
 OPENGL = "XR_KHR_opengl_enable"
 EGL = "XR_MNDX_egl_enable"
+VISIBILITY_MASK = "XR_KHR_visibility_mask"
 BINDING_TYPES = {"egl": 1000048004, "glx": 1000023001, "wgl": 1000023000}
 """`XrStructureType` of the bindings."""
 
@@ -114,6 +116,30 @@ def ask_graphics_requirements(xr: Any, instance: Any, system: Any) -> None:
     problem = xr.check_result(xr.Result(function(instance, system, ctypes.byref(wanted))))
     if problem.is_exception():
         raise problem
+
+
+def hidden_area(xr: Any, ask: Any, session: Any, eye: int) -> list[tuple[float, float]]:
+    """Return the corners (tangents right and up, three a triangle) of what the lens hides of a
+    view, as the runtime's `xrGetVisibilityMaskKHR` tells; empty where nothing is hidden.
+    """
+    kind = xr.ViewConfigurationType.PRIMARY_STEREO.value
+    hidden = xr.VisibilityMaskTypeKHR.HIDDEN_TRIANGLE_MESH.value
+    mask = xr.VisibilityMaskKHR()
+
+    def told() -> None:
+        problem = xr.check_result(xr.Result(ask(session, kind, eye, hidden, ctypes.byref(mask))))
+        if problem.is_exception():
+            raise problem
+
+    told()
+    vertices = (xr.Vector2f * mask.vertex_count_output)()
+    indices = (ctypes.c_uint32 * mask.index_count_output)()
+    if not len(vertices) or not len(indices):
+        return []
+    mask.vertices, mask.vertex_capacity_input = vertices, len(vertices)
+    mask.indices, mask.index_capacity_input = indices, len(indices)
+    told()
+    return [(float(vertices[i].x), float(vertices[i].y)) for i in indices if i < len(vertices)]
 
 
 def packed_images(

@@ -3,7 +3,8 @@
 `show_images` before `open` makes it a session with graphics, in the OpenGL context that is then
 current; otherwise it is headless and refuses images. The pose of a frame is the runtime's
 prediction for the frame's light, with the view space's origin taken as the midpoint between the
-eyes. Images are handed over with the pose and the views they were drawn from. OpenXR has no frame
+eyes; `late_head` asks for it again. Images are handed over with the pose and the views they were
+drawn from. OpenXR has no frame
 timing: frames that the display went on without are told from its own display times. All of it
 belongs to the thread that draws.
 """
@@ -17,17 +18,19 @@ import numpy as np
 
 from devices.contracts import DeviceState, Fault
 from devices.drivers.openxr.graphics import packed_images
-from devices.drivers.openxr.packing import FRAME, pose_of
+from devices.drivers.openxr.packing import FRAME, LATE, pose_of
 from devices.drivers.openxr.spec import OPENXR_HEADSET
-from devices.drivers.runtimes.headset import CALL_TIMEOUT_S, RuntimeHeadset
+from devices.drivers.runtimes.headset import CALL_TIMEOUT_S, HeadPose, RuntimeHeadset
+from devices.drivers.streaming.message_device import legible
 from devices.transports import MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError, ProtocolViolation
 from lab.frame import EyeView, FrameInfo
-from lab.geometry import Vector, quat_multiply, rotate
+from lab.geometry import Pose, Vector, quat_multiply, rotate
 
 MAX_AHEAD_NS = 60 * NS_PER_S
 """A display time further off is none."""
+Corners = tuple[tuple[float, float], ...]
 USUAL_EYE_PX = (1440, 1600)
 """Until the runtime has been asked; only a session with graphics asks."""
 
@@ -41,7 +44,7 @@ class OpenXrHeadset(RuntimeHeadset):
         self, role: str, transport: MessageTransport, clock: Clock, *, display_rate_hz: float = 90
     ) -> None:
         self._refused = ""
-        self._shows_images = self._unfocused = False
+        self._shows_images = self._unfocused = self._tells_hidden = False
         self._drawn_from: tuple[Vector, Vector] = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         self._last_display: int | None = None
         super().__init__(
@@ -72,6 +75,18 @@ class OpenXrHeadset(RuntimeHeadset):
             self._lose(error.decode("ascii", "replace") or "an unreadable answer")
         self._life.require("wait_frame", DeviceState.STREAMING, DeviceState.FAULT)
         return self._wait_alone()
+
+    def late_head(self) -> Pose | None:
+        """Return the head as the runtime now foresees it for the light of the last frame."""
+        if not self._shows_images:
+            return None
+        answer = self._late_answer((b"late",))
+        if len(answer) != LATE.size:
+            return None
+        flags, *located = LATE.unpack(answer)
+        pose = pose_of(int(flags), located, fully_tracked=True)
+        self._draw_from(pose)
+        return None if pose is None else Pose(*self._drawn_from)
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
         """Hand over one GL texture per eye, left first, same size; none shows nothing new.
@@ -128,7 +143,8 @@ class OpenXrHeadset(RuntimeHeadset):
 
     def _connect(self, deadline_ns: int) -> None:
         """Begin the session, read the views and one frame's period."""
-        name = msgpack.unpackb(self._answer("runtime"))[0]
+        name, *told = msgpack.unpackb(self._answer("runtime"))
+        self._tells_hidden = told[2:3] == [True]  # captures of before it was asked say less
         self._learn_views()
         if self._shows_images:
             width, height = msgpack.unpackb(self._answer("size"))
@@ -157,10 +173,28 @@ class OpenXrHeadset(RuntimeHeadset):
                 (row[0], row[1], row[2]),
                 (row[6], row[3], row[4], row[5]),
                 *(math.tan(angle) for angle in row[7:11]),
+                hidden=hidden,
             )
-            for row in rows
+            for row, hidden in zip(rows, self._hidden_areas(), strict=True)
         )
         self._views = (left, right)
+
+    def _hidden_areas(self) -> tuple[Corners, Corners]:
+        """Return what the lens hides of either view; nothing where the runtime does not tell."""
+        if not self._tells_hidden:
+            return (), ()
+        with legible("what the lenses hide", OPENXR_HEADSET.remedy):
+            left, right = (
+                tuple((float(x), float(y)) for x, y in corners)
+                for corners in msgpack.unpackb(self._answer("hidden"))
+            )
+        for corners in (left, right):
+            if len(corners) % 3 or not all(math.isfinite(x + y) for x, y in corners):
+                raise ProtocolViolation(
+                    "the runtime's account of what the lenses hide is not of triangles",
+                    remedy=OPENXR_HEADSET.remedy,
+                )
+        return left, right
 
     def _begin(self, numbers: tuple[float, ...], t_receive_ns: int) -> FrameInfo:
         _host_ns, now, display, period, flags = (int(n) for n in numbers[:5])
@@ -174,11 +208,15 @@ class OpenXrHeadset(RuntimeHeadset):
             skipped = max(0, round((display - before) / period) - 1)
         self._last_display = display
         pose = pose_of(flags, numbers[5:], fully_tracked=True)
+        self._draw_from(pose)
+        self._close_frame()
+        return self._begin_frame(t_ns, predicted_ns, skipped, pose)
+
+    def _draw_from(self, pose: HeadPose) -> None:
+        """Say from now on that images are drawn from here; an unknown place changes nothing."""
         if pose is not None:
             drawn_from = np.array((*pose[0], *pose[1]), np.float32).astype(np.float64)
             self._drawn_from = (drawn_from[:3], drawn_from[3:])
-        self._close_frame()
-        return self._begin_frame(t_ns, predicted_ns, skipped, pose)
 
     def _packed(self, images: Sequence[object]) -> bytes:
         """Return two images with the place and the view each was drawn from."""

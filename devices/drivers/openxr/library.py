@@ -7,7 +7,8 @@ numbers), so that a `TeeTransport` around the transport writes a `.wire` log. On
 every device of the process. Times are XrTime (ns) as the runtime gives them, next to the same
 instant on the session's clock (`devices.drivers.openxr.runtime_time`).
 
-Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `frame`, `show`, `views`, `size`, `buzz`.
+Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `frame`, `late`, `show`, `views`,
+`hidden`, `size`, `buzz`.
 """
 
 import ctypes
@@ -34,11 +35,21 @@ from devices.drivers.openxr.eyes import (
     packed_eyes,
 )
 from devices.drivers.openxr.graphics import (
+    VISIBILITY_MASK,
     EyeImages,
     GraphicsBinding,
     ask_graphics_requirements,
+    hidden_area,
 )
-from devices.drivers.openxr.packing import FRAME, INSTANT, LOCATED, number, numbers, packed_views
+from devices.drivers.openxr.packing import (
+    FRAME,
+    INSTANT,
+    LATE,
+    LOCATED,
+    number,
+    numbers,
+    packed_views,
+)
 from devices.drivers.openxr.runtime_time import RuntimeTime, performance_counter, time_extension
 from devices.drivers.openxr.wire import OpenXrTransport
 from devices.drivers.runtimes.loader_output import loader_output_logged
@@ -80,6 +91,7 @@ class OpenXrLibrary:
         self.version = ""
         self.offers_gaze = False
         self.eyes_by = ""
+        self.tells_hidden = False
         self._eyes: EyesOfRuntime | None = None
         self.states: list[int] = []
         self._users: list[OpenXrTransport] = []
@@ -100,8 +112,10 @@ class OpenXrLibrary:
             "eyes": self._both_eyes,
             "hands": self._hands,
             "frame": self._frame,
+            "late": self._late,
             "show": self._show,
             "views": self._views,
+            "hidden": self._hidden,
             "size": self._size,
             "buzz": self._buzz,
         }
@@ -179,6 +193,8 @@ class OpenXrLibrary:
         per_eye = extension_for_eyes(offered)
         enabled = [*way, timing, *([EYE_GAZE] if EYE_GAZE in offered else [])]
         enabled += [per_eye] if per_eye else []
+        self.tells_hidden = self._shows_images and VISIBILITY_MASK in offered
+        enabled += [VISIBILITY_MASK] if self.tells_hidden else []
         application = xr.ApplicationInfo(
             application_name="Visavis", api_version=xr.Version(1, 0, 0)
         )
@@ -299,7 +315,8 @@ class OpenXrLibrary:
         return self._time.now()
 
     def _runtime(self, _: Frames) -> Frames:
-        packed: bytes = msgpack.packb([self.version, self.offers_gaze, self.eyes_by])
+        told = [self.version, self.offers_gaze, self.eyes_by, self.tells_hidden]
+        packed: bytes = msgpack.packb(told)
         return (packed,)
 
     def _locate(self, space: str, base: str, at: int, chained: Any = None) -> tuple[int, Any]:
@@ -388,6 +405,13 @@ class OpenXrLibrary:
         )
         return packed, b"1" if has_focus else b"0"
 
+    def _late(self, _: Frames) -> Frames:
+        """Foresee the head once more for the frame that has begun."""
+        if self._begun is None:
+            raise _Refused("NoFrameBegun")
+        flags, pose = self._locate("view", "stage", int(number(self._begun)))
+        return (LATE.pack(flags, *numbers(pose)),)
+
     def _show(self, frames: Frames) -> Frames:
         """End the frame with two new images, or with those before."""
         if self._images is None or self._begun is None:
@@ -404,6 +428,17 @@ class OpenXrLibrary:
         view = xr.enumerate_view_configuration_views(self._instance, self._system, kind)[0]
         size = [view.recommended_image_rect_width, view.recommended_image_rect_height]
         packed: bytes = msgpack.packb([int(n) for n in size])
+        return (packed,)
+
+    def _hidden(self, _: Frames) -> Frames:
+        """Return what the lens hides of either view: corners (tangents), three a triangle."""
+        if not self.tells_hidden or self._session is None:
+            raise _Refused("NothingToldOfHiddenAreas")
+        xr = self._xr
+        found = xr.get_instance_proc_addr(self._instance, "xrGetVisibilityMaskKHR")
+        ask = ctypes.cast(found, xr.PFN_xrGetVisibilityMaskKHR)
+        both = [hidden_area(xr, ask, self._session, eye) for eye in (0, 1)]
+        packed: bytes = msgpack.packb(both)
         return (packed,)
 
     def _views(self, _: Frames) -> Frames:

@@ -23,6 +23,9 @@ INSTANT = struct.Struct("<qq")
 FRAME = struct.Struct("<qqqqQ7f")
 """Host ns and XrTime of one instant, predicted display XrTime, period ns, flags, head pose."""
 
+LATE = struct.Struct("<Q7f")
+"""Flags and head pose, foreseen once more for a frame that has begun."""
+
 
 def numbers(pose: Any) -> tuple[float, ...]:
     """Return a pose as position and quaternion (x, y, z, w)."""

@@ -15,7 +15,7 @@ from devices.plausible import is_place
 from devices.spec import AnySpec
 from devices.transports import MessageTransport
 from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceError, ProtocolViolation
+from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
 from lab.frame import EyeView, FrameInfo
 from lab.schema import SampleBatch, StreamSchema
 
@@ -123,6 +123,18 @@ class RuntimeHeadset(MessageDevice):
                 f"the runtime refused {name!r}: {reason}", remedy=self._spec.remedy
             )
         return frames[1]
+
+    def _late_answer(self, frames: tuple[bytes, ...]) -> bytes:
+        """Return what the runtime answers about a frame that has begun; nothing where it cannot,
+        as on a capture of before it was asked: the frame's own pose is as good as before.
+        """
+        if self._life.state is not DeviceState.STREAMING:
+            return b""
+        try:
+            answer = self._transport.request(frames, CALL_TIMEOUT_S).frames
+        except DeviceTimeout:
+            return b""
+        return answer[1] if not answer[0] and len(answer) > 1 else b""
 
     def _lose(self, reason: str) -> None:
         self._gone = f"lost the {self.runtime}: {reason}"

@@ -46,12 +46,15 @@ RAW_TANGENTS = ((-1.39, 1.25, -1.47, 1.46), (-1.25, 1.39, -1.47, 1.46))
 
 @dataclass
 class Submission:
-    """One image handed over: the frame's vertical sync, the eye (0 left) and the GL name."""
+    """One image handed over: the frame's vertical sync, the eye (0 left) and the GL name, and the
+    headset's pose (3 by 4) it is said to be drawn from; None for that of the frame.
+    """
 
     vsync: int
     eye: int
     texture: int
     t_ns: int
+    drawn_from: npt.NDArray[np.float32] | None = None
 
 
 @dataclass
@@ -268,7 +271,12 @@ class SimulatedVrRuntime:
                 return int(self._openvr.VRCompositorError_InvalidTexture)
             self.on_image(eye, image)
         self._submitted_eyes.add(eye)
-        self.submissions.append(Submission(self._vsync, eye, name, self._clock.now_ns()))
+        drawn_from = None
+        if flags & int(self._openvr.Submit_TextureWithPose):
+            posed = ctypes.cast(texture, ctypes.POINTER(self._openvr.VRTextureWithPose_t)).contents
+            drawn_from = np.array(posed.mDeviceToAbsoluteTracking.m, np.float32)
+        now_ns = self._clock.now_ns()
+        self.submissions.append(Submission(self._vsync, eye, name, now_ns, drawn_from))
         if self.on_submit is not None:
             self.on_submit(eye, name)
         return 0

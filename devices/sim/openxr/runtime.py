@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from devices.contracts import Body
-from devices.drivers.openxr.graphics import EGL, OPENGL
+from devices.drivers.openxr.graphics import EGL, OPENGL, VISIBILITY_MASK
 from devices.drivers.openxr.library import EYE_GAZE, HEADLESS, OpenXrLibrary
 from devices.drivers.openxr.runtime_time import FROM_COUNTER, TIMESPEC
 from devices.faults import FaultSchedule
@@ -47,11 +47,13 @@ RUNTIME_NAME = b"Visavis simulated OpenXR"
 SUCCESS, EVENT_UNAVAILABLE = 0, 4
 API_VERSION_UNSUPPORTED, FORM_FACTOR_UNAVAILABLE = -4, -35
 SESSION_NOT_RUNNING, TIME_INVALID = -16, -30
-ACTIONSETS_NOT_ATTACHED = -46
+ACTIONSETS_NOT_ATTACHED, SIZE_INSUFFICIENT = -46, -11
 IDLE, READY, SYNCHRONIZED, VISIBLE, FOCUSED, STOPPING, LOSS_PENDING, EXITING = range(1, 9)
 ALL_VALID_AND_TRACKED = 0b1111
 STAGE, VIEW, GAZE, FIRST_HAND = 3, 1, 99, 100
 FIRST_HANDLE = 0x1000
+HIDDEN_CORNER_01 = 0.2
+"""Of the picture's sides, cut off each corner by the lens."""
 VIEW_ANGLES_RAD = (-0.87, 0.82, -0.85, 0.86)
 RENDER_SIZE_PX = (1512, 1680)
 IPD_M = 0.063
@@ -77,6 +79,7 @@ class SimulatedXrRuntime:
         tells_sample_time: bool = True,
         time_extension: str = TIMESPEC,
         per_eye: str = "none",
+        hides_corners: bool = True,
     ) -> None:
         self.failure: Exception | None = None
         self.calls: list[str] = []
@@ -86,6 +89,7 @@ class SimulatedXrRuntime:
         self._rate_milli_hz = round(display_rate_hz * MILLI_HZ)
         self._faults = faults if faults is not None else FaultSchedule()
         self._supports_gaze = supports_gaze
+        self._hides_corners = hides_corners
         self._tells_sample_time = tells_sample_time
         self._time_extension = time_extension
         self._origin_ns = clock.now_ns()
@@ -166,6 +170,7 @@ class SimulatedXrRuntime:
     ) -> int:
         names = [HEADLESS, self._time_extension, EYE_GAZE, OPENGL, EGL]
         names += [self.eyes.extension] if self.eyes.extension else []
+        names += [VISIBILITY_MASK] if self._hides_corners else []
         count[0] = len(names)
         if capacity and properties:
             for i, name in enumerate(names):
@@ -300,6 +305,34 @@ class SimulatedXrRuntime:
                 angles = VIEW_ANGLES_RAD
                 view.fov.angle_left, view.fov.angle_right = angles[:2]
                 view.fov.angle_down, view.fov.angle_up = angles[2:]
+        return SUCCESS
+
+    def _xr_GetVisibilityMaskKHR(
+        self, session: Any, kind: Any, eye: int, wanted: Any, mask: Any
+    ) -> int:
+        """Tell the triangles that cut off the four corners; the left eye's wind the other way."""
+        left, right, down, up = np.tan(VIEW_ANGLES_RAD)
+        share, told = HIDDEN_CORNER_01, mask.contents
+        wide, high = share * (right - left), share * (up - down)
+        corners = [
+            point
+            for x, y, dx, dy in (
+                (left, down, wide, high),
+                (right, down, -wide, high),
+                (right, up, -wide, -high),
+                (left, up, wide, -high),
+            )
+            for point in ((x, y), (x + dx, y), (x, y + dy))
+        ]
+        order = range(len(corners)) if eye else range(len(corners) - 1, -1, -1)
+        told.vertex_count_output = told.index_count_output = len(corners)
+        if not told.vertex_capacity_input and not told.index_capacity_input:
+            return SUCCESS
+        if min(told.vertex_capacity_input, told.index_capacity_input) < len(corners):
+            return SIZE_INSUFFICIENT
+        for i, ((x, y), index) in enumerate(zip(corners, order, strict=True)):
+            told.vertices[i].x, told.vertices[i].y = x, y
+            told.indices[i] = index
         return SUCCESS
 
     def _xr_WaitFrame(self, session: Any, info: Any, state: Any) -> int:

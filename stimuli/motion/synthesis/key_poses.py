@@ -17,7 +17,7 @@ from stimuli.motion.interpolation import (
     LinEuler,
     Method,
     Slerp,
-    Squad,
+    interpolate,
 )
 from stimuli.motion.rotations import euler_from_quat
 
@@ -65,15 +65,15 @@ def continuous_euler_rad(clip: Clip, order: str = EULER_ORDER) -> Vector:
 def between_keys(clip: Clip, keys: tuple[int, ...], method: Method) -> KeyPoses:
     """Return what a method makes of a clip's key poses, at their own times.
 
-    The root moves straight from key to key; with Squad along a path of continuous velocity.
+    The root moves straight from key to key; with Squad and Spline along a path of continuous
+    velocity.
     """
     frames = list(keys)
     times = KeyTimes(clip.frame_times_s[frames])
     turns: Interpolation
     if method == "lineuler":
         turns = LinEuler(times, continuous_euler_rad(clip)[frames], EULER_ORDER)
-    elif method == "slerp":
-        turns = Slerp(times, clip.orientation_wxyz[frames])
     else:
-        turns = Squad(times, clip.orientation_wxyz[frames])
-    return KeyPoses(clip.skeleton, turns, clip.root_m[frames], smooth_root=method == "squad")
+        turns = interpolate(method, times, clip.orientation_wxyz[frames])
+    smooth = method in ("squad", "spline")
+    return KeyPoses(clip.skeleton, turns, clip.root_m[frames], smooth_root=smooth)

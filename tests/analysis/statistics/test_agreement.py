@@ -89,3 +89,38 @@ def test_equal_pairs_are_left_out_and_told() -> None:
     assert ("1 of 4 equal, left out",) == made.provenance.notes
     assert made.p == binomial_test(2, 3).p
     assert 3 == sign_test_of_one([0.3 - 0.1, 0.9, 0.7, 0.8], mu=0.2).hits
+
+
+def test_the_bound_at_the_end_of_an_interval_has_its_tail() -> None:
+    rng = np.random.default_rng(2)
+    table = rng.normal(0, 1, (15, 1)) + rng.normal(0, 1, (15, 4))
+    for kind in ("ICC1", "ICC3", "ICC1k", "ICC3k"):
+        low = next(one for one in icc(table) if one.kind == kind).interval.low
+        (one,) = (o for o in icc(table, above=low) if o.kind == kind)
+        assert 0.025 == pytest.approx(one.p_above, abs=1e-9)
+    for one in icc(table):
+        assert one.p == pytest.approx(one.p_above)
+    two = np.round(table[:, :2])
+    low = cohen_kappa(two, scale="interval").interval.low
+    assert 0.025 == pytest.approx(cohen_kappa(two, scale="interval", above=low).p_above)
+    low = krippendorff_alpha(table, scale="interval").interval.low
+    found = krippendorff_alpha(table, scale="interval", above=low).p_above
+    assert 0.025 == pytest.approx(found, abs=0.001)
+
+
+def test_agreement_at_the_bound_is_found_above_it_as_often_as_it_may() -> None:
+    rng = np.random.default_rng(3)
+    found = dict.fromkeys(("ICC1", "ICC2", "ICC3", "ICC2k"), 0)
+    studies = 400
+    for _ in range(studies):
+        table = rng.normal(0, 1, (12, 1)) + rng.normal(0, 0.7, (1, 6)) + rng.normal(0, 1, (12, 6))
+        alone = rng.normal(0, 1, (12, 1)) + rng.normal(0, 1, (12, 6))
+        single = 1 / (1 + 0.49 + 1)
+        true = {"ICC1": 0.5, "ICC2": single, "ICC3": 0.5, "ICC2k": 6 * single / (1 + 5 * single)}
+        for kind, bound in true.items():
+            made = icc(alone if kind == "ICC1" else table, above=bound)
+            found[kind] += next(one for one in made if one.kind == kind).p_above < 0.05
+    for count in found.values():
+        assert 0.02 < count / studies < 0.08
+    with pytest.raises(errors.UnknownMethod, match="below 1"):
+        icc(table, above=1.0)

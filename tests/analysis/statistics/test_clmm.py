@@ -3,12 +3,25 @@
 Their numbers are compared with R's in `tests/reference/stats/cl*.json`.
 """
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import special
 
 from analysis.statistics.clmm import clmm
-from analysis.statistics.errors import ConstantResponse, NotConverged, NotNumeric, UnknownColumn
+from analysis.statistics.cumulative_link import CumulativeFit, fit_cumulative
+from analysis.statistics.design import Codes
+from analysis.statistics.errors import (
+    ConstantResponse,
+    NotConverged,
+    NotNumeric,
+    TooFewSubjects,
+    UnknownColumn,
+    UnknownMethod,
+)
+from analysis.statistics.results import Array
 from tests.analysis.statistics.designs import Frame, changed, mixed_frame, within_frame
 
 TWO = {"subject": "subject", "within": ("A", "B")}
@@ -112,3 +125,120 @@ def test_lost_ratings_are_left_out_when_asked() -> None:
     made = clmm(frame, "y", missing="mixed", **TWO)
     assert 59 == made.design.y.size
     assert np.isfinite([e.F for e in made.effects]).all()
+
+
+def slopes_frame(seed: int, n: int = 20, trials: int = 4) -> Frame:
+    """Return ratings 1 to 5 of people who differ in A (SD 1 of the difference) and in B."""
+    rng = np.random.default_rng(seed)
+    own, of_a = rng.normal(size=(n, 1, 1, 1)), rng.normal(0.4, 1, (n, 2, 1, 1))
+    of_b = rng.normal(0, 0.8, (n, 1, 3, 1))
+    y = np.clip(np.round(3 + own + of_a + of_b + rng.logistic(0, 0.6, (n, 2, 3, trials))), 1, 5)
+    place = np.indices(y.shape)
+    labels = [np.array([f"{c}{i}" for i in place[at].ravel()]) for at, c in enumerate("sab")]
+    return {"s": labels[0], "A": labels[1], "B": labels[2], "y": y.ravel()}
+
+
+def people_by_grid(y: Codes, eta: Array, Z: Array, subject: Codes, fit: CumulativeFit) -> float:
+    """Return the log-likelihood of ratings 0..k−1 by a fine grid over two random effects."""
+    u = np.linspace(-7, 7, 561)
+    first, second = (g.ravel() for g in np.meshgrid(u, u, indexing="ij"))
+    L = np.linalg.cholesky(fit.spread)
+    b = np.stack([L[0, 0] * first, L[1, 0] * first + L[1, 1] * second])
+    bounds = np.concatenate([[-np.inf], fit.thresholds, [np.inf]])
+    weight = np.exp(-(first**2 + second**2) / 2) / (2 * np.pi) * (u[1] - u[0]) ** 2
+    total = 0.0
+    for person in np.unique(subject):
+        density = weight
+        for i in np.flatnonzero(subject == person):
+            at = eta[i] + Z[i] @ b
+            high, low = special.expit(bounds[y[i] + 1] - at), special.expit(bounds[y[i]] - at)
+            density = density * (high - low)
+        total += float(np.log(density.sum()))
+    return total
+
+
+def test_quadrature_over_slopes_is_the_integral_that_a_fine_grid_gives() -> None:
+    frame = slopes_frame(1, 8, 2)
+    made = clmm(frame, "y", subject="s", within=("A",), random="A", nodes=21)
+    y = np.asarray(frame["y"], dtype=np.intp) - int(min(made.categories))
+    a = np.where(np.asarray(frame["A"]) == "a0", 1.0, -1.0)
+    Z = np.stack([np.ones(a.size), a], axis=1)
+    subject = np.unique(np.asarray(frame["s"]), return_inverse=True)[1]
+    expected = people_by_grid(y, a * made.fit.beta[0], Z, subject, made.fit)
+    assert expected == pytest.approx(made.fit.log_likelihood, abs=1e-6)
+
+
+def test_more_nodes_bring_laplace_to_the_same_estimates_where_people_answer_often() -> None:
+    frame = slopes_frame(2, 8, 20)
+    laplace, fine = (
+        clmm(frame, "y", subject="s", within=("A",), random="A", nodes=nodes) for nodes in (0, 15)
+    )
+    assert fine.fit.beta == pytest.approx(laplace.fit.beta, rel=0.01)
+    assert fine.fit.spread == pytest.approx(laplace.fit.spread, rel=0.03)
+    assert fine.fit.log_likelihood != pytest.approx(laplace.fit.log_likelihood, abs=1e-3)
+
+
+def test_laplace_gives_the_printed_estimates_of_the_bitterness_of_wine() -> None:
+    """Christensen, A tutorial on fitting cumulative link mixed models (of R's ordinal)."""
+    path = Path(__file__).parents[2] / "reference" / "stats" / "clmm_wine.json"
+    columns = json.loads(path.read_text(encoding="utf-8"))["data"]["columns"]
+    X = np.stack(
+        [np.array(columns["temp"]) == "warm", np.array(columns["contact"]) == "yes"], axis=1
+    ).astype(float)
+    judge = np.unique(columns["s"], return_inverse=True)[1]
+    fit = fit_cumulative(np.array(columns["y"]) - 1, X, judge, np.ones((72, 1)), nodes=1)
+    assert [-1.6237, 1.5134, 4.2285, 6.0888] == pytest.approx(fit.thresholds, abs=6e-5)
+    assert [3.0630, 1.8349] == pytest.approx(fit.beta, abs=6e-5)
+    assert [0.5954, 0.5125] == pytest.approx(np.sqrt(np.diag(fit.covariance)), abs=6e-5)
+    assert 1.131 == pytest.approx(fit.sigma, abs=6e-4)
+    assert -81.57 == pytest.approx(fit.log_likelihood, abs=6e-3)
+
+
+def test_people_who_differ_in_an_effect_are_no_effect_by_likelihood_with_a_slope_of_it() -> None:
+    rng = np.random.default_rng(5)
+    alike = slopes = 0
+    for _ in range(25):
+        own = rng.normal(size=(12, 1, 1)) + rng.normal(0, 1.2, (12, 2, 1))
+        y = np.clip(np.round(3 + own + rng.logistic(0, 0.6, (12, 2, 10))), 1, 5)
+        place = np.indices(y.shape)
+        frame = {"s": place[0].ravel(), "A": place[1].ravel(), "y": y.ravel()}
+        two = {"subject": "s", "within": ("A",)}
+        alike += clmm(frame, "y", **two).effect("A").chi2_p < 0.05
+        slopes += clmm(frame, "y", random="A", **two).effect("A").chi2_p < 0.05
+    assert slopes <= 4 < 7 <= alike
+
+
+def test_the_order_of_levels_and_people_changes_no_slope() -> None:
+    frame = slopes_frame(3, 10)
+    order = np.random.default_rng(0).permutation(len(frame["y"]))
+    turned = {name: np.asarray(values)[order] for name, values in frame.items()}
+    made, other = (
+        clmm(f, "y", subject="s", within=("A", "B"), random="A+B", levels=levels)
+        for f, levels in ((frame, None), (turned, {"B": ["b2", "b0", "b1"]}))
+    )
+    assert made.fit.log_likelihood == pytest.approx(other.fit.log_likelihood, abs=1e-6)
+    assert made.effect("B").F == pytest.approx(other.effect("B").F, rel=1e-4)
+    (said,) = (n for n in made.provenance.notes if "effect of B" in n)
+    (again,) = (n for n in other.provenance.notes if "effect of B" in n)
+    assert sorted(said.split(": ")[1].removesuffix(" (logit scale)").split("; ")) == sorted(
+        again.split(": ")[1].removesuffix(" (logit scale)").split("; ")
+    )
+
+
+def test_slopes_that_cannot_be_told_are_refused() -> None:
+    frame = slopes_frame(4, 10, 1)
+    with pytest.raises(TooFewSubjects, match=r"60 rows do not determine 10 × 6 random effects"):
+        clmm(frame, "y", subject="s", within=("A", "B"), random="A+B+A:B")
+    with pytest.raises(UnknownMethod, match="no factor 'C'"):
+        clmm(frame, "y", subject="s", within=("A", "B"), random="C")
+    grouped = {**frame, "G": np.where(np.asarray(frame["s"]) < "s5", "g1", "g2")}
+    with pytest.raises(UnknownMethod, match="only within factors"):
+        clmm(grouped, "y", subject="s", within=("A",), between=("G",), random="G")
+    with pytest.raises(UnknownMethod, match="4 random effects"):
+        clmm(frame, "y", subject="s", within=("A", "B"), random="A+B", nodes=5)
+
+
+def test_the_maximal_model_leaves_out_the_interaction_that_single_ratings_do_not_tell() -> None:
+    made = clmm(slopes_frame(6, 24, 1), "y", subject="s", within=("A", "B"), random="maximal")
+    assert "slopes of A and B per s" in made.provenance.error_term
+    assert (4, 4) == made.fit.spread.shape

@@ -1,5 +1,6 @@
 """A question asked of a frame: an outcome without files, printing or the command line."""
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,7 +13,7 @@ from statsmodels.stats.multitest import multipletests
 
 from analysis.statistics import describe, rm_anova
 from analysis.statistics_report import Question, answer
-from lab.errors import DataError, UsageError
+from lab.errors import DataError, LabError, UsageError
 
 RM = Question("rm", dv="y", within=("A",), subject="s")
 
@@ -108,6 +109,32 @@ def test_trials_lost_are_refused_or_left_out_as_asked() -> None:
         answer(frame, Question("lmm", dv="y", within=("A",), subject="s"))
     kept = answer(frame, Question("lmm", dv="y", within=("A",), subject="s", missing="mixed"))
     assert any("214 rows of 12 subjects" in note for note in kept.notes)
+
+
+def test_people_differ_in_a_rating_model_as_asked() -> None:
+    frame = people(trials=6)
+    frame["y"] = np.clip(np.round(frame["y"] + 2), 1, 5)
+    asked = Question("clmm", dv="y", within=("A",), subject="s")
+    plain, slopes = (answer(frame, replace(asked, random=r)) for r in ("", "A"))
+    assert plain.rows == answer(frame, replace(asked, random="intercept")).rows
+    assert "random intercept and slopes of A per s, correlated" in slopes.sentences[0]
+    assert slopes.row("A")["chi2"] != pytest.approx(plain.row("A")["chi2"], rel=1e-3)
+    assert slopes.rows == answer(frame, replace(asked, random="maximal")).rows
+    fine = answer(frame, replace(asked, random="A", nodes=7))
+    assert slopes.row("A")["chi2"] == pytest.approx(fine.row("A")["chi2"], rel=0.1)
+    assert slopes.row("A")["chi2"] != fine.row("A")["chi2"]
+
+
+def test_how_people_differ_is_never_asked_in_vain() -> None:
+    with pytest.raises(UsageError, match="random goes with lmm, clmm, bradleyterry, not with gee"):
+        Question("gee", random="maximal")
+    with pytest.raises(UsageError, match="nodes goes with clmm, bradleyterry, not with lmm"):
+        Question("lmm", nodes=9)
+    with pytest.raises(DataError, match="no factor 'all'"):
+        answer(
+            people().assign(y=np.tile([1, 2], 18)),
+            Question("clmm", dv="y", within=("A",), subject="s", random="all"),
+        )
 
 
 def test_a_test_nobody_knows_is_answered_with_the_nearest() -> None:
@@ -288,3 +315,76 @@ def test_contrasts_in_ranks_say_so_and_how_far_the_means_differ() -> None:
     means = frame.groupby("A")["y"].mean()
     assert "Estimates and SE are in aligned ranks, not in the unit of y" in of_a
     assert f"low − mid {means['low'] - means['mid']:.2f}".replace("-", "−") in of_a
+
+
+def test_sentences_call_levels_as_asked_and_rows_keep_their_names() -> None:
+    rng = np.random.default_rng(3)
+    people = [f"p{i}" for i in range(9)]
+    frame = pd.DataFrame(
+        [(p, c, rng.normal(c == "directed", 0.4)) for p in people for c in ("averted", "directed")],
+        columns=["participant", "gaze", "dwell_ms"],
+    )
+    question = Question(
+        "paired",
+        dv="dwell_ms",
+        within=("gaze",),
+        subject="participant",
+        levels={"gaze": ("averted", "directed")},
+        called={"directed": "at the participant"},
+    )
+
+    found = answer(frame, question)
+
+    assert all("averted" in said and "directed" not in said for said in found.sentences)
+    assert all("at the participant" in said for said in found.sentences)
+    assert "averted − at the participant" in found.path[0]
+    assert ("averted", "directed") == (found.rows[0]["first"], found.rows[0]["second"])
+    assert found.data is not None
+    assert ["averted", "directed"] == list(found.data["gaze"].cat.categories)
+    assert [["averted", "directed"]] == [list(s.conditions) for s in found.samples]
+    plain = answer(frame, replace(question, called={}))
+    assert plain.rows == found.rows
+    assert plain.cells == found.cells
+    assert question == found.question
+
+
+def test_what_cannot_be_tested_is_told_with_levels_as_they_are_called() -> None:
+    frame = pd.DataFrame(
+        [(p, c, float(p)) for p in range(4) for c in ("averted", "directed")],
+        columns=["participant", "gaze", "dwell_ms"],
+    )
+    question = Question(
+        "t",
+        dv="dwell_ms",
+        within=("gaze",),
+        subject="participant",
+        levels={"gaze": ("averted", "directed")},
+        called={"directed": "at the participant"},
+    )
+
+    with pytest.raises(LabError, match="averted minus at the participant is 0 in all 4 pairs"):
+        answer(frame, question)
+
+
+def test_a_mean_difference_has_the_unit_and_the_decimals_of_the_data() -> None:
+    dwell_ms = {"averted": [500.0, 512, 480, 530], "directed": [990.0, 1050, 1020, 960]}
+    frame = pd.DataFrame(
+        [(i, c, v) for c, values in dwell_ms.items() for i, v in enumerate(values)],
+        columns=["participant", "gaze", "dwell_ms"],
+    )
+    question = Question(
+        "paired",
+        dv="dwell_ms",
+        within=("gaze",),
+        subject="participant",
+        levels={"gaze": ("averted", "directed")},
+        measured_in="ms",
+    )
+
+    said = answer(frame, question).sentences[0]
+
+    assert said.startswith(
+        "averted and directed differ (means 506 ms and 1005 ms): paired t test of averted "
+        "− directed, t(3)"
+    )
+    assert re.search(r"mean difference −500 ms, 95% CI \[−\d+, −\d+\] ms", said)

@@ -1,6 +1,8 @@
 """Between session and desk: what is told, what may be asked for, and who may ask."""
 
 import asyncio
+import base64
+import io
 import json
 import math
 import os
@@ -14,10 +16,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from cli.desk.link import (
     ACTIONS,
-    GAZE_KEPT,
     MAX_TEXT,
     About,
     SessionLink,
@@ -27,12 +29,23 @@ from cli.desk.link import (
     meeting_name,
     told,
 )
+from cli.desk.seen import GAZE_KEPT, Looking
 from cli.desk.watch import SessionWatch
 from lab.clock import NS_PER_MS, NS_PER_S, StopWatch
 from lab.geometry import Pose
-from protocol.operator import KEYS, Action, Command, SessionStatus, UnattendedOperator
+from protocol.operator import (
+    KEYS,
+    Action,
+    BodyContact,
+    Command,
+    SessionStatus,
+    UnattendedOperator,
+)
 from protocol.steps import FrameView, GazeView
+from stage.contracts import Glance
+from stimuli.picture import Camera
 from stimuli.scene import Agent, Scene, SceneFrame
+from stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, station_crowd
 from tests.cli.test_operator_screen import STATUS
 
 PATIENCE_S = 20.0
@@ -317,20 +330,28 @@ def test_who_waits_at_the_terminal_is_waited_for(link: SessionLink) -> None:
 
 def test_what_is_not_known_is_nothing_never_a_number() -> None:
     unknown = replace(STATUS, trial_left_s=math.nan, accuracy_deg=None)
-    found = json.loads(line_of(told(1, unknown, None)))
+    found = json.loads(line_of(told(1, unknown, Looking())))
     assert (None, None) == (found["trial_left_s"], found["accuracy_deg"])
     assert None is found["above"]
 
 
 def seen(valid: bool, *, brightness_01: float = 1.0) -> SessionStatus:
-    """Return a status of a frame in which somebody 2 m ahead, 1 m to the right, was looked at."""
+    """Return a status of a frame in which somebody 2 m ahead, 1 m to the right, was looked at.
+
+    Their head is 3° wide to each side, and half the gap to the next 0.5°.
+    """
     head = Pose(np.array([0.0, 1.2, 0.5]), np.array([1.0, 0.0, 0.0, 0.0]))
     at = np.array([1.0, 1.3, -2.0])
     gaze = GazeView(
-        np.array([5 * NS_PER_MS]), np.array([valid]), np.array([[0.6, 0.0, -0.8]]),
-        np.array([[0.0, 1.2, 0.5]]), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)),
+        np.array([5 * NS_PER_MS]),
+        np.array([valid]),
+        np.array([[0.6, 0.0, -0.8]]),
+        np.array([[0.0, 1.2, 0.5]]),
+        np.zeros((1, 1)),
+        np.full((1, 1), 3.0 if valid else np.nan),
+        np.full((1, 1), 0.5 if valid else np.nan),
         np.array([0 if valid else -2], np.int16),
-    )  # fmt: skip
+    )
     agent = Agent("a1", "anna", "right_close", at, 0.11, np.array([0.0, 0.0, 1.0]), at)
     scene = Scene("rows", (agent,), brightness_01=brightness_01)
     shown = SceneFrame(scene, 0, np.array([[0.0, 0.0, 1.0]]), np.ones(1))
@@ -360,3 +381,103 @@ def test_a_blink_keeps_the_gaze_and_a_loss_does_not(link: SessionLink) -> None:
 def test_in_the_dark_nobody_is_drawn_or_looked_at(link: SessionLink) -> None:
     above = above_of(link, seen(True, brightness_01=0.0))
     assert ([], -1) == (above["people"], above["hit"])
+
+
+def test_areas_of_interest_are_as_wide_as_looks_are_counted(link: SessionLink) -> None:
+    away_m = math.dist((0.0, 1.2, 0.5), (1.0, 1.3, -2.0))
+    areas = above_of(link, seen(True))["areas"]
+    assert [pytest.approx(away_m * math.sin(math.radians(3.5)), abs=1e-4)] == areas
+
+
+def test_areas_stay_while_gaze_is_lost_and_go_with_their_scene(link: SessionLink) -> None:
+    status = seen(True)
+    link.show(status)
+    lost = replace(seen(False), shown=status.shown)
+    assert 1 == len([above_of(link, lost) for _ in range(2 * GAZE_KEPT)][-1]["areas"])
+    assert [] == above_of(link, seen(False))["areas"]
+
+
+def view_of(link: SessionLink, status: SessionStatus) -> Any:
+    link.show(status)
+    assert link._latest is not None
+    return told(*link._latest)["from_head"]
+
+
+def test_before_the_participant_heads_gaze_and_areas_are_where_they_are(link: SessionLink) -> None:
+    view = view_of(link, seen(True))
+    ((name, x, y, radius),) = view["heads"]
+    assert ("right_close", 1.0 / 2.5, 0.1 / 2.5) == (name, x, y)
+    assert pytest.approx(0.12 / 2.5, abs=1e-4) == radius
+    assert ((0.75, 0.0), 0) == (view["gaze"], view["hit"])
+    assert [[0.4, 0.04, pytest.approx(math.tan(math.radians(3.5)), abs=1e-4)]] == view["areas"]
+    assert None is view["jpeg"]
+
+
+def test_what_is_behind_the_participant_is_not_before_them(link: SessionLink) -> None:
+    status = seen(True)
+    assert status.frame is not None
+    turned = Pose(status.frame.head.position_m, np.array([0.0, 0.0, 1.0, 0.0]))
+    view = view_of(link, replace(status, frame=status.frame._replace(head=turned)))
+    assert ([], [], None) == (view["heads"], view["areas"], view["gaze"])
+
+
+def test_a_crowd_is_seen_and_who_is_touched_is_told(link: SessionLink) -> None:
+    crowd = station_crowd(1)
+    scene = CrowdScene("crowd_1", (), crowd=crowd)
+    shown = CrowdFrame(scene, 0, np.empty((0, 3)), np.empty(0))
+    contact = BodyContact("armband_left_forearm", "left_hand", 7, vibrates=True)
+    status = replace(seen(True), shown=shown, contacts=(contact,), contacts_begun=3)
+    above = above_of(link, status)
+    places = [[x, z] for _, x, z, _ in above["people"]]
+    assert crowd.position_m.tolist() == places
+    assert ([7], []) == (above["touched"], above["areas"])
+    said = told(1, status, Looking())
+    assert ("left_hand", 3) == (said["contacts"][0]["segment"], said["contacts_begun"])
+    assert 0 < len(view_of(link, status)["heads"]) < len(crowd)
+
+
+class Glancing:
+    """What the participant saw, as often as it is asked for."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def __call__(self) -> Glance:
+        self.asked += 1
+        camera = Camera(Pose(np.array([0.0, 1.2, 0.5]), np.array([1.0, 0, 0, 0])), -1, 1, -1, 1)
+        return Glance(np.full((9, 8, 3), 200, np.uint8), camera)
+
+
+def test_a_desk_sees_what_the_participant_sees(link: SessionLink, tmp_path: Path) -> None:
+    glancing = Glancing()
+
+    async def act(watch: SessionWatch) -> Any:
+        while not (found := watch.of()) or found.seen is None:
+            link.show(replace(seen(True), glance=glancing))
+            await watch.wait(watch.number, 0.1)
+        return found.seen
+
+    view = with_desk(tmp_path, act)
+    image = Image.open(io.BytesIO(base64.b64decode(view["jpeg"])))
+    assert ("JPEG", (8, 9)) == (image.format, image.size)
+    assert ([-1, 1, -1, 1], 1) == (view["tangents"], len(view["areas"]))
+
+
+def test_nobody_asks_for_a_picture_while_no_desk_is_there(link: SessionLink) -> None:
+    glancing = Glancing()
+    link.show(replace(seen(True), glance=glancing))
+    assert 0 == glancing.asked
+
+
+def test_an_operator_who_is_blinded_gets_no_picture(cache: Path, tmp_path: Path) -> None:
+    glancing = Glancing()
+    about = About("stare", "S07H", 1, str(tmp_path), is_simulated=True, is_blind=True)
+
+    async def act(watch: SessionWatch) -> None:
+        await until(watch, lambda: watch.about is not None)
+        link.show(replace(seen(True), glance=glancing))
+        await until(watch, lambda: watch.status is not None)
+
+    with SessionLink(UnattendedOperator(), about, tmp_path) as link:
+        with_desk(tmp_path, act)
+    assert 0 == glancing.asked

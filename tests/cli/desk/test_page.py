@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cli.desk import server as desk_server
@@ -21,16 +22,25 @@ from cli.desk.server import DeskServer
 from devices.contracts import Fault
 from lab.clock import StopWatch
 from lab.config_files import EXAMPLE
-from protocol.operator import Action, Command, SessionStatus, UnattendedOperator
+from protocol.operator import (
+    Action,
+    BodyContact,
+    Command,
+    SessionStatus,
+    UnattendedOperator,
+)
 from protocol.states import SessionState
 from recording.reader import Recording
-from tests.cli.desk.test_link import seen
+from stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, station_crowd
+from tests.cli.desk.test_link import Glancing, seen
 from tests.cli.test_operator_screen import STATUS
 from tests.faults.sessions import lab
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
 WIDTHS_PX = (1366, 820, 390)
+VIEWS = ("view", "above")
+DECODES = "src => Object.assign(new Image(), { src }).decode().then(() => true)"
 FINDINGS = [
     {"level": "ok", "subject": "clock", "found": "steps of 1 ns", "remedy": ""},
     {"level": "missing", "subject": "disk", "found": "0.2 GB are free", "remedy": "free space"},
@@ -127,12 +137,77 @@ def test_the_page_says_what_the_terminal_says(address: str, browser: Any, tmp_pa
             ("#flags", "left_eye_lost"),
             ("#messages", "noted in T05: sneezed"),
             ("#prompt", "Break."),
-            ("#above-text", "looks at right close"),
+            ("#above-text", "Looks at right close."),
             ("#rehearsal", "SIMULATED"),
         ):
             shown(page, place, text)
     assert [] == problems
     assert all(url.startswith((address.split("#")[0], "data:")) for url in asked)
+
+
+def test_a_streams_rate_stands_beside_the_one_promised(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    health = STATUS.health["eye_tracker"]
+    promised = {"eye_tracker": replace(health, nominal_rate_hz=120.0), "responses": health}
+    with session(tmp_path) as link:
+        link.show(replace(STATUS, health=promised))
+        page = opened(browser, address)
+        shown(page, "#streams", "119.9 of 120 Hz")
+        shown(page, "#streams tr:last-child", "119.9 Hz")  # who promises none
+
+
+def test_areas_of_interest_and_gaze_stand_in_both_views(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    with session(tmp_path) as link:
+        link.show(seen(True))
+        page = opened(browser, address)
+        shown(page, "#view-of", "in outline")
+        assert (1, 1) == tuple(page.locator(f"#{place} .area").count() for place in VIEWS)
+        places = [
+            float(page.locator(f"#view .{part}").get_attribute("cx")) for part in ("head", "gaze")
+        ]
+        assert [0.4, 0.75] == places
+        shown(page, "#above-text", "Looks at right close.")
+        shown(page, "#above-key", "areas of interest")
+
+
+def test_the_picture_that_the_participant_sees_is_shown(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    glancing = Glancing()
+    with session(tmp_path) as link:
+        page = opened(browser, address)
+        watch = StopWatch()
+        while not page.locator("#view image").count() and watch.elapsed_s() < PATIENCE_S:
+            link.show(replace(seen(True), glance=glancing))
+            page.wait_for_timeout(50)
+        shown(page, "#view-of", "left eye")
+        source = page.locator("#view image").get_attribute("href")
+        assert page.evaluate(DECODES, source)
+        assert (1, 1) == tuple(page.locator(f"#view .{part}").count() for part in ("area", "gaze"))
+
+
+def test_contacts_and_vibrations_are_seen_and_said(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    shown_crowd = CrowdFrame(
+        CrowdScene("crowd_1", (), crowd=station_crowd(1)), 0, np.empty((0, 3)), np.empty(0)
+    )
+    touch = BodyContact("armband_left_forearm", "left_hand", 7, vibrates=True)
+    status = replace(seen(True), shown=shown_crowd, contacts=(touch,), contacts_begun=3)
+    with session(tmp_path) as link:
+        link.show(status)
+        page = opened(browser, address)
+        shown(page, "#above-text", "Left hand touches person 8, its band vibrates. 3 contacts")
+        assert len(station_crowd(1)) - 1 == page.locator("#above .person").count()
+        assert [1, 1] == [
+            page.locator(f"#above .{part}").count() for part in ("touched", "contact")
+        ]
+        link.show(replace(status, contacts=()))
+        page.locator("#above .touched").wait_for(state="detached")
+        assert 0 == page.locator("#above .contact").count()
 
 
 def test_no_button_moves_when_something_waits_or_breaks(
@@ -336,7 +411,9 @@ def test_a_session_in_real_time_is_commanded_and_outlives_a_killed_desk(
         page.click("#ask-yes")
         shown(page, ".verdict", "Keep them here.")
         shown(page, ".verdict .remedy code", "visavis resume")
-        shown(page, ".verdict > ul", "planned trials complete")  # what is wrong is not folded away
+        shown(
+            page, ".verdict > ul.findings", "planned trials complete"
+        )  # what is wrong is not folded away
         shown(page, "#people", "visavis resume")
         said, _ = running.communicate(timeout=PATIENCE_S)
         assert 3 == running.returncode, said

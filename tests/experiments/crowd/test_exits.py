@@ -15,13 +15,15 @@ from protocol.operator import Action, Command
 from protocol.states import SessionState
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import request
-from tests.faults.sessions import ScriptedOperator
+from tests.faults.sessions import ScriptedOperator, events
 from visavis.sessions.perform import perform_new
 
 HAPTIC_WALK = (SessionState.TRIAL, 3)
 IN_THE_MIDST = 700
 """Frames after the walk's begin: contacts come and go by then."""
 PATTERN, SILENCE = 1, 2
+ARM_M = 1.3
+"""No arm reaches whom it touches from farther, sway and all."""
 
 
 class Failing(ScriptedOperator):
@@ -111,18 +113,38 @@ def test_silence_by_the_operator_lasts_to_the_end_of_the_walk_and_is_flagged(
     operator = ScriptedOperator((*HAPTIC_WALK, IN_THE_MIDST, Command(Action.SILENCE)))
     recording = perform(tmp_path, operator)
     row = recording.trials().set_index("trial_id").loc["T02"]
-    events = recording.events()
-    (pressed,) = events[events["payload"].map(lambda p: p.get("action") == "silence")]["t_ns"]
+    told = recording.events()
+    (pressed,) = told[told["payload"].map(lambda p: p.get("action") == "silence")]["t_ns"]
     assert row["t_start_ns"] < pressed < row["t_end_ns"]
     kinds = np.concatenate([_kinds(recording, r, row["t_start_ns"], pressed) for r in BAND_ROLES])
     assert PATTERN in kinds
-    begun = events[(events["name"] == "contact_begin") & (events["t_ns"] > pressed)]
+    begun = told[(told["name"] == "contact_begin") & (told["t_ns"] > pressed)]
     assert any(p["trial_id"] == "T02" for p in begun["payload"])  # contacts go on
     for role in BAND_ROLES:
         assert PATTERN not in _kinds(recording, role, pressed + 1, 2**62)
     assert "silenced_by_operator" in row["flags"]
     assert any("to the end of T02" in message for message in operator.messages)
     assert_ran_and_are_silent(bands)
+
+
+def test_the_operator_is_shown_each_contact_while_it_lasts(tmp_path: Path) -> None:
+    skips = [(SessionState.TRIAL, n, 1, Command(Action.SKIP, "not needed")) for n in (1, 2, 4)]
+    operator = ScriptedOperator(*skips)
+    recording = perform(tmp_path, operator)
+    begun = [e["trial_id"] for e in events(recording, "contact_begin")]
+    walks = {s.trial_id: s for s in operator.seen if s.contacts_begun}
+    assert {name: begun.count(name) for name in walks} == {
+        name: last.contacts_begun for name, last in walks.items()
+    }
+    touching = [s for s in operator.seen if s.contacts]
+    assert {"T02"} == {s.trial_id for s in touching if any(c.vibrates for c in s.contacts)}
+    for status in touching:
+        assert status.shown is not None
+        assert status.frame is not None
+        head_m = status.frame.head.position_m[[0, 2]]
+        stand_m = status.shown.scene.stand_m[[c.person for c in status.contacts]]
+        assert (np.linalg.norm(stand_m - head_m, axis=1) < ARM_M).all()
+    assert not operator.seen[-1].contacts
 
 
 def _kinds(recording: Recording, role: str, since_ns: int, until_ns: int) -> Any:

@@ -97,4 +97,4 @@ def test_the_operator_may_go_on_without_a_band_that_stays_away(tmp_path: Path) -
     assert all(f"{ROLE}_lost" in rows.loc[trial, "flags"] for trial in ("T01", "T02", "T03"))
     names = recording.events()["name"].tolist()
     assert 1 == names.count("device_lost") == names.count("device_done_without")
-    assert any("space goes on without it" in wait for wait in operator.waits)
+    assert any("you can go on without it" in wait for wait in operator.waits)

@@ -88,7 +88,7 @@ def test_conclusion_rests_on_dwell_time_and_fixation_count():
     found = conclude(made_tests(np.random.default_rng(2).normal(300, 20, 12)), ())[0]
 
     assert [e.split()[0] for e in found.evidence] == ["Dwell", "Fixation"]
-    assert all("A minus D" in e for e in found.evidence)
+    assert all("averted minus directed" in e for e in found.evidence)
 
 
 def correlations(order, n):

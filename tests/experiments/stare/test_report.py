@@ -90,6 +90,41 @@ def test_verdict_comes_before_any_table(html):
     assert html.index("Stare-in-the-crowd effect:") < html.index("<table")
 
 
+def test_results_name_conditions_and_units_in_words(html):
+    text = " ".join(words_of(html).split())
+
+    assert "Dwell time (ms), averted-then-directed" in text
+    assert "of averted minus directed, n = 8" in text
+    assert "Dwell time, AD" not in text
+    assert "Means of further measures" not in text
+
+
+def test_differences_are_drawn_as_tables_tell_them(html):
+    text = " ".join(words_of(html).split())
+
+    assert "the first level minus the second as in the tables" in text
+    assert "A − D" in text
+    assert "D − A " not in text
+
+
+def test_answers_are_told_by_question_and_scored_questionnaires_by_score(tmp_path):
+    people = anxiety_answers(4).assign(vr_experience=[1, 1, 3, 5], age=[24, 25, 31, 40])
+    people["social_anxiety_fear"] = [20.0, 30.0, 25.0, 25.0]
+    people["phone_overheard.fear"] = [0, 1, 1, 3]
+    asked = [questionnaire(name, study.folders) for name in study.questionnaires]
+    rows = study_rows(4).assign(is_simulated=True)
+    write_study(analysed(rows, people), experiment_of(), asked, PROVENANCE, tmp_path, study.setup)
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    text = " ".join(words_of(html).split())
+
+    assert "Age 30.0 (7.3) years." in text
+    assert "experience with virtual reality do you have? none 2, some 1, almost daily 1." in text
+    assert re.search(r"Social anxiety \(.*?\): scores Score Mean \(SD\) People", text)
+    assert "fear 25.0 (4.1) 4" in text
+    assert re.search(r"every answer, 1 question .*? not at all 1, a little 2, very much 1\.", text)
+    assert "Phone overheard.fear" not in text
+
+
 def test_report_is_one_file_without_requests(html):
     assert not re.search(r'(?:src|href)="(?!#|data:)', html)
     for word in ("<script ", "fetch(", "<link", "@import", "url(http"):
@@ -154,7 +189,7 @@ def test_interruption_and_exclusion_are_listed(html):
     text = words_of(html)
 
     assert "tracker silent" in text
-    assert "1 trial: lost 01 above 0.3" in text
+    assert "1 trial: share of the trial without usable gaze above 0.3" in text
 
 
 def test_reporting_list_leaves_open_what_nobody_recorded(html, analysis):
@@ -182,8 +217,15 @@ def study_experiment(parameters):
 def test_methods_are_written_from_the_thresholds_in_force():
     text = methods(max_trial_lost_01=0.4, alpha=0.01)
 
-    assert "lost 01 (max_trial_lost_01) above 0.4" in text
+    assert "share of the trial without usable gaze (max_trial_lost_01) above 0.4" in text
     assert ".01/30 = .000333" in text
+
+
+def test_methods_tell_of_shares_and_looks_as_a_reader_thinks_of_them():
+    text = methods()
+
+    assert "A look of 0 ms" not in text
+    assert "where nobody looked, the change came at 0.5 of the trial's 16 s" in text
 
 
 def test_methods_state_the_measures_thresholds_and_the_rules_of_samples():
@@ -199,7 +241,7 @@ def test_methods_are_written_from_the_plans_parameters():
     text = methods({"trial_s": 8.0, "repetitions": 3, "switch_at_01": 0.25, "pad_deg": 0.5})
 
     assert "Every combination came 3 times: 108 trials" in text
-    assert "a share of 0.25 of the trial, which lasted 8 s" in text
+    assert "the change came at 0.25 of the trial's 8 s" in text
     assert "angular padding of 0.5°" in text
 
 

@@ -196,6 +196,12 @@ def test_report_says_what_warping_reached_and_warns_where_it_missed():
     assert "Warping met" not in str(warping_section(analysed(of_warps(0.9)), EXPERIMENT).section)
 
 
+def test_what_an_older_recording_does_not_tell_of_warping_is_missing():
+    older = of_warps(0.05).drop(columns="target_reachable_01")
+    said = str(warping_section(analysed(older), EXPERIMENT).section)
+    assert "'All', '81', '+25 %', '+11 %', '–', '5 %'" in said
+
+
 def test_a_recording_that_does_not_tell_what_was_reached_says_so():
     said = str(warping_section(analysed(rows(2)), EXPERIMENT).section)
     assert "does not tell what was reached" in said

@@ -15,6 +15,7 @@ from stimuli.motion.interpolation import (
     LinEuler,
     Method,
     Slerp,
+    Spline,
     Squad,
     interpolate,
 )
@@ -363,3 +364,39 @@ def test_wrong_segment_time_order_and_count_are_refused() -> None:
         LinEuler(times, np.zeros((2, 3)), "ZXX")
     with pytest.raises(MotionError, match="one time per key"):
         Slerp(times, np.tile(keys, (2, 1)))
+
+
+@quick
+@given(seeds)
+def test_a_spline_meets_its_keys_and_nothing_jumps_but_the_third_derivative(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    keys, times = steps_of(rng, 5, 100.0, 3), uneven(rng, 5)
+    curve, h = Spline(times, keys), 1e-4
+    assert same(keys, curve.at(times.t_s), 1e-9)
+
+    def acceleration(t_s: Array) -> Array:
+        return (velocity(curve, t_s + h, h) - velocity(curve, t_s, h)) / h
+
+    inner = times.t_s[1:-1]
+    before, after = acceleration(inner - 2.5 * h), acceleration(inner + 0.5 * h)
+    assert np.abs(after - before).max() < 0.02 * (1 + np.abs(before).max())
+
+
+def test_squad_does_jump_in_acceleration_where_a_spline_does_not() -> None:
+    rng = np.random.default_rng(3)
+    keys, times, h = steps_of(rng, 5, 100.0, 3), uneven(rng, 5), 1e-4
+    inner = times.t_s[1:-1]
+
+    def jump(curve: Interpolation) -> float:
+        sides = [
+            (velocity(curve, inner + at + h, h) - velocity(curve, inner + at, h)) / h
+            for at in (-2.5 * h, 0.5 * h)
+        ]
+        return float(np.abs(sides[1] - sides[0]).max())
+
+    assert jump(Squad(times, keys)) > 50 * jump(Spline(times, keys))
+
+
+def test_a_closed_spline_is_refused() -> None:
+    with pytest.raises(MotionError, match="Squad"):
+        Spline(KeyTimes(np.array([0.0, 1.0, 2.0]), 3.0), np.eye(4)[:3])

@@ -14,7 +14,7 @@ from lab.errors import DesignError
 from recording.reader import Recording
 from tests.visavis.page.pages import TAB, begun, gone_on, study
 from visavis.careless import Careless
-from visavis.page.desk import LEASE_NS, RELOADED, RESTARTED
+from visavis.page.desk import ASLEEP, LEASE_NS, RELOADED, RESTARTED
 from visavis.page.errors import OpenElsewhereError, PageError
 from visavis.page.server import FILES, SITE
 from visavis.page.spoken import HOW_MANY, NOT_HEARD, heard, spoken, spoken_digits
@@ -85,6 +85,47 @@ def test_a_page_that_is_reloaded_gets_the_same_step_and_its_trial_is_flagged(
         page.desk.recorder.close("complete")
     flags = Recording(path).trials()["flags"]
     assert [RELOADED, "", ""] == list(flags)
+
+
+@pytest.mark.parametrize(
+    ("flags", "late_s", "wall_s"),
+    [(ASLEEP, 60, 60), ("", 60, 0), ("", 0, 3600), ("", 0, -3600)],
+    ids=["asleep", "slow network", "clock set forward", "clock set back"],
+)
+def test_a_computer_that_slept_is_told_and_its_page_dated_anew(
+    flags: str, late_s: int, wall_s: int, tmp_path: Path
+) -> None:
+    with begun(tmp_path) as (page, path):
+        while page.desk.told()["step"]["kind"] != "watch":
+            page.answer()
+        at_ms = page.visitor.now_ms
+        page.desk.take(TAB, [], (at_ms, 1.7e12))
+        page.clock.sleep_until_ns(page.clock.now_ns() + late_s * NS_PER_S)
+        page.desk.take(TAB, [], (at_ms, 1.7e12 + 1000 * wall_s))
+        behind_ns = page.clock.now_ns() - round(at_ms * 1e6)
+        while not page.desk.is_over:
+            reply = page.event()
+            page.clock.sleep_until_ns(round(page.visitor.now_ms * 1e6) + behind_ns)
+            page.desk.take(TAB, [reply])
+        page.desk.recorder.close("complete")
+    first = Recording(path).trials().iloc[0]
+    assert flags == first["flags"]
+    slept_ns = behind_ns if flags else 0
+    assert 0 <= first["film_on_ns"] - at_ms * 1e6 - slept_ns < 5 * NS_PER_S
+
+
+def test_that_a_computer_slept_outlives_its_server(tmp_path: Path) -> None:
+    with begun(tmp_path) as (page, path):
+        while page.desk.told()["step"]["kind"] != "watch":
+            page.answer()
+        for late_s in (0, 60):
+            page.clock.sleep_until_ns(page.clock.now_ns() + late_s * NS_PER_S)
+            page.desk.take(TAB, [], (page.visitor.now_ms, 1.7e12 + 1000 * late_s))
+        page.desk.recorder.checkpoint()
+    with gone_on(path) as page:
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    assert {ASLEEP, RESTARTED} == set(Recording(path).trials().iloc[0]["flags"].split(";"))
 
 
 def test_a_second_tab_is_refused_until_the_first_has_gone(tmp_path: Path) -> None:

@@ -322,7 +322,7 @@ def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
     """Record what a run did after it was recorded; tells whether there was anything."""
     past = replace(past_of(Recording(session)), broken_by="")
     opened = sum(payload["kind"] == "opened" for _, _, payload in past.events)
-    taken = max((int(p["n"]) for _, _, p in past.events if p["kind"] != "opened"), default=0)
+    taken = max((int(p["n"]) for _, _, p in past.events if "n" in p), default=0)
     lines = one.run.lines_after(opened, taken)
     if not lines:
         return False

@@ -13,6 +13,7 @@ const REPEAT_ASKING_MS = 2500;
 const SESSION = `visavis-session${wire.scope}`;
 const ONWARD_MS = 4000;
 const BUSY_MS = 5000;
+const DOUBLE_MS = 500;
 
 let key = wire.keyHere();
 const tab = globalThis.crypto?.randomUUID?.() || `${Date.now()}-${Math.random().toString(36).slice(2)}`;
@@ -31,6 +32,7 @@ let isOver = false;
 let cleanUp = () => {};
 let hiddenSince = null;
 let hiddenMs = 0;
+let putMs = 0;
 
 // ---- small things ---------------------------------------------------------------------------
 
@@ -46,7 +48,9 @@ function element(tag, attributes = {}, ...children) {
 }
 
 const say = (name, values = {}) => (words[name] || "").replace(/\{(\w+)\}/g, (_, n) => values[n] ?? "");
-const button = (text, act, quiet = false) => element("button", { type: "button", class: quiet ? "quiet" : false, onclick: act }, text);
+// The second click of a double click is not meant for the page that the first one brought.
+const once = (act) => (e) => { if (e.detail < 2 || performance.now() - putMs > DOUBLE_MS) act(e); };
+const button = (text, act, quiet = false) => element("button", { type: "button", class: quiet ? "quiet" : false, onclick: once(act) }, text);
 const paragraph = (text, kind) => element("p", { class: kind || false }, text);
 
 const whomToAsk = () => (contact ? paragraph(say("contact", { contact }), "contact") : null);
@@ -56,6 +60,7 @@ function tell(text, ...more) {
 }
 
 function put(kind, ...children) {
+  putMs = performance.now();
   main.className = kind;
   main.replaceChildren(...children.filter((c) => c !== null && c !== undefined));
   main.focus({ preventScroll: true });
@@ -85,7 +90,7 @@ async function flush() {
       let answer;
       const waiting = setTimeout(() => { isLate = true; tell(say("waiting")); }, WAITING_MS);
       try {
-        answer = await post("/api/events", { tab, events: sent });
+        answer = await post("/api/events", { tab, events: sent, sent_ms: performance.now(), wall_ms: Date.now() });
       } catch {
         failures += 1;
         if (failures > 1) tell(say("lost"));

@@ -1,0 +1,83 @@
+"""Levels that sentences call by other words than the data do."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from analysis.statistics_report.outcome import Outcome, Question
+from analysis.statistics_report.table_file import DataTable
+from lab.errors import LabError
+
+_MARK = re.compile("\ue000(\\d+)\ue001")
+"""Stands for a level while a test runs: characters of Unicode's private use, in nobody's data."""
+
+
+@dataclass(frozen=True)
+class Called:
+    """The levels of a question that have words of their own, in the order of their marks."""
+
+    names: tuple[str, ...]
+    words: tuple[str, ...]
+
+    def marked(self, table: DataTable, question: Question) -> tuple[DataTable, Question]:
+        """Return table and question with marks in place of these levels."""
+        marks = {name: f"\ue000{i}\ue001" for i, name in enumerate(self.names)}
+        cells = table.cells.copy()
+        for factor in question.levels:
+            cells[factor] = cells[factor].map(lambda name: marks.get(name, name))
+        levels = {f: tuple(marks.get(v, v) for v in of) for f, of in question.levels.items()}
+        return replace(table, cells=cells), replace(question, levels=levels)
+
+    def told(self, outcome: Outcome, question: Question) -> Outcome:
+        """Return an outcome to `question` with words in its sentences, else the levels' names."""
+        data = outcome.data
+        if data is not None:
+            kept = {f: data[f].cat.rename_categories(self._named) for f in question.levels}
+            data = data.assign(**kept)
+        return replace(
+            outcome,
+            question=question,
+            data=data,
+            **{
+                name: self._each(getattr(outcome, name), self._worded)
+                for name in ("title", "sentences", "path", "contrast_sentences", "notes")
+            },
+            **{
+                name: self._each(getattr(outcome, name), self._named)
+                for name in ("rows", "contrasts", "cells")
+            },
+            samples=tuple(
+                replace(s, name=self._named(s.name), title=self._worded(s.title), conditions=kept)
+                for s in outcome.samples
+                for kept in [{self._named(k): v for k, v in s.conditions.items()}]
+            ),
+        )
+
+    def worded(self, error: LabError) -> None:
+        """Put words in place of the marks in what an error says."""
+        error.args = self._each(error.args, self._worded)
+
+    def _each(self, said: Any, put: Callable[[str], str]) -> Any:
+        if isinstance(said, str):
+            return put(said)
+        if isinstance(said, tuple):
+            return tuple(self._each(one, put) for one in said)
+        if isinstance(said, Mapping):
+            return {put(k): self._each(v, put) for k, v in said.items()}
+        return said
+
+    def _worded(self, text: str) -> str:
+        return _MARK.sub(lambda mark: self.words[int(mark[1])], text)
+
+    def _named(self, text: str) -> str:
+        return _MARK.sub(lambda mark: self.names[int(mark[1])], text)
+
+
+def called_of(question: Question) -> Called | None:
+    """Return the levels of a question that are called by other words; None where none is."""
+    levels = dict.fromkeys(level for of in question.levels.values() for level in of)
+    other = [level for level in levels if question.called.get(level, level) != level]
+    if not other:
+        return None
+    return Called(tuple(other), tuple(question.called[level] for level in other))

@@ -1,0 +1,89 @@
+"""What is odd about a figure: told once, when it is imported, before anybody meets it."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from lab.geometry import Vector
+from stimuli.characters.body_parts import PART_INDEX, PARTS
+from stimuli.characters.character import Character
+from stimuli.characters.closing import collision_mesh, is_closed, volume_m3
+
+STATURE_M: Final = (1.40, 2.15)
+"""Of nearly all adults, with shoes and hair."""
+EYES_APART_M: Final = (0.050, 0.080)
+EYEBALL_M: Final = (0.009, 0.018)
+"""Radius; drawn eyes are often larger than the 12 mm of people's."""
+VOLUME_L: Final = (30.0, 220.0)
+LID_M: Final = 0.004
+"""By this much a lid that closes comes down at least."""
+NEAR_EYE_M: Final = 0.03
+WORN: Final = ("none", "held_object")
+"""What nobody's body has."""
+SIDES: Final = ("left", "right")
+
+
+def findings(character: Character) -> tuple[str, ...]:
+    """Return what participants would notice or measures suffer from, one sentence each."""
+    return tuple(_findings(character))
+
+
+def _findings(character: Character) -> Iterator[str]:
+    low, high = STATURE_M
+    if not low <= character.stature_m <= high:
+        yield f"is {character.stature_m:.2f} m tall: is the file in metres or centimetres?"
+    yield from _eyes(character)
+    yield from _lids(character)
+    yield from _body(character)
+
+
+def _eyes(character: Character) -> Iterator[str]:
+    at = _eyes_at(character)
+    apart_m = float(np.linalg.norm(at["left"] - at["right"]))
+    low, high = EYES_APART_M
+    if not low <= apart_m <= high:
+        yield f"its eyes are {1000 * apart_m:.0f} mm apart; people's are 55 to 75"
+    radius_m = character.eyeball.radius_m
+    low, high = EYEBALL_M
+    if not low <= radius_m <= high:
+        yield f"its eyeballs have a radius of {1000 * radius_m:.0f} mm; people's have 12"
+
+
+def _lids(character: Character) -> Iterator[str]:
+    mesh, at = character.levels[0], _eyes_at(character)
+    for side in SIDES:
+        morph = mesh.morphs.get(f"{side}_blink")
+        down_m = 0.0
+        if morph is not None:
+            near = np.linalg.norm(mesh.vertices_m[morph.vertices] - at[side], axis=1) < NEAR_EYE_M
+            down_m = float(-morph.delta_m[near, 1].min(initial=0.0))
+        if down_m < LID_M:
+            yield f"its {side} lids do not close: give the file a shape such as eyeBlink" + (
+                side.title()
+            )
+    if not {"lids_up", "lids_down"} & set(mesh.morphs):
+        yield "its lids do not follow its eyes: give the file shapes such as eyeLookDownLeft"
+
+
+def _body(character: Character) -> Iterator[str]:
+    mesh = collision_mesh(character)
+    if not is_closed(mesh):
+        yield "its surface for collisions is not closed: volumes in common would be wrong"
+    litres = 1000 * volume_m3(mesh.vertices_m, mesh.triangles)
+    low, high = VOLUME_L
+    if not low <= litres <= high:
+        yield f"its body holds {litres:.0f} litres; people's hold 45 to 150"
+    used = set(np.unique(character.levels[0].triangle_part).tolist())
+    missing = [
+        part.replace("_", " ")
+        for part in PARTS
+        if part not in WORN and PART_INDEX[part] not in used
+    ]
+    if missing:
+        yield f"it has no {', '.join(missing)} that could be looked at or measured"
+
+
+def _eyes_at(character: Character) -> dict[str, Vector]:
+    skeleton = character.skeleton
+    return {side: skeleton.rest_m[skeleton.index(f"{side}_eye")] for side in SIDES}
