@@ -27,8 +27,8 @@ from tools.character_making.pieces import (
 )
 from tools.character_making.recipes import Garment
 
-KNIT = Fabric()
-LOOSE = Fabric(ease_around=0.08, ease_along=0.04, bend=3.0)
+KNIT = Fabric(ease_around=0.03)
+LOOSE = Fabric(ease_around=0.045, ease_along=0.04, bend=3.0)
 TROUSERS = Fabric(ease_around=0.06, ease_along=0.09)
 
 
@@ -38,7 +38,7 @@ class Cut:
     the share of the way from hip (0) to crotch (1); `neck` how wide the neckline is, metres;
     `v_neck` how deep it dips; `clearance_m` from the skin; `rounds` of hanging; `open_m` half
     width of an open front; `flare_m` what sleeves are wider by; `inward` how much the cloth turns
-    in below the chest, metres a metre.
+    in below the chest, metres a metre; `collar` how large a folded collar is.
     """
 
     sleeve: float = 1.93
@@ -50,14 +50,15 @@ class Cut:
     open_m: float = 0.0
     flare_m: float = 0.004
     thickness_m: float = 0.003
-    inward: float = 0.3
+    inward: float = 0.06
+    collar: float = 1.0
     fabric: Fabric = KNIT
 
 
 TOPS: Mapping[str, Cut] = {
-    "tee": Cut(sleeve=0.62, hem=0.55, neck=0.016, flare_m=0.012, fabric=LOOSE),
+    "tee": Cut(sleeve=0.62, hem=0.55, neck=0.010, flare_m=0.012, fabric=LOOSE),
     "polo": Cut(sleeve=0.66, hem=0.55, neck=0.004, flare_m=0.012, fabric=LOOSE),
-    "jumper": Cut(sleeve=1.95, hem=0.6, neck=0.014, clearance_m=0.011, rounds=22,
+    "jumper": Cut(sleeve=1.95, hem=0.6, neck=0.007, clearance_m=0.011, rounds=22,
                   flare_m=0.010, thickness_m=0.005),
     "shirt": Cut(sleeve=1.93, hem=0.75, neck=0.002, clearance_m=0.007, rounds=18, flare_m=0.010,
                  fabric=LOOSE),
@@ -146,7 +147,7 @@ def top(figure: Figure, stuff: Stuff, garment: Garment, seed: int, over: Sequenc
     piece = clipped(piece, top_field(figure, lines, short, piece.vertices_m, piece.weights))
     hips = np.clip((lines.waist - piece.vertices_m[:, 1]) / 0.1, 0, 1)
     arms = np.sum([*on_side(figure, piece.weights, "arm").values()], axis=0)
-    clearance = cut.clearance_m + 0.013 * hips * (arms < 0.5)
+    clearance = cut.clearance_m + 0.004 * hips * (arms < 0.5)
     piece = replace(piece, vertices_m=hanging(piece, cut.rounds, clearance))
     piece = replace(piece, vertices_m=_loose_sleeves(figure, piece, cut))
     axis_m = np.array([0.0, 0.0, figure.at("hips")[2]])

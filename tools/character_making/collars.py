@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.cloth_places import wrapped_uv
+from tools.character_making.clothes import cut_of
 from tools.character_making.cutting import border
 from tools.character_making.figure import Figure
 from tools.character_making.makehuman import Indices
@@ -23,7 +24,7 @@ def collar(figure: Figure, cloth: Piece, garment: Garment, tone: Vector) -> list
             _band(figure, cloth, ring, tone * 0.9, 0.020 if garment.kind == "jumper" else 0.012)
         ]
     if garment.kind in ("shirt", "polo"):
-        pieces = [_folded_collar(figure, cloth, ring, tone)]
+        pieces = [_folded_collar(figure, cloth, ring, tone, cut_of(garment).collar)]
         depth = 0.13 if garment.kind == "polo" else 0.6
         pieces += _placket(figure, cloth, tone, depth)
         return pieces
@@ -113,47 +114,97 @@ def _band(figure: Figure, cloth: Piece, ring: Indices, tone: Vector, height_m: f
     return _textured(figure, _outwards(sheet, centre))
 
 
-def _folded_collar(figure: Figure, cloth: Piece, ring: Indices, tone: Vector) -> Piece:
-    """Return a shirt collar: a stand round the neck and a fall that ends in two points."""
-    points, weights = _resampled(figure, cloth, ring, 64)
-    neck = figure.at("neck")
-    angle = np.linspace(-np.pi, np.pi, 64, endpoint=False)
-    order = np.argsort((angle + 2 * np.pi) % (2 * np.pi))
-    points, weights = points[order], weights[order]
-    angle = (angle[order] + 2 * np.pi) % (2 * np.pi)
-    opens = (angle > 0.16) & (angle < 2 * np.pi - 0.16)
-    points, weights, angle = points[opens], weights[opens], angle[opens]
-    centre = np.array([0.0, 0.0, neck[2]]) + np.array([0.0, points[:, 1].mean(), 0.0])
-    scale = figure.stature_m / 1.72
-    front = np.exp(-((np.minimum(angle, 2 * np.pi - angle) / 0.55) ** 2))
-    height = scale * (0.036 - 0.010 * front)
-    low = _by_the_neck(figure, angle, points[:, 1] + 0.45 * height, 0.0045)
-    top = _by_the_neck(figure, angle, points[:, 1] + height, 0.0055)
-    out = unit((top - centre) * np.array([1.0, 0.0, 1.0]))
-    # Above the open top button the edges lean apart.
-    apart = 0.011 * front * np.where(angle < np.pi, 1.0, -1.0)
-    low[:, 0] += 0.3 * apart
-    top[:, 0] += apart
-    # The fall lies on the cloth round the neckline.
-    reach = scale * (0.021 + 0.012 * front)
-    under = points + 0.5 * reach[:, None] * out
-    lying = _on_surface(cloth, under - np.array([0.0, 1.0, 0.0]) * (0.25 * reach)[:, None])
-    lying += 0.0055 * _nearest_normals(cloth, lying)
-    lying[:, 0] += 0.8 * apart
+def _folded_collar(
+    figure: Figure, cloth: Piece, ring: Indices, tone: Vector, size_01: float
+) -> Piece:
+    """Return a shirt collar, of full height or lower: a stand close round the neck and a fall that
+    lies on the cloth and ends in two points.
+    """
+    points, weights = _resampled(figure, cloth, ring, _COLUMNS)
+    even = np.linspace(-np.pi, np.pi, _COLUMNS, endpoint=False)
+    scale = size_01 * figure.stature_m / 1.72
+
+    def round_neck(gap: float) -> tuple[Vector, Vector]:
+        """Return angles from the front towards +x, a gap open, and the neckline there."""
+        at = np.linspace(gap, 2 * np.pi - gap, _COLUMNS)
+        line = [np.interp(at, even, points[:, k], period=2 * np.pi) for k in range(3)]
+        return at, np.stack(line, axis=1)
+
+    _, seam = round_neck(_GAP_BELOW)
+    angle, above_seam = round_neck(_GAP_ABOVE)
+    front = np.exp(-(((np.minimum(angle, 2 * np.pi - angle) - _GAP_ABOVE) / 0.5) ** 2))
+    height = scale * (_STAND_M - _LOWER_IN_FRONT_M * front)
+    fold = _by_the_neck(figure, angle, above_seam[:, 1] + height, _OFF_SKIN_M)
+    out = np.stack([np.sin(angle), np.zeros(_COLUMNS), -np.cos(angle)], axis=1)
+    splayed = _SPLAY * front * np.where(angle < np.pi, 1.0, -1.0)
+    reach = scale * (_FALL_M + _POINT_M * front**2)
+    fall = _falling(cloth, fold, seam, out, splayed, reach)
     up = np.array([0.0, 1.0, 0.0])
     rows = [
-        points - 0.004 * up - 0.001 * out,
-        points + 0.001 * up,
-        low,
-        top,
-        top + 0.003 * out + 0.0022 * up,
-        top + 0.0075 * out - 0.003 * up,
-        0.45 * top + 0.55 * lying + 0.008 * out,
-        lying + 0.001 * out,
-        lying - 0.0015 * out - 0.002 * up,
+        seam - 0.004 * up - 0.001 * out,
+        seam,
+        0.5 * (seam + fold),
+        fold - 0.0008 * up,
+        fold + 0.0015 * out + 0.0004 * up,
+        *fall,
+        # Its edge goes into the cloth, so that thinning opens no slits along it.
+        fall[-1] - _EDGE_INTO_M * _nearest_normals(cloth, fall[-1]),
     ]
-    sheet = _outwards(_sheet(rows, weights, tone, cloth.material, closed=False), centre)
-    return _textured(figure, sheet)
+    sheet = _sheet(rows, weights, tone, cloth.material, closed=False)
+    near = np.stack(
+        [np.interp(angle, even, column, period=2 * np.pi) for column in weights.T], axis=1
+    )
+    _, below = cKDTree(cloth.vertices_m).query(fall[-1], k=4)
+    lying = cloth.weights[below].mean(axis=1)
+    shares = np.clip((np.arange(len(rows)) - 4) / len(fall), 0, 1)[:, None, None]
+    mixed = ((1 - shares) * near + shares * lying).reshape(len(sheet.vertices_m), -1)
+    return _textured(figure, replace(sheet, weights=mixed))
+
+
+_COLUMNS = 80
+_GAP_BELOW, _GAP_ABOVE = 0.03, 0.15
+"""Half of what is open in front, in radians, of a stand: at its seam and at its fold."""
+_STAND_M, _LOWER_IN_FRONT_M, _OFF_SKIN_M = 0.028, 0.012, 0.004
+_FALL_M, _POINT_M, _SPLAY = 0.044, 0.022, 0.55
+_EDGE_INTO_M = 0.007
+_FALL_ROWS, _OFF_CLOTH_M, _EDGE_OFF_CLOTH_M, _OFF_STAND_M = 9, 0.0035, 0.0028, 0.003
+
+
+def _falling(
+    cloth: Piece, fold: Vector, seam: Vector, out: Vector, splayed: Vector, reach: Vector
+) -> list[Vector]:
+    """Return rows (c, 3) of a collar's fall: from its fold it goes down, outside of the stand,
+    until it meets the cloth, and lies on it.
+    """
+    wish = 0.35 * out - np.array([0.0, 1.0, 0.0])
+    wish[:, 0] += splayed
+    wish = unit(wish)
+    at, way, rows = fold + 0.003 * out, wish, []
+    deep = np.maximum(fold[:, 1] - seam[:, 1], 1e-6)
+    for off_m in np.linspace(_OFF_CLOTH_M, _EDGE_OFF_CLOTH_M, _FALL_ROWS):
+        before = at
+        at = at + (reach / _FALL_ROWS)[:, None] * unit(way + 0.6 * wish)
+        # The stand leans from its seam to its fold.
+        share = np.clip((fold[:, 1] - at[:, 1]) / deep, 0, 1)[:, None]
+        stand = fold + share * (seam - fold)
+        within = np.sum((at - stand) * out, axis=1)
+        at = at + np.maximum(_OFF_STAND_M - within, 0)[:, None] * (share < 1) * out
+        at[1:-1] = 0.5 * at[1:-1] + 0.25 * (at[:-2] + at[2:])
+        at = _at_least_off(cloth, at, float(off_m))
+        way = unit(at - before)
+        rows.append(at)
+    return rows
+
+
+def _at_least_off(cloth: Piece, points: Vector, least_m: float) -> Vector:
+    """Move points out of a cloth along its normals, until they are off it by so much."""
+    normals = vertex_normals(cloth.vertices_m, cloth.triangles)
+    distance, index = cKDTree(cloth.vertices_m).query(points, k=4)
+    centre, normal = cloth.vertices_m[index].mean(axis=1), unit(normals[index].mean(axis=1))
+    off = np.sum((points - centre) * normal, axis=1)
+    near = np.asarray(distance)[:, 0] < 0.025
+    moved: Vector = points + (near * np.clip(least_m - off, 0, 0.02))[:, None] * normal
+    return moved
 
 
 def _by_the_neck(figure: Figure, angle: Vector, heights: Vector, clearance_m: float) -> Vector:
@@ -216,7 +267,7 @@ def _placket(figure: Figure, cloth: Piece, tone: Vector, depth_m: float) -> list
         smooth = points.copy()
         for _ in range(6):
             smooth[1:-1] = 0.5 * smooth[1:-1] + 0.25 * (smooth[:-2] + smooth[2:])
-        rows.append(smooth + (lift + 0.0012) * out)
+        rows.append(smooth + (lift + 0.0026) * out)
         row_weights = weights
     if row_weights is None:
         return []
@@ -224,7 +275,7 @@ def _placket(figure: Figure, cloth: Piece, tone: Vector, depth_m: float) -> list
     behind = np.array([0.0, 0.0, 10.0])
     strip = _textured(figure, _outwards(strip, behind))
     points, out, weights = _front_line(cloth, 0.0, np.arange(top_m - 0.035, low_m + 0.02, -0.085))
-    buttons = _discs(points + 0.0048 * out, out, weights, tone)
+    buttons = _discs(points + 0.0062 * out, out, weights, tone)
     return [strip, replace(buttons, material="shoe")]
 
 

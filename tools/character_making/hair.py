@@ -19,7 +19,8 @@ from tools.character_making.pieces import Piece, vertex_normals
 class Style:
     """A haircut. `length_m` at the crown, `side` share of it at the temples; `comb` says where
     locks go; `lift_m` how far the shell and the locks stand off; `part_m` where the parting is;
-    `curl_m` radius of curls; `tie` is none, bun or tail.
+    `curl_m` radius of curls; `tie` is none, bun or tail; `tip` the share of their width that locks
+    end with; from afar there are `fewer_afar` times fewer of them, so much wider.
     """
 
     comb: str
@@ -34,6 +35,8 @@ class Style:
     tie: str = "none"
     rows: int = 9
     wave_m: float = 0.004
+    tip: float = 0.12
+    fewer_afar: float = 1.0
     fall: Fall | None = None
 
 
@@ -47,14 +50,23 @@ STYLES = {
     "bob": Style(
         "fall", 0.26, 0, 0.007, 0.014, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02, 0.003, 14)
     ),
-    "bun": Style("back", 0.30, 260, 0.013, 0.008, tie="bun", rows=10, wave_m=0.001),
-    "ponytail": Style("back", 0.30, 260, 0.013, 0.009, tie="tail", rows=10, wave_m=0.002),
+    "bun": Style("back", 0.30, 420, 0.008, 0.006, tie="bun", wave_m=0.001, fewer_afar=1.6),
+    "ponytail": Style("back", 0.30, 420, 0.008, 0.006, tie="tail", wave_m=0.001, fewer_afar=1.6),
     "curly": Style("out", 0.036, 640, 0.008, 0.042, curl_m=0.008, rows=7),
     "afro": Style("out", 0.010, 560, 0.006, 0.013, curl_m=0.004, rows=5),
-    "short": Style("short", 0.048, 480, 0.009, 0.010, 0.4, -0.03, receding=0.25, rows=6),
-    "fringe": Style("forward", 0.06, 460, 0.011, 0.012, side=0.6, rows=7),
-    "receding": Style("short", 0.03, 380, 0.009, 0.006, 0.8, 0.03, receding=1.0, rows=5),
+    "short": Style(
+        "short", 0.048, 620, 0.007, 0.009, 0.4, -0.03, receding=0.25, rows=5, fewer_afar=1.3
+    ),
+    "fringe": Style("forward", 0.06, 640, 0.008, 0.010, side=0.6, rows=6, tip=0.6, fewer_afar=1.4),
+    "receding": Style(
+        "short", 0.03, 560, 0.006, 0.005, 0.8, 0.03, receding=1.0, rows=5, fewer_afar=1.5
+    ),
 }
+
+
+_DENSE_FROM_M, _ROOTS_M = 0.006, 0.10
+"""How far within the hairline hair is dense; what the whole picture of hair, with its uneven roots,
+spans of a scalp."""
 
 
 def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) -> Piece:
@@ -80,14 +92,15 @@ def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) 
         morphs={},
         corner_uv=None,
     )
-    piece = clipped(piece, outside + 0.006)
+    # Below sheets it ends where hair is dense; else it thins out into single hairs.
+    piece = clipped(piece, outside + (_DENSE_FROM_M if style.fall else 0.0))
     crown = figure.body_m[figure.body_m[:, 1].argmax()] + np.array([0.0, -0.03, 0.02])
     d = piece.vertices_m - crown
     around = np.arctan2(d[:, 0], -d[:, 2])[piece.triangles]
     around = around[:, :1] + (around - around[:, :1] + np.pi) % (2 * np.pi) - np.pi
     inside = -hairline_field(figure, piece.vertices_m, style.receding)[piece.triangles]
     # Roots are thin along the hairline; farther up the cap is whole.
-    uv = np.stack([around / (2 * np.pi) * 12, np.clip(inside / 0.08, 0, 0.5)], axis=-1)
+    uv = np.stack([around / (2 * np.pi) * 12, np.clip(inside / _ROOTS_M, 0, 0.5)], axis=-1)
     part = np.full(len(piece.triangles), PART_INDEX["scalp"])
     return replace(piece, part=part, corner_uv=uv)
 
@@ -121,12 +134,18 @@ def _roots(
     return points[chosen], unit(normals[chosen])
 
 
+_TIED_OFF_M = 0.004
+"""How far above the hair on the head the middle of a tie is."""
+
+
 def _tie_point(figure: Figure, style: Style) -> Vector:
     eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
     k = figure.stature_m / 1.72
     up = 0.055 if style.tie == "bun" else 0.065
-    back: Vector = eye + k * np.array([0.0, up, 0.195])
-    return back
+    level_m = eye[1] + k * up
+    body = figure.body_m
+    here = (np.abs(body[:, 0]) < 0.03) & (np.abs(body[:, 1] - level_m) < 0.02)
+    return np.array([0.0, level_m, body[here, 2].max() + style.lift_m + _TIED_OFF_M])
 
 
 def _wish(
@@ -174,7 +193,9 @@ def _grown(
     n = len(roots)
     eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
     sides = np.clip((0.08 - (roots[:, 1] - eye[1])) / 0.06, 0, 1)
-    length = style.length_m * (1 - (1 - style.side) * sides) * rng.uniform(0.85, 1.08, n)
+    length = style.length_m * (1 - (1 - style.side) * sides)
+    # A fringe is cut to one length; else its gaps are the teeth of a saw.
+    length *= rng.uniform(0.96, 1.04, n) if style.comb == "forward" else rng.uniform(0.85, 1.08, n)
     if style.comb == "back":
         length = np.linalg.norm(_tie_point(figure, style) - roots, axis=1) * 1.12
     at = roots + (0.7 if style.comb == "out" else 0.4) * style.lift_m * normals
@@ -201,7 +222,7 @@ def _grown(
         layer = phase / (2 * np.pi)
         least = style.lift_m * (0.75 + 0.5 * layer) * (1 - 0.45 * share)
         if style.comb == "back":
-            least = style.lift_m * (0.85 + 0.4 * layer)
+            least = style.lift_m * (0.85 + 0.3 * layer)
         push = np.where(distance < 0.05, np.clip(least - high, 0, 0.03), 0)
         # Above the chin hair lies close; below it hangs free.
         above_chin = (at[:, 1] > eye[1] - 0.10) & (distance < 0.06)
@@ -234,8 +255,14 @@ def _off_the_ears(figure: Figure, line: Vector, out: Vector) -> tuple[Vector, Ve
     eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
     q = (line - eye) / (figure.stature_m / 1.72)
     wide = (np.abs(q[..., 0]) > 0.083) & (q[..., 1] < 0.035) & (q[..., 2] < 0.15)
-    free = ~wide.any(axis=1)
+    # The tips of sideburns would stand off, combed to either side.
+    tips = (q[:, 0, 1] < _SIDEBURN_TIP_M[0]) & (q[:, 0, 2] < _SIDEBURN_TIP_M[1])
+    free = ~(wide.any(axis=1) | tips)
     return line[free], out[free]
+
+
+_SIDEBURN_TIP_M = (0.022, 0.095)
+"""Sideburns end in tips below and before this, from the eyes."""
 
 
 def _frames(line: Vector, out: Vector) -> tuple[Vector, Vector]:
@@ -267,6 +294,8 @@ class Locks:
     tint: Vector
     width_m: Vector
     start: Vector
+    tip: float = 0.12
+    fewer_afar: float = 1.0
 
 
 def locks(
@@ -288,7 +317,8 @@ def locks(
     line, out = _grown(figure, style, roots, normals, body, worn, rng)
     if style.comb != "out":
         line, out = _off_the_ears(figure, line, out)
-    groups: list[Locks | Sheet] = [_coloured(line, out, style.width_m, colour, rng, grey)]
+    combed = _coloured(line, out, style.width_m, colour, rng, grey)
+    groups: list[Locks | Sheet] = [replace(combed, tip=style.tip, fewer_afar=style.fewer_afar)]
     if style.tie == "bun":
         groups.append(_bun(figure, style, colour, rng, grey))
     if style.tie == "tail":
@@ -302,9 +332,9 @@ def _coloured(
     n = len(line)
     tones = np.tile(colour, (n, 1))
     greyed = rng.random(n) < 0.5 * grey
-    tones[greyed] = tones[greyed] * 0.5 + 0.5 * np.array([0.72, 0.71, 0.70])
+    tones[greyed] = tones[greyed] * 0.75 + 0.25 * np.array([0.72, 0.71, 0.70])
     width = 0.5 * width_m * rng.uniform(0.75, 1.25, n)
-    return Locks(line, out, tones, rng.normal(1.0, 0.10, n), width, rng.random(n))
+    return Locks(line, out, tones, rng.normal(1.0, 0.06, n), width, rng.random(n))
 
 
 def drawn(figure: Figure, group: Locks | Sheet, level: int, first: int = 0) -> Piece:
@@ -313,7 +343,11 @@ def drawn(figure: Figure, group: Locks | Sheet, level: int, first: int = 0) -> P
         shape = group.line.shape[:2]
         weights = hair_weights(figure, group.line.reshape(-1, 3)).reshape(*shape, -1)
         return sheet_piece(figure, group, weights, *((1, 1), (3, 2), (6, 3))[level])
-    return ribbons(figure, group, THINNINGS[level], first)
+    thinning = THINNINGS[level]
+    if level:
+        some = round(thinning.locks * group.fewer_afar)
+        thinning = replace(thinning, locks=some, wider=thinning.wider * some / thinning.locks)
+    return ribbons(figure, group, thinning, first)
 
 
 def ribbons(
@@ -328,7 +362,9 @@ def ribbons(
     across, facing = _frames(line, out)
     facing = np.where(np.sum(facing * out, axis=-1, keepdims=True) < 0, -facing, facing)
     share = at_rows / (all_rows - 1)
-    taper = np.interp(share, [0, 0.15, 0.7, 1], [0.7, 1.0, 0.8, 0.12])
+    taper = np.interp(
+        share, [0, 0.15, 0.7, 1], [0.7, 1.0, 0.9 if group.tip > 0.5 else 0.8, group.tip]
+    )
     wide = thinning.wider * taper[None, :] * group.width_m[keep][:, None]
     edges = np.stack([line - wide[..., None] * across, line + wide[..., None] * across], axis=2)
     normals = unit(np.stack([facing - 0.55 * across, facing + 0.55 * across], axis=2))

@@ -35,7 +35,7 @@ def hollows(body: Piece) -> Vector:
     depth = np.sum((average @ body.vertices_m - body.vertices_m) * normals, axis=1)
     step = np.linalg.norm(average @ body.vertices_m - body.vertices_m, axis=1)
     depth = depth + 0.35 * (average @ depth)
-    curved: Vector = np.tanh(depth / (0.0006 + 0.25 * step))
+    curved: Vector = average @ np.tanh(depth / (0.0006 + 0.25 * step))
     return curved
 
 
@@ -199,6 +199,8 @@ def _browed(colour: Vector, figure: Figure, p: Vector, face: Face, k: float, see
         arch = 0.0052 if female else 0.0028
         lift = 0.0195 if female else 0.0172
         curve = lift + arch * np.sin(np.clip(along, 0, 1.1) * 2.1 - 0.25) - 0.004 * along**2
+        # Higher at the nose than at the temple, brows look sad.
+        curve += (0.0008 if female else 0.0030) * (along - 0.45)
         half = np.interp(along, [-0.05, 0.1, 0.6, 1.05], [0.0030, 0.0038, 0.0027, 0.0008])
         half = half * (0.75 + 0.55 * face.brow_weight)
         v = (y - curve) / half

@@ -1,0 +1,181 @@
+"""What made one wince at the cast: collars like braces, bells, cut hairlines, fringes like saws."""
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from lab.geometry import Vector
+from stimuli.characters.cast import cast_names, load_character
+from stimuli.characters.character import Character
+from tools.character_making.cutting import border
+from tools.character_making.recipes import CAST as RECIPES
+
+RECIPE = {recipe.name: recipe for recipe in RECIPES}
+COLLARED = [name for name in cast_names() if RECIPE[name].garments[0].kind not in ("tee", "jumper")]
+FRINGED = [name for name in cast_names() if RECIPE[name].hair == "fringe"]
+TIED = [name for name in cast_names() if RECIPE[name].hair in ("bun", "ponytail")]
+"""Whose hair is combed back into a bun or a tail."""
+MAX_TIED_OFF_M = {"bun": 0.031, "ponytail": 0.040}
+COLLAR_M = (0.070, 0.085)
+"""How far from the axis of the neck collars fall."""
+MAX_FLARE_M = {"open": 0.058, "closed": 0.050}
+"""What hems are wider by than the hips below them: 62 to 69 and 47 to 62 mm before."""
+
+
+def _triangles(person: Character, material: str) -> npt.NDArray[np.int32]:
+    names = [m.name for m in person.materials]
+    mesh = person.levels[0]
+    some: npt.NDArray[np.int32] = mesh.triangles[mesh.triangle_material == names.index(material)]
+    return some
+
+
+def _points(person: Character, triangles: npt.NDArray[np.int32], per_triangle: int) -> Vector:
+    """Return points (n, 3) spread over triangles."""
+    shares = np.random.default_rng(0).dirichlet(np.ones(3), per_triangle)
+    corners = person.levels[0].vertices_m[triangles].astype(np.float64)
+    points: Vector = np.einsum("bk,tkc->tbc", shares, corners).reshape(-1, 3)
+    return points
+
+
+def _collar_off_skin_m(person: Character) -> float:
+    """Return how far off the skin nine tenths of what is worn where collars fall are at most."""
+    neck = person.skeleton.rest_m[person.skeleton.index("neck")]
+    worn = _triangles(person, "under")
+    points = _points(person, worn if len(worn) else _triangles(person, "top"), 6)
+    away = np.hypot(points[:, 0] - neck[0], points[:, 2] - neck[2])
+    low, high = COLLAR_M
+    collar = points[(away > low) & (away < high) & (points[:, 1] > neck[1] - 0.09)]
+    body = person.closed
+    assert body is not None
+    assert len(collar) > 300
+    _, near = cKDTree(body.vertices_m).query(collar, 3)
+    off = ((collar[:, None] - body.vertices_m[near]) * body.normals[near]).sum(axis=-1)
+    return float(np.quantile(off.mean(axis=1), 0.9))
+
+
+def test_collars_lie_on_the_neck_and_the_collarbone() -> None:
+    """They stood round necks like braces: 19 mm off the skin on average, up to 22."""
+    off_m = {name: _collar_off_skin_m(load_character(name)) for name in COLLARED}
+    assert len(off_m) == 8
+    assert {} == {name: off for name, off in off_m.items() if off > 0.0195}
+    assert 0.0165 > np.mean(list(off_m.values()))
+
+
+def _width_m(corners: Vector, level_m: float) -> float:
+    """Return how wide what a level cuts of triangles (t, 3, 3) is, without hands beside it."""
+    starts, ends = corners.reshape(-1, 3), np.roll(corners, -1, axis=1).reshape(-1, 3)
+    crosses = (starts[:, 1] < level_m) != (ends[:, 1] < level_m)
+    a, b = starts[crosses], ends[crosses]
+    x = a[:, 0] + (level_m - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+    return float(np.ptp(x[np.abs(x) < 0.26]))
+
+
+@pytest.mark.parametrize("name", cast_names())
+def test_tops_do_not_bell_at_the_hem(name: str) -> None:
+    person = load_character(name)
+    mesh, body = person.levels[0], person.closed
+    assert body is not None
+    corners = mesh.vertices_m[_triangles(person, "top")].astype(np.float64)
+    hips_z = person.skeleton.rest_m[person.skeleton.index("hips")][2]
+    points = corners.reshape(-1, 3)
+    behind = (np.abs(points[:, 0]) < 0.04) & (points[:, 2] > hips_z)
+    level_m = points[behind, 1].min() + 0.01
+    hips = body.vertices_m[body.triangles].astype(np.float64)
+    flare_m = _width_m(corners, level_m) - _width_m(hips, level_m)
+    kind = "open" if RECIPE[name].garments[0].kind in ("jacket", "cardigan") else "closed"
+    assert 0.01 < flare_m < MAX_FLARE_M[kind]
+
+
+def _scalp(person: Character) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+    """Return the largest connected piece of hair, as welded corners and as its triangles."""
+    hair = _triangles(person, "hair")
+    places = np.round(person.levels[0].vertices_m * 1e5).astype(np.int64)
+    _, welded = np.unique(places, axis=0, return_inverse=True)
+    corners = welded.ravel()[hair]
+    edges = np.concatenate([corners[:, :2], corners[:, 1:]])
+    n = int(corners.max()) + 1
+    joined = coo_array((np.ones(len(edges)), edges.T), shape=(n, n))
+    _, piece = connected_components(joined, directed=False)
+    of_triangle = piece[corners[:, 0]]
+    largest = of_triangle == np.bincount(of_triangle).argmax()
+    return corners[largest], hair[largest]
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in cast_names() if RECIPE[n].hair not in ("long", "shoulder", "bob")]
+)
+def test_hairlines_end_in_single_hairs(name: str) -> None:
+    """Scalps were cut where the picture of hair is whole, like bald caps."""
+    person = load_character(name)
+    uv = person.levels[0].uv
+    assert uv is not None
+    corners, triangles = _scalp(person)
+    on_border = np.isin(corners, np.unique(border(corners)))
+    assert 0.03 > np.median(uv[triangles[on_border], 1])
+
+
+def _fringe_steps_m(person: Character) -> float:
+    """Return by how much a fringe's lower edge goes up or down from 3 mm to the next."""
+    eyes = [person.skeleton.index(f"{side}_eye") for side in ("left", "right")]
+    eye = person.skeleton.rest_m[eyes].mean(axis=0)
+    points = _points(person, _triangles(person, "hair"), 12)
+    points = points[(points[:, 2] < eye[2] + 0.04) & (points[:, 1] > eye[1] + 0.01)]
+    sides = np.arange(-0.045, 0.0451, 0.003)
+    column = np.digitize(points[:, 0], sides)
+    low = [points[column == i, 1].min() for i in range(1, len(sides))]
+    return float(np.abs(np.diff(low)).mean())
+
+
+@pytest.mark.parametrize("name", FRINGED)
+def test_fringes_are_no_saws(name: str) -> None:
+    """Their teeth were 8 mm deep every few millimetres."""
+    assert 0.0068 > _fringe_steps_m(load_character(name))
+
+
+@pytest.mark.parametrize("name", TIED)
+def test_what_is_tied_hangs_on_the_head(name: str) -> None:
+    """A tail began 2 cm behind the head it grew on: on average 48 mm off, the bun 33 mm."""
+    person = load_character(name)
+    eye = person.skeleton.rest_m[person.skeleton.index("left_eye")]
+    points = _points(person, _triangles(person, "hair"), 12)
+    body = person.closed
+    assert body is not None
+    skull = body.vertices_m[np.abs(body.vertices_m[:, 1] - eye[1] - 0.06) < 0.02]
+    back_m = skull[np.abs(skull[:, 0]) < 0.03, 2].max()
+    off_m = points[np.abs(points[:, 0]) < 0.05, 2] - back_m
+    tied_m = off_m[off_m > 0.015]
+    assert len(tied_m) > 2000
+    assert MAX_TIED_OFF_M[RECIPE[name].hair] > tied_m.mean()
+
+
+def _brow_slope(person: Character) -> float:
+    """Return by how much the painted left brow rises a metre outwards."""
+    mesh = person.levels[0]
+    skin = next(m.texture_srgb for m in person.materials if m.name == "skin")
+    assert skin is not None
+    assert mesh.uv is not None
+    eye = person.skeleton.rest_m[person.skeleton.index("left_eye")]
+    triangles = _triangles(person, "skin")
+    middle = mesh.vertices_m[triangles].mean(axis=1) - eye
+    near = (np.abs(middle[:, 0]) < 0.04) & (np.abs(middle[:, 1] - 0.02) < 0.02)
+    triangles = triangles[near & (middle[:, 2] < 0.03)]
+    up = _points(person, triangles, 60) - eye
+    shares = np.random.default_rng(0).dirichlet(np.ones(3), 60)
+    uv = np.einsum("bk,tkc->tbc", shares, mesh.uv[triangles]).reshape(-1, 2)
+    high, wide = skin.shape[:2]
+    row, column = (uv[:, 1] * high).astype(np.int64), (uv[:, 0] * wide).astype(np.int64)
+    light = skin.astype(np.float64).mean(axis=2)[row, column]
+    outwards = -up[:, 0]
+    brow = (np.abs(outwards - 0.002) < 0.018) & (np.abs(up[:, 1] - 0.02) < 0.011)
+    dark = np.clip(0.88 - light[brow] / np.median(light[brow]), 0, None)
+    x, y = (v[brow] - np.average(v[brow], weights=dark) for v in (outwards, up[:, 1]))
+    return float((dark * x * y).sum() / (dark * x * x).sum())
+
+
+@pytest.mark.parametrize("name", ["gabriel", "ike", "jun", "luca"])
+def test_brows_of_dark_haired_men_do_not_fall_outwards(name: str) -> None:
+    """Level or falling, they made their faces sad."""
+    assert 0.02 < _brow_slope(load_character(name))
