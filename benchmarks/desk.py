@@ -6,7 +6,9 @@ The session of `benchmarks.frame_loop` runs in real time by itself and with a de
 in turn and twice each, as the machine's other work changes from minute to minute. "Status" is what
 the frame thread itself does for a desk eight times a second, on a status of a trial with eleven
 people. "First paint" is from the request of the page to its first picture in Chromium; without one
-that row is left out. "Ratio" is limit / value.
+that row is left out. "Picture" is what asking for the participant's view and taking it cost the
+thread that draws, twice a second each, an eye of a headset drawn beforehand and done; a computer
+that draws on its processor copies it there, within the frame. "Ratio" is limit / value.
 """
 
 import argparse
@@ -38,6 +40,8 @@ PAINT_LIMIT_S = 1.0
 WIRE = "sockets"
 PASSES = 2
 STATUSES = 2000
+PICTURES = 60
+EYE_PX = (1440, 1600)
 
 
 class Keeping(SessionLink):
@@ -129,6 +133,36 @@ def status_cost(status: SessionStatus, root: Path) -> list[Row]:
     ]
 
 
+def picture_cost() -> list[Row]:
+    """Return what the participant's view takes of the thread that draws; nothing undrawn."""
+    from stage.context import draws_on_processor, offscreen_context
+    from stage.errors import StageError
+    from stage.small_picture import SmallPicture
+
+    try:
+        context = offscreen_context()
+    except StageError:
+        return []
+    eye = context.texture(EYE_PX, 4, np.zeros((*EYE_PX[::-1], 4), np.uint8).tobytes())
+    small = SmallPicture(context, EYE_PX)
+    asked_ms, taken_ms = [], []
+    for _ in range(PICTURES):
+        context.finish()
+        timed = StopWatch()
+        small.ask(eye)
+        asked_ms.append(timed.elapsed_s() * 1e3)
+        context.finish()  # which the frames in between do
+        timed = StopWatch()
+        small.take()
+        taken_ms.append(timed.elapsed_s() * 1e3)
+    by = "processor" if draws_on_processor(context) else "card"
+    context.release()
+    return [
+        Row(f"picture {words} ({by} draws), median", float(np.median(ms)), "ms", LIMIT_MS)
+        for words, ms in (("asked for", asked_ms), ("taken", taken_ms))
+    ]
+
+
 def first_paint(status: SessionStatus, root: Path) -> list[Row]:
     """Return how long the page takes to its first picture, a session going on."""
     browser = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -183,6 +217,7 @@ def main(arguments: list[str]) -> int:
         os.environ["XDG_CACHE_HOME"] = str(root / "cache")
         rows, status = sessions(options.seconds, root)
         rows += status_cost(status, root)
+        rows += picture_cost()
         rows += first_paint(status, root)
     return show(rows, as_json=options.json)
 

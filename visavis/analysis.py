@@ -459,6 +459,8 @@ def answered(
 def _rated(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """Name what was rated; of participants who rate, those without all ratings leave an ICC."""
     notes: tuple[str, ...] = ()
+    if compare.raters != "participant":
+        notes = ("what one participant rated counts as independent of each other",)
     things = frame[list(compare.things)].astype(str)
     frame = frame.assign(**{THING: things.agg(", ".join, axis=1)})
     if compare.test == "icc" and compare.raters == "participant":

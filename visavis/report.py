@@ -188,7 +188,7 @@ def _verdict(
         "undecided" if doubts else "found" if significant else "not_found",
         headline,
         f"{_sentence(finding, term)}{corrected}{published}"
-        + "".join(f" {note[:1].upper()}{note[1:]}." for note in doubts),
+        + "".join(f" Note: {note}." for note in doubts),
     )
 
 

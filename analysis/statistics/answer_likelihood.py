@@ -21,6 +21,8 @@ from analysis.statistics.results import Array
 N_NODES = 21
 """Nodes for one random effect; ten give log-likelihoods to 1e-5, these to 1e-9 in the references.
 """
+MAX_QUADRATURE = 3
+"""Random effects over which nodes in every direction are still few enough."""
 MAX_MODE_STEPS = 60
 MODE_TOLERANCE = 1e-11
 MAX_POLISH_STEPS = 8
@@ -229,9 +231,12 @@ class AnswerLikelihood:
         """Return the parameters at which BFGS ends."""
         from scipy import optimize  # late: other tests need not pay for it
 
+        start = self.start()
+        if not start.size:
+            return start
         found = optimize.minimize(
             self.loss,
-            self.start(),
+            start,
             jac=True,
             method="BFGS",
             options={"gtol": 1e-5, "maxiter": 500},

@@ -1,13 +1,19 @@
 """Bradley and Terry's model of choices between two, with Davidson's ties."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse, special
 
+from analysis.statistics.answer_likelihood import (
+    MAX_QUADRATURE,
+    N_NODES,
+    AnswerLikelihood,
+    RowTerms,
+)
 from analysis.statistics.clmm import ClmmEffect
 from analysis.statistics.contrasts import (
     ContrastAdjustment,
@@ -40,8 +46,6 @@ from analysis.statistics.results import (
     p_text,
 )
 
-MAX_STEPS = 60
-STEP_TOLERANCE = 1e-11
 MAX_LOG_ODDS = 25.0
 
 
@@ -99,7 +103,8 @@ class PairModel:
     first place, of groups (times the items) and of a tie, where there are these.
 
     `robust` (p, p) is their covariance from people's scores, times n/(n − groups), `likelihood`
-    that of the information; `df` people − groups.
+    that of the information; `df` people − groups. `spread` (q, q) is the covariance of what people
+    like beyond all, where it is random.
     """
 
     beta: Array
@@ -107,6 +112,8 @@ class PairModel:
     likelihood: Array
     log_likelihood: float
     df: int
+    spread: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    is_singular: bool = False
 
     def test(self, L: Array) -> tuple[float, float]:
         """Return F and denominator df of Lβ = 0 (q, p), Hotelling's T² of people's scores."""
@@ -172,60 +179,76 @@ class BradleyTerry(Result):
 
 
 @dataclass(frozen=True)
+class DavidsonRows:
+    """Choices at log odds η of the first above the second: `sign` 1, −1 or 0 for a tie.
+
+    Their own parameter, where there are ties, is the log odds of one between equals, on the scale
+    of half the odds (Davidson 1970).
+    """
+
+    sign: Array
+    has_ties: bool
+
+    @property
+    def n_own(self) -> int:
+        """One with ties, else none."""
+        return int(self.has_ties)
+
+    def start(self) -> Array:
+        """Return equal odds."""
+        return np.zeros(self.n_own)
+
+    def taken(self, order: Codes) -> "DavidsonRows":
+        """Return the rows in another order."""
+        return replace(self, sign=self.sign[order])
+
+    def terms(self, own: Array, eta: Array, *, is_curved: bool) -> RowTerms:
+        """Return log-likelihoods with derivatives."""
+        sign = self.sign if eta.ndim == 1 else self.sign[:, None]
+        half = eta / 2
+        log_tie = np.full(half.shape, own[0] if self.has_ties else -np.inf)
+        log_odds = np.stack([half, -half, log_tie])
+        log_sum = special.logsumexp(log_odds, axis=0)
+        first, second, tie = np.exp(log_odds - log_sum)
+        log_p = np.where(sign > 0, half, np.where(sign < 0, -half, log_tie)) - log_sum
+        lean, chosen = first - second, first + second
+        bend, turn = (chosen - lean**2) / 4, lean * (tie / 2 - chosen + lean**2) / 4
+        by_tie = ((sign == 0) - tie, lean * tie / 2, tie * (2 * lean**2 - chosen) / 4)
+        return RowTerms(log_p, (sign - lean) / 2, bend, turn, (by_tie,) if self.has_ties else ())
+
+    def by_parameter(self, own: Array, parts: tuple[Array, ...]) -> Array:
+        """Return derivatives in the odds of a tie."""
+        return np.stack(parts, axis=1) if parts else np.zeros((self.sign.size, 0))
+
+
+@dataclass(frozen=True)
 class _Votes:
-    """Rows of choices: `X` (rows, p) of the first above the second, `sign` 1, −1 or 0 for a tie."""
+    """Rows of choices, columns `X` (rows, p) of the odds, `Z` (rows, q) of what people like."""
 
     X: Array
     sign: Array
     subject: Codes
     has_ties: bool
+    Z: Array
+    is_alike: bool = False
+    nodes: int = 0
 
-    def parts(self, beta: Array) -> tuple[float, Array, Array]:
-        """Return log-likelihood, scores of rows (rows, p) and the information (p, p)."""
-        q = self.X.shape[1]
-        half = self.X @ beta[:q] / 2
-        log_tie = np.full(half.size, beta[-1] if self.has_ties else -np.inf)
-        log_odds = np.column_stack([half, -half, log_tie])
-        log_sum = special.logsumexp(log_odds, axis=1)
-        first, second, tie = np.exp(log_odds - log_sum[:, None]).T
-        chosen = np.select([self.sign > 0, self.sign < 0], [half, -half], log_tie)
-        lean = first - second
-        by_half = (self.sign - lean) / 2
-        bend = (first + second - lean**2) / 4
-        scores, info = by_half[:, None] * self.X, (self.X.T * bend) @ self.X
-        if self.has_ties:
-            scores = np.column_stack([scores, (self.sign == 0) - tie])
-            across = -(self.X.T @ (lean * tie)) / 2
-            info = np.block(
-                [[info, across[:, None]], [across[None, :], np.array([[tie @ (1 - tie)]])]]
-            )
-        return float((chosen - log_sum).sum()), scores, info
+    @property
+    def rows(self) -> DavidsonRows:
+        """The choices, without what they depend on."""
+        return DavidsonRows(self.sign, self.has_ties)
 
-    def fit(self) -> tuple[Array, float, Array, Array]:
-        """Return estimates, log-likelihood, scores of rows and information at the peak.
-
-        Raises:
-            NotConverged: estimates run to infinity.
-        """
-        beta = np.zeros(self.X.shape[1] + self.has_ties)
-        found, scores, info = self.parts(beta)
-        for _ in range(MAX_STEPS):
-            try:
-                step = np.linalg.solve(info, scores.sum(axis=0))
-            except np.linalg.LinAlgError as error:
-                raise NotConverged(_NO_PEAK) from error
-            size = 1.0
-            after = self.parts(beta + step)
-            while after[0] < found - 1e-9 and size > 1e-4:
-                size /= 2
-                after = self.parts(beta + size * step)
-            beta = beta + size * step
-            found, scores, info = after
-            if np.abs(beta).max(initial=0) > MAX_LOG_ODDS:
-                raise NotConverged(_NO_PEAK)
-            if np.abs(step).max(initial=0) < STEP_TOLERANCE:
-                return beta, found, scores, info
-        raise NotConverged(_NO_PEAK)
+    def likelihood(self) -> AnswerLikelihood:
+        """Return the likelihood of the choices."""
+        usual = N_NODES if self.Z.shape[1] == 1 else 1
+        return AnswerLikelihood(
+            self.rows,
+            self.X,
+            self.subject,
+            self.Z,
+            nodes=self.nodes or usual,
+            is_alike=self.is_alike,
+        )
 
 
 _NO_PEAK = (
@@ -245,6 +268,8 @@ def bradley_terry(
     items: Sequence[str] = (),
     side: bool = False,
     missing: Missing = "error",
+    random: str = "",
+    nodes: int = 0,
 ) -> BradleyTerry:
     """Fit abilities of items to choices between two, one row per choice.
 
@@ -257,6 +282,10 @@ def bradley_terry(
     People differ in what they like, so that choices of one are no independent ones: tests are
     Hotelling's T² of people's scores (robust errors), the likelihood ratio beside takes all
     choices for independent. With `between`, groups of people are compared in what they like.
+    `random` gives every person log abilities of their own, normal around those of all: with one SD
+    for all items ("alike"), or with an SD of each and all covariances ("maximal"), integrated by
+    Laplace's approximation or by quadrature with so many `nodes`. Then odds are those of a person,
+    and the likelihood ratio, too, lets people differ.
 
     Raises a `StatisticsError` naming the row, or `NotConverged` where an item, or a set of them,
     was never preferred to the others.
@@ -311,7 +340,19 @@ def bradley_terry(
         columns.append(np.ones((rows.size, 1)))
     codes = np.vstack([np.eye(kinds.size - 1), -np.ones(kinds.size - 1)])[kind]
     columns += [D[:, 1:] * codes[:, [j]] for j in range(kinds.size - 1)]
-    votes = _Votes(np.hstack(columns), sign, person, bool((sign == 0).any()))
+    Z = _own_columns(D, random)
+    if persons.size <= Z.shape[1] and random == "maximal":
+        raise TooFewSubjects(
+            f"{persons.size} people do not determine the covariances of {k} items; take "
+            "random=alike"
+        )
+    if nodes > 1 and Z.shape[1] > MAX_QUADRATURE:
+        raise UnknownMethod(
+            f"quadrature over {k} items takes too long ({MAX_QUADRATURE + 1} at most); leave nodes "
+            "out (Laplace)"
+        )
+    has_ties = bool((sign == 0).any())
+    votes = _Votes(np.hstack(columns), sign, person, has_ties, Z, random == "alike", nodes)
     model = _model(votes, persons.size, kinds.size)
     ends = np.cumsum([0, *(c.shape[1] for c in columns)])
     terms: dict[tuple[str, ...], range] = {(first, second): range(k - 1)}
@@ -326,16 +367,18 @@ def bradley_terry(
     if votes.has_ties:
         share = float((sign == 0).mean())
         notes.append(f"{100 * share:.0f} % ties (Davidson)")
-    fit = None if side or between else _fit(votes, model.beta, a, b)
+    notes += _people_like(known, model, random)
+    fit = None if side or between or random else _fit(votes, model.beta, a, b)
     if fit is not None:
         notes.append(fit.sentence())
     if np.unique(np.abs(sign * vote[rows])).size > 2:
         notes.append(f"only the direction of {dv} counts here, not its strength")
     place_at = k - 1 if side else None
+    own_abilities = f"random abilities per {subject}, " if random else ""
     provenance = Provenance(
         "Bradley–Terry–Davidson model" if votes.has_ties else "Bradley–Terry model",
         int(persons.size),
-        error_term="robust errors of people",
+        error_term=f"{own_abilities}robust errors of people",
         dropped=dropped,
         notes=tuple(notes),
     )
@@ -350,14 +393,58 @@ def bradley_terry(
     )
 
 
+def _own_columns(D: Array, random: str) -> Array:
+    """Return the columns of what people like beyond all: none, or one less than there are items."""
+    if random not in ("", "alike", "maximal"):
+        raise UnknownMethod(f"random is {random!r}; it is alike, maximal, or left out")
+    if not random:
+        return np.zeros((D.shape[0], 0))
+    if random == "maximal":
+        return D[:, 1:]
+    k = D.shape[1]
+    basis = np.linalg.svd(np.eye(k) - 1 / k)[0][:, : k - 1]
+    return np.asarray(D @ basis, dtype=np.float64)
+
+
 def _model(votes: _Votes, n: int, groups: int) -> PairModel:
-    beta, log_likelihood, scores, info = votes.fit()
-    covariance = np.linalg.inv(info).astype(np.float64)
-    by_person = np.zeros((n, beta.size))
-    np.add.at(by_person, votes.subject, scores)
-    meat = by_person.T @ by_person * n / (n - groups)
-    robust = covariance @ meat @ covariance
-    return PairModel(beta, robust, covariance, log_likelihood, n - groups)
+    fit = votes.likelihood().fit(
+        no_peak=_NO_PEAK,
+        is_far=lambda own, beta: np.abs(np.append(own, beta)).max(initial=0) > MAX_LOG_ODDS,
+    )
+    own = votes.rows.n_own
+    last = np.roll(np.arange(own + fit.beta.size), -own)
+    robust = fit.influence.T @ fit.influence * n / (n - groups)
+    at = np.ix_(last, last)
+    beta = np.concatenate([fit.beta, fit.own])
+    return PairModel(
+        beta,
+        robust[at],
+        fit.covariance[at],
+        fit.log_likelihood,
+        n - groups,
+        fit.spread,
+        fit.is_singular,
+    )
+
+
+def _people_like(known: Sequence[str], model: PairModel, random: str) -> list[str]:
+    """Say how far people differ in what they like."""
+    if not random:
+        return []
+    if random == "alike":
+        sd = number(float(np.sqrt(model.spread[0, 0])))
+        return [f"SD between people of the log ability of an item {sd}"]
+    k = len(known)
+    C = _abilities_of(k, k - 1)
+    sds = np.sqrt(np.einsum("ij,jk,ik->i", C, model.spread, C))
+    each = "; ".join(f"{item} {number(float(sd))}" for item, sd in zip(known, sds, strict=True))
+    told = [f"SD between people of log abilities above their mean: {each}"]
+    if model.is_singular:
+        told.append(
+            "what people like is singular: the choices do not tell their abilities all apart; take "
+            "random=alike"
+        )
+    return told
 
 
 def _effect(
@@ -369,7 +456,8 @@ def _effect(
 ) -> ClmmEffect:
     F, df = model.test(np.eye(model.beta.size)[at])
     without = replace(votes, X=np.delete(votes.X, at, axis=1))
-    chi2 = max(0.0, 2 * (model.log_likelihood - without.fit()[1]))
+    fewer = without.likelihood()
+    chi2 = max(0.0, 2 * (model.log_likelihood + fewer.loss(fewer.peak())[0]))
     q = len(at)
     p, chi2_p = float(special.fdtrc(q, df, F)), float(special.chdtrc(q, chi2))
     effect, compared = None, ""
@@ -450,7 +538,9 @@ def _fit(votes: _Votes, beta: Array, a: Codes, b: Codes) -> PairFit | None:
         for outcome in outcomes:
             count = int(((votes.sign * turn)[rows] == outcome).sum())
             if count:
-                log_p = replace(votes, X=X, sign=np.array([outcome])).parts(beta)[0]
+                row = replace(votes.rows, sign=np.array([outcome]))
+                q = X.shape[1]
+                log_p = float(row.terms(beta[q:], X @ beta[:q], is_curved=False).log_p[0])
                 deviance += 2 * count * (float(np.log(count / rows.size)) - log_p)
     df = pairs * (len(outcomes) - 1) - beta.size
     if df < 1:

@@ -7,6 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy import special
 
+from analysis.statistics.answer_likelihood import MAX_QUADRATURE
 from analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from analysis.statistics.cumulative_link import CumulativeFit, fit_cumulative, log_likelihood
 from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
@@ -28,8 +29,6 @@ from analysis.statistics.results import Array, Provenance, Row, number, p_text
 
 MAX_CATEGORIES = 30
 """Different answers from which a response is taken for a measure, not for a rating."""
-MAX_QUADRATURE = 3
-"""Random effects over which nodes in every direction are still few enough."""
 MIN_ANSWERS = 3
 """Answers in a category below which its thresholds rest on next to nothing."""
 

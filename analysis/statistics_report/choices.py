@@ -51,6 +51,8 @@ def _bradley_terry(table: DataTable, q: Question) -> Outcome:
         items=order if used <= set(order) else (),
         side=q.side,
         missing="listwise" if q.missing == "mixed" else q.missing,
+        random=q.random,
+        nodes=q.nodes,
     )
     if len(q.within) == 1:
         effects = [replace(e, term=(*q.within, *e.term[2:])) for e in made.effects]

@@ -63,8 +63,12 @@ class Question:
                 f"a Bayes factor stands beside the test t, not {self.test}; take --test t, or "
                 "leave --bayes out"
             )
-        if self.random and self.test not in ("lmm", "clmm"):
-            raise UsageError(f"random effects are chosen for lmm and clmm, not for {self.test}")
+        for name, tests in (
+            ("random", ("lmm", "clmm", "bradleyterry")),
+            ("nodes", ("clmm", "bradleyterry")),
+        ):
+            if getattr(self, name) and self.test not in tests:
+                raise UsageError(f"{name} goes with {', '.join(tests)}, not with {self.test}")
         if self.kind and self.test != "icc":
             raise UsageError(f"a kind is chosen of intraclass correlations, not of {self.test}")
         if self.nodes and self.test != "clmm":

@@ -348,13 +348,14 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
         lines.append(f"own <- X[, {labels}[term] %in% {named}, drop = FALSE]")
         lines.append("# ordinal integrates several random effects by Laplace's approximation.")
         random, how = "(1 + own | s)", ""
+    more = f', "+ {random}"' if mixed else ""
+    call = f"clmm(f, data = d[{_vector(['y', 's'])}]{how})" if mixed else "clm(f, data = d)"
     lines += [
         "fit <- function(keep) {",
         '  columns <- if (any(keep)) "X[, keep, drop = FALSE]" else "1"',
-        '  f <- as.formula(paste("ordered(y) ~", columns'
-        + (f', "+ {random}"))' if mixed else "))"),
+        f'  f <- as.formula(paste("ordered(y) ~", columns{more}))',
         "  environment(f) <- environment()",
-        f"  ordinal::{f'clmm(f, data = d{how})' if mixed else 'clm(f, data = d)'}",
+        f"  ordinal::{call}",
         "}",
         "full <- fit(rep(TRUE, ncol(X)))",
         "# Likelihood ratios: they take people for alike in the effects that do not vary in the",
@@ -404,6 +405,8 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
             "function(j) own * G[, j]))); "
             "term <- c(term, rep(2, ncol(own) * ncol(G)))"
         )
+    if q.random:
+        return _people_like(outcome, lines)
     lines += [
         "# Davidson's likelihood (Bradley and Terry's where there are no ties), by optim.",
         "fit <- function(X) {",
@@ -426,6 +429,38 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
     return lines, ()
+
+
+def _people_like(outcome: Outcome, lines: list[str]) -> Body:
+    """Return the code of choices by people with abilities of their own, where lme4 has the model.
+
+    `lines` make the columns X of the odds and the terms they belong to.
+    """
+    assert outcome.data is not None  # noqa: S101  # r_code asked
+    q = outcome.question
+    if q.random != "maximal" or (outcome.data[q.dv] == 0).any() or q.nodes > 1:
+        return ["# Not repeated here: no package of R has this model (ties, or one SD)."], ()
+    lines = [
+        *lines,
+        "own <- X[, term == 1, drop = FALSE]",
+        "# Likelihood ratios, by Laplace's approximation. The F tests that Visavis decides by have",
+        "# robust errors, which lme4 does not offer.",
+        "fit <- function(keep) {",
+        '  columns <- if (any(keep)) "0 + X[, keep, drop = FALSE]" else "0"',
+        '  f <- as.formula(paste("as.integer(y > 0) ~", columns, "+ (0 + own | s)"))',
+        "  environment(f) <- environment()",
+        '  lme4::glmer(f, d[c("y", "s")], binomial, control = lme4::glmerControl(',
+        '    optimizer = "bobyqa", tolPwrss = 1e-12, check.conv.singular = "ignore"))',
+        "}",
+        "full <- fit(rep(TRUE, ncol(X)))",
+    ]
+    for i, row in enumerate(outcome.rows, 1):
+        lines.append(
+            f"chi2 <- 2 * c(logLik(full) - logLik(fit(term != {i}))); "
+            f"line({_quoted(str(row['term']))}, chi2, "
+            f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
+        )
+    return lines, ("lme4",)
 
 
 def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:

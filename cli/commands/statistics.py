@@ -156,7 +156,7 @@ def stats(
         typer.Option(
             "--random",
             help="How people differ. Of lmm: maximal, or components (one variance per effect); of "
-            "clmm: intercept, maximal, or effects (method+gesture).",
+            "clmm: intercept, maximal, effects (method+gesture); of bradleyterry: alike, maximal.",
         ),
     ] = "",
     nodes: Annotated[
@@ -164,8 +164,7 @@ def stats(
         typer.Option(
             "--nodes",
             min=0,
-            help="Of clmm with slopes: quadrature nodes, not Laplace (three "
-            "random effects at most).",
+            help="With several random effects: quadrature nodes, not Laplace (three at most).",
         ),
     ] = 0,
     correction: Annotated[

@@ -87,19 +87,31 @@ study = Study(
     validate=False,
     questionnaires=("about_voters",),
     exclusions=COMPLETENESS_RULES,
-    measures=[
-        column(
-            "preference",
-            "1",
-            "vote for the hybrid: 2 significantly, 1 slightly better, 0 equal, negative for the "
-            "clip",
-        ),
-    ],
+    measures=[column("preference", "1", "vote for the hybrid (−2 to 2)")],
     compare=[
         Compare(
             "preference",
             within=("clip", "increment"),
             claim="how hybrid animation compares depends on the motion and the number of poses",
+        ),
+        Compare(
+            "preference",
+            within=("clip", "increment"),
+            model="clmm",
+            family="ordinal",
+            exploratory=True,
+            options=[("random", "clip")],
+            claim="the same on the scale of votes, vote by vote",
+        ),
+        Compare(
+            "preference",
+            within=("clip", "increment", "hybrid_side"),
+            test="kappa",
+            raters="hybrid_side",
+            family="retest",
+            exploratory=True,
+            options=[("scale", "interval")],
+            claim="votes for the same pair agree when the sides are swapped",
         ),
         Compare(
             "preference",

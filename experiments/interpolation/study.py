@@ -97,6 +97,7 @@ study = Study(
             model="clmm",
             family="ordinal",
             exploratory=True,
+            options=[("random", "method")],
             claim="the same on the scale of ratings, gesture by gesture",
         ),
     ],

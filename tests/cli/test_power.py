@@ -445,10 +445,14 @@ def test_means_of_a_pool_are_those_of_the_analysis(study: KitPower, folder: Path
 
 
 def test_a_folder_that_is_there_is_not_written_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for expected in ("power_stare", "power_stare_2", "power_stare_3"):
-        folder = free_folder("power_stare")
-        assert expected == folder.name
-        folder.mkdir()
+    (tmp_path / "power_stare").mkdir()
+    for expected in ("power_stare_2", "power_stare_3"):
+        assert expected == free_folder("power_stare").name
+        few = ("--participants", "4", "--replicates", "1", "--test", DWELL, "--processes", "1")
+        done = run("stare", "--from", str(folder), *few)
+        assert done.exception is None, done.output
+        assert (tmp_path / expected / "power.csv").is_file()
+    assert [] == [*(tmp_path / "power_stare").iterdir()]

@@ -311,6 +311,7 @@ def _bradley_terry(case: Case, entry: Entry) -> dict[str, Any]:
         subject=case.design["subject"],
         items=entry["items"],
         side=entry.get("side", False),
+        random=entry.get("random", ""),
     )
     effect, model = made.effects[0], made.model
     return {
@@ -318,6 +319,7 @@ def _bradley_terry(case: Case, entry: Entry) -> dict[str, Any]:
         "se": np.sqrt(np.diag(model.likelihood)).tolist(),
         "robust_se": np.sqrt(np.diag(model.robust)).tolist(),
         "log_likelihood": model.log_likelihood,
+        "spread": model.spread.tolist(),
         "test": {"F": effect.F, "df1": effect.df1, "df2": effect.df2, "p": effect.p},
         "chi2": effect.chi2,
         "chi2_p": effect.chi2_p,

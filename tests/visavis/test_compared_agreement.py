@@ -120,6 +120,7 @@ def test_occasions_rate_each_participants_things() -> None:
     expected = cohen_kappa(table[["first", "again"]].to_numpy(), scale="ordinal")
     made = found(of, rows)
     assert 63 == made.terms[0].row["n"]
+    assert any("counts as independent" in note for note in made.outcome.notes)
     assert expected.value == pytest.approx(made.terms[0].row["agreement"])
     assert expected.p_above == pytest.approx(made.terms[0].p)
 

@@ -125,6 +125,14 @@ def test_pictures_are_drawn_for_where_the_eyes_are(ran):
     assert ran.manifest.configuration["screen"]["head"] == "tracked"
 
 
+def test_what_frames_cost_is_told_by_whatever_drew_them(ran):
+    cost, drawn = ran.stream_arrays("drawn_gpu"), ran.stream_arrays("drawn")
+    assert len(cost["frame"]) > 0.5 * drawn["drawn"].sum()
+    assert set(cost["frame"].tolist()) <= set(drawn["frame"].tolist())
+    assert (np.diff(cost["frame"]) > 0).all()
+    assert (cost["gpu_ms"] > 0.0).all()
+
+
 # ---- the amplifier's stream -----------------------------------------------------------------
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import special
 
 from analysis.statistics import errors
-from analysis.statistics.bradley_terry import bradley_terry
+from analysis.statistics.bradley_terry import BradleyTerry, bradley_terry
 
 LIKES = {"a": 0.0, "b": 0.4, "c": 1.0}
 ROLES = {"first": "first", "second": "second", "subject": "who"}
@@ -130,3 +131,77 @@ def test_a_missing_choice_is_an_error_or_left_out_and_told() -> None:
     frame["second"][0] = frame["first"][0]
     made = bradley_terry(frame, "y", missing="listwise", **ROLES)
     assert "1 rows of an item beside itself" in made.provenance.dropped
+
+
+def by_grid(frame: dict[str, Any], made: BradleyTerry, beta: np.ndarray) -> float:
+    """Return Davidson's log-likelihood of choices among a, b and c, by a grid over what people
+    like: abilities of b and c above a, normal with the covariance estimated.
+    """
+    u = np.linspace(-6, 6, 121)
+    first, second = (g.ravel() for g in np.meshgrid(u, u, indexing="ij"))
+    spread = made.model.spread
+    if spread[0, 1] == 0 and spread[0, 0] == spread[1, 1]:  # one SD of each item's ability
+        spread = spread[0, 0] * np.array([[2.0, 1.0], [1.0, 2.0]])
+    own = np.linalg.cholesky(spread) @ np.stack([first, second])
+    abilities = {"a": 0 * first, "b": beta[0] + own[0], "c": beta[1] + own[1]}
+    tie = beta[-1] if made.tie is not None else -np.inf
+    weight = np.exp(-(first**2 + second**2) / 2) / (2 * np.pi) * (u[1] - u[0]) ** 2
+    total = 0.0
+    for who in np.unique(frame["who"]):
+        density = weight
+        for i in np.flatnonzero(frame["who"] == who):
+            half = (abilities[frame["first"][i]] - abilities[frame["second"][i]]) / 2
+            log_odds = np.stack([0 * half + tie, half, -half])
+            density = density * np.exp(log_odds[frame["y"][i]] - special.logsumexp(log_odds, 0))
+        total += float(np.log(density.sum()))
+    return total
+
+
+@pytest.mark.parametrize("random", ["alike", "maximal"])
+@pytest.mark.parametrize("tie", [0.0, 0.7])
+def test_what_people_like_is_integrated_as_a_fine_grid_does(random: str, tie: float) -> None:
+    frame = choices(16, seed=4, differ=0.8, tie=tie)
+    made = bradley_terry(frame, "y", random=random, nodes=21, **ROLES)
+    peak = by_grid(frame, made, made.model.beta)
+    assert peak == pytest.approx(made.model.log_likelihood, abs=1e-6)
+    for step in np.eye(made.model.beta.size) * 0.05:
+        assert peak > max(by_grid(frame, made, made.model.beta + sign * step) for sign in (-1, 1))
+
+
+def test_the_odds_of_a_person_are_larger_than_those_of_all() -> None:
+    frame = choices(60, seed=5, differ=1.5)
+    plain, own = (bradley_terry(frame, "y", random=r, **ROLES) for r in ("", "alike"))
+    assert (np.abs(own.model.beta) > 1.1 * np.abs(plain.model.beta)).all()
+    assert 1.5 == pytest.approx(np.sqrt(own.model.spread[0, 0]), rel=0.35)
+    assert any("SD between people of the log ability of an item" in n for n in own.provenance.notes)
+    assert "random abilities per who, robust errors of people" == own.provenance.error_term
+
+
+def test_people_who_like_different_things_do_not_make_an_effect_by_likelihood_either() -> None:
+    alike = own = 0
+    for seed in range(30):
+        frame = choices(24, dict.fromkeys("abc", 0.0), seed=seed, differ=2.5)
+        alike += bradley_terry(frame, "y", **ROLES).effects[0].chi2_p < 0.05
+        own += bradley_terry(frame, "y", random="alike", **ROLES).effects[0].chi2_p < 0.05
+    assert own <= 4 < 7 <= alike
+
+
+def test_which_item_comes_first_changes_nothing_for_people_who_differ() -> None:
+    frame = choices(15, seed=6, differ=1.0, tie=0.5)
+    for random in ("alike", "maximal"):
+        made, turned = (
+            bradley_terry(frame, "y", random=random, items=items, **ROLES)
+            for items in ("abc", "cab")
+        )
+        assert made.model.log_likelihood == pytest.approx(turned.model.log_likelihood, abs=1e-6)
+        assert made.effects[0].F == pytest.approx(turned.effects[0].F, rel=1e-4)
+
+
+def test_a_spread_that_cannot_be_told_is_refused() -> None:
+    with pytest.raises(errors.UnknownMethod, match="alike, maximal"):
+        bradley_terry(choices(9), "y", random="slopes", **ROLES)
+    with pytest.raises(errors.TooFewSubjects, match="random=alike"):
+        bradley_terry(choices(3, dict.fromkeys("abcd", 0.0)), "y", random="maximal", **ROLES)
+    five = choices(9, dict.fromkeys("abcde", 0.0))
+    with pytest.raises(errors.UnknownMethod, match="quadrature over 5 items"):
+        bradley_terry(five, "y", random="alike", nodes=9, **ROLES)

@@ -126,9 +126,9 @@ def test_people_differ_in_a_rating_model_as_asked() -> None:
 
 
 def test_how_people_differ_is_never_asked_in_vain() -> None:
-    with pytest.raises(UsageError, match="random effects are chosen for lmm and clmm, not for gee"):
+    with pytest.raises(UsageError, match="random goes with lmm, clmm, bradleyterry, not with gee"):
         Question("gee", random="maximal")
-    with pytest.raises(UsageError, match="nodes of quadrature are chosen for clmm, not for lmm"):
+    with pytest.raises(UsageError, match="nodes goes with clmm, bradleyterry, not with lmm"):
         Question("lmm", nodes=9)
     with pytest.raises(DataError, match="no factor 'all'"):
         answer(

@@ -33,10 +33,11 @@ QUESTIONS: dict[str, dict[str, Any]] = {
     "lmm": {"test": "lmm", **TWO, "random": "components"},
     "gee": {"test": "gee", **ONE},
     "clmm": {"test": "clmm", **ONE, "dv": "rating"},
-    "clmm with slopes": {"test": "clmm", **TWO, "dv": "rating", "random": "a"},
+    "clmm with slopes": {"test": "clmm", **PAIR, "dv": "rating", "random": "a"},
     "clmm, maximal": {"test": "clmm", **PAIR, "dv": "rating", "random": "maximal"},
     "bradleyterry": {"test": "bradleyterry", **VOTES, "side": True},
     "bradleyterry of groups": {"test": "bradleyterry", **VOTES, "between": ("g",)},
+    "bradleyterry of people": {"test": "bradleyterry", **VOTES, "dv": "won", "random": "maximal"},
     "sign": {"test": "sign", **PAIR},
     "sign of one": {"test": "sign", "subject": "who", "mu": 1.0},
     "binomial": {"test": "binomial", "dv": "hit", "mu": 0.4},
@@ -86,11 +87,17 @@ def people() -> pd.DataFrame:
     pairs = [("p", "q"), ("q", "r"), ("r", "p"), ("q", "p"), ("r", "q"), ("p", "r")]
     frame["one"], frame["other"] = zip(*(pairs[i % 6] for i in range(len(frame))), strict=True)
     frame["vote"] = rng.choice([-1, -1, 0, 1, 1], size=len(frame))
+    liked = {(w, i): rng.normal(0, 1.5) for w in own.index for i in "pqr"}
+    leads = [
+        liked[w, a] - liked[w, b] + rng.logistic()
+        for w, a, b in zip(frame["who"], frame["one"], frame["other"], strict=True)
+    ]
     frame["hit"] = rng.integers(0, 2, size=len(frame))
     frame["clip"] = frame["a"] + frame["b"]
     frame["two"] = np.where(np.arange(len(frame)) % 2, "one", "two")
     frame["thing"] = [f"T{i // 2}" for i in range(len(frame))]
     frame["rating"] = np.clip(np.round(3 + frame["y"]), 1, 5)
+    frame["won"] = np.where(np.array(leads) > 0, 1, -1)
     return frame
 
 

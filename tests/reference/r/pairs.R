@@ -2,9 +2,10 @@
 #   Rscript tests/reference/r/pairs.R
 # Writes tests/reference/stats/bradley_terry_*.json. Without ties the model is fitted by
 # BradleyTerry2 (glm), on its own example data and on made ones; with ties by maximising the
-# likelihood of Davidson (1970) with optim. Robust covariances are computed from the scores.
-suppressMessages({library(BradleyTerry2); library(jsonlite)})
-packages <- "BradleyTerry2"
+# likelihood of Davidson (1970) with optim. Robust covariances are computed from the scores. People
+# with abilities of their own, without ties, by lme4's glmer (Laplace).
+suppressMessages({library(BradleyTerry2); library(lme4); library(jsonlite)})
+packages <- c("BradleyTerry2", "lme4")
 software <- list(R = paste(R.version$major, R.version$minor, sep = "."),
   packages = setNames(lapply(packages, function(p) as.character(packageVersion(p))), packages))
 write_case <- function(id, title, data, design, results) {
@@ -90,6 +91,19 @@ sided <- list(procedure = "bradley_terry", dv = "y", items = items, side = TRUE,
   expected = list(coefficients = unname(coef(m)[c(2:4, 1)]), robust_se = unname(sqrt(diag(V))),
     test = wald(coef(m)[2:4], V[1:3, 1:3], n)), tolerance = tight)
 
+# People whose abilities differ, with all covariances, by Laplace's approximation.
+g <- data.frame(w = as.integer(d$y > 0), s = d$s, X)
+tight_glmer <- glmerControl(optimizer = "bobyqa", tolPwrss = 1e-12, check.conv.singular = "ignore",
+  optCtrl = list(maxfun = 1e6, rhoend = 1e-9))
+m <- glmer(w ~ 0 + b + c + d + (0 + b + c + d | s), g, binomial, control = tight_glmer)
+none <- glmer(w ~ 0 + (0 + b + c + d | s), g, binomial, control = tight_glmer)
+chi2 <- 2 * (c(logLik(m)) - c(logLik(none)))
+own <- list(procedure = "bradley_terry", dv = "y", items = items, random = "maximal",
+  call = "lme4::glmer(y > 0 ~ 0 + X + (0 + X | s), binomial)",
+  expected = list(coefficients = unname(fixef(m)), se = unname(sqrt(diag(as.matrix(vcov(m))))),
+    spread = unname(matrix(VarCorr(m)$s, 3)), log_likelihood = c(logLik(m)), chi2 = chi2,
+    chi2_p = pchisq(chi2, 3, lower.tail = FALSE)), tolerance = list(rel = 1e-3, abs = 1e-3))
+
 # Ties, by Davidson's likelihood.
 d$tied <- ifelse(abs(d$u) < 0.5, 0, d$y)
 davidson <- function(X, y) {
@@ -118,4 +132,4 @@ ties <- list(procedure = "bradley_terry", dv = "tied", items = items,
     chi2 = chi2, chi2_p = pchisq(chi2, 3, lower.tail = FALSE), log_likelihood = -f$loss),
   tolerance = list(rel = 1e-5, abs = 1e-6))
 write_case("bradley_terry_people", "22 people, 12 choices each among four items",
-  d[c("s", "first", "second", "y", "tied")], design, list(plain, sided, ties))
+  d[c("s", "first", "second", "y", "tied")], design, list(plain, sided, ties, own))

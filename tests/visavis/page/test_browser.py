@@ -19,7 +19,7 @@ from lab.config_files import EXAMPLE
 from recording.folder import session_dir
 from recording.reader import Recording
 from tests.visavis.page.pages import STUDY
-from visavis.page.desk import RELOADED, RESTARTED
+from visavis.page.desk import ASLEEP, RELOADED, RESTARTED
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
@@ -204,6 +204,42 @@ def test_from_consent_to_thanks_with_a_reload_a_second_tab_and_a_server_killed(
     assert set(counted["lively_by"]) <= {"mouse", "keys"}
     assert [] == problems
     assert [] == others
+
+
+SLEEPER = """{
+    const real = performance.now.bind(performance);
+    let slept = 0;
+    performance.now = () => real() - slept;
+    window.sleepFor = (ms) => { slept += ms; };
+}"""
+"""A page's clock stands still while its computer sleeps; the time of day does not."""
+HASTY = """new MutationObserver(() => {
+    const go = document.querySelector("#main .buttons button");
+    if (go && document.getElementById("main").innerText.includes("First one"))
+        go.dispatchEvent(new MouseEvent("click", { detail: 2, bubbles: true }));
+}).observe(document.getElementById("main"), { childList: true })"""
+"""The second click of a double click, on the page that the first one brought."""
+
+
+def test_a_double_click_passes_over_no_page_and_a_sleep_is_told(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    page = browser.new_context().new_page()
+    page.add_init_script(SLEEPER)
+    page.goto(address)
+    page.check("#agree")
+    page.evaluate(HASTY)
+    page.click("#main button:not(.quiet)")
+    until(page, "First one", steps=False)
+    page.wait_for_timeout(700)
+    assert "First one" in state_of(page)["text"]
+    until(page, "How lively")
+    page.evaluate("sleepFor(600000)")
+    page.wait_for_timeout(4500)  # the page tells every four seconds that it is there
+    until(page, "Thank you")
+    server.end()
+    assert [ASLEEP, "", ""] == list(recorded(server).trials()["flags"])
 
 
 def axe() -> str:
