@@ -368,4 +368,4 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         licence=LICENCE,
         closed=closed,
     )
-    return with_hems(whole)
+    return with_hems(whole, cut_of(upper).length)

@@ -18,6 +18,7 @@ from tools.character_making.cloth_places import (
 from tools.character_making.cutting import border, clipped, hanging, hemmed, neighbours
 from tools.character_making.drape import Fabric, draped, mantle_over
 from tools.character_making.figure import Figure
+from tools.character_making.hems import LENGTH
 from tools.character_making.makehuman import MakeHuman
 from tools.character_making.pieces import (
     Piece,
@@ -38,7 +39,8 @@ class Cut:
     the share of the way from hip (0) to crotch (1); `neck` how wide the neckline is, metres;
     `v_neck` how deep it dips; `clearance_m` from the skin; `rounds` of hanging; `open_m` half
     width of an open front; `flare_m` what sleeves are wider by; `inward` how much the cloth turns
-    in below the chest, metres a metre; `collar` how large a folded collar is.
+    in below the chest, metres a metre; `collar` how large a folded collar is;
+    `length` how far below the joints of the thighs it ends at most, in statures.
     """
 
     sleeve: float = 1.93
@@ -52,6 +54,7 @@ class Cut:
     thickness_m: float = 0.003
     inward: float = 0.06
     collar: float = 1.0
+    length: float = LENGTH
     fabric: Fabric = KNIT
 
 

@@ -31,14 +31,15 @@ _TURN_M, _HEM_TURN, _LEG_M = 0.06, 0.26, 0.14
 how far above the ankle shoes and trousers are looked at."""
 
 
-def with_hems(character: Character) -> Character:
-    """Return a person whose top ends above the seat of a chair, whose front goes with the thighs
+def with_hems(character: Character, length: float = LENGTH) -> Character:
+    """Return a person whose top ends above the seat of a chair, at most `length` statures below the
+    joints of the thighs, whose front goes with the thighs
     below it instead of letting them through, and whose shoes stay below the trousers.
     """
     meshes = []
     for mesh in (*character.levels, *character.measuring):
         cloth = _Cloth(mesh, character)
-        _top(cloth)
+        _top(cloth, length)
         for side, _ in SIDES:
             _trouser_leg(cloth, side)
         meshes.append(cloth.mesh())
@@ -95,12 +96,12 @@ class _Cloth:
         )
 
 
-def _top(cloth: _Cloth) -> None:
+def _top(cloth: _Cloth, length: float) -> None:
     top, under, buttons, skin = (
         cloth.before_hips(name) for name in ("top", "under", "shoe", "skin")
     )
     before_m = cloth.vertices_m[top, 1].copy()
-    top_end_m = cloth.joint_m("left_upper_leg")[1] - LENGTH * cloth.stature_m
+    top_end_m = cloth.joint_m("left_upper_leg")[1] - length * cloth.stature_m
     scale = min((_SHORTENED_FROM_M - top_end_m) / (_SHORTENED_FROM_M - before_m.min()), 1.0)
     for some in (top, buttons):
         height_m = cloth.vertices_m[some, 1] - _SHORTENED_FROM_M
