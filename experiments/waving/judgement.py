@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (2.82, 0.466, 36.8, 1.28)
+    blur_deg: tuple[float, float, float, float] = (2.17, 0.476, 37.9, 1.12)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (0.68, 7.4, 11.7, 9.29)
-    sharpness: float = 0.922
-    reach_power: float = 89.9
-    least_reach_01: float = 0.393
-    self_bias: float = 3.81
+    looseness_deg: tuple[float, float, float, float] = (0.648, 6.55, 14.0, 10.7)
+    sharpness: float = 0.287
+    reach_power: float = 94.2
+    least_reach_01: float = 0.604
+    self_bias: float = 3.32
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.64
-    lapse_01: float = 0.00223
-    lapse_sd: float = 0.198
+    acuity_sd: float = 1.08
+    lapse_01: float = 0.0024
+    lapse_sd: float = 0.189
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
