@@ -5,6 +5,7 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from typing import Any, TypeAlias, TypeVar
 
@@ -28,6 +29,9 @@ def on_this_machine(
     """Yield (job number, result) as they finish; with one process, here and in order.
 
     Whatever ends this ends the other processes, too: they hear of no signal themselves.
+
+    Raises:
+        UsageError: one of them was ended from outside, as systems do that run out of memory.
     """
     if processes == 1 or len(jobs) <= 1:
         for number, job in enumerate(jobs):
@@ -41,6 +45,11 @@ def on_this_machine(
         try:
             for future in as_completed(numbers):
                 yield numbers[future], future.result()
+        except BrokenProcessPool as error:
+            raise UsageError(
+                "a process that worked on this was ended from outside, most likely because "
+                "memory ran out; run the command again with fewer at a time: --processes 1"
+            ) from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for worker in multiprocessing.active_children():
