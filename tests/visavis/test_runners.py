@@ -22,5 +22,5 @@ def test_processes_asked_to_end_make_an_interruption_and_no_defect() -> None:
 
 
 def test_a_process_killed_from_outside_is_told_with_what_to_do() -> None:
-    with pytest.raises(UsageError, match="killed from outside.*smaller --processes"):
+    with pytest.raises(UsageError, match=r"killed from outside.*smaller --processes"):
         list(on_this_machine(_ended_by, [int(signal.SIGKILL)] * 2, 2))
