@@ -47,7 +47,7 @@ def compiled(function: F) -> F:
     return cast(F, kernel)
 
 
-class _FirstCompilation(Listener):  # type: ignore[misc]  # numba has no types
+class _FirstCompilation(Listener):
     """Hears of every compilation, and tells of the first alone."""
 
     def __init__(self, told: Callable[[], None]) -> None:
@@ -68,7 +68,7 @@ def tell_of_compiling(told: Callable[[], None]) -> None:
 
     That takes seconds for one kernel, and a minute or two for all of them.
     """
-    register("numba:compile", _FirstCompilation(told))
+    register("numba:compile", _FirstCompilation(told))  # type: ignore[no-untyped-call]  # numba's
 
 
 def forget_old_kernels(folder: Path = KERNELS, max_bytes: int = MAX_KERNEL_BYTES) -> None:
