@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from cli.telling import say_when_compiling
 from lab.clock import SystemClock
 from lab.config import LabConfig
 from lab.errors import ConfigError, UsageError
@@ -35,6 +36,7 @@ def study_of_lab(wanted: str, lab: LabConfig) -> OpenedStudy:
         ConfigError: the lab words a questionnaire that no study it knows asks.
     """
     check_wording(lab)
+    say_when_compiling()
     return find_study(wanted, lab.studies)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -14,7 +15,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from cli.app import console, say_plainly
+from cli.app import console, errors, say_plainly
 from lab.clock import StopWatch
 
 if TYPE_CHECKING:
@@ -26,6 +27,10 @@ MEASURED_PICTURES = 8
 """A film says how long it takes once so many are drawn after the first, which loads everything."""
 SOON_S = 10.0
 """What is done within this time is not announced."""
+COMPILES_FIRST = (
+    "compiling the numeric loops first, once after installing or updating: a minute or two, more "
+    "where other programs compute"
+)
 
 
 def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
@@ -61,6 +66,14 @@ class TerminalTelling:
 
 
 TELLING = TerminalTelling()
+
+
+@cache
+def say_when_compiling() -> None:
+    """Say on stderr, once in a process, that compiling has begun, which nothing else would show."""
+    from lab.compiled import tell_of_compiling  # late: it loads numba
+
+    tell_of_compiling(lambda: errors.print(f"[dim]{COMPILES_FIRST}[/]", soft_wrap=True))
 
 
 def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:

@@ -14,12 +14,12 @@ from typing import Any, Final, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core.event import Listener, register
 from numba.core.registry import CPUDispatcher
 from platformdirs import user_cache_path
 
 F = TypeVar("F", bound=Callable[..., object])
 _STAMP = "visavis_stamp"
-_MADE: list[Any] = []
 MAX_KERNEL_BYTES: Final = 500_000_000
 """Some ten versions of Visavis, each with every kernel."""
 KERNELS: Final = user_cache_path("visavis", appauthor=False) / "kernels"
@@ -44,13 +44,31 @@ def compiled(function: F) -> F:
     stamp = (file._source_stamp, _imported(function.__globals__))  # noqa: SLF001 - as above
     file._source_stamp = stamp  # noqa: SLF001 - as above
     setattr(kernel, _STAMP, stamp)
-    _MADE.append(kernel)
     return cast(F, kernel)
 
 
-def was_compiled_before() -> bool:
-    """Tell whether machine code of any kernel loaded by now was kept; else it takes a minute."""
-    return any(kernel._cache._cache_file._load_index() for kernel in _MADE)  # noqa: SLF001 - as above
+class _FirstCompilation(Listener):
+    """Hears of every compilation, and tells of the first alone."""
+
+    def __init__(self, told: Callable[[], None]) -> None:
+        self._told: Callable[[], None] | None = told
+
+    def on_start(self, event: object) -> None:
+        """Tell once; machine code that was kept is loaded without any event."""
+        told, self._told = self._told, None
+        if told is not None:
+            told()
+
+    def on_end(self, event: object) -> None:
+        """Let it pass."""
+
+
+def tell_of_compiling(told: Callable[[], None]) -> None:
+    """Have `told` called once, as the first kernel begins to be compiled: none of it was kept.
+
+    That takes seconds for one kernel, and a minute or two for all of them.
+    """
+    register("numba:compile", _FirstCompilation(told))  # type: ignore[no-untyped-call]  # numba's
 
 
 def forget_old_kernels(folder: Path = KERNELS, max_bytes: int = MAX_KERNEL_BYTES) -> None:

@@ -41,7 +41,7 @@ from cli.app import (
 )
 from cli.commands.study import ProcessesOption
 from cli.quick_tracker import tracker_of
-from cli.telling import counting
+from cli.telling import counting, say_when_compiling
 from lab.clock import StopWatch
 from lab.errors import UsageError
 from recording.csv_file import write_csv
@@ -74,6 +74,7 @@ def power_study(
     Raises:
         UsageError: no such study, or it offers none.
     """
+    say_when_compiling()
     found = find_study(name, of_lab)
     if not isinstance(found, OpenedStudy):
         raise UsageError(f"{name} offers no power simulation yet; studies on the kit do")

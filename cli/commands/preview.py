@@ -26,9 +26,8 @@ from cli.preview.pictures import (
     simulated_panel,
 )
 from cli.studies import study_here
-from cli.telling import TELLING, Forecast
+from cli.telling import TELLING, Forecast, say_when_compiling
 from lab.clock import NS_PER_S, SystemClock
-from lab.compiled import was_compiled_before
 from lab.errors import UsageError
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
@@ -42,11 +41,6 @@ SHEET_COLUMNS, SHEET_ROWS = 4, 3
 USUAL_AT_S = 3.0
 FOLLOWING = 5
 """How many trials a film goes on with when the one asked for is shorter than the film."""
-
-COMPILES_FIRST = (
-    "compiling the numeric loops first, once after installing or updating: a minute or two, more "
-    "where other programs compute"
-)
 
 
 @app.command()
@@ -107,12 +101,16 @@ def preview(
             raise UsageError("preview people needs --sheet FILE")
         from cli.preview.people import people_sheet
 
+        say_when_compiling()
         people_sheet((size_px[0] // 2, size_px[1] // 2)).save(sheet)
         say_written(sheet)
         return
     from stimuli.dressing.picture_of import picture_of
 
     here = study_here(study, load_lab(config, only_simulates=True))
+    on_page = here.study.study.on == "browser"
+    if on_page:
+        _refuse_on_page(here.study.name, view, png or sheet or video)
     shown = who_is_shown(here, participant, seed, assignments, language)
     lab = load_lab(config, "sim", only_simulates=True, quiet=True)
     following = FOLLOWING if video is not None else 0
@@ -128,11 +126,9 @@ def preview(
     )
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
-    if here.study.study.on == "browser":
+    if on_page:
         from cli.preview.on_page import preview_page
 
-        if view is not Viewpoint.EYES:
-            raise UsageError(f"{study} shows its films on a page: leave --view out")
         preview_page(capture, here.study, label, size_px, png, sheet, video, at, seconds, rate)
         return
     showing = _Showing(capture, picture_of, view, size_px, label)
@@ -144,6 +140,17 @@ def preview(
         _write_film(showing, video, rate, seconds)
     else:
         _play(showing)
+
+
+def _refuse_on_page(study: str, view: Viewpoint, path: Path | None) -> None:
+    """Refuse, before anything is performed, what there is not of a page."""
+    if view is not Viewpoint.EYES:
+        raise UsageError(f"{study} shows its films on a page: leave --view out")
+    if path is None:
+        raise UsageError(
+            f"{study} shows its films on a page: give --png, --sheet or --video FILE, or look at "
+            f"the page itself: visavis run {study} --participant ID --devices sim"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +180,6 @@ class _Showing:
         Raises:
             UsageError: nothing was ever shown.
         """
-        if not was_compiled_before():
-            TELLING.say(COMPILES_FIRST)
         with console.status("performing the trial"):
             frames = self.capture.perform(until_s)
         if not frames:

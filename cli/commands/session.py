@@ -3,8 +3,8 @@
 import shlex
 import signal
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -36,7 +36,7 @@ from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
 from cli.questions import TerminalRespondent
 from cli.studies import StudyHere, require_session, study_here, study_of_lab
-from cli.telling import TELLING, make_ready
+from cli.telling import TELLING, counting, make_ready
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
@@ -508,6 +508,7 @@ def _perform(
             study=here.study,
             experiment=experiment,
             config=here.lab,
+            on_trial=stack.enter_context(_performing(here.study.name)) if fast else None,
             participant_label=entry.label,
             participant_index=entry.index,
             group=entry.group,
@@ -548,6 +549,17 @@ def _perform(
     print_check(verdict, path)
     if verdict.level is Level.RED:
         raise typer.Exit(EXIT_RED)
+
+
+@contextmanager
+def _performing(study: str) -> Iterator[Callable[[str, int, int], None]]:
+    """Show how many trials of a session are done that nobody performs: before the first is."""
+    what = f"performing {study} by a simulated participant"
+    if not errors.is_terminal:  # where a bar is written when it ends
+        errors.print(what, soft_wrap=True, highlight=False)
+    with counting(errors) as bar:
+        line = bar.add_task(what, total=None)
+        yield lambda _, done, of: bar.update(line, completed=done, total=of)
 
 
 def ask_body(

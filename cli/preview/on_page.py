@@ -33,16 +33,11 @@ def preview_page(
     """Write a picture at `at_s` (None: in its middle), a sheet or a film of a trial's page.
 
     Raises:
-        UsageError: a window was asked for, or the trial does not last so long.
+        UsageError: the trial does not last so long.
         StageError: nothing draws here.
     """
     path = png or sheet or video
-    if path is None:
-        raise UsageError(
-            f"{study.study.name} shows its films on a page: give --png, --sheet or --video FILE, "
-            f"or look at the page itself: visavis run {study.study.name} --participant ID "
-            "--devices sim"
-        )
+    assert path is not None  # noqa: S101  # the command has asked for one
 
     def once(start_ns: int, end_ns: int) -> Sequence[int]:
         if at_s is None:

@@ -14,6 +14,7 @@ import numpy as np
 from lab.geometry import Vector
 from stimuli.dressing.casting import build_of, default_casting
 from stimuli.motion.baking import baked
+from stimuli.motion.build import Build
 from stimuli.motion.clip import Clip, KeyPoses, Motion, placed_joints, sampled
 from stimuli.motion.gait_kernels import step_m
 from stimuli.motion.kinds import Crouch, Idle, Kind, Run, Walk
@@ -42,10 +43,14 @@ class Flaws:
     excess_hips: float = 1.0
 
 
+def _build() -> Build:
+    return build_of(default_casting(CHARACTER))
+
+
 @cache
 def _source(name: str) -> Clip:
     """Return a motion of ours, finely sampled."""
-    build = build_of(default_casting(CHARACTER))
+    build = _build()
     if name == "crouch":
         plan = (
             Doing(Idle("hanging", 0.0)),
@@ -66,7 +71,7 @@ def period_s(name: str) -> float:
     """Return how long a round of a motion takes."""
     if name in ("walk", "run"):
         speed_mps = {"walk": 1.3, "run": 3.0}[name]
-        leg_m = _source(name).skeleton.leg_m
+        leg_m = _build().skeleton.leg_m
         return 2.0 * step_m(speed_mps, leg_m, np.inf, name == "run") / speed_mps
     return CROUCH_S if name == "crouch" else IDLE_S
 

@@ -1,19 +1,26 @@
-"""What ends a process that works beside this one is told, with what to do next."""
+"""Jobs in processes of their own: what ends the processes is told as what it was."""
 
 import os
+import signal
+import sys
 
 import pytest
 
 from lab.errors import UsageError
 from visavis.sessions.runners import on_this_machine
 
-
-def ends_at_one(number: int) -> int:
-    if number == 1:
-        os._exit(9)
-    return number
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 
 
-def test_a_process_ended_from_outside_is_no_internal_error() -> None:
-    with pytest.raises(UsageError, match=r"memory.*--processes 1"):
-        list(on_this_machine(ends_at_one, [0, 1], 2))
+def _ended_by(number: int) -> None:
+    os.kill(os.getpid(), number)
+
+
+def test_processes_asked_to_end_make_an_interruption_and_no_defect() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        list(on_this_machine(_ended_by, [int(signal.SIGTERM)] * 2, 2))
+
+
+def test_a_process_killed_from_outside_is_told_with_what_to_do() -> None:
+    with pytest.raises(UsageError, match=r"killed from outside.*smaller --processes"):
+        list(on_this_machine(_ended_by, [int(signal.SIGKILL)] * 2, 2))

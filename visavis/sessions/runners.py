@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
+from multiprocessing.process import BaseProcess
 from typing import Any, TypeAlias, TypeVar
 
 from lab.errors import UsageError
@@ -31,30 +32,43 @@ def on_this_machine(
     Whatever ends this ends the other processes, too: they hear of no signal themselves.
 
     Raises:
-        UsageError: one of them was ended from outside, as systems do that run out of memory.
+        KeyboardInterrupt: this process was interrupted, or the others were asked to end (SIGTERM).
+        UsageError: one of them was killed, as for the memory it took.
     """
     if processes == 1 or len(jobs) <= 1:
         for number, job in enumerate(jobs):
             yield number, work(job)
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(
-        min(processes, len(jobs)), mp_context=context, initializer=_leave_signals_to_parent
-    ) as pool:
-        numbers: dict[Future[Done], int] = {pool.submit(work, j): i for i, j in enumerate(jobs)}
-        try:
-            for future in as_completed(numbers):
-                yield numbers[future], future.result()
-        except BrokenProcessPool as error:
-            raise UsageError(
-                "a process that worked on this was ended from outside, most likely because "
-                "memory ran out; run the command again with fewer at a time: --processes 1"
-            ) from error
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            raise
+    workers: list[BaseProcess] = []
+    try:
+        with ProcessPoolExecutor(
+            min(processes, len(jobs)),
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_leave_signals_to_parent,
+        ) as pool:
+            try:
+                numbers: dict[Future[Done], int] = {
+                    pool.submit(work, j): i for i, j in enumerate(jobs)
+                }
+                workers += multiprocessing.active_children()
+                for future in as_completed(numbers):
+                    yield numbers[future], future.result()
+            except BrokenProcessPool:  # which ends the others itself, and waits for them
+                raise
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                for worker in multiprocessing.active_children():
+                    worker.terminate()
+                raise
+    except BrokenProcessPool as broken:
+        # A signal to the whole group may be seen here first by what it did to them; the pool ends
+        # the rest by the same signal, so that one killed otherwise is told by its own.
+        if workers and all(worker.exitcode == -signal.SIGTERM for worker in workers):
+            raise KeyboardInterrupt from broken
+        raise UsageError(
+            "a process that computed was killed from outside, mostly for want of memory; give "
+            "the command again with a smaller --processes"
+        ) from broken
 
 
 def _leave_signals_to_parent() -> None:

@@ -1,0 +1,57 @@
+"""What takes long says so before it begins; what is refused is refused before it is worked out."""
+
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cli import main as command
+from cli.commands import preview, session
+from lab.config_files import EXAMPLE
+from visavis.sessions.perform import Request
+
+
+@pytest.fixture
+def hooks_restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.mark.usefixtures("hooks_restored")
+def test_a_session_of_nobody_is_announced_before_its_first_trial_and_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before_the_first: list[str] = []
+
+    def performed(request: Request) -> None:
+        before_the_first.append(capsys.readouterr().err)
+        assert request.on_trial is not None
+        request.on_trial("trial 1", 1, 12)
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(session, "perform_new", performed)
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    with pytest.raises(SystemExit) as ended:
+        command.main(["run", "interpolation", "--participant", "1", "--fast", "--devices", "sim"])
+    assert 130 == ended.value.code
+    assert "performing interpolation" in before_the_first[0]
+    assert "1/12" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("hooks_restored")
+def test_a_window_of_a_page_is_refused_before_anything_is_performed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(preview, "Capture", None)
+    monkeypatch.setattr(preview, "who_is_shown", None)
+    with pytest.raises(SystemExit) as ended:
+        command.main(["preview", "hybrid"])
+    assert 2 == ended.value.code
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert "hybrid shows its films on a page: give --png, --sheet or --video FILE" in said
