@@ -11,7 +11,7 @@ import pandas as pd
 
 from analysis.report.sources import provenance_of_sessions
 from lab.config import LabConfig
-from lab.errors import DataError, DesignError
+from lab.errors import ConfigError, DataError, DesignError
 from lab.yaml_lines import did_you_mean
 from protocol.experiment import ValidationPoint, ValidationVerdict
 from protocol.participants import SimulatedParticipant
@@ -80,6 +80,21 @@ class OpenedStudy:
         made = StudyExperiment(self.study, dict(overrides))
         self._refuse_slips(made)
         return made
+
+    def experiment_of(self, recording: Recording) -> StudyExperiment:
+        """Return the experiment with the parameters that a session was recorded with.
+
+        Raises:
+            DataError: its study no longer has one of them, or refuses its value.
+        """
+        try:
+            return self.experiment(overrides_of(recording.manifest.plan))
+        except ConfigError as error:
+            raise DataError(
+                f"{recording.path} was recorded with parameters that its study does not have now "
+                f"({error}); analyse it with the version of Visavis that its manifest.json names "
+                "under provenance, or move its folder out of the study"
+            ) from error
 
     def _refuse_slips(self, made: StudyExperiment) -> None:
         """Refuse comparisons, measures, exclusions and sections of what the study does not have.
@@ -247,7 +262,7 @@ class OpenedStudy:
         """Take in one session; `measured` are trials that were measured one by one before."""
         use_recorded_cast(recording)
         study, pieces = self.study, self.pieces
-        experiment = self.experiment(overrides_of(recording.manifest.plan))
+        experiment = self.experiment_of(recording)
         taken = take_in(
             recording,
             self.measures(experiment),

@@ -70,6 +70,8 @@ def measure_sessions(
     """
     how, reference = pieces.how_with(settings), reference_of(study)
     recordings = [Recording(path) for path in sessions]
+    for recording in recordings:  # told before hours of measuring
+        study.experiment_of(recording)
     jobs: list[tuple[TrialJob, Path]] = []
     wanted: list[dict[str, Path]] = []
     for recording in recordings:
