@@ -330,7 +330,9 @@ def _measures(
             blocks += [] if picture is None else [picture]
             blocks += _tests(finding, experiment.texts)
         if column in analysis.selection.counted:
-            blocks.append(_means_table(analysis, measure.column, experiment))
+            is_known = analysis.selection.counted[column].notna().any()
+            means = _means_table(analysis, column, experiment)
+            blocks.append(means if is_known else _nobody_has([measure.words]))
         sections.append(Section(column, measure.words, tuple(blocks)))
     compared = {f.measure.column for f in analysis.findings}
     counted_rows = analysis.selection.counted
@@ -338,12 +340,16 @@ def _measures(
     further = [m for m in further if m.column not in compared]
     known = [m for m in further if counted_rows[m.column].notna().any()]
     others: list[Block] = [_means_table(analysis, m.column, experiment) for m in known]
-    if unknown := [_lower(m.words) for m in further if m not in known]:
-        others.append(Paragraph(f"Nobody has a value: {'; '.join(unknown)}."))
+    if unknown := [m.words for m in further if m not in known]:
+        others.append(_nobody_has(unknown))
     if others:
         title = "Means of further measures" if compared else "Means"
         sections.append(Section("others", title, tuple(others)))
     return sections
+
+
+def _nobody_has(measures: Sequence[str]) -> Paragraph:
+    return Paragraph(f"Nobody has a value: {'; '.join(_lower(words) for words in measures)}.")
 
 
 def _tests(finding: Finding, texts: Texts) -> list[Block]:

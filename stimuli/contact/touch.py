@@ -20,7 +20,7 @@ REACH_M: Final = 0.65
 NEARER_WAITING_M: Final = 0.13
 """By so much nearer every part of somebody is who waits, with hanging arms."""
 FRONT_M: Final = 0.41
-BACK_M: Final = 0.18
+BACK_M: Final = 0.3
 ASIDE_M: Final = 0.45
 ELBOW_ASIDE_M: Final = 0.62
 """Nor is any part farther before, behind or beside somebody; who telephones lifts an elbow."""

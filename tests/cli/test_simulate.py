@@ -71,7 +71,14 @@ def test_every_file_and_table_says_it_is_simulated(study: Path) -> None:
 
 
 RECORDINGS_PAGE = Path(__file__).parents[2] / "docs" / "recordings.md"
-WITH_OTHER_STUDIES = {"responses", "pointer", "drawn", "drawn_views", "choices.csv"}
+WITH_OTHER_STUDIES = {
+    "responses",
+    "pointer",
+    "drawn",
+    "drawn_views",
+    "drawn_gpu",
+    "choices.csv",
+}
 
 
 def told_of(section: str) -> set[str]:

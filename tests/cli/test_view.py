@@ -21,7 +21,7 @@ from recording.folder import study_dir
 from stage.errors import StageError
 from stage.renderer import LIGHTEST, Renderer
 from stage.vertices import person_vertices
-from stimuli.dressing.casting import default_casting
+from stimuli.characters.cast import load_character
 from tests.visavis.sessions import opened, perform
 from visavis.sessions.study_folder import settle, wanted_settings
 
@@ -209,8 +209,9 @@ def test_a_session_on_a_page_shows_films_questions_and_answers_in_time(tmp_path:
 def test_a_light_mesh_has_the_eyes_last_and_fewer_triangles_where_there_are_many_people(
     page: Path,
 ) -> None:
-    few = header_of(page)["people"][0]["light"]
-    built = person_vertices(cast := default_casting("female_03"), cast.levels[-1])
+    person = header_of(page)["people"][0]
+    few, cast = person["light"], load_character(person["name"])
+    built = person_vertices(cast, cast.levels[-1])
     assert 0 < few["eyeFrom"] < few["index"]["s"][0] <= len(built.indices)
     many = Models(Bundle(), level=LEVEL_OF_MANY)
     many.person(cast)

@@ -80,7 +80,10 @@ def test_the_operator_is_told_conditions_by_their_name_and_no_second_that_is_ove
     names = ("zone", "depth", "place")
     assert {
         trial: ", ".join(
-            [rows.loc[(trial, 1), "condition"], *(f"{n} {rows.loc[(trial, 1), n]}" for n in names)]
+            [
+                rows.loc[(trial, 1), "condition"],
+                *(f"{n} {rows.loc[(trial, 1), n].replace('_', ' ')}" for n in names),
+            ]
         )
         for trial in TRIALS
     } == told
