@@ -95,11 +95,6 @@ def use_cast(members: Sequence[Member], library: Path) -> None:
     _in_force.members, _in_force.library = chosen, library
 
 
-def cast_in_force() -> tuple[Member, ...]:
-    """Return the lab's own people who play; nobody where those play who come with Visavis."""
-    return _in_force.members
-
-
 @cache
 def default_casting(part: str) -> Character:
     """Return who plays a part: a name of the cast, or the n-th woman or man of the one in force.

@@ -3,20 +3,16 @@
 A film's name is the SHA-256 of everything its pictures are made of: the pose of everybody in
 every frame, the camera (in every frame where it moves), size and rate, and how it is drawn and
 encoded. So a film that was built
-before is found again, and anything that changes what it shows makes another one. Names take a
-while to compute and are kept beside the films, as long as nothing that a name rests on has changed.
+before is found again, and anything that changes what it shows makes another one.
 """
 
 import hashlib
 import json
 import os
-import platform
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
-from importlib import metadata
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,9 +24,7 @@ from lab.errors import ConfigError, DesignError
 from lab.geometry import Pose
 from lab.plain_files import parse_json, read_plain
 from lab.version import version
-from stimuli.dressing.casting import cast_in_force
 from stimuli.dressing.picture_of import picture_of
-from stimuli.motion.motion_file import MOTION_SUFFIXES
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
@@ -57,12 +51,6 @@ QUALITY: Final[Mapping[str, str]] = {
 """One thread, so that the same pictures give the same bytes."""
 TOLD_EVERY: Final = 10
 POSE_DECIMALS: Final = 6
-NAMES: Final = "names"
-"""Folder, beside the films, of names that were computed."""
-ROOT: Final = Path(__file__).resolve().parents[2]
-OWN: Final = ("lab", "protocol", "stimuli", "visavis", "experiments")
-"""Packages of ours that decide what a film shows."""
-NAME: Final = re.compile("[0-9a-f]{64}")
 
 
 @dataclass(frozen=True)
@@ -103,22 +91,6 @@ class FilmStore:
     def name_of(self, film: Film) -> str:
         """Return what names a film: the hash of what it shows."""
         return _name_of(self, film)
-
-    def kept_name(self, film: Film) -> Path | None:
-        """Return where a film's name is kept; None where it may rest on more than can be compared:
-        on scenes that the study's own code makes, and on files.
-        """
-        told = repr(film)
-        named = any(suffix in told.lower() for suffix in MOTION_SUFFIXES)
-        if self._sources is None or named or " at 0x" in told:
-            return None
-        known = (MADE, self._sources, [(m.name, m.sha256) for m in cast_in_force()], told)
-        return self.folder / NAMES / hashlib.sha256(repr(known).encode()).hexdigest()
-
-    @cached_property
-    def _sources(self) -> str | None:
-        """What code and data of ours are at work; None where the study's own make scenes."""
-        return sources_of(ROOT) if all(map(_is_ours, self.makers.values())) else None
 
     def file_of(self, film: Film) -> FilmFile | None:
         """Return a film's file; None where it was not built, or is not what was built."""
@@ -236,52 +208,8 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
     return FilmStore(experiment.settings.makers, experiment.settings.folder)
 
 
-def sources_of(root: Path) -> str:
-    """Return a digest of which code and data of ours lie below a folder, and of what runs them.
-
-    Of every file its size and the time it was changed.
-    """
-    digest = hashlib.sha256()
-    versions = [metadata.version(name) for name in ("numpy", "numba", "scipy")]
-    digest.update(repr((version(), platform.python_version(), platform.machine())).encode())
-    digest.update(repr(versions).encode())
-    for package in OWN:
-        for folder, folders, files in os.walk(root / package):
-            folders[:] = sorted(name for name in folders if name != "__pycache__")
-            for name in sorted(files):
-                path = Path(folder, name)
-                found = path.stat()
-                place = path.relative_to(root).as_posix()
-                digest.update(f"{place} {found.st_size} {found.st_mtime_ns}\n".encode())
-    return digest.hexdigest()
-
-
-def _is_ours(maker: Maker) -> bool:
-    """Tell whether a scene is made by a function of ours alone, which has taken nothing in."""
-    module = str(getattr(maker, "__module__", ""))
-    is_whole = "<locals>" not in getattr(maker, "__qualname__", "<locals>")
-    return module.split(".")[0] in OWN and is_whole
-
-
 @lru_cache(maxsize=512)
 def _name_of(store: FilmStore, film: Film) -> str:
-    kept = store.kept_name(film)
-    if kept is not None:
-        with suppress(OSError, ValueError):
-            known = read_plain(kept).decode("ascii")
-            if NAME.fullmatch(known):
-                return known
-    name = _computed_name(store, film)
-    if kept is not None:
-        with suppress(OSError):  # it is computed again
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            draft = kept.with_name(f".{kept.name}.{os.getpid()}")
-            draft.write_text(name, encoding="utf-8")
-            draft.replace(kept)
-    return name
-
-
-def _computed_name(store: FilmStore, film: Film) -> str:
     digest = hashlib.sha256()
     known = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
     digest.update(repr(known).encode())

@@ -9,9 +9,8 @@ from lab.errors import DesignError
 from stage.errors import StageError
 from visavis.catalogue import find_study
 from visavis.films import Film, Following, Lens, Placed
-from visavis.page import film_store as films_kept
 from visavis.page.film_store import FilmStore, film_store
-from visavis.scenes import Scene, Staged, Staging
+from visavis.scenes import Scene
 
 SHORT = Film(Scene("person", motion="wave"), 0.1, size_px=(64, 64), rate_hz=30)
 
@@ -37,55 +36,6 @@ def test_whatever_changes_what_is_seen_changes_the_name(other: Film, tmp_path: P
     made = store(tmp_path)
     assert made.name_of(SHORT) == store(tmp_path).name_of(replace(SHORT))
     assert made.name_of(SHORT) != made.name_of(other)
-
-
-def _never(*_: object) -> None:
-    raise AssertionError("computed anew")
-
-
-def test_a_name_is_kept_until_a_source_changes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    root = tmp_path / "root"
-    source = root / "stimuli" / "moving.py"
-    source.parent.mkdir(parents=True)
-    source.write_text("SPEED = 1\n")
-    monkeypatch.setattr(films_kept, "ROOT", root)
-    name = store(tmp_path).name_of(SHORT)
-    computed = films_kept._computed_name
-
-    monkeypatch.setattr(films_kept, "_computed_name", _never)
-    assert name == store(tmp_path).name_of(SHORT)
-    with pytest.raises(AssertionError, match="computed anew"):
-        store(tmp_path).name_of(replace(SHORT, seed=1))
-    source.write_text("SPEED = 25\n")
-    with pytest.raises(AssertionError, match="computed anew"):
-        store(tmp_path).name_of(SHORT)
-
-    monkeypatch.setattr(films_kept, "_computed_name", computed)
-    assert name == store(tmp_path).name_of(SHORT)
-    kept = store(tmp_path).kept_name(SHORT)
-    assert kept is not None
-    kept.write_text("damaged")
-    assert name == store(tmp_path).name_of(SHORT)
-
-
-def _maker_of_a_study(staging: Staging) -> Staged:
-    raise NotImplementedError
-
-
-def test_names_that_rest_on_a_studys_own_code_or_on_files_are_not_kept(tmp_path: Path) -> None:
-    own = FilmStore({"own": _maker_of_a_study}, tmp_path, tmp_path)
-    assert own.kept_name(SHORT) is None
-    of_file = replace(SHORT, scene=Scene("person", motion="clips/walk.bvh"))
-    assert store(tmp_path).kept_name(of_file) is None
-
-
-@pytest.mark.parametrize("name", ["hybrid", "interpolation"])
-def test_names_of_the_studies_that_come_along_are_kept(name: str) -> None:
-    experiment = find_study(name).experiment({})
-    made = film_store(experiment)
-    assert all(made.kept_name(film) is not None for film in experiment.films)
 
 
 def test_a_film_built_again_is_equal_to_the_byte(tmp_path: Path) -> None:
