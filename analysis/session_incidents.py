@@ -1,7 +1,8 @@
 """What happened in a session besides its trials: pauses and their reasons, ends before the end."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from lab.clock import NS_PER_S
@@ -54,6 +55,7 @@ def incidents_of(recording: Recording) -> tuple[Incident, ...]:
         found += _of_part(
             [(int(e["t_ns"]), str(e["name"]), e["payload"]) for e in mine.to_dict("records")],
             trials,
+            partial(reason_words, recording=recording),
         )
         if part.status in ("aborted", "crashed"):
             ended = "ended early" if part.status == "aborted" else "broke off"
@@ -63,8 +65,14 @@ def incidents_of(recording: Recording) -> tuple[Incident, ...]:
 
 
 def _of_part(
-    events: Sequence[tuple[int, str, Mapping[str, Any]]], trials: Sequence[_Trial]
+    events: Sequence[tuple[int, str, Mapping[str, Any]]],
+    trials: Sequence[_Trial],
+    words: Callable[[str], str],
 ) -> list[Incident]:
+    def why(payload: Mapping[str, Any]) -> str:
+        code, text = payload.get("code"), payload.get("text")
+        return ": ".join(filter(None, (code and words(str(code)), text and str(text))))
+
     found: list[Incident] = []
     explained, began_ns = -1, 0  # which of those found the next reason is about
     for t_ns, name, payload in events:
@@ -81,26 +89,22 @@ def _of_part(
             lasted_s = (t_ns - began_ns) / NS_PER_S
             found[explained] = replace(found[explained], what=f"pause of {lasted_s:.0f} s")
         elif action == "pause" and explained >= 0 and found[explained].what == "pause":
-            both = "; ".join(filter(None, (found[explained].why, _why(payload))))
+            both = "; ".join(filter(None, (found[explained].why, why(payload))))
             found[explained] = replace(found[explained], why=both)
         elif action == "pause":
-            found.append(Incident(_before(t_ns, trials), "pause", _why(payload)))
+            found.append(Incident(_before(t_ns, trials), "pause", why(payload)))
             explained = len(found) - 1
         elif action == "flag":
             explained = -1
             if not within:
-                found.append(Incident(_before(t_ns, trials), "moment flagged", _why(payload)))
+                found.append(Incident(_before(t_ns, trials), "moment flagged", why(payload)))
                 explained = len(found) - 1
         elif action == "reason" and explained >= 0:
-            both = "; ".join(filter(None, (found[explained].why, _why(payload))))
+            both = "; ".join(filter(None, (found[explained].why, why(payload))))
             found[explained] = replace(found[explained], why=both)
         elif action == "reason" and not within:
-            found.append(Incident(_before(t_ns, trials), "reason given", _why(payload)))
+            found.append(Incident(_before(t_ns, trials), "reason given", why(payload)))
     return found
-
-
-def _why(payload: Mapping[str, Any]) -> str:
-    return ": ".join(str(payload[k]) for k in ("code", "text") if payload.get(k))
 
 
 def _before(t_ns: int, trials: Sequence[_Trial]) -> str:

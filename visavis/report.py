@@ -355,7 +355,7 @@ def _nobody_has(measures: Sequence[str]) -> Paragraph:
 def _tests(finding: Finding, texts: Texts) -> list[Block]:
     name = spoken(finding, texts)
     if finding.outcome is None:
-        return [Paragraph(f"{name}: not tested, {finding.why_not}.")]
+        return [Paragraph(f"{name[:1].upper()}{name[1:]}: not tested, {finding.why_not}.")]
     outcome = finding.outcome
     kind = "Exploratory. " if finding.compare.exploratory else ""
     blocks: list[Block] = [
@@ -375,9 +375,8 @@ def _tests(finding: Finding, texts: Texts) -> list[Block]:
 def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperiment) -> Table:
     measure = analysis.measure(column)
     factors = list(analysis.cells)
-    cells = aggregated(analysis.selection.counted, [measure], factors)
     rows = []
-    for key, group in cells.groupby(factors, sort=False, observed=True):
+    for key, group in analysis.cell_means().groupby(factors, sort=False, observed=True):
         levels = key if isinstance(key, tuple) else (key,)
         names = ", ".join(label_of(experiment.texts, str(v)) for v in levels)
         values = group[column].to_numpy(float)

@@ -80,15 +80,15 @@ def left_out_lines(axes: Axes, table: Values, people: Sequence[str], *, kind: st
     They are hidden until a page shows them, and leave the axes as they are.
     """
     look, size = _HIDDEN[kind]
-    limits = axes.get_xlim(), axes.get_ylim()
+    limits = axes.dataLim.frozen()
     x = np.arange(table.shape[1])
     for row, one in zip(table, people, strict=True):
         drawn = axes.plot(
             x, row, look, color=BLACK, linewidth=0.8, markersize=size, alpha=0.7, mfc="none"
         )[0]
         name_after(one, drawn, kind=kind)
-    axes.set_xlim(limits[0])
-    axes.set_ylim(limits[1])
+    # Limits that are set would cut what is drawn later, such as published means.
+    axes.dataLim.set(limits)
 
 
 def draw_mean(

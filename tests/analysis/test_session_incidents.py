@@ -18,7 +18,9 @@ def happened(*events: Event, status: str = "complete", reason: str = "") -> list
     """Return the incidents of one part with two trials, its times in seconds."""
     rows = [(1, int(t_s * S), name, payload) for t_s, name, payload in events]
     recording = SimpleNamespace(
-        manifest=SimpleNamespace(parts=[SimpleNamespace(number=1, status=status, reason=reason)]),
+        manifest=SimpleNamespace(
+            parts=[SimpleNamespace(number=1, status=status, reason=reason)], configuration=None
+        ),
         events=lambda: pd.DataFrame(rows, columns=["recording_part", "t_ns", "name", "payload"]),
         trial_entries=lambda _: [
             {"t_ns": end * S, "row": {"trial_id": name, "t_start_ns": begin * S}}
@@ -33,7 +35,9 @@ def asked(t_s: float, action: str, text: str = "", code: str = "") -> Event:
 
 
 def test_reason_given_while_the_session_waits_belongs_to_the_pause() -> None:
-    assert [Incident("after T01", "pause of 5 s", "unwell: dizzy")] == happened(
+    assert [
+        Incident("after T01", "pause of 5 s", "the participant is unwell (unwell): dizzy")
+    ] == happened(
         asked(15, "pause"),
         (21, "pause_start", {}),
         asked(23, "reason", "dizzy", "unwell"),
@@ -52,7 +56,9 @@ def test_reason_belongs_to_the_last_pause_wherever_it_was_given(at_s: float) -> 
         ],
         key=lambda event: event[0],
     )
-    assert [Incident("after T01", "pause of 5 s", "wish")] == happened(*events)
+    assert [
+        Incident("after T01", "pause of 5 s", "the participant asked for it (wish)")
+    ] == happened(*events)
 
 
 def test_every_pause_has_its_own_length_and_reason() -> None:
@@ -68,7 +74,7 @@ def test_every_pause_has_its_own_length_and_reason() -> None:
 
 
 def test_what_is_flagged_within_a_trial_stands_in_its_row_alone() -> None:
-    assert [Incident("after T01", "moment flagged", "device")] == happened(
+    assert [Incident("after T01", "moment flagged", "a device did not work (device)")] == happened(
         asked(12, "flag"),
         asked(13, "reason", code="unwell"),
         asked(25, "flag"),
