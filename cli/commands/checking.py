@@ -182,7 +182,8 @@ def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False)
             "–" if s.longest_gap_ms is None else f"{s.longest_gap_ms:.0f} ms",
             style=STYLE[s.level] if s.level is not Level.GREEN else "",
         )
-    console.print(streams)
+    if verdict.streams:
+        console.print(streams)
     if any(s.stream == "responses" for s in verdict.streams):
         say(f"[dim]{PRESSES}[/]")
     if list_trials:

@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (2.17, 0.476, 37.9, 1.12)
+    blur_deg: tuple[float, float, float, float] = (2.05, 0.422, 36.8, 1.2)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (0.648, 6.55, 14.0, 10.7)
-    sharpness: float = 0.287
-    reach_power: float = 94.2
-    least_reach_01: float = 0.604
-    self_bias: float = 3.32
+    looseness_deg: tuple[float, float, float, float] = (0.717, 7.24, 11.8, 9.63)
+    sharpness: float = 0.317
+    reach_power: float = 103.0
+    least_reach_01: float = 0.608
+    self_bias: float = 3.09
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.08
-    lapse_01: float = 0.0024
-    lapse_sd: float = 0.189
+    acuity_sd: float = 1.2
+    lapse_01: float = 0.00238
+    lapse_sd: float = 0.2
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2

@@ -22,6 +22,7 @@ from stage.errors import StageError
 from stage.renderer import LIGHTEST, Renderer
 from stage.vertices import person_vertices
 from stimuli.characters.cast import load_character
+from stimuli.dressing.casting import default_casting
 from tests.visavis.sessions import opened, perform
 from visavis.sessions.study_folder import settle, wanted_settings
 
@@ -213,6 +214,7 @@ def test_a_light_mesh_has_the_eyes_last_and_fewer_triangles_where_there_are_many
     few, cast = person["light"], load_character(person["name"])
     built = person_vertices(cast, cast.levels[-1])
     assert 0 < few["eyeFrom"] < few["index"]["s"][0] <= len(built.indices)
+    built = person_vertices(cast := default_casting("female_03"), cast.levels[-1])
     many = Models(Bundle(), level=LEVEL_OF_MANY)
     many.person(cast)
     light = many.people[0]["light"]
