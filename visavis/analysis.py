@@ -426,7 +426,8 @@ def answered(
     n = frame.dropna(subset=[measure.column])["participant"].nunique()
     if n < MIN_PARTICIPANTS:
         words = measure.words[:1].lower() + measure.words[1:]
-        why = f"{n} participants have {words}; tests need {MIN_PARTICIPANTS}"
+        who = "1 participant has" if n == 1 else f"{n} participants have"
+        why = f"{who} {words}; tests need {MIN_PARTICIPANTS}"
         return Finding(compare, measure, None, (), why)
     notes: tuple[str, ...] = ()
     if compare.test in AGREEMENT:
