@@ -143,7 +143,7 @@ class DrawnStage:
         self._pieces: Iterator[None] | None = None
         self._has_drawn = False
         self._small: SmallPicture | None = None
-        self._drawn_from: Camera | None = None
+        self._drawn_from: Pose | None = None
         self._glanced_from: Camera | None = None
         self._next_glance_ns = 0
 
@@ -212,7 +212,7 @@ class DrawnStage:
             cameras = [eye_camera(head, eye) for eye in self._views]
             with nullcontext() if self._timer is None else self._timer.timed(frame):
                 drawn = renderer.draw(picture, cameras, self._targets, late=late)
-            self._drawn_from = eye_camera(head, self._views[0])
+            self._drawn_from = head
             if is_calm or not self._has_drawn:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
@@ -244,7 +244,7 @@ class DrawnStage:
             return Glance(self._small.take(), camera)
         if now_ns >= self._next_glance_ns:
             self._next_glance_ns = now_ns + GLANCE_PERIOD_NS
-            self._glanced_from = self._drawn_from
+            self._glanced_from = eye_camera(self._drawn_from, self._views[0])
             self._small.ask(self._targets[0].texture)
         return None
 

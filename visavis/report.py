@@ -321,6 +321,7 @@ def _measures(
     analysis: StudyAnalysis, experiment: StudyExperiment, pictures: Pictures
 ) -> list[Section]:
     sections = []
+    cells = analysis.cell_means()
     for column in dict.fromkeys(f.measure.column for f in analysis.findings):
         findings = [f for f in analysis.findings if f.measure.column == column]
         measure = findings[0].measure
@@ -331,7 +332,7 @@ def _measures(
             blocks += _tests(finding, experiment.texts)
         if column in analysis.selection.counted:
             is_known = analysis.selection.counted[column].notna().any()
-            means = _means_table(analysis, column, experiment)
+            means = _means_table(analysis, cells, column, experiment)
             blocks.append(means if is_known else _nobody_has([measure.words]))
         sections.append(Section(column, measure.words, tuple(blocks)))
     compared = {f.measure.column for f in analysis.findings}
@@ -339,7 +340,7 @@ def _measures(
     further = [m for m in analysis.measures if m.column in counted_rows]
     further = [m for m in further if m.column not in compared]
     known = [m for m in further if counted_rows[m.column].notna().any()]
-    others: list[Block] = [_means_table(analysis, m.column, experiment) for m in known]
+    others: list[Block] = [_means_table(analysis, cells, m.column, experiment) for m in known]
     if unknown := [m.words for m in further if m not in known]:
         others.append(_nobody_has(unknown))
     if others:
@@ -372,11 +373,13 @@ def _tests(finding: Finding, texts: Texts) -> list[Block]:
     return blocks
 
 
-def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperiment) -> Table:
+def _means_table(
+    analysis: StudyAnalysis, cells: pd.DataFrame, column: str, experiment: StudyExperiment
+) -> Table:
     measure = analysis.measure(column)
     factors = list(analysis.cells)
     rows = []
-    for key, group in analysis.cell_means().groupby(factors, sort=False, observed=True):
+    for key, group in cells.groupby(factors, sort=False, observed=True):
         levels = key if isinstance(key, tuple) else (key,)
         names = ", ".join(label_of(experiment.texts, str(v)) for v in levels)
         values = group[column].to_numpy(float)

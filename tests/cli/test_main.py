@@ -5,7 +5,6 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -44,14 +43,6 @@ def test_other_exceptions_nobody_can_catch_go_to_the_hook_of_before() -> None:
     unraisable = SimpleNamespace(exc_type=ValueError)
     interrupting_again(seen.append)(unraisable)
     assert [unraisable] == seen
-
-
-@pytest.fixture
-def hooks_restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
-    before = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, before)
 
 
 @pytest.mark.usefixtures("hooks_restored")

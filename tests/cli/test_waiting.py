@@ -1,8 +1,5 @@
 """What takes long says so before it begins; what is refused is refused before it is worked out."""
 
-import signal
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,14 +8,6 @@ from cli import main as command
 from cli.commands import preview, session
 from lab.config_files import EXAMPLE
 from visavis.sessions.perform import Request
-
-
-@pytest.fixture
-def hooks_restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
-    before = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, before)
 
 
 @pytest.mark.usefixtures("hooks_restored")

@@ -5,6 +5,7 @@ Their numbers are compared with R's in `tests/reference/stats/cl*.json`.
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -83,14 +84,19 @@ def test_the_integral_over_people_is_the_one_that_a_fine_grid_gives() -> None:
     assert total == pytest.approx(made.fit.log_likelihood, abs=1e-7)
 
 
+def _people_who_differ(rng: np.random.Generator) -> dict[str, Any]:
+    """Return ratings of twelve people who differ in an effect that is 0 on average."""
+    own = rng.normal(size=(12, 1, 1)) + rng.normal(0, 1.2, (12, 2, 1))
+    y = np.clip(np.round(3 + own + rng.logistic(0, 0.6, (12, 2, 10))), 1, 5)
+    place = np.indices(y.shape)
+    return {"s": place[0].ravel(), "A": place[1].ravel(), "y": y.ravel()}
+
+
 def test_people_who_differ_in_the_effect_are_not_taken_for_it() -> None:
     rng = np.random.default_rng(5)
     robust = alike = 0
     for _ in range(25):
-        own = rng.normal(size=(12, 1, 1)) + rng.normal(0, 1.2, (12, 2, 1))
-        y = np.clip(np.round(3 + own + rng.logistic(0, 0.6, (12, 2, 10))), 1, 5)
-        place = np.indices(y.shape)
-        frame = {"s": place[0].ravel(), "A": place[1].ravel(), "y": y.ravel()}
+        frame = _people_who_differ(rng)
         effect = clmm(frame, "y", subject="s", within=("A",)).effect("A")
         robust += effect.p < 0.05
         alike += effect.chi2_p < 0.05
@@ -198,10 +204,7 @@ def test_people_who_differ_in_an_effect_are_no_effect_by_likelihood_with_a_slope
     rng = np.random.default_rng(5)
     alike = slopes = 0
     for _ in range(25):
-        own = rng.normal(size=(12, 1, 1)) + rng.normal(0, 1.2, (12, 2, 1))
-        y = np.clip(np.round(3 + own + rng.logistic(0, 0.6, (12, 2, 10))), 1, 5)
-        place = np.indices(y.shape)
-        frame = {"s": place[0].ravel(), "A": place[1].ravel(), "y": y.ravel()}
+        frame = _people_who_differ(rng)
         two = {"subject": "s", "within": ("A",)}
         alike += clmm(frame, "y", **two).effect("A").chi2_p < 0.05
         slopes += clmm(frame, "y", random="A", **two).effect("A").chi2_p < 0.05

@@ -317,6 +317,16 @@ def test_contrasts_in_ranks_say_so_and_how_far_the_means_differ() -> None:
     assert f"low − mid {means['low'] - means['mid']:.2f}".replace("-", "−") in of_a
 
 
+DWELL = Question(
+    "paired",
+    dv="dwell_ms",
+    within=("gaze",),
+    subject="participant",
+    levels={"gaze": ("averted", "directed")},
+    called={"directed": "at the participant"},
+)
+
+
 def test_sentences_call_levels_as_asked_and_rows_keep_their_names() -> None:
     rng = np.random.default_rng(3)
     people = [f"p{i}" for i in range(9)]
@@ -324,14 +334,7 @@ def test_sentences_call_levels_as_asked_and_rows_keep_their_names() -> None:
         [(p, c, rng.normal(c == "directed", 0.4)) for p in people for c in ("averted", "directed")],
         columns=["participant", "gaze", "dwell_ms"],
     )
-    question = Question(
-        "paired",
-        dv="dwell_ms",
-        within=("gaze",),
-        subject="participant",
-        levels={"gaze": ("averted", "directed")},
-        called={"directed": "at the participant"},
-    )
+    question = DWELL
 
     found = answer(frame, question)
 
@@ -353,14 +356,7 @@ def test_what_cannot_be_tested_is_told_with_levels_as_they_are_called() -> None:
         [(p, c, float(p)) for p in range(4) for c in ("averted", "directed")],
         columns=["participant", "gaze", "dwell_ms"],
     )
-    question = Question(
-        "t",
-        dv="dwell_ms",
-        within=("gaze",),
-        subject="participant",
-        levels={"gaze": ("averted", "directed")},
-        called={"directed": "at the participant"},
-    )
+    question = replace(DWELL, test="t")
 
     with pytest.raises(LabError, match="averted minus at the participant is 0 in all 4 pairs"):
         answer(frame, question)
