@@ -102,9 +102,9 @@ def test_telephones_are_at_the_ear() -> None:
 
     assert 0.05 > max(away)
     assert 0.03 > np.median(away)
-    # They lay level, before the eyes, not along the cheek.
-    assert 7.0 < min(rises_deg)
-    assert 15.0 < np.median(rises_deg)
+    # They lay nearly level, one end below the ear, not along the cheek with an end before the mouth.
+    assert 20.0 < min(rises_deg)
+    assert 30.0 < np.median(rises_deg) < 50.0
 
 
 @pytest.mark.parametrize("configuration", range(9))
