@@ -102,7 +102,7 @@ def test_telephones_are_at_the_ear() -> None:
 
     assert 0.05 > max(away)
     assert 0.03 > np.median(away)
-    # They lay nearly level, one end below the ear, not along the cheek with an end before the mouth.
+    # They lay nearly level, one end below the ear, not along the cheek towards the mouth.
     assert 20.0 < min(rises_deg)
     assert 30.0 < np.median(rises_deg) < 50.0
 
