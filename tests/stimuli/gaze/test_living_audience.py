@@ -7,12 +7,13 @@ import pytest
 
 from lab.geometry import Vector, angle_deg, unit
 from stimuli.dressing.audience import audience_picture
+from stimuli.dressing.gathering import gathering_picture
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import Blinks
 from stimuli.gaze.lines import lines_of_gaze
 from stimuli.motion.skeleton import forward
 from stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
-from visavis.scenes import WithEyes
+from visavis.scenes import Staging, WithEyes, two_people
 
 NAMES = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
 OBSERVER_M = PARTICIPANT_EYE_M + np.array([0.05, -0.02, 0.03])
@@ -78,6 +79,20 @@ def test_fixating_eyes_drift_and_jump_but_stay_within_half_a_degree(watched):
 
     assert 0.5 > off_deg.max()
     assert 0.03 < off_deg.std(axis=0).min()
+
+
+@pytest.mark.parametrize("active", ["left", "right"])
+def test_eyes_of_people_who_sit_together_meet_the_observer_too(active, monkeypatch):
+    monkeypatch.setattr("stimuli.gaze.turning.fixation_rows", lambda *_: None)
+    shown = two_people(Staging(np.random.default_rng(1), 2.0), active=active, eyes="directed")
+    view = SimpleNamespace(
+        head_valid=True, head=SimpleNamespace(position_m=OBSERVER_M), t_ns=STEP_NS
+    )
+    picture = gathering_picture(shown.frame(view, STEP_NS))
+    centres, lines = lines_of_gaze(picture)
+    who = shown.roles["active"]
+
+    assert 0.1 > angle_deg(lines[who], unit(OBSERVER_M - centres[who])).max()
 
 
 def test_the_gaze_never_rests_between_its_micro_saccades(watched):
