@@ -1,3 +1,4 @@
+import io
 import json
 import os
 import struct
@@ -8,18 +9,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from lab.geometry import angle_deg
+from lab.geometry import angle_deg, unit
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.cast import load_character
 from stimuli.characters.character import MORPHS, SkinnedMesh
 from stimuli.characters.closing import collision_mesh, is_closed
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf import import_gltf
-from stimuli.characters.gltf_eyes import fitted_eye
-from stimuli.characters.gltf_figure import read_figure
-from stimuli.characters.gltf_file import read_glb
-from stimuli.characters.gltf_looks import CLOTH_ROUGHNESS_01
+from stimuli.characters.gltf_eyes import fitted_eye, iris_colour
+from stimuli.characters.gltf_figure import Surface, read_figure
+from stimuli.characters.gltf_file import GltfFile, read_glb
+from stimuli.characters.gltf_looks import CLOTH_ROUGHNESS_01, linear_of, srgb_of
 from stimuli.characters.gltf_skin import like_the_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
@@ -390,3 +392,44 @@ def test_a_description_nested_without_end_is_named(tmp_path: Path) -> None:
     path.write_bytes(head + deep)
     with pytest.raises(CharacterError, match="nested deeper"):
         read_glb(path)
+
+
+def test_colour_of_an_iris_lies_between_its_picture_with_and_without_painted_glints() -> None:
+    # Across the picture the slant from the axis, 0 to 180°; downwards once round the eye.
+    pixels = np.full((256, 512, 3), 220, np.uint8)
+    pixels[:, : 512 * 22 // 180] = (50, 4, 6)
+    pixels[:64, : 512 * 22 // 180] = 200
+    pixels[:, : 512 * 8 // 180] = 0
+    packed = io.BytesIO()
+    Image.fromarray(pixels).save(packed, format="PNG")
+    data = packed.getvalue()
+    tree = {
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}],
+        "images": [{"bufferView": 0}],
+        "bufferViews": [{"byteLength": len(data)}],
+    }
+    slant, turn = np.meshgrid(np.linspace(0, np.pi, 60), np.linspace(0, 2 * np.pi, 60))
+    rim = np.sin(slant)
+    ball = np.stack([rim * np.cos(turn), rim * np.sin(turn), -np.cos(slant)], axis=-1)
+    uv = np.stack([slant / np.pi, turn / (2 * np.pi)], axis=-1).reshape(-1, 2)
+    at = np.arange(3600).reshape(60, 60)
+    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    triangles = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    points = 0.012 * ball.reshape(-1, 3)
+    surface = Surface(
+        "eye",
+        points,
+        unit(points),
+        uv,
+        triangles,
+        np.zeros((3600, 1), np.int64),
+        np.ones((3600, 1)),
+        0,
+        {},
+    )
+    paint, glint = linear_of(np.array([50, 4, 6]) / 255), linear_of(np.full(3, 200) / 255)
+    light = 0.5 * paint + 0.5 * (0.75 * paint + 0.25 * glint)
+    file = GltfFile(Path("eye.glb"), tree, data)
+    found = iris_colour(file, surface, np.arange(3600), np.zeros(3), np.array([0.0, 0.0, -1.0]))
+    assert 255 * srgb_of(light) == pytest.approx(found, abs=4)

@@ -5,13 +5,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lab.geometry import Vector, angle_deg, unit
+from lab.geometry import Vector, angle_deg, rotate, unit
 from stimuli.dressing.audience import audience_picture
+from stimuli.dressing.casting import build_of, default_casting
 from stimuli.dressing.gathering import gathering_picture
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import Blinks
 from stimuli.gaze.lines import lines_of_gaze
+from stimuli.motion.people import PeopleMotion
+from stimuli.motion.seating import seated_under_eyes
 from stimuli.motion.skeleton import forward
+from stimuli.rooms.audience_room import HIP_BEHIND_EYES_M, step_height_m
 from stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
 from visavis.scenes import Staging, WithEyes, two_people
 
@@ -118,3 +122,21 @@ def test_shoulders_rise_and_fall_with_the_breath(watched):
     _, _, shoulders = watched
 
     assert 0.001 < np.ptp(shoulders, axis=0).min()
+
+
+def test_nobody_of_the_cast_sits_on_tiptoe_wherever_they_are_seated():
+    raised_deg = {}
+    for i, agent in enumerate(audience_scene(NAMES).agents):
+        floor_m = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
+        for name in NAMES:
+            build = build_of(default_casting(name))
+            person = seated_under_eyes(
+                build, agent.eye_centre_m, facing=agent.facing, seed=i, floor_m=floor_m
+            )
+            still = PeopleMotion((person,)).at(0.0)
+            body = forward(build.skeleton, still.root_m[0], still.orientation_wxyz[0])
+            feet = [build.skeleton.index(f"{side}_foot") for side in ("left", "right")]
+            ahead = [rotate(body.orientation_wxyz[f], np.array([0.0, 0.0, -1.0])) for f in feet]
+            raised_deg[agent.place, name] = float(np.degrees(-np.arcsin(np.min(ahead, axis=0)[1])))
+
+    assert {} == {who: deg for who, deg in raised_deg.items() if deg > 15.0}
