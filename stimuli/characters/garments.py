@@ -35,7 +35,7 @@ LIGHT_WITHIN: Final = 80.0
 SURE_01: Final = 0.6
 """Up to this part of the reach a pixel is wholly of the garment."""
 MIN_SHARE_01: Final = 0.4
-"""Of what is not skin there, at least so much is of one colour, or there is no one ground colour."""
+"""Of what is not skin there, at least so much is of one colour, or there is no ground colour."""
 MIN_AREA_01: Final = 0.15
 """Less of a region than this is no garment: its rest is bare."""
 MAX_SKIN_01: Final = 0.03
@@ -116,7 +116,7 @@ def looks_bare(wardrobe: Wardrobe, colour: Colour) -> bool:
 
 
 def painted(wardrobe: Wardrobe, colours: Mapping[Worn, Colour]) -> Pixels:
-    """Return a wardrobe's picture, its garments in other colours (sRGB) with their lights and darks."""
+    """Return a wardrobe's picture, its garments in other colours (sRGB); shades stay."""
     out = wardrobe.picture.copy()
     for garment in wardrobe.garments:
         at = garment.share_01 > 0
