@@ -21,7 +21,7 @@ from cli.app import (
 )
 from lab.config import LabConfig
 from lab.errors import UsageError
-from lab.yaml_lines import read_document
+from lab.yaml_lines import ProblemsError, read_document
 from stimuli.characters.cast import cast_names, load_character
 from stimuli.characters.character import Character
 from stimuli.characters.checking import findings
@@ -250,8 +250,12 @@ def _joints_said(path: Path) -> dict[str, str]:
 
     Raises:
         UsageError: it is no list of names.
+        ProblemsError: a joint is given twice.
     """
-    data = read_document(path).data
+    document = read_document(path)
+    data = document.data
+    if document.problems:
+        raise ProblemsError(path, list(document.problems))
     if not isinstance(data, dict) or not all(isinstance(v, str) for v in data.values()):
         raise UsageError(f"{path}: write one line a joint, such as `left_upper_arm: Bone_014`")
     return {str(ours): theirs for ours, theirs in data.items()}

@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from cli.main import app
 from lab.errors import LabError, UsageError
+from lab.yaml_lines import ProblemsError
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.library import library_names
 from tests.stimuli.glb_figure import bone_names, write_glb
@@ -62,6 +63,9 @@ def test_joint_map_is_read_from_a_file(tmp_path: Path) -> None:
     assert library_names(tmp_path / "lib") == ("someone_F",)
     said.write_text("- left_hand\n")
     with pytest.raises(UsageError, match="one line a joint"):
+        character("import", tmp_path / "someone_F.glb", "--joint-map", said, "--library", tmp_path)
+    said.write_text("left_hand: one\nleft_hand: another\n")
+    with pytest.raises(ProblemsError, match="given twice"):
         character("import", tmp_path / "someone_F.glb", "--joint-map", said, "--library", tmp_path)
 
 
