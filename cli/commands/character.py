@@ -273,7 +273,7 @@ def _import(
             rows.append({"file": str(result.source), "problem": result.problem})
             line = f"[bold red]not imported[/]  {result.problem.replace('[', chr(92) + '[')}"
         else:
-            odd = findings(result.character)
+            odd = (*result.odd, *findings(result.character))
             row = _row(result.character, "imported")
             rows.append({"file": str(result.source), **row, "findings": list(odd)})
             line = (
