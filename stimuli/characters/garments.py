@@ -45,8 +45,8 @@ SAME_GARMENT: Final = 16.0
 BARE_CHROMA: Final = 22.0
 """Cloth whose chroma is nearer than this to that of skin may look bare."""
 WHITE: Final = 250
-SHADED_01: Final = (0.4, 1.7)
-"""Between these lights, as parts of the ground's, its chroma may grow with them."""
+DEEPENING_01: Final = (0.4, 1.7)
+"""Between these parts of the ground's, its chroma may change with folds and wear."""
 SETTLING_ROUNDS: Final = 5
 SEAM_PX: Final = 4
 BARE: Final = 32
@@ -70,10 +70,10 @@ class Garment:
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """A colour as luma, Cb and Cr (3,); where `is_shaded`, its chroma may grow with the light."""
+    """A colour as luma, Cb and Cr (3,); where it `fades`, its chroma is not alike all over."""
 
     tone: Weights
-    is_shaded: bool = False
+    fades: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +222,7 @@ def _ground(tones: Weights, skins: list[Weights]) -> _Ground | None:
     tone: Weights = np.median(tones[code == values[counts.argmax()]], axis=0)
     for _ in range(SETTLING_ROUNDS):
         tone = np.median(tones[_share(tones, _Ground(tone)) > 0], axis=0)
-    for ground in (_Ground(tone, is_shaded=True), _Ground(tone)):
+    for ground in (_Ground(tone, fades=True), _Ground(tone)):
         most = (_share(tones, ground) > 0.5).mean() >= MIN_SHARE_01
         if most and all((_share(skin, ground) > 0.1).mean() <= MAX_SKIN_01 for skin in skins):
             return ground
@@ -233,12 +233,12 @@ def _share(tones: Weights, ground: _Ground) -> Weights:
     """Return how much of tones (..., 3) is of that ground: 1 near it, 0 beyond its reach."""
     own = ground.tone.astype(np.float32)
     apart = tones - own
-    if ground.is_shaded:
+    if ground.fades:
         chroma = own[1:] - 128.0
         strength = max(float(np.linalg.norm(chroma)), 1.0)
-        grown = strength * (np.clip(tones[..., 0] / max(float(own[0]), 1.0), *SHADED_01) - 1.0)
         along = apart[..., 1:] @ (chroma / strength)
-        within = np.clip(along, np.minimum(grown, 0.0), np.maximum(grown, 0.0))
+        fainter, stronger = (strength * (share - 1.0) for share in DEEPENING_01)
+        within = np.clip(along, fainter, stronger)
         apart[..., 1:] -= within[..., None] * (chroma / strength)
     far = np.hypot(
         np.hypot(apart[..., 1], apart[..., 2]) / CHROMA_WITHIN, apart[..., 0] / LIGHT_WITHIN

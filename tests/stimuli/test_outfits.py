@@ -114,6 +114,19 @@ def test_shirt_of_many_colours_stays_and_trousers_change() -> None:
     assert 30 < changed[jeans].min()
 
 
+def test_stronger_patches_of_a_red_sleeve_change_with_it() -> None:
+    reds: list[Colour] = [(115, 12, 7), (115, 12, 7), (138, 5, 5), (92, 22, 17)]
+    shirts = iter(reds)
+    worn = tuple((part, next(shirts) if c == SHIRT else c, kind) for part, c, kind in WORN)
+    worn = tuple((part, SKIN if c == TIE else c, kind) for part, c, kind in worn)
+    person = imported(worn)
+    red = np.array([c in reds for _, c, _ in worn])
+    for outfit in range(1, 6):
+        now = shown(in_other_clothes(person, outfit)).reshape(-1, 2, 3).mean(axis=1)[red]
+        assert 30 < np.linalg.norm(now[0] - reds[0])
+        assert 25 > np.linalg.norm(now - now[0], axis=1).max()
+
+
 def test_dark_clothes_made_light_keep_their_grain() -> None:
     dark = tuple((part, BLACK if c in (SHIRT, JEANS) else c, kind) for part, c, kind in WORN)
     person = imported(dark)
