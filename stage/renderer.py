@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lab.closing import Closing
 from lab.geometry import Vector
+from stage.contacts import Contacts
 from stage.context import GL_FRAMEBUFFER_SRGB, offscreen_context
 from stage.errors import StageError
 from stage.glsl_lighting import MAX_SHADOWS, lamp_constants
@@ -41,9 +42,10 @@ Image = npt.NDArray[np.uint8]
 class Quality:
     """How much work a picture is worth.
 
-    `samples` per pixel smooth edges (0: none); `shadows` are drawn as maps of `shadow_map_px`,
-    as soft blobs under the feet, or not at all; `fast` computes light at vertices, without
-    highlights or maps; `detail` says how fine people are drawn where.
+    `samples` per pixel smooth edges (0: none). `shadows` are drawn as maps of `shadow_map_px`,
+    as soft blobs under the feet, or not at all; but for the last, floors are darkened where soles
+    stand. `fast` computes light at vertices, without highlights or maps; `detail` says how fine
+    people are drawn where.
     """
 
     samples: int = 4
@@ -103,6 +105,7 @@ class Renderer(Closing):
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
         self._lit_before: tuple[object, Room, tuple[ShadowView, ...], bytes] | None = None
         self._overlays = Overlays(ctx, in_light=self._in_light)
+        self._contacts = Contacts(ctx, in_light=self._in_light, with_maps=self._with_maps())
         self._shadow_maps = ShadowMaps(ctx, self.quality.shadow_map_px)
         self._closed = False
 
@@ -179,6 +182,7 @@ class Renderer(Closing):
                 target.release()
         self._buffers.release()
         self._shadow_maps.release()
+        self._contacts.release()
         self._overlays.release()
         self._programs.release()
         self._frame.release()
@@ -226,8 +230,8 @@ class Renderer(Closing):
             if crowd is not None:
                 self.paint(picture, crowd, identity=False, with_room=backdrop is None)
                 ctx.disable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
-                if self.quality.shadows == "blobs" and len(picture.cast):
-                    self._overlays.blobs(crowd.joints.watched_m[drawn.level >= 0, 2:])
+                if self.quality.shadows != "none":
+                    self._contacts.draw(crowd)
             self._overlays.draw(picture, camera)
             target.finish()
         self.drawn = drawn
