@@ -20,9 +20,10 @@ class ShadowMaps:
     copied below people and things that move.
     """
 
-    def __init__(self, context: moderngl.Context, size_px: int) -> None:
+    def __init__(self, context: moderngl.Context, size_px: int, *, area: bool) -> None:
         self._context, self._size_px = context, size_px
-        self._calls = GlCalls(context)
+        self._calls, self._area = GlCalls(context), area
+        self._depths: moderngl.Sampler | None = None
         self._maps: list[tuple[moderngl.Texture, moderngl.Framebuffer]] = []
         self._still: list[tuple[moderngl.Texture, moderngl.Framebuffer]] = []
         self._still_of: tuple[Room, tuple[ShadowView, ...]] | None = None
@@ -74,12 +75,22 @@ class ShadowMaps:
         """Bind the maps for the coming draw calls."""
         for k, (texture, _) in enumerate(self._maps):
             texture.use(UNITS[f"shadow_map_{k}"])
+            if self._area:
+                if self._depths is None:
+                    nearest = (moderngl.NEAREST, moderngl.NEAREST)
+                    self._depths = self._context.sampler(False, False, filter=nearest)
+                unit = UNITS[f"shadow_depth_{k}"]
+                texture.use(unit)
+                self._depths.use(unit)
 
     def release(self) -> None:
         """Free the card's memory."""
         for texture, frame in (*self._maps, *self._still):
             frame.release()
             texture.release()
+        if self._depths is not None:
+            self._depths.release()
+            self._depths = None
         self._maps.clear()
         self._still.clear()
         self._still_of = None
