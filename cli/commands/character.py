@@ -257,8 +257,8 @@ def _import(
             row = _row(result.character, "imported")
             rows.append({"file": str(result.source), **row, "findings": list(odd)})
             line = (
-                f"[green]imported[/]  {verbatim(result.character.name)}: {result.character.gender}, "
-                f"{result.character.stature_m:.2f} m"
+                f"[green]imported[/]  {verbatim(result.character.name)}: "
+                f"{result.character.gender}, {result.character.stature_m:.2f} m"
             )
             line += "".join(f"\n  [yellow]look:[/] {verbatim(text)}" for text in odd)
         if not as_json:
