@@ -16,6 +16,7 @@ from cli.app import (
     new_file,
     say,
     say_json,
+    say_plainly,
     say_written,
     verbatim,
 )
@@ -223,7 +224,7 @@ def fetch_command(
         if as_json:
             say_json({"name": which, "address": VALID_ADDRESS, "licence": VALID_LICENCE})
         else:
-            say(VALID_TOLD)
+            say_plainly(VALID_TOLD)
         return
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     with people_in(download, only) as found:
@@ -275,16 +276,16 @@ def _import(
         if result.character is None:
             failed += 1
             rows.append({"file": str(result.source), "problem": result.problem})
-            line = f"[bold red]not imported[/]  {result.problem.replace('[', chr(92) + '[')}"
+            line = f"[bold red]not imported[/]  {verbatim(result.problem)}"
         else:
             odd = (*result.odd, *findings(result.character))
             row = _row(result.character, "imported")
             rows.append({"file": str(result.source), **row, "findings": list(odd)})
             line = (
-                f"[green]imported[/]  {result.character.name}: {result.character.gender}, "
-                f"{result.character.stature_m:.2f} m"
+                f"[green]imported[/]  {verbatim(result.character.name)}: "
+                f"{result.character.gender}, {result.character.stature_m:.2f} m"
             )
-            line += "".join(f"\n  [yellow]look:[/] {text}" for text in odd)
+            line += "".join(f"\n  [yellow]look:[/] {verbatim(text)}" for text in odd)
         if not as_json:
             say(line)
     if as_json:

@@ -1,10 +1,17 @@
 """The audience stands as the study describes it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lab.errors import DesignError
 from lab.geometry import angle_deg, unit, yaw_pitch_deg_of
+from stimuli.characters.cast import load_character
+from stimuli.characters.sizing import sized
+from stimuli.dressing.audience import audience_picture
+from stimuli.motion.errors import MotionError
+from stimuli.scene import SceneFrame
 from stimuli.scenes.audience import (
     ACTIVE_PLACES,
     AUDIENCE_TURN_DEG,
@@ -198,3 +205,12 @@ def test_missing_or_doubled_character_is_refused(characters: tuple[str, ...]) ->
 def test_unknown_place_names_the_known_ones() -> None:
     with pytest.raises(DesignError, match="left_close"):
         zone_of("balcony")
+
+
+def test_who_cannot_sit_under_the_eyes_of_the_audience_is_named() -> None:
+    giant = replace(sized(load_character("anna"), 2.4), name="giant_F")
+    scene = audience_scene(CHARACTERS)
+    facing = np.array([a.facing for a in scene.agents])
+    frame = SceneFrame(scene, 0, facing, np.ones(len(scene.agents)))
+    with pytest.raises(MotionError, match="giant_F cannot sit at .* would need a seat"):
+        audience_picture(frame, casting=lambda part: giant)
