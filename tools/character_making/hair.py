@@ -48,7 +48,7 @@ STYLES = {
     "afro": Style(0.010, 1100, 0.006, 0.013, 0.004, rows=4),
     "short": Style(
         receding=0.12,
-        combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.018),
+        combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.018, loose=30),
     ),
     "fringe": Style(
         combing=Combing(0.015, 0.55, 0.007, fringe_m=0.022, sweep_rad=0.20, ragged_m=0.015)
