@@ -237,9 +237,12 @@ _TRIED = (
     *((fewer, 0) for fewer in _FEWER),
     *((0, first) for first in range(1, 9)),
     *((40 * first, first) for first in range(1, 9)),
+    *((25 * first + 15, first) for first in range(9)),
+    *((15 * first + 10, 9 - first) for first in range(9)),
+    *((10 * k + 5, k % 2) for k in range(24)),
 )
 """Copies for measuring are tried with so many triangles fewer, then with other locks of hair, then
-with both.
+with both in many ways.
 """
 _GOOD_COPY, _FAIR_COPY = 0.035, 0.045
 """A part may be seen larger or smaller by this share."""

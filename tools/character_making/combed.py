@@ -13,7 +13,7 @@ from tools.character_making.mantle import Head, Sheet, loose_upon, outwards
 from tools.character_making.noise import noise
 from tools.character_making.pieces import Piece
 
-_GUIDES = 97
+_GUIDES = 67
 _LAYERS = ((0.45, -0.003), (0.8, 0.002), (1.0, 0.0))
 """For each sheet the share of the lift, and by how much longer than the others it is, in metres."""
 _WHORL_RAD = 0.42
@@ -37,7 +37,7 @@ class Combing:
     rough_m: float = 0.0012
     ragged_m: float = 0.010
     loose: int = 40
-    rows: int = 15
+    rows: int = 12
 
 
 def combed(
@@ -88,7 +88,7 @@ def combed(
     end = 0.25 * closed[:-2] + 0.5 * end + 0.25 * closed[2:]
 
     sheets = []
-    even = 1 - (1 - np.linspace(0, 1, combing.rows)) ** 1.4
+    even = 1 - (1 - np.linspace(0, 1, combing.rows)) ** 1.8
     for lifted, longer_m in _LAYERS:
         knots = rng.uniform(-1, 1, _GUIDES)
         knots[-1] = knots[0]

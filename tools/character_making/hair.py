@@ -48,7 +48,7 @@ STYLES = {
     "afro": Style(0.010, 1100, 0.006, 0.013, 0.004, rows=4),
     "short": Style(
         receding=0.12,
-        combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.018),
+        combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.018, loose=30),
     ),
     "fringe": Style(
         combing=Combing(0.015, 0.55, 0.007, fringe_m=0.022, sweep_rad=0.20, ragged_m=0.015)
@@ -288,11 +288,11 @@ def _coloured(
 
 
 def drawn(figure: Figure, group: Locks | Sheet, level: int, first: int = 0) -> Piece:
-    """Return locks, from the `first` on, or a sheet as they are drawn at a level of detail."""
+    """Return locks or guides of a sheet, from the `first` on, as drawn at a level of detail."""
     if isinstance(group, Sheet):
         shape = group.line.shape[:2]
         weights = hair_weights(figure, group.line.reshape(-1, 3)).reshape(*shape, -1)
-        return sheet_piece(figure, group, weights, *((1, 1), (3, 2), (5, 3))[level])
+        return sheet_piece(figure, group, weights, *((1, 1), (3, 2), (5, 3))[level], first)
     thinning = THINNINGS[level]
     return ribbons(figure, group, thinning, first)
 

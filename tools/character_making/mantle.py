@@ -230,13 +230,16 @@ def outwards(head: Head, lines: Vector) -> Vector:
     return turned
 
 
-def sheet_piece(figure: Figure, sheet: Sheet, weights: Vector, guides: int, rows: int) -> Piece:
-    """Return a sheet as a surface of every `guides`-th guide and `rows`-th row.
+def sheet_piece(
+    figure: Figure, sheet: Sheet, weights: Vector, guides: int, rows: int, first: int = 0
+) -> Piece:
+    """Return a sheet as a surface of every `guides`-th guide, from the `first` on, and `rows`-th
+    row; the outermost are always there.
 
     `weights` (g, rows, joints) of all its points.
     """
     n_g, n_r, _ = sheet.line.shape
-    g = np.unique([*range(0, n_g, guides), n_g - 1])
+    g = np.unique([0, *range(first % guides, n_g, guides), n_g - 1])
     r = np.unique([*range(0, n_r, rows), n_r - 1])
     line = sheet.line[g][:, r]
     index = np.arange(len(g) * len(r)).reshape(len(g), len(r))

@@ -209,7 +209,7 @@ def _browed(colour: Vector, figure: Figure, p: Vector, face: Face, k: float, see
         lift = 0.0195 if female else 0.0172
         curve = lift + arch * np.sin(np.clip(along, 0, 1.1) * 2.1 - 0.25) - 0.004 * along**2
         # Higher at the nose than at the temple, brows look sad.
-        curve += (0.0008 if female else 0.0030) * (along - 0.45)
+        curve += (0.0008 if female else 0.0038) * (along - 0.45)
         half = np.interp(along, [-0.05, 0.1, 0.6, 1.05], [0.0030, 0.0038, 0.0027, 0.0008])
         half = half * (0.75 + 0.55 * face.brow_weight)
         v = (y - curve) / half
