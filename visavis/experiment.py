@@ -258,7 +258,7 @@ class StudyExperiment:
                     instruction=self.texts.find(*said, values=known) or "",
                     calibrate=self.study.calibrate
                     and (block.index == 0 or self.study.calibrate_blocks),
-                    questionnaires=() if is_practice else tuple(self.study.after_block),
+                    questionnaires=() if is_practice else self._asked_after_blocks(),
                 )
             )
         kept = {
@@ -267,6 +267,10 @@ class StudyExperiment:
         }
         kept["language"] = self.language
         return replace(made, blocks=tuple(blocks), parameters=kept)
+
+    def _asked_after_blocks(self) -> tuple[str, ...]:
+        unasked = () if self.study.unasked is None else self.study.unasked(self.parameters)
+        return tuple(name for name in self.study.after_block if name not in unasked)
 
     def values_of(self, made: SessionPlan) -> dict[str, Any]:
         """Return what texts can name: parameters, and what follows from the plan."""

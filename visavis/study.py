@@ -126,9 +126,10 @@ class Study:
     `uses` left out is the eye tracker, and the body tracker where answers are pointed: by ray, at
     people, on boards where no gaze is calibrated that could choose.
     `uses` and `people` may be functions of the parameters. `after_block` are questionnaires asked
-    after every block that counts, `questionnaires` those at the end. `people` is at most how many
-    people are seen at once, where scenes show others than their agents. A factor between people
-    whose levels are one level makes no groups.
+    after every block that counts, `questionnaires` those at the end; `unasked` gives those of
+    `after_block` that make no sense with the parameters in force, and are left out. `people` is
+    at most how many people are seen at once, where scenes show others than their agents. A factor
+    between people whose levels are one level makes no groups.
     `looks` ask for everything about looks on an agent (whole, by ray, in parts, by other detectors,
     by padding and minimum duration).
     `families` are families of simple tests: pairs of levels, correlations with a score; the first
@@ -176,6 +177,7 @@ class Study:
     pieces: Pieces | str | None = None
     questionnaires: Sequence[str] = ()
     after_block: Sequence[str] = ()
+    unasked: RolesOf | None = None
     needs: Sequence[str] = ()
     uses: Sequence[str] | RolesOf | None = None
     spares: Sequence[str] | None = None

@@ -31,6 +31,8 @@ GROUPS: Final = (HAPTICS_GROUP, CONTROL_GROUP)
 CROWDS: Final = tuple(range(1, CONFIGURATIONS + 1))
 
 AFTER_BLOCK: Final = ("embodiment", "presence")
+ABOUT_OWN_BODY: Final = ("embodiment",)
+"""Not asked where participants see no body of their own."""
 AT_END: Final = ("demographics", "free_comment")
 TRAINING: Final = "Training"
 """The condition of the training walk."""
@@ -56,7 +58,7 @@ class CrowdParameters:
     `limit_s` ends a walk that does not come back.
     `tracking_side_m` is the side of the tracked area. `record_gaze` connects the lab's eye tracker
     too, which the study does not need. `murmur` is a WAV file of a station's sound, heard
-    from two loudspeakers in its far corners; in its far corners; the source had none. With
+    from two loudspeakers in its far corners; the source had none. With
     `own_body` participants see a body of their sex and size where theirs is, as the source's did.
     """
 

@@ -14,6 +14,7 @@ from experiments.crowd.columns import TRIALS
 from experiments.crowd.comparisons import MEASURES, RULES, PathThresholds, compared
 from experiments.crowd.conclusions import QUESTIONS, RULE, conclude
 from experiments.crowd.design import (
+    ABOUT_OWN_BODY,
     AFTER_BLOCK,
     AT_END,
     CONDITIONS,
@@ -124,6 +125,7 @@ study = Study(
     intertrial_s=DEFAULT_PARAMETERS.intertrial_s,
     texts="texts",
     after_block=AFTER_BLOCK,
+    unasked=lambda parameters: () if parameters["own_body"] else ABOUT_OWN_BODY,
     questionnaires=AT_END,
     needs=("body_tracker", *BAND_ROLES),
     uses=lambda parameters: ("eye_tracker",) if parameters["record_gaze"] else (),

@@ -22,6 +22,14 @@ NEAR_EYE_M: Final = 0.03
 WORN: Final = ("none", "held_object")
 """What nobody's body has."""
 SIDES: Final = ("left", "right")
+LIMBS: Final = {
+    "upper arm": ("upper_arm", "lower_arm"),
+    "forearm": ("lower_arm", "hand"),
+    "thigh": ("upper_leg", "lower_leg"),
+    "shank": ("lower_leg", "foot"),
+}
+MAX_LIMB_RATIO: Final = 1.15
+"""Of one side's length to the other's; people's differ by a few per cent."""
 
 
 def findings(character: Character) -> tuple[str, ...]:
@@ -33,9 +41,24 @@ def _findings(character: Character) -> Iterator[str]:
     low, high = STATURE_M
     if not low <= character.stature_m <= high:
         yield f"is {character.stature_m:.2f} m tall: is the file in metres or centimetres?"
+    yield from _limbs(character)
     yield from _eyes(character)
     yield from _lids(character)
     yield from _body(character)
+
+
+def _limbs(character: Character) -> Iterator[str]:
+    skeleton = character.skeleton
+    for name, (above, below) in LIMBS.items():
+        ends = [[skeleton.index(f"{side}_{joint}") for joint in (above, below)] for side in SIDES]
+        left_m, right_m = (
+            float(np.linalg.norm(skeleton.rest_m[a] - skeleton.rest_m[b])) for a, b in ends
+        )
+        if max(left_m, right_m) > MAX_LIMB_RATIO * min(left_m, right_m):
+            yield (
+                f"its left {name} is {100 * left_m:.0f} cm long and its right {100 * right_m:.0f}: "
+                "is the joint map right?"
+            )
 
 
 def _eyes(character: Character) -> Iterator[str]:

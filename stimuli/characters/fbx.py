@@ -15,13 +15,44 @@ from typing import Final
 from stimuli.characters.errors import CharacterError
 
 TIMEOUT_S: Final = 300.0
-_SCRIPT: Final = """
+_LOST: Final = "picture not found: "
+_SCRIPT: Final = f"""
 import sys
+from pathlib import Path, PureWindowsPath
 import bpy
-source, made = sys.argv[sys.argv.index("--") + 1:]
+source, made = map(Path, sys.argv[sys.argv.index("--") + 1:])
 bpy.ops.wm.read_factory_settings(use_empty=True)
-bpy.ops.import_scene.fbx(filepath=source)
-bpy.ops.export_scene.gltf(filepath=made, export_format="GLB", export_animations=False)
+bpy.ops.import_scene.fbx(filepath=str(source))
+
+# Files name pictures where they lay on their maker's disk. Rocketbox keeps them in a folder beside
+# that of the figure.
+home = source.parent.parent
+lying = [*home.glob("*"), *home.glob("*/*"), *source.parent.rglob("*")]
+by_name = {{path.name.lower(): path for path in lying if path.is_file()}}
+lost = set()
+for image in bpy.data.images:
+    name = PureWindowsPath(image.filepath).name
+    if image.source == "FILE" and image.packed_file is None and not image.size[0]:
+        if name.lower() in by_name:
+            image.filepath = str(by_name[name.lower()])
+        if not image.size[0]:
+            lost.add(name)
+for material in bpy.data.materials:
+    tree = material.node_tree
+    for node in list(tree.nodes) if tree else []:
+        if node.type == "TEX_IMAGE" and (node.image is None or not node.image.size[0]):
+            tree.nodes.remove(node)  # it would break the export
+        elif node.type == "TEX_IMAGE" and node.image.depth == 32:
+            # The alpha of a picture is what hides, not its red.
+            for link in list(node.outputs["Color"].links):
+                if link.to_socket.name == "Alpha":
+                    tree.links.new(node.outputs["Alpha"], link.to_socket)
+        elif node.type == "BSDF_PRINCIPLED" and not node.inputs["Metallic"].is_linked:
+            # FBX knows reflection, no metal; Blender takes the one for the other.
+            node.inputs["Metallic"].default_value = 0.0
+for name in sorted(lost):
+    print("{_LOST}" + name)
+bpy.ops.export_scene.gltf(filepath=str(made), export_format="GLB", export_animations=False)
 """
 _PLACES: Final = {
     "darwin": ("/Applications", "Blender*.app/Contents/MacOS/Blender"),
@@ -45,8 +76,10 @@ def find_blender() -> str | None:
 
 
 @contextmanager
-def as_glb(path: Path) -> Iterator[Path]:
-    """Lay an FBX file for a while as a .glb of the same name.
+def as_glb(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
+    """Lay an FBX file for a while as a .glb of the same name, and name pictures that it lacks.
+
+    Pictures are searched by their names in the file's folder, those below it and beside it.
 
     Raises:
         CharacterError: there is no Blender, or it cannot read the file.
@@ -74,7 +107,9 @@ def as_glb(path: Path) -> Iterator[Path]:
                 f"{path}: Blender cannot read it ({_reason(done.stdout + done.stderr)}); open it "
                 "there, or export the figure as .glb from the program that made it"
             )
-        yield made
+        told = [line.strip() for line in done.stdout.splitlines()]
+        lost = (line.removeprefix(_LOST) for line in told if line.startswith(_LOST))
+        yield made, tuple(lost)
 
 
 def _reason(output: str) -> str:

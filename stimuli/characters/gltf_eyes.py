@@ -9,6 +9,7 @@ from lab.geometry import Vector, unit
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf_figure import Figure, Surface
 from stimuli.characters.gltf_file import GltfFile
+from stimuli.characters.gltf_looks import linear_of, srgb_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,7 @@ def fitted_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
             f"{1000 * radius:.0f} mm); separate the eyeball, or scale the figure to metres"
         )
     axis = _axis(surface, chosen, centre)
-    return EyeFit(centre, radius, axis, _iris(file, surface, chosen, centre, axis))
+    return EyeFit(centre, radius, axis, iris_colour(file, surface, chosen, centre, axis))
 
 
 def _sphere(points_m: Vector) -> tuple[Vector, float]:
@@ -94,10 +95,14 @@ def _axis(surface: Surface, chosen: npt.NDArray[np.int64], centre: Vector) -> Ve
     return axis
 
 
-def _iris(
+def iris_colour(
     file: GltfFile, surface: Surface, chosen: npt.NDArray[np.int64], centre: Vector, axis: Vector
 ) -> tuple[int, int, int]:
-    """Read the colour of the iris from the texture, on a ring between pupil and white."""
+    """Return the colour of the iris in the texture: sRGB, of a ring between pupil and white.
+
+    Lies between median and mean of its light. Painted glints make a mean grey; without any, as in
+    the median, the browns of many files are a red that no eye has.
+    """
     brown = (74, 52, 36)
     if surface.uv is None or surface.material is None:
         return brown
@@ -110,11 +115,15 @@ def _iris(
     places = np.einsum("sk,tkc->tsc", shares, surface.vertices_m[triangles]).reshape(-1, 3)
     uv = np.einsum("sk,tkc->tsc", shares, surface.uv[triangles]).reshape(-1, 2)
     slant = np.degrees(np.arccos(np.clip(unit(places - centre) @ axis, -1, 1)))
-    ring = (slant > 9) & (slant < 18)
+    ring = (slant > 10) & (slant < 20)
     if not ring.any():
         return brown
+    a, b, c = (surface.vertices_m[triangles[:, k]] for k in range(3))
+    area = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), len(shares))[ring]
     h, w = pixels.shape[:2]
     column = np.clip((uv[ring, 0] % 1 * w).astype(int), 0, w - 1)
     row = np.clip((uv[ring, 1] % 1 * h).astype(int), 0, h - 1)
-    r, g, b = np.median(pixels[row, column, :3].astype(float), axis=0)
-    return int(r), int(g), int(b)
+    light = linear_of(pixels[row, column, :3] / 255)
+    between = (np.median(light, axis=0) + np.average(light, axis=0, weights=area)) / 2
+    red, green, blue = np.round(255 * srgb_of(between))
+    return int(red), int(green), int(blue)

@@ -18,12 +18,16 @@ from stimuli.characters.storage import FIGURE_FILES, write_character
 
 @dataclass(frozen=True)
 class Imported:
-    """What became of one file: the character and where it lies, or what is wrong with it."""
+    """What became of one file: the character and where it lies, or what is wrong with it.
+
+    `odd` says what is strange about the file of somebody who can be used.
+    """
 
     source: Path
     character: Character | None
     path: Path | None
     problem: str = ""
+    odd: tuple[str, ...] = ()
 
 
 @contextmanager
@@ -90,19 +94,27 @@ def import_characters(
         )
     for file in files:
         try:
-            character = _imported(file, gender, joint_map)
+            character, odd = _imported(file, gender, joint_map)
         except CharacterError as error:
             yield Imported(file, None, None, str(error))
             continue
         library.mkdir(parents=True, exist_ok=True)
         path = library / f"{character.name}.npz"
         write_character(character, path)
-        yield Imported(file, character, path)
+        yield Imported(file, character, path, odd=odd)
 
 
-def _imported(file: Path, gender: Gender | None, joint_map: Mapping[str, str] | None) -> Character:
+def _imported(
+    file: Path, gender: Gender | None, joint_map: Mapping[str, str] | None
+) -> tuple[Character, tuple[str, ...]]:
     if file.suffix.lower() != ".fbx":
-        return import_gltf(file, gender=gender, joint_map=joint_map)
-    with as_glb(file) as converted:
+        return import_gltf(file, gender=gender, joint_map=joint_map), ()
+    with as_glb(file) as (converted, lost):
         character = import_gltf(converted, gender=gender, joint_map=joint_map)
-    return replace(character, source=f"imported from {file.name} by way of Blender")
+    odd: tuple[str, ...] = ()
+    if lost:
+        odd = (
+            f"lacks the pictures {', '.join(lost)}, so what they cover is plain: lay them into the "
+            "folder of the file or a folder beside it, and import it again",
+        )
+    return replace(character, source=f"imported from {file.name} by way of Blender"), odd

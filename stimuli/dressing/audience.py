@@ -9,6 +9,7 @@ from stimuli.characters.character import Character
 from stimuli.dressing.casting import Casting, build_of, default_casting
 from stimuli.gaze.turning import Aimed
 from stimuli.motion.build import Build
+from stimuli.motion.errors import MotionError
 from stimuli.motion.kinds import Idle, Sit
 from stimuli.motion.people import HeldHeads, PeopleMotion, Person
 from stimuli.motion.seating import seated_under_eyes
@@ -43,7 +44,13 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
     for i, (agent, character) in enumerate(zip(agents, cast, strict=True)):
         hip = agent.eye_centre_m - 0.16 * agent.facing
         floor = step_height_m(hip)
-        person = _seated(build_of(character), agent, i, floor)
+        try:
+            person = _seated(build_of(character), agent, i, floor)
+        except MotionError as error:
+            raise MotionError(
+                f"{character.name} cannot sit at {agent.place}, where eyes of the audience are: "
+                f"{error}. Leave them out of `cast`"
+            ) from error
         people.append(person)
         if isinstance(person.does, Sit):
             seats[agent.place] = floor + person.does.seat_m
@@ -61,9 +68,13 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
 
 
 def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
-    """Return a man who does not sit among the listeners."""
-    men = (casting(f"male_{number:02d}") for number in range(1, MEN_TRIED + 1))
-    return next(man for man in men if man not in listeners)
+    """Return a man who does not sit among the listeners: of another body if there is one, else in
+    other clothes, else one of them.
+    """
+    men = [casting(f"male_{number:02d}") for number in range(1, MEN_TRIED + 1)]
+    bodies = [listener.skeleton for listener in listeners]
+    strangers = [man for man in men if man.skeleton not in bodies]
+    return next(iter([*strangers, *(man for man in men if man not in listeners), *men]))
 
 
 def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:

@@ -120,6 +120,10 @@ def match_joints(source: Skeleton, known: Mapping[str, str] | None = None) -> Ma
             raise MotionError(
                 f"no joint {theirs!r}, said to be {ours}, among {', '.join(source.names)}"
             )
+    for theirs in known.values():
+        meant = [ours for ours, said in known.items() if said == theirs]
+        if len(meant) > 1:
+            raise MotionError(f"{' and '.join(meant)} are both said to be {theirs!r}")
     found: dict[str, str] = dict(known)
     for name in source.names:
         limb = _limb(name)

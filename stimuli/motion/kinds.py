@@ -45,6 +45,11 @@ def _one_of(choice: str, ways: dict[str, int], shares: tuple[float, ...], seed: 
     return float(ways[choice])
 
 
+MIN_SEAT_M: Final = 0.25
+MAX_SEAT_M: Final = 1.0
+"""Between these anybody can sit."""
+
+
 def _check(name: str, value: float, least: float, most: float) -> None:
     if not least <= value <= most:
         raise MotionError(f"{name} is {value}; give a number from {least} to {most}")
@@ -76,7 +81,7 @@ class Sit:
     nods: float = 1.0
 
     def __post_init__(self) -> None:
-        _check("seat_m", self.seat_m, 0.25, 1.0)
+        _check("seat_m", self.seat_m, MIN_SEAT_M, MAX_SEAT_M)
         _check("lean_back_deg", self.lean_back_deg, -25.0, 30.0)
         _check("lively", self.lively, 0.0, 2.0)
         _check("nods", self.nods, 0.0, 2.0)
@@ -117,7 +122,7 @@ class Wave:
         _check("elbow_01", self.elbow_01, 0.0, 1.0)
         _check("lively", self.lively, 0.0, 2.0)
         if self.seat_m is not None:
-            _check("seat_m", self.seat_m, 0.25, 1.0)
+            _check("seat_m", self.seat_m, MIN_SEAT_M, MAX_SEAT_M)
 
     def numbers(self, seed: int) -> tuple[float, ...]:
         """Return what the kernel is given."""
@@ -192,7 +197,7 @@ class Talk:
         _check("voice_01", self.voice_01, 0.0, 1.0)
         _check("lively", self.lively, 0.0, 2.0)
         if self.seat_m is not None:
-            _check("seat_m", self.seat_m, 0.25, 1.0)
+            _check("seat_m", self.seat_m, MIN_SEAT_M, MAX_SEAT_M)
 
     def numbers(self, seed: int) -> tuple[float, ...]:
         """Return what the kernel is given."""

@@ -7,7 +7,7 @@ import numpy as np
 from lab.geometry import Vector, yaw_pitch_deg_of
 from stimuli.motion.build import Build
 from stimuli.motion.errors import MotionError
-from stimuli.motion.kinds import Sit
+from stimuli.motion.kinds import MAX_SEAT_M, MIN_SEAT_M, Sit
 from stimuli.motion.people import PeopleMotion, Person
 from stimuli.motion.skeleton import forward
 
@@ -19,9 +19,6 @@ def eyes_of(build: Build, sit: Sit, seed: int) -> Vector:
     rows = [build.skeleton.index(f"{side}_eye") for side in ("left", "right")]
     middle: Vector = place.position_m[rows].mean(axis=0)
     return middle
-
-
-MIN_SEAT_M, MAX_SEAT_M = 0.2, 1.0
 
 
 def seated_under_eyes(

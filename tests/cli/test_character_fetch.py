@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from cli.main import app
 from lab.errors import LabError, UsageError
+from lab.yaml_lines import ProblemsError
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.library import library_names
 from tests.stimuli.glb_figure import bone_names, write_glb
@@ -23,7 +24,8 @@ def character(*arguments: object) -> str:
 
 def test_valid_is_told_with_address_licence_and_source() -> None:
     told = character("fetch", "valid")
-    for word in ("github.com/c-frame/valid-avatars-glb", "MIT", "10.3389/frvir.2023.1248915"):
+    address, doi = "github.com/c-frame/valid-avatars-glb", "10.3389/frvir.2023.1248915"
+    for word in (address, "MIT", doi, "pip install visavis[avatars]"):
         assert word in told
 
 
@@ -63,6 +65,15 @@ def test_joint_map_is_read_from_a_file(tmp_path: Path) -> None:
     said.write_text("- left_hand\n")
     with pytest.raises(UsageError, match="one line a joint"):
         character("import", tmp_path / "someone_F.glb", "--joint-map", said, "--library", tmp_path)
+    said.write_text("left_hand: one\nleft_hand: another\n")
+    with pytest.raises(ProblemsError, match="given twice"):
+        character("import", tmp_path / "someone_F.glb", "--joint-map", said, "--library", tmp_path)
+
+
+def test_names_with_brackets_are_told_as_they_are(tmp_path: Path) -> None:
+    write_glb(tmp_path / "some[bold]one_F.glb")
+    told = character("import", tmp_path / "some[bold]one_F.glb", "--library", tmp_path / "lib")
+    assert "some[bold]one_F: female" in told
 
 
 def test_import_says_what_is_odd_and_how_to_look_at_whom_it_imported(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 
+import msgpack
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,12 +11,13 @@ from hypothesis import strategies as st
 from devices.conformance import check_headset, check_lifecycle
 from devices.contracts import DeviceState
 from devices.drivers.openvr import codec
+from devices.drivers.openvr.display import read_display
 from devices.drivers.openvr.headset import OpenVrHeadset
 from devices.sim.openvr import runtime as openvr_runtime
 from devices.sim.openvr import world as openvr_world
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
+from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
 from lab.geometry import quat_from_yaw_pitch_deg
 from tests.devices.bodies import FixatingBody
 from tests.devices.openvr_rigs import passer, simulated_runtime
@@ -281,6 +283,56 @@ def test_views_agree_with_the_runtimes_own_projection_matrix():
                 np.testing.assert_allclose(clip[:2] / clip[3], corner, atol=1e-5)
         left, right = headset.eye_views()
         assert right.offset_m[0] - left.offset_m[0] == pytest.approx(0.063)
+
+
+INDEX_LEFT = (-1.542221, 1.052831, -1.412249, 1.410448)
+INDEX_NOSE = ((1.052831, -1.412249), (0.406663, -1.254178), (0.915293, -0.407369))
+"""Left, right, bottom and top of an Index's left view and a hidden triangle beside the nose, as
+tangents, as SteamVR tells them through OpenXR, whose axes are defined (recorded in
+1runeberg/VRHiddenAreaMaskPreviewer).
+"""
+
+
+def eye_told(hidden):
+    left, right, bottom, top = INDEX_LEFT
+    place = [1, 0, 0, -0.03, 0, 1, 0, 0, 0, 0, 1, 0]
+    return msgpack.packb([[left, right, bottom, top], place, *hidden])
+
+
+def views_of(hidden):
+    display, eye = msgpack.packb([90.0, 0.01, 2000, 2200]), eye_told(hidden)
+    return read_display(display, (eye, eye), role="headset", remedy="none").views
+
+
+def test_what_a_lens_hides_is_told_from_the_left_and_from_below():
+    # OpenVR's shares of the same triangle: beside the nose, so at the right and below.
+    shares = [[1.0, 0.0], [0.751000, 0.056000], [0.947000, 0.356000]]
+    view = views_of([shares])[0]
+    assert np.array(INDEX_NOSE) == pytest.approx(np.array(view.hidden), abs=2e-4)
+
+
+def test_hidden_areas_reach_the_views_from_the_runtime_and_lie_beside_the_nose():
+    with headset_on() as (headset, _, _, _):
+        left, right = headset.eye_views()
+    for view, nose in ((left, 1), (right, -1)):
+        corners = np.array(view.hidden).reshape(-1, 3, 2)
+        sides = np.diff(corners, axis=1)
+        areas = np.abs(np.linalg.det(sides)) / 2
+        x, y = corners[areas.argmax()].mean(axis=0)
+        assert nose == np.sign(x)
+        assert y < 0
+    assert [x for x, _ in left.hidden] == pytest.approx([-x for x, _ in right.hidden])
+
+
+@pytest.mark.parametrize("hidden", [[], [[]]])
+def test_nothing_is_hidden_where_a_runtime_or_an_old_capture_tells_nothing(hidden):
+    assert [(), ()] == [view.hidden for view in views_of(hidden)]
+
+
+@pytest.mark.parametrize("hidden", [[[0, 0]], [[0, float("nan")]] * 3, [1, 2, 3], 5])
+def test_an_account_of_what_lenses_hide_that_makes_no_triangles_is_refused(hidden):
+    with pytest.raises(ProtocolViolation):
+        views_of([hidden])
 
 
 def test_a_pose_of_nothing_but_noise_is_lost_not_zero():

@@ -38,6 +38,12 @@ def _handless(person: Character) -> Character:
     return replace(person, levels=(replace(full, triangle_part=parts), *others))
 
 
+def _lopsided(person: Character) -> Character:
+    offsets = person.skeleton.offsets_m.copy()
+    offsets[person.skeleton.index("left_hand")] *= 0.7
+    return replace(person, skeleton=replace(person.skeleton, offsets_m=offsets))
+
+
 def _torn(person: Character) -> Character:
     closed = collision_mesh(person)
     return replace(person, closed=replace(closed, triangles=closed.triangles[:-1]))
@@ -70,6 +76,7 @@ def _squinting(person: Character) -> Character:
         ("surface for collisions is not closed", _torn),
         ("litres; people's hold", _swollen),
         ("mm apart", _squinting),
+        ("is the joint map right?", _lopsided),
     ],
 )
 def test_what_is_odd_is_told(told: str, odd: Callable[[Character], Character]) -> None:

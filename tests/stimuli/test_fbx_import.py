@@ -111,3 +111,77 @@ def test_folder_is_searched_for_fbx_whatever_the_case_of_its_ending(
     (tmp_path / "none").mkdir()
     with pytest.raises(LabError, match=r"no \.glb, \.vrm or \.fbx"):
         list(import_characters(tmp_path / "none", tmp_path / "library"))
+
+
+# A figure as 3ds Max writes it: pictures by their places on its maker's disk, a reflection that
+# Blender takes for metal, and hair that one picture both colours and hides.
+DRESSED = """
+import os
+import sys
+import bpy
+import numpy
+if not hasattr(numpy, "bool"):
+    numpy.bool = bool
+from bpy_extras.node_shader_utils import PrincipledBSDFWrapper
+from io_scene_fbx import export_fbx_bin
+named = dict(export_fbx_bin.PRINCIPLED_TEXTURE_SOCKETS_TO_FBX)
+named["alpha_texture"] = b"TransparentColor"
+export_fbx_bin.PRINCIPLED_TEXTURE_SOCKETS_TO_FBX = tuple(named.items())
+source, made, textures = sys.argv[sys.argv.index("--") + 1:]
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.import_scene.gltf(filepath=source)
+mesh = next(o for o in bpy.data.objects if o.type == "MESH")
+mesh.data.uv_layers.new()
+mesh.data.materials.clear()
+
+def picture(name):
+    image = bpy.data.images.new(name, 4, 4, alpha=True)
+    image.pixels = [0.2, 0.1, 0.1, 0.6] * 16
+    image.filepath_raw = f"{textures}/{name}.png"
+    image.file_format = "PNG"
+    image.save()
+    return image
+
+for name in ("body", "lashes", "lost"):
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    look = PrincipledBSDFWrapper(material, is_readonly=False)
+    look.metallic = 1.0
+    look.base_color_texture.image = picture(name)
+    if name == "lashes":
+        look.alpha_texture.image = picture("lashes_too")
+    mesh.data.materials.append(material)
+faces = mesh.data.polygons
+faces.foreach_set("material_index", [i % 3 for i in range(len(faces))])
+bpy.ops.export_scene.fbx(filepath=made, add_leaf_bones=False, bake_anim=False)
+os.remove(f"{textures}/lost.png")
+"""
+
+
+@needs_blender
+@pytest.mark.timeout(300)  # starts Blender twice
+def test_pictures_beside_a_figure_are_found_and_those_lost_are_named(tmp_path: Path) -> None:
+    for name in ("Export", "elsewhere"):
+        (tmp_path / name).mkdir()
+    path, made = tmp_path / "probe_F_1.glb", tmp_path / "Export" / "probe_F_1.fbx"
+    write_glb(path)
+    blender = find_blender()
+    assert blender is not None
+    command = [blender, "--background", "--factory-startup", "--python-expr", DRESSED, "--"]
+    paths = (str(path), str(made), str(tmp_path / "elsewhere"))
+    subprocess.run([*command, *paths], check=True, capture_output=True)
+    (tmp_path / "elsewhere").rename(tmp_path / "Textures")
+
+    result = _imported(made)
+
+    assert result.problem == ""
+    (told,) = result.odd
+    assert "lacks the pictures lost.png, so" in told
+    person = load_character("probe_F_1", made.parent / "library")
+    worn = {m.name.partition(":")[0]: m for m in person.materials if m.texture_srgb is not None}
+    assert {"body", "lashes"} == set(worn)
+    lashes = worn["lashes"].texture_srgb
+    assert lashes is not None
+    assert pytest.approx([0.6 * 255], abs=2) == lashes[0, 0, 3:].tolist()
+    # No metal, so no map of it.
+    assert all(m.maps is None for m in worn.values())

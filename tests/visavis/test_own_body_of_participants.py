@@ -46,6 +46,16 @@ def test_crowd_gives_a_body_and_stare_none_unless_the_lab_gives_everybody_one(
     assert "male" == body_of(replace(request_of("crowd", tmp_path), body="male"))
 
 
+@pytest.mark.parametrize(
+    ("own_body", "asked"), [(True, ("embodiment", "presence")), (False, ("presence",))]
+)
+def test_questions_about_ones_body_are_asked_where_one_is_seen(
+    own_body: bool, asked: tuple[str, ...]
+) -> None:
+    plan = find_study("crowd").experiment({"own_body": own_body}).plan(0, 1)
+    assert [(), asked, asked, asked] == [block.questionnaires for block in plan.blocks]
+
+
 class Terminal:
     """A study of a folder, its ledger, and somebody who answers at the terminal."""
 

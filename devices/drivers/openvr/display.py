@@ -39,14 +39,22 @@ def read_display(
         told = [msgpack.unpackb(eye) for eye in eyes]
         size_px = (int(width), int(height))
         photons_ns = round(photons_s * NS_PER_S)
-        placed = [codec.decode_matrix([float(n) for n in matrix]) for _, matrix in told]
-        tangents = [[float(n) for n in four] for four, _ in told]
+        placed = [codec.decode_matrix([float(n) for n in eye[1]]) for eye in told]
+        tangents = [[float(n) for n in eye[0]] for eye in told]
+        # Captures of before it was asked say nothing of what is hidden.
+        hidden = [[(float(u), float(v)) for u, v in (eye[2] if eye[2:] else [])] for eye in told]
     if placed[0] is None or placed[1] is None:
         raise ProtocolViolation("the runtime gives no places of the eyes", role=role, remedy=remedy)
+    if not all(len(both) % 3 == 0 and np.isfinite(both).all() for both in hidden):
+        raise ProtocolViolation(
+            "the runtime's account of what the lenses hide is not of triangles",
+            role=role,
+            remedy=remedy,
+        )
     midpoint_m = (np.array(placed[0][0]) + np.array(placed[1][0])) / 2
     left, right = (
-        _view(four, np.array(place[0]) - midpoint_m, place[1])
-        for four, place in zip(tangents, (placed[0], placed[1]), strict=True)
+        _view(four, np.array(place[0]) - midpoint_m, place[1], corners)
+        for four, place, corners in zip(tangents, (placed[0], placed[1]), hidden, strict=True)
     )
     return DisplayFacts(float(rate_hz), size_px, photons_ns, midpoint_m, (left, right))
 
@@ -84,13 +92,21 @@ class BaseStations:
 
 
 def _view(
-    raw: Sequence[float], offset_m: Array, turn: tuple[float, float, float, float]
+    raw: Sequence[float],
+    offset_m: Array,
+    turn: tuple[float, float, float, float],
+    hidden_01: Sequence[tuple[float, float]],
 ) -> EyeView:
-    """Return the view of getProjectionRaw's left, right, top, bottom.
+    """Return the view of getProjectionRaw's left, right, top, bottom and getHiddenAreaMesh's
+    corners.
 
     In the projection the runtime makes of them its "top" bounds the view below; openvr.h names
-    them for an axis that points down.
+    them for an axis that points down. Corners are shares of the view's width and height, from its
+    left and from below: openvr.h does not say so, but Unreal Engine draws them thus, the mesh of
+    an Index has its nose there, and OpenComposite and xrizer, which play SteamVR to games, count
+    them so.
     """
-    left, right, top, bottom = raw
+    left, right, below, above = (*raw[:2], min(raw[2:]), max(raw[2:]))
     x, y, z = (float(v) for v in offset_m)
-    return EyeView((x, y, z), turn, left, right, min(top, bottom), max(top, bottom))
+    hidden = tuple((left + u * (right - left), below + v * (above - below)) for u, v in hidden_01)
+    return EyeView((x, y, z), turn, left, right, below, above, hidden=hidden)

@@ -206,7 +206,11 @@ class OpenVrLibrary:
         eye = int(frames[0][-1:])
         tangents = [float(t) for t in self._system.getProjectionRaw(eye)]
         matrix = self._system.getEyeToHeadTransform(eye)
-        packed: bytes = msgpack.packb([tangents, [float(x) for row in matrix.m for x in row]])
+        mesh = self._system.getHiddenAreaMesh(eye, self._openvr.k_eHiddenAreaMesh_Standard)
+        corners = mesh.pVertexData[: 3 * mesh.unTriangleCount] if mesh.pVertexData else []
+        hidden = [[float(corner.v[0]), float(corner.v[1])] for corner in corners]
+        rows = [float(x) for row in matrix.m for x in row]
+        packed: bytes = msgpack.packb([tangents, rows, hidden])
         return (packed,)
 
     def _wait_poses(self, _: Frames) -> Frames:

@@ -42,6 +42,15 @@ PHOTONS_S = 0.011
 RENDER_SIZE_PX = (960, 1080)
 RAW_TANGENTS = ((-1.39, 1.25, -1.47, 1.46), (-1.25, 1.39, -1.47, 1.46))
 """Left, right, top, bottom of each eye, near those of a first-generation room-scale headset."""
+HIDDEN_01 = (
+    ((0.0, 0.0), (0.2, 0.0), (0.0, 0.2)),
+    ((0.0, 1.0), (0.2, 1.0), (0.0, 0.8)),
+    ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8)),
+    ((1.0, 0.0), (0.7, 0.0), (1.0, 0.4)),
+)
+"""What the lens hides of the left eye's view, as shares of it from the left and from below: its
+corners, most beside the nose. The right eye's is its mirror image.
+"""
 
 
 @dataclass
@@ -395,6 +404,9 @@ class SimulatedVrRuntime:
             matrix = (ctypes.c_float * 12)(1, 0, 0, sign * IPD_M / 2, 0, 1, 0, 0, 0, 0, 1, 0)
             tangents = (ctypes.c_float * 4)(*RAW_TANGENTS[eye])
             self._native.visavis_vr_set_eye(eye, matrix, tangents)
+            corners = [(u if eye == 0 else 1.0 - u, v) for three in HIDDEN_01 for u, v in three]
+            flat = (ctypes.c_float * (2 * len(corners)))(*(x for uv in corners for x in uv))
+            self._native.visavis_vr_set_hidden(eye, flat, len(HIDDEN_01))
         self._name_devices()
         version = self._faults.active("version", 0) is not None
         refusal = 108 if self._faults.active("late_start", 0) is not None else 0

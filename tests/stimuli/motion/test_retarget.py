@@ -323,6 +323,8 @@ def test_joints_that_cannot_be_recognised_are_named() -> None:
         retarget(clip, joint_map={"hips": "hips"})
     with pytest.raises(MotionError, match="no joint 'paw'"):
         retarget(clip, joint_map=IDENTITY_MAP | {"left_hand": "paw"})
+    with pytest.raises(MotionError, match="left_hand and right_hand are both said to be"):
+        match_joints(CANONICAL, {"left_hand": "right_hand", "right_hand": "right_hand"})
     with pytest.raises(MotionError, match="reference frame 3"):
         retarget(clip, reference_frame=3)
 

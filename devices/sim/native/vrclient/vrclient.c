@@ -21,6 +21,8 @@ enum { INIT_NONE = 0, INIT_INTERFACE_NOT_FOUND = 105 };
 
 typedef struct { float m[3][4]; } Matrix34;
 typedef struct { float m[4][4]; } Matrix44;
+typedef struct { float v[2]; } Vector2;
+typedef struct { const Vector2 *corners; uint32_t triangles; } HiddenArea;
 
 static const char *last_unmodelled = "";
 
@@ -38,11 +40,19 @@ static void *compositor_table[] = {COMPOSITOR_SLOTS(POINTER_TO)};
 
 static Matrix34 eye_to_head[2];
 static float raw_tangents[2][4]; /* left, right, top, bottom, as getProjectionRaw gives them */
+enum { MAX_CORNERS = 64 };
+static Vector2 hidden_corners[2][MAX_CORNERS]; /* shares of a view, from its left and from below */
+static uint32_t hidden_triangles[2];
 static const Matrix34 identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
 static int32_t init_error = INIT_NONE;
 static bool speaks_other_version = false;
 
 static Matrix34 get_eye_to_head(int32_t eye) { return eye_to_head[eye != 0]; }
+
+static HiddenArea get_hidden_area(int32_t eye, int32_t kind) {
+    const HiddenArea none = {0, 0}, told = {hidden_corners[eye != 0], hidden_triangles[eye != 0]};
+    return kind == 0 && told.triangles ? told : none;
+}
 
 static Matrix34 get_identity(void) { return identity; }
 
@@ -97,6 +107,11 @@ EXPORT void visavis_vr_set_function(int32_t is_compositor, int32_t slot, void *f
 EXPORT void visavis_vr_set_eye(int32_t eye, const float *matrix, const float *tangents) {
     memcpy(&eye_to_head[eye != 0], matrix, sizeof(Matrix34));
     memcpy(raw_tangents[eye != 0], tangents, sizeof raw_tangents[0]);
+}
+
+EXPORT void visavis_vr_set_hidden(int32_t eye, const float *corners, uint32_t triangles) {
+    hidden_triangles[eye != 0] = triangles;
+    memcpy(hidden_corners[eye != 0], corners, 3 * triangles * sizeof(Vector2));
 }
 
 EXPORT void visavis_vr_set_text(uint32_t slot, int32_t which, const char *text) {
@@ -174,6 +189,7 @@ static Client the_client = {&functions};
 EXPORT void *VRClientCoreFactory(const char *interface_name, int32_t *error) {
     const bool known = !strcmp(interface_name, "IVRClientCore_003");
     system_table[SLOT_SYSTEM_getEyeToHeadTransform] = (void *)get_eye_to_head;
+    system_table[SLOT_SYSTEM_getHiddenAreaMesh] = (void *)get_hidden_area;
     system_table[SLOT_SYSTEM_getProjectionMatrix] = (void *)get_projection;
     system_table[SLOT_SYSTEM_getSeatedZeroPoseToStandingAbsoluteTrackingPose] =
         (void *)get_identity;
