@@ -3,9 +3,8 @@
 from stage.glsl_lighting import FRAME_BLOCK
 
 _PULLED = """
-// On the screen where it is, in depth as if the floor lay higher: neither hides the other, also
-// where a sole sinks into the floor a little.
-const float ABOVE_FLOOR_M = 0.025;
+// On the screen where it is, in depth as if the floor lay higher: neither hides the other.
+const float ABOVE_FLOOR_M = 0.005;
 vec4 on_floor(vec3 place) {
     vec4 here = view_projection * vec4(place, 1.0);
     float high = max(eye_m.y - place.y, 1e-3);
@@ -73,7 +72,7 @@ in vec2 at;
 flat in vec4 heel;
 flat in vec4 ball;
 const float SHADE_M = 0.34, LEAST_M = 0.004;
-const float ABOVE_FLOOR_M = 0.025, COVERED_M = 0.012, BODY_M = 0.26;
+const float BODY_M = 0.26;
 const float HEEL_HIGH_M = 0.09, TOES_HIGH_M = 0.055, LEG_RADIUS_M = 0.055;
 void main() {
     vec2 along = ball.xy - heel.xy;
@@ -99,8 +98,7 @@ void main() {
     float near = max(1.0 - away * away / (BODY_M * BODY_M), 0.0);
     open *= 1.0 - 0.45 * (away < 0.0 ? 1.0 : near * near);
 #endif
-    // What a planted sole covers is not seen, but the shoe's own side is, before it.
-    shade(away < -COVERED_M && low < ABOVE_FLOOR_M ? 1.0 : open);
+    shade(open);
 }
 """
 )
