@@ -139,14 +139,15 @@ class DrawingQuality(_Part):
 
     `samples` a pixel smooth edges. `render_scale` is how many pixels are drawn for one that the
     headset asks for, along each side. Faces of at least `full_detail_px` pixels have all their
-    triangles. `shadows` are maps of `shadow_map_px`, soft blobs under the feet, or none; a
-    processor draws blobs where maps are asked for.
+    triangles. `shadows` are maps of `shadow_map_px`; with `area` those of lamps with a size, sharp
+    where things touch and softer farther away; shade under the feet alone (blobs); or none. A
+    processor draws blobs where maps or area are asked for.
     """
 
     samples: Literal[0, 2, 4, 8] | None = None
     render_scale: float = Field(default=1.0, ge=0.5, le=2.0)
     full_detail_px: float | None = Field(default=None, ge=1, le=1000)
-    shadows: Literal["maps", "blobs", "none"] | None = None
+    shadows: Literal["maps", "area", "blobs", "none"] | None = None
     shadow_map_px: Literal[512, 1024, 2048, 4096] | None = None
 
 

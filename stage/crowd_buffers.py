@@ -117,6 +117,11 @@ class CrowdBuffers:
         if self._everything is not None and len(self._everything.count):
             self._calls.draw(self._array(program), self._everything)
 
+    def use_soles(self) -> int:
+        """Bind where everyone's soles are, a row a person; return the first of their texels."""
+        self._matrices.use(UNITS["joint_rows"])
+        return self.joints.sole_column
+
     def release(self) -> None:
         """Free the card's memory."""
         for array in self._arrays.values():

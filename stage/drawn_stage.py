@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
@@ -34,11 +35,13 @@ from stage.own_body import OwnBody
 from stage.renderer import Image, Renderer
 from stage.small_picture import SmallPicture
 from stage.targets import EyeTarget
-from stage.window import Window
 from stimuli.characters.character import MORPHS
 from stimuli.panels import PanelFrame
 from stimuli.picture import Camera, Picture, PosedPeople, Room
 from stimuli.scene import Scene, SceneFrame
+
+if TYPE_CHECKING:
+    from stage.window import Window
 
 Dresser = Callable[[SceneFrame], Picture]
 RETRY_NS = NS_PER_S
@@ -114,7 +117,7 @@ class DrawnStage:
         *,
         viewers: Sequence[Viewer] = (),
         mirror: Mirror | None = None,
-        window: Window | None = None,
+        window: "Window | None" = None,
         asks: bool = False,
         own_body: OwnBody | None = None,
         fades: FadeTimes | None = None,

@@ -3,7 +3,6 @@
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -11,12 +10,12 @@ import numpy.typing as npt
 from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, Vector
 from lab.schema import Field, SampleBatch, StreamSchema
-from stage.renderer import Quality
+from stage.renderer import Quality, Shadows
 from stimuli.picture import Picture
 
 OUT_OF_VIEW, ABSENT = -1, -2
 MAX_EYES = 2
-SHADOWS: tuple[Literal["maps", "blobs", "none"], ...] = ("maps", "blobs", "none")
+SHADOWS: tuple[Shadows, ...] = ("maps", "blobs", "none", "area")
 
 DRAWN_VIEWS = StreamSchema(
     name="drawn_views",
@@ -28,7 +27,7 @@ DRAWN_VIEWS = StreamSchema(
         Field("tangents", "f8", "1", "", (MAX_EYES, 4), "bounds: left, right, bottom, top"),
         Field("size_px", "i4", "", "", (2,), "width and height of a picture"),
         Field("samples", "u1", "", description="per pixel; 0 without smoothing"),
-        Field("shadows", "u1", "", description="index into: maps, blobs, none"),
+        Field("shadows", "u1", "", description="index into: maps, blobs, none, area"),
         Field("shadow_map_px", "u4", "", description="side of a shadow map"),
         Field("shadow_softness_m", "f8", "m", description="of shadows' edges"),
         Field("fast", "?", "", description="light computed at vertices"),

@@ -1,5 +1,6 @@
 """What the binding to OpenGL leaves out: many stretches drawn by one call, pictures in layers that
-hold sRGB, timers that are not waited for. Everything else that draws goes through moderngl.
+hold sRGB, depth copied from target to target, timers that are not waited for. Everything else that
+draws goes through moderngl.
 """
 
 import ctypes
@@ -14,6 +15,7 @@ from stage.errors import StageError
 
 GL_TRIANGLES, GL_UNSIGNED_BYTE, GL_UNSIGNED_INT = 0x0004, 0x1401, 0x1405
 GL_TEXTURE_2D_ARRAY, GL_UNPACK_ALIGNMENT = 0x8C1A, 0x0CF5
+GL_READ_FRAMEBUFFER, GL_DEPTH_BUFFER_BIT, GL_NEAREST = 0x8CA8, 0x0100, 0x2600
 GL_RGB, GL_RGBA, GL_SRGB8, GL_SRGB8_ALPHA8 = 0x1907, 0x1908, 0x8C41, 0x8C43
 
 _u, _i, _p = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
@@ -23,6 +25,8 @@ _FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "glBindVertexArray": (_u,),
     "glMultiDrawElementsBaseVertex": (_u, _p, _u, _p, _i, _p),
     "glPixelStorei": (_u, _i),
+    "glBindFramebuffer": (_u, _u),
+    "glBlitFramebuffer": (_i, _i, _i, _i, _i, _i, _i, _i, _u, _u),
     "glTexImage3D": (_u, _i, _i, _i, _i, _i, _i, _u, _u, _p),
     "glGenQueries": (_i, _p),
     "glDeleteQueries": (_i, _p),
@@ -65,6 +69,14 @@ class GlCalls:
                     f"the graphics driver lacks {name}", remedy="update the graphics driver"
                 )
             self._functions[name] = ctypes.CFUNCTYPE(None, *arguments)(address)
+
+    def copy_depth(self, source: moderngl.Framebuffer, into: moderngl.Framebuffer) -> None:
+        """Copy depth between targets of one size and format; `into` is drawn into from then on."""
+        into.use()
+        corners = (0, 0, *source.size)
+        self._functions["glBindFramebuffer"](GL_READ_FRAMEBUFFER, source.glo)
+        self._functions["glBlitFramebuffer"](*corners, *corners, GL_DEPTH_BUFFER_BIT, GL_NEAREST)
+        into.use()
 
     def draw(self, array: moderngl.VertexArray, stretches: Stretches) -> None:
         """Draw stretches of triangles of an array's index buffer by one call."""

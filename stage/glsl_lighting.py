@@ -28,7 +28,8 @@ layout(std140) uniform Lighting {
     vec4 lamp_axis[MAX_LIGHTS];      // xyz direction of travel, w: cosine of the half angle
     vec4 lamp_colour[MAX_LIGHTS];    // rgb at one metre, w: shadow map or -1
     mat4 shadow_from_world[MAX_SHADOWS];
-    vec4 shadow_shape[MAX_SHADOWS];  // x: metres a texel spans at one metre (sun: everywhere)
+    vec4 shadow_shape[MAX_SHADOWS];  // x: softness in texels, y: share of the map a metre spans at
+                                     // one metre (sun: everywhere), z: near (sun: 0), w: far
 };
 
 #ifdef SHADOWS
@@ -44,14 +45,61 @@ float shadow_taps(sampler2DShadow map, vec3 at, float spread) {
     return lit / 25.0;
 }
 
+#ifdef AREA_LAMPS
+uniform sampler2D shadow_depth_0;
+uniform sampler2D shadow_depth_1;
+
+// Lamps have a size: shadows are sharp where a thing touches what it darkens, and the softer the
+// farther it is above (percentage-closer soft shadows, Fernando 2005).
+const float LAMP_RADIUS_M = 0.22, SUN_TANGENT = 0.09, SEARCHED_M = 0.22, WIDEST_M = 0.22;
+const int SEARCHES = 16, TAPS = 32;
+
+float lamp_distance(float depth, vec4 shape) {
+    return shape.z <= 0.0 ? depth * shape.w
+                          : shape.z * shape.w / (shape.w - depth * (shape.w - shape.z));
+}
+
+vec2 on_disc(int i, int count) {
+    float turn = 2.39996323 * float(i);
+    return sqrt((float(i) + 0.5) / float(count)) * vec2(cos(turn), sin(turn));
+}
+
+float area_taps(sampler2DShadow map, sampler2D depths, vec3 at, vec4 shape) {
+    float here = lamp_distance(at.z, shape);
+    bool is_sun = shape.z <= 0.0;
+    float metre = is_sun ? shape.y : shape.y / here;
+    float nearer = 0.0, blockers = 0.0;
+    for (int i = 0; i < SEARCHES; ++i) {
+        vec2 aside = on_disc(i, SEARCHES);
+        float depth = texture(depths, at.xy + SEARCHED_M * metre * aside).r;
+        float away = lamp_distance(depth, shape);
+        if (away < here - 0.01) { nearer += away; blockers += 1.0; }
+    }
+    if (blockers == 0.0) return 1.0;
+    nearer /= blockers;
+    float wide = is_sun ? SUN_TANGENT * (here - nearer)
+                        : LAMP_RADIUS_M * (here - nearer) / max(nearer, 0.1);
+    vec2 reach = max(vec2(min(wide, WIDEST_M) * metre), 1.0 / vec2(textureSize(map, 0)));
+    float lit = 0.0;
+    for (int i = 0; i < TAPS; ++i)
+        lit += texture(map, vec3(at.xy + reach * on_disc(i, TAPS), at.z));
+    return lit / float(TAPS);
+}
+#endif
+
 float shadow_of(int map, vec3 place, vec3 normal) {
     vec4 at = shadow_from_world[map] * vec4(place + normal * 0.018, 1.0);
     if (at.w <= 0.0) return 1.0;
     vec3 uvz = at.xyz / at.w * 0.5 + 0.5;
     if (uvz.x <= 0.0 || uvz.x >= 1.0 || uvz.y <= 0.0 || uvz.y >= 1.0 || uvz.z >= 1.0) return 1.0;
+#ifdef AREA_LAMPS
+    return map == 0 ? area_taps(shadow_map_0, shadow_depth_0, uvz, shadow_shape[0])
+                    : area_taps(shadow_map_1, shadow_depth_1, uvz, shadow_shape[1]);
+#else
     float spread = shadow_shape[map].x;
     return map == 0 ? shadow_taps(shadow_map_0, uvz, spread)
                     : shadow_taps(shadow_map_1, uvz, spread);
+#endif
 }
 #else
 float shadow_of(int map, vec3 place, vec3 normal) { return 1.0; }

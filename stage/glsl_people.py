@@ -25,7 +25,7 @@ const int CHUNK = {CHUNK_VERTICES}, CHUNKS_WIDE = {CHUNKS_WIDE};
 const int SOURCES_WIDE = {SOURCES_WIDE}, DELTAS_WIDE = {DELTAS_WIDE};
 """
     + """
-uniform sampler2D joint_rows;   // per person: 3 texels a joint, then 2 of face weights
+uniform sampler2D joint_rows;   // per person: 3 texels a joint, 4 of soles, 2 of face weights
 uniform sampler2D morph_deltas; // per vertex that moves: 6 displacements, 2 spare
 uniform usampler2D sources;     // per vertex: place and morph, normal and surface, detail and
                                 // joints, weights, colour

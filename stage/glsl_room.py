@@ -87,29 +87,6 @@ void main() {
 """
 )
 
-BLOB_VERTEX = (
-    FRAME_BLOCK
-    + """
-in vec2 in_corner;
-in vec4 in_blob;   // xyz centre on the ground, w: radius in metres
-out vec2 corner;
-void main() {
-    corner = in_corner;
-    gl_Position = view_projection
-        * vec4(in_blob.xyz + vec3(in_corner.x, 0.0, in_corner.y) * in_blob.w, 1.0);
-}
-"""
-)
-
-BLOB_FRAGMENT = """
-in vec2 corner;
-layout(location = 0) out vec4 pixel;
-void main() {
-    float near = max(1.0 - dot(corner, corner), 0.0);
-    pixel = vec4(0.0, 0.0, 0.0, 0.5 * near * near);
-}
-"""
-
 BOARD_VERTEX = (
     FRAME_BLOCK
     + """

@@ -5,14 +5,15 @@ import numpy.typing as npt
 
 from lab.compiled import compiled
 from lab.geometry import Vector
+from stage.contact_shapes import SOLE_JOINTS, soles_of
 from stage.errors import StageError
 from stimuli.characters.character import MORPHS, Character
 from stimuli.picture import PosedPeople
 
-SPARE_TEXELS = 2
-"""Texels behind a person's joints: the weights of the face."""
-WATCHED_JOINTS = ("hips", "head", "left_foot", "right_foot")
-"""Joints whose places the drawing itself asks for: distance, culling, shade under the feet."""
+SOLE_TEXELS, FACE_TEXELS = len(SOLE_JOINTS), 2
+"""Texels behind a person's joints: where the soles are, the weights of the face."""
+WATCHED_JOINTS = ("hips", "head")
+"""Joints whose places the drawing itself asks for: distance, culling."""
 
 
 @compiled
@@ -24,12 +25,16 @@ def _fill_rows(
     local: Vector,
     morphs: Vector,
     watched: npt.NDArray[np.int64],
+    sole_joints: npt.NDArray[np.int64],
+    soles: Vector,
     world: Vector,
     place: Vector,
     rows: npt.NDArray[np.float32],
     watched_m: Vector,
 ) -> None:
-    """Chain the turns of n people and write 3 rows of [R | p - R b] per joint, then the face."""
+    """Chain the turns of n people and write 3 rows of [R | p - R b] per joint, then soles and
+    face.
+    """
     joints = parents.shape[0]
     for r in range(root.shape[0]):
         for j in range(joints):
@@ -63,8 +68,17 @@ def _fill_rows(
             rows[r, c + 1, 3] = py - (r10 * ox + r11 * oy + r12 * oz)
             rows[r, c + 2, 0], rows[r, c + 2, 1], rows[r, c + 2, 2] = r20, r21, r22
             rows[r, c + 2, 3] = pz - (r20 * ox + r21 * oy + r22 * oz)
+        for s in range(sole_joints.shape[0]):
+            c, at = 3 * sole_joints[s], 3 * joints + s
+            for i in range(3):
+                rows[r, at, i] = rows[r, c + i, 3] + (
+                    rows[r, c + i, 0] * soles[r, s, 0]
+                    + rows[r, c + i, 1] * soles[r, s, 1]
+                    + rows[r, c + i, 2] * soles[r, s, 2]
+                )
+            rows[r, at, 3] = soles[r, s, 3]
         for k in range(morphs.shape[1]):
-            rows[r, 3 * joints + k // 4, k % 4] = morphs[r, k]
+            rows[r, 3 * joints + sole_joints.shape[0] + k // 4, k % 4] = morphs[r, k]
         for k in range(watched.shape[0]):
             for i in range(3):
                 watched_m[r, k, i] = place[watched[k], i]
@@ -73,7 +87,7 @@ def _fill_rows(
 class JointRows:
     """The joints of one cast: lengths gathered once, matrices written anew each frame.
 
-    `rows` (n, 3 j + 2, 4) float32 is what the graphics card reads; `watched_m` (n, 4, 3) is where
+    `rows` (n, 3 j + 6, 4) float32 is what the graphics card reads; `watched_m` (n, 2, 3) is where
     `WATCHED_JOINTS` stand.
     """
 
@@ -87,18 +101,25 @@ class JointRows:
                     remedy="give every character the joints of the canonical skeleton",
                 )
         self.joint_count = joints
-        self.rows = np.zeros((n, 3 * joints + SPARE_TEXELS, 4), np.float32)
+        self.rows = np.zeros((n, 3 * joints + SOLE_TEXELS + FACE_TEXELS, 4), np.float32)
         self.watched_m = np.zeros((n, len(WATCHED_JOINTS), 3))
         self._parents = (
             np.asarray(cast[0].skeleton.parents, np.int64) if cast else np.zeros(1, np.int64)
         )
         self._offsets = np.array([c.skeleton.offsets_m for c in cast]).reshape(n, joints, 3)
         self._rest = np.array([c.skeleton.rest_m for c in cast]).reshape(n, joints, 3)
-        self._watched = np.array(
-            [cast[0].skeleton.index(name) for name in WATCHED_JOINTS] if cast else [0] * 4,
-            np.int64,
-        )
+        self._soles = np.array([soles_of(c) for c in cast]).reshape(n, SOLE_TEXELS, 4)
+
+        def numbered(names: tuple[str, ...]) -> npt.NDArray[np.int64]:
+            return np.array([cast[0].skeleton.index(k) if cast else 0 for k in names], np.int64)
+
+        self._watched, self._sole_joints = numbered(WATCHED_JOINTS), numbered(SOLE_JOINTS)
         self._world, self._place = np.empty((joints, 4)), np.empty((joints, 3))
+
+    @property
+    def sole_column(self) -> int:
+        """The first of a row's texels that say where its soles are."""
+        return 3 * self.joint_count
 
     def pose(self, people: PosedPeople) -> None:
         """Write the matrices of this frame.
@@ -124,6 +145,8 @@ class JointRows:
             np.ascontiguousarray(people.orientation_wxyz, np.float64),
             np.ascontiguousarray(people.morphs_01, np.float64),
             self._watched,
+            self._sole_joints,
+            self._soles,
             self._world,
             self._place,
             self.rows,

@@ -18,11 +18,18 @@ LIGHTING_BYTES = 4 * (4 + 4 + 12 * MAX_LIGHTS + 16 * MAX_SHADOWS + 4 * MAX_SHADO
 
 @dataclass(frozen=True, eq=False)
 class ShadowView:
-    """Through which matrix (4, 4), from world, the shadow map of a lamp is drawn."""
+    """Through which matrix (4, 4), from world, the shadow map of a lamp is drawn.
+
+    A metre spans `metre_01` of the map at one metre from the lamp, of a sun's everywhere. Depth
+    goes from `near_m` to `far_m`; a sun's, which grows evenly, is counted from 0.
+    """
 
     light: int
     from_world: Vector
     softness_texels: float
+    metre_01: float
+    near_m: float
+    far_m: float
 
 
 def shadow_views(
@@ -46,7 +53,8 @@ def _shadow_view(
         near, far = SUN_AWAY_M - radius, SUN_AWAY_M + radius
         flat = np.diag([1 / radius, 1 / radius, -2 / (far - near), 1.0])
         flat[2, 3] = -(far + near) / (far - near)
-        return ShadowView(index, flat @ matrix, softness_m * map_px / (2 * radius))
+        metre = 1 / (2 * radius)
+        return ShadowView(index, flat @ matrix, softness_m * map_px * metre, metre, 0.0, far - near)
     place = np.asarray(_given(light.position_m, light), np.float64)
     along = light.direction if light.direction is not None else np.array([0.0, -1.0, 0.0])
     half_deg = light.half_angle_deg if light.kind == "spot" else WIDEST_SHADOW_DEG
@@ -68,7 +76,12 @@ def _shadow_view(
     )
     usual_m = 2.5
     return ShadowView(
-        index, deep @ looking(place, along), softness_m * map_px / (2 * slope * usual_m)
+        index,
+        deep @ looking(place, along),
+        softness_m * map_px / (2 * slope * usual_m),
+        1 / (2 * slope),
+        near,
+        farthest,
     )
 
 
@@ -99,7 +112,7 @@ def lighting_block(room: Room, shadows: tuple[ShadowView, ...]) -> bytes:
     shapes = np.zeros((MAX_SHADOWS, 4), np.float32)
     for k, view in enumerate(shadows):
         matrices[k] = view.from_world.T
-        shapes[k, 0] = view.softness_texels
+        shapes[k] = view.softness_texels, view.metre_01, view.near_m, view.far_m
     return b"".join(part.tobytes() for part in (head, lamps, matrices, shapes))
 
 

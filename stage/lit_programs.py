@@ -16,12 +16,13 @@ class LitPrograms:
     """Programs by what they draw, compiled at first use."""
 
     def __init__(
-        self, context: moderngl.Context, *, fast: bool, shadows: bool, in_light: bool
+        self, context: moderngl.Context, *, fast: bool, shadows: bool, area: bool, in_light: bool
     ) -> None:
         self._context = context
         self._common = (
             *(("FAST_TONE", "CODE_TEXTURES") if fast else ()),
             *(("SHADOWS",) if shadows else ()),
+            *(("AREA_LAMPS",) if shadows and area else ()),
             *(("IN_LIGHT",) if in_light else ()),
         )
         self._fast = fast

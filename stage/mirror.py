@@ -1,5 +1,7 @@
 """A window on the operator's screen that shows what the participant sees, and where they look."""
 
+from typing import TYPE_CHECKING
+
 import moderngl
 import numpy as np
 
@@ -7,7 +9,9 @@ from lab.frame import EyeView
 from lab.geometry import Vector, quat_conjugate, rotate
 from stage.glsl_room import BOARD_FRAGMENT
 from stage.square import Square
-from stage.window import Window
+
+if TYPE_CHECKING:  # a session without a window loads no library of windows
+    from stage.window import Window
 
 _GAZE_FRAGMENT = """
 in vec2 uv;
@@ -30,7 +34,7 @@ class Mirror:
     1; None while unknown.
     """
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: "Window") -> None:
         self.window = window
         self.gaze_01: tuple[float, float] | None = None
         self._square: Square | None = None

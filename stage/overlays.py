@@ -1,4 +1,4 @@
-"""What is drawn over a scene: shade under feet, panels of text, the fixation mark."""
+"""What is drawn over a scene: panels of text, the fixation mark."""
 
 from typing import Any
 
@@ -13,10 +13,6 @@ from stage.projection import for_gl, world_from
 from stimuli.picture import Camera, Panel, Picture
 
 MARK_HALF_DEG = 0.45
-BLOB_RADIUS_M = 0.30
-ANKLE_M = 0.07
-ABOVE_FLOOR = -2.0, -4.0
-"""Depth offset that keeps the shade of feet off the floor it lies on."""
 PANELS_KEPT = 24
 
 
@@ -26,10 +22,8 @@ class Overlays:
     def __init__(self, context: moderngl.Context, *, in_light: bool) -> None:
         self._context = context
         self._defines = ("IN_LIGHT",) if in_light else ()
-        corners = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
-        self._corners = context.buffer((corners / 2).tobytes())
-        self._wide = context.buffer(corners.tobytes())
-        self._blobs = context.buffer(reserve=16, dynamic=True)
+        corners = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32) / 2
+        self._corners = context.buffer(corners.tobytes())
         self._panels: dict[tuple[object, ...], moderngl.Texture] = {}
         self._arrays: dict[str, moderngl.VertexArray] = {}
         self._programs: dict[str, moderngl.Program] = {}
@@ -50,37 +44,6 @@ class Overlays:
             self._board("mark", glsl_room.MARK_FRAGMENT, _mark_matrix(picture.mark_m, camera))
         context.disable(moderngl.BLEND)
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-
-    def blobs(self, feet_m: Vector) -> None:
-        """Darken the ground under feet (n, 2, 3), where there are no shadow maps."""
-        n = feet_m.shape[0] * feet_m.shape[1]
-        if n == 0:
-            return
-        rows = np.empty((n, 4), np.float32)
-        rows[:, :3] = feet_m.reshape(n, 3)
-        rows[:, 1] -= ANKLE_M
-        rows[:, 3] = BLOB_RADIUS_M
-        context = self._context
-        if self._blobs.size < rows.nbytes:
-            self._blobs.orphan(2 * rows.nbytes)
-        self._blobs.write(rows)
-        array = self._array(
-            "blob",
-            glsl_room.BLOB_VERTEX,
-            glsl_room.BLOB_FRAGMENT,
-            [(self._wide, "2f4", "in_corner"), (self._blobs, "4f4/i", "in_blob")],
-        )
-        context.disable(moderngl.CULL_FACE)
-        context.enable(moderngl.BLEND)
-        context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
-        # Shades overlap: they must not hide each other.
-        context.fbo.depth_mask = False
-        context.polygon_offset = ABOVE_FLOOR
-        array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=n)
-        context.polygon_offset = 0.0, 0.0
-        context.fbo.depth_mask = True
-        context.disable(moderngl.BLEND)
-        context.enable(moderngl.CULL_FACE)
 
     def _board(self, name: str, fragment: str, matrix: Vector) -> None:
         array = self._array(
@@ -120,8 +83,6 @@ class Overlays:
             for thing in things.values():
                 thing.release()
         self._corners.release()
-        self._wide.release()
-        self._blobs.release()
 
 
 def _mark_matrix(mark_m: Vector, camera: Camera) -> Vector:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lab.geometry import Vector
 from stage.crowd_buffers import triangles_of
-from stage.joint_rows import JointRows
+from stage.joint_rows import SOLE_TEXELS, JointRows
 from stage.models_on_card import CharacterMeshes
 from stage.processor_layout import Counts, FreeRows, JoinedModels
 from stage.processor_models import (
@@ -101,6 +101,8 @@ class ProcessorCrowd:
         self.triangles = triangles_of(cast)
         self.layers = layers
         self.level_before = np.full(len(cast), -1, np.int64)
+        self._soles = context.texture((SOLE_TEXELS, max(len(cast), 1)), 4, dtype="f4")
+        self._soles.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._models: dict[tuple[int, int, bool], int] = {}
         self._joined = JoinedModels(_rank(self.layers))
         self._room: _Room | None = None
@@ -114,7 +116,11 @@ class ProcessorCrowd:
         self._second = ThreadPoolExecutor(1, "skin")
 
     def upload(self) -> None:
-        """Matrices stay here."""
+        """Send where soles are; matrices stay here."""
+        if self.cast:
+            first = self.joints.sole_column
+            soles = self.joints.rows[:, first : first + SOLE_TEXELS]
+            self._soles.write(np.ascontiguousarray(soles))
 
     def choose(self, level: npt.NDArray[np.int64], drawn: npt.NDArray[np.bool_]) -> None:
         """Say at which level each person stands and who is drawn at all."""
@@ -217,9 +223,15 @@ class ProcessorCrowd:
                 vertices=3 * int(self._count[g]), first=3 * int(drawing.first[g])
             )
 
+    def use_soles(self) -> int:
+        """Bind where everyone's soles are, a row a person; return the first of their texels."""
+        self._soles.use(UNITS["joint_rows"])
+        return 0
+
     def release(self) -> None:
         """Free the card's memory."""
         self._second.shutdown()
+        self._soles.release()
         if self._room is not None:
             self._room.release()
             self._room = None

@@ -17,6 +17,8 @@ UNITS: Mapping[str, int] = {
     "sheen_map": 8,
     "sources": 9,
     "chunks": 10,
+    "shadow_depth_0": 11,
+    "shadow_depth_1": 12,
 }
 """Texture unit of every sampler, the same in all shaders."""
 BLOCKS: Mapping[str, int] = {"Frame": 0, "Lighting": 1}

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lab.closing import Closing
 from lab.geometry import Vector
+from stage.contacts import Contacts
 from stage.context import GL_FRAMEBUFFER_SRGB, offscreen_context
 from stage.errors import StageError
 from stage.glsl_lighting import MAX_SHADOWS, lamp_constants
@@ -34,6 +35,7 @@ TEXTURED_PX_PER_M = 55.0
 """The fast quality leaves textures out where vertices lie closer than pixels."""
 GL_SAMPLE_ALPHA_TO_COVERAGE = 0x809E
 
+Shadows = Literal["maps", "area", "blobs", "none"]
 Image = npt.NDArray[np.uint8]
 
 
@@ -41,13 +43,15 @@ Image = npt.NDArray[np.uint8]
 class Quality:
     """How much work a picture is worth.
 
-    `samples` per pixel smooth edges (0: none); `shadows` are drawn as maps of `shadow_map_px`,
-    as soft blobs under the feet, or not at all; `fast` computes light at vertices, without
-    highlights or maps; `detail` says how fine people are drawn where.
+    `samples` per pixel smooth edges (0: none). `shadows` are drawn as maps of `shadow_map_px`, as
+    such of lamps with an `area`, whose edges are sharp only where things touch, as soft blobs under
+    the feet, or not at all; but for the last, floors are darkened where soles stand. `fast`
+    computes light at vertices, without highlights or maps; `detail` says how fine people are drawn
+    where.
     """
 
     samples: int = 4
-    shadows: Literal["maps", "blobs", "none"] = "maps"
+    shadows: Shadows = "maps"
     shadow_map_px: int = 1024
     shadow_softness_m: float = 0.03
     fast: bool = False
@@ -97,13 +101,20 @@ class Renderer(Closing):
         # Cards encode what is drawn into several samples a pixel; what is fast writes codes.
         self._in_light = min(self.quality.samples, ctx.max_samples) > 0 and not self.quality.fast
         self._programs = LitPrograms(
-            ctx, fast=self.quality.fast, shadows=self._with_maps(), in_light=self._in_light
+            ctx,
+            fast=self.quality.fast,
+            shadows=self._with_maps(),
+            area=self.quality.shadows == "area",
+            in_light=self._in_light,
         )
         self._targets: dict[tuple[int, int], EyeTarget] = {}
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
         self._lit_before: tuple[object, Room, tuple[ShadowView, ...], bytes] | None = None
         self._overlays = Overlays(ctx, in_light=self._in_light)
-        self._shadow_maps = ShadowMaps(ctx, self.quality.shadow_map_px)
+        self._contacts = Contacts(ctx, in_light=self._in_light, with_maps=self._with_maps())
+        self._shadow_maps = ShadowMaps(
+            ctx, self.quality.shadow_map_px, area=self.quality.shadows == "area"
+        )
         self._closed = False
 
     # ---- what callers use ------------------------------------------------------------------
@@ -179,6 +190,7 @@ class Renderer(Closing):
                 target.release()
         self._buffers.release()
         self._shadow_maps.release()
+        self._contacts.release()
         self._overlays.release()
         self._programs.release()
         self._frame.release()
@@ -226,8 +238,8 @@ class Renderer(Closing):
             if crowd is not None:
                 self.paint(picture, crowd, identity=False, with_room=backdrop is None)
                 ctx.disable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
-                if self.quality.shadows == "blobs" and len(picture.cast):
-                    self._overlays.blobs(crowd.joints.watched_m[drawn.level >= 0, 2:])
+                if self.quality.shadows != "none":
+                    self._contacts.draw(crowd)
             self._overlays.draw(picture, camera)
             target.finish()
         self.drawn = drawn
@@ -347,7 +359,7 @@ class Renderer(Closing):
         self._buffers.room(room).draw(self._program(family, room, identity=identity))
 
     def _with_maps(self) -> bool:
-        return self.quality.shadows == "maps" and not self.quality.fast
+        return self.quality.shadows in ("maps", "area") and not self.quality.fast
 
     def _light_constants(self, room: Room) -> str:
         """Return the lamps of a room as the shaders are compiled for them."""

@@ -3,21 +3,30 @@
 import moderngl
 
 from stage.crowd_buffers import CrowdBuffers
+from stage.gl_calls import GlCalls
 from stage.glsl_lighting import MAX_SHADOWS
 from stage.lamps import ShadowView
 from stage.lit_programs import LitPrograms
 from stage.programs import UNITS, set_bytes
 from stage.projection import for_gl, world_from
 from stage.scene_buffers import SceneBuffers
-from stimuli.picture import Picture
+from stimuli.picture import Picture, Room
 
 
 class ShadowMaps:
-    """The maps of at most two lamps; made when the first is drawn."""
+    """The maps of at most two lamps; made when the first is drawn.
 
-    def __init__(self, context: moderngl.Context, size_px: int) -> None:
+    What stands still throws the same shadows from frame to frame: its depth is drawn once and
+    copied below people and things that move.
+    """
+
+    def __init__(self, context: moderngl.Context, size_px: int, *, area: bool) -> None:
         self._context, self._size_px = context, size_px
+        self._calls, self._area = GlCalls(context), area
+        self._depths: moderngl.Sampler | None = None
         self._maps: list[tuple[moderngl.Texture, moderngl.Framebuffer]] = []
+        self._still: list[tuple[moderngl.Texture, moderngl.Framebuffer]] = []
+        self._still_of: tuple[Room, tuple[ShadowView, ...]] | None = None
 
     def draw(
         self,
@@ -33,15 +42,24 @@ class ShadowMaps:
         ctx = self._context
         while len(self._maps) < MAX_SHADOWS:
             self._maps.append(_shadow_map(ctx, self._size_px))
+            self._still.append(_shadow_map(ctx, self._size_px))
         ctx.disable(moderngl.CULL_FACE)
         ctx.polygon_offset = 1.5, 3.0
-        for shadow_view, (_, frame) in zip(views, self._maps, strict=False):
-            frame.use()
-            frame.clear(depth=1.0)
+        # Views are the same objects while nothing about them changes.
+        was = self._still_of
+        is_drawn = was is not None and was[0] is picture.room and was[1] is views
+        self._still_of = picture.room, views
+        for shadow_view, (_, frame), (_, still) in zip(
+            views, self._maps, self._still, strict=False
+        ):
             matrix = for_gl(shadow_view.from_world)
             program = programs.outline("room")
             set_bytes(program, "shadow_projection", matrix)
-            buffers.room(picture.room).draw_outlines(program)
+            if not is_drawn:
+                still.use()
+                still.clear(depth=1.0)
+                buffers.room(picture.room).draw_outlines(program)
+            self._calls.copy_depth(still, frame)
             for placed in picture.moving:
                 if placed.prop.casts_shadow:
                     thing = buffers.thing(placed.prop)
@@ -57,13 +75,25 @@ class ShadowMaps:
         """Bind the maps for the coming draw calls."""
         for k, (texture, _) in enumerate(self._maps):
             texture.use(UNITS[f"shadow_map_{k}"])
+            if self._area:
+                if self._depths is None:
+                    nearest = (moderngl.NEAREST, moderngl.NEAREST)
+                    self._depths = self._context.sampler(False, False, filter=nearest)
+                unit = UNITS[f"shadow_depth_{k}"]
+                texture.use(unit)
+                self._depths.use(unit)
 
     def release(self) -> None:
         """Free the card's memory."""
-        for texture, frame in self._maps:
+        for texture, frame in (*self._maps, *self._still):
             frame.release()
             texture.release()
+        if self._depths is not None:
+            self._depths.release()
+            self._depths = None
         self._maps.clear()
+        self._still.clear()
+        self._still_of = None
 
 
 def _shadow_map(

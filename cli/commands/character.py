@@ -1,5 +1,6 @@
 """character import, list and sheet: the people at hand, and those of the lab's own."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal, cast
 
@@ -114,10 +115,17 @@ def sheet_command(
     px_per_deg: Annotated[
         float, typer.Option(help="Pixels a degree of the display, for --at.")
     ] = 12.0,
+    gaze: Annotated[
+        bool,
+        typer.Option("--gaze", help="With --at: say how well it is told at whom they look."),
+    ] = False,
     config: ConfigOption = None,
     library: LibraryOption = None,
 ) -> None:
     """Draw people's faces at conversation distance: look at whom you imported before you use them.
+
+    With --gaze a simulated observer tells, from the pixels, eyes on it from eyes 10° aside; half of
+    its answers are right by chance. That takes some seconds a face.
 
     Example: visavis character sheet imported.png
     """
@@ -127,6 +135,8 @@ def sheet_command(
     check_picture_name(png)
     new_file(png)
     distances_m = _distances_m(at)
+    if gaze and not distances_m:
+        raise UsageError("--gaze needs --at with the distances in metres, such as --at 2,3.5,5")
     if not 1 <= px_per_deg <= 120:
         raise UsageError("--px-per-deg goes from 1 to 120")
     folder = library or library_of(load_lab(config, only_simulates=True, with_cast=False))
@@ -146,6 +156,21 @@ def sheet_command(
     )
     drawn.save(png)
     say_written(png)
+    if gaze:
+        _tell_gaze(people, distances_m, px_per_deg)
+
+
+def _tell_gaze(
+    people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
+) -> None:
+    """Say for everybody how often eyes on the observer are told from eyes 10° aside."""
+    from cli.preview.readable_gaze import LIMIT_01, readable_at
+
+    for person, distance_m, right_01 in readable_at(people, distances_m, px_per_deg):
+        line = f"{person.name}: gaze told at {distance_m:g} m in {right_01:.0%} of looks"
+        if right_01 < LIMIT_01:
+            line += f"  [yellow]below {LIMIT_01:.0%}: let them look from nearer[/]"
+        say(line)
 
 
 @characters.command("import")
@@ -268,7 +293,7 @@ def _import(
     elif failed < len(rows):
         say(
             f"They are in {verbatim(folder)}; name them in a scene as above. Look at them first: "
-            "visavis character sheet imported.png --at 1,2,3.5,5,8"
+            "visavis character sheet imported.png --at 1,2,3.5,5,8 --gaze"
         )
     if failed:
         raise CharacterError(

@@ -18,6 +18,8 @@ from visavis.sessions.stages import USUAL_EYE_PX, quality_of
 
 COMPUTER = "computer"
 USUAL_RATE_HZ = 90.0
+SPARE = 3.0
+"""Shadows of lamps with an area are offered where frames could cost so many times what they do."""
 
 
 def measured(lab: LabConfig, clock: Clock) -> Finding:
@@ -59,10 +61,14 @@ def advice(
         f"a frame at {rate_hz:g} Hz has {1e3 / rate_hz:.1f} ms"
     )
     if fits(now_ms, rate_hz):
+        if quality.shadows == "maps" and fits(SPARE * now_ms, rate_hz):
+            text += "; there is time for shadows: area"
         return Finding(COMPUTER, "drawing", "ok", text)
     less = [c for c in CHOICES if c.samples <= now.samples and c.render_scale <= now.render_scale]
     chosen, chosen_ms = best_choice(cost_ms, rate_hz, [c for c in less if c != now] or CHOICES[-1:])
     remedy = f"set under display.quality {_told(chosen)} ({chosen_ms:.1f} ms)"
+    if quality.shadows == "area":
+        remedy = f"set shadows: maps under display.quality and ask again, or {remedy}"
     if not fits(chosen_ms, rate_hz):
         remedy += ", and shadows: blobs; or take a faster card"
     return Finding(COMPUTER, "drawing", "warning", text, remedy)

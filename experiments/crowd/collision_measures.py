@@ -33,7 +33,7 @@ from stimuli.contact.idle import N_JOINTS, place_person
 from stimuli.contact.touch import REACH_M, TouchSensor
 
 CAPSULE_CELL_M: Final = 0.0125
-SURFACE_REACH_M: Final = REACH_M + 0.15
+SURFACE_REACH_M: Final = REACH_M + 0.22
 """No part of an idle person's surface is farther than this from where they stand."""
 SIDE_OF: Final = {"left": "left", "right": "right"}
 _FINE_ENOUGH: Final = Settings()

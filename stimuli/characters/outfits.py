@@ -11,8 +11,10 @@ import numpy.typing as npt
 
 from lab.geometry import Vector
 from stimuli.characters.character import Character, Material, SkinnedMesh
+from stimuli.characters.garments import Colour, Worn, looks_bare, painted, wardrobe_of
 
-Colour = tuple[int, int, int]
+OURS: Final = {"top", "bottom", "shoe"}
+"""Names of what the people who come with Visavis wear."""
 
 TOPS: Final[tuple[Colour, ...]] = (
     (46, 84, 112), (122, 48, 60), (74, 96, 62), (206, 196, 174), (52, 52, 58), (176, 124, 52),
@@ -23,7 +25,12 @@ BOTTOMS: Final[tuple[Colour, ...]] = (
 )  # fmt: skip
 SHOES: Final[tuple[Colour, ...]] = ((52, 44, 40), (96, 66, 44), (216, 212, 204), (70, 74, 84))
 HAIR_LIGHTER: Final = (0.72, 1.28, 0.86, 1.5)
-"""Factors of the hair's colour; black hair stays black."""
+"""Factors of the hair's colour; black hair stays black. People imported keep theirs."""
+TROUSERS_AND_SUITS: Final[tuple[Colour, ...]] = (
+    (48, 60, 92), (84, 86, 92), (134, 112, 84), (86, 66, 50), (112, 120, 130), (92, 44, 56),
+    (100, 96, 84), (158, 150, 138),
+)  # fmt: skip
+"""What people who were imported wear on their legs, or from top to bottom."""
 UNLIKE: Final = 40.0
 """Colours nearer to each other than this (sRGB, as a distance) look alike."""
 
@@ -32,29 +39,27 @@ UNLIKE: Final = 40.0
 def in_other_clothes(character: Character, outfit: int) -> Character:
     """Return a person in their outfit number `outfit`: 0 as they came, the others seeded.
 
-    Shapes, joints and measures are the same objects; equal calls return the same person.
+    Of somebody imported only garments change that can be told from skin (`wardrobe_of`); without
+    any the very same person is returned. Shapes, joints and measures are the same objects; equal
+    calls return the same person.
     """
     if outfit == 0:
         return character
     order = np.random.default_rng(zlib.crc32(character.name.encode()))
+    if not OURS & {material.name for material in character.materials}:
+        return _imported_in_other_clothes(character, outfit, order)
     wear = {
         "top": _other(character, "top", TOPS, order, outfit),
         "bottom": _other(character, "bottom", BOTTOMS, order, outfit),
         "shoe": _other(character, "shoe", SHOES, order, outfit),
     }
     factors: dict[int, Vector] = {}
-    known = {material.name for material in character.materials}
     materials = list(character.materials)
     for i, material in enumerate(materials):
         if material.name in wear:
             own = _mean_colour(character, i)
             factors[i] = np.asarray(wear[material.name]) / np.maximum(own, 12.0)
             materials[i] = _grey(material)
-        elif material.kind == "cloth" and not known & set(wear):
-            # Somebody imported: one cloth, whose picture may cover the skin, too.
-            materials[i] = _all_grey(material)
-            own = _worn_colour(character, materials[i], i)
-            factors[i] = np.asarray(wear["top"]) / np.maximum(own, 12.0)
         elif material.kind == "hair":
             factors[i] = np.full(3, HAIR_LIGHTER[(outfit - 1) % len(HAIR_LIGHTER)])
     return replace(
@@ -63,6 +68,49 @@ def in_other_clothes(character: Character, outfit: int) -> Character:
         levels=tuple(_recoloured(mesh, factors) for mesh in character.levels),
         materials=tuple(materials),
     )
+
+
+def _imported_in_other_clothes(
+    character: Character, outfit: int, rng: np.random.Generator
+) -> Character:
+    wardrobes = wardrobe_of(character)
+    if not wardrobes:
+        return character
+    lower = [TROUSERS_AND_SUITS[i] for i in rng.permutation(len(TROUSERS_AND_SUITS)).tolist()]
+    orders: dict[Worn, list[Colour]] = {
+        "top": [TOPS[i] for i in rng.permutation(len(TOPS)).tolist()],
+        "bottom": lower,
+        "whole": lower,
+    }
+    materials = list(character.materials)
+    white: list[int] = []
+    for wardrobe in wardrobes:
+        wear = {}
+        for garment in wardrobe.garments:
+            unlike = [
+                colour
+                for colour in orders[garment.worn]
+                if np.linalg.norm(colour - garment.ground_srgb) > UNLIKE
+                and not looks_bare(wardrobe, colour)
+            ]
+            wear[garment.worn] = unlike[(outfit - 1) % len(unlike)]
+        picture = painted(wardrobe, wear)
+        for i in wardrobe.materials:
+            materials[i] = replace(materials[i], texture_srgb=picture)
+        if wardrobe.has_tint:
+            white += wardrobe.materials
+    levels = tuple(_whitened(mesh, white) for mesh in character.levels)
+    name = f"{character.name}_{outfit + 1}"
+    return replace(character, name=name, materials=tuple(materials), levels=levels)
+
+
+def _whitened(mesh: SkinnedMesh, materials: Sequence[int]) -> SkinnedMesh:
+    """Return a mesh whose pictures bear all colour of these materials."""
+    if not materials:
+        return mesh
+    colour = mesh.colour_srgb.copy()
+    colour[mesh.triangles[np.isin(mesh.triangle_material, materials)]] = 255
+    return replace(mesh, colour_srgb=colour)
 
 
 def _other(
@@ -103,30 +151,6 @@ def _grey(material: Material) -> Material:
     grey = np.repeat(picture[..., :3].mean(axis=2, keepdims=True), 3, axis=2)
     pixels: npt.NDArray[np.uint8] = np.round(grey).astype(np.uint8)
     return replace(material, texture_srgb=pixels)
-
-
-@cache
-def _all_grey(material: Material) -> Material:
-    """Return a material without colour in its picture; the same one for every outfit."""
-    return _grey(material)
-
-
-def _worn_colour(character: Character, material: Material, number: int) -> Vector:
-    """Return the mean sRGB (3,) of the triangles of a material, where they lie on its picture."""
-    mesh = character.levels[0]
-    used = np.unique(mesh.triangles[mesh.triangle_material == number])
-    if not len(used):
-        return np.full(3, 128.0)
-    colour = mesh.colour_srgb[used].astype(np.float64)
-    picture = material.texture_srgb
-    if picture is not None and mesh.uv is not None:
-        height, width = picture.shape[:2]
-        u, v = (mesh.uv[used] % 1.0).T
-        row = np.minimum((v * height).astype(np.int64), height - 1)
-        column = np.minimum((u * width).astype(np.int64), width - 1)
-        colour *= picture[row, column, :3] / 255
-    mean: Vector = colour.mean(axis=0)
-    return mean
 
 
 def _recoloured(mesh: SkinnedMesh, factors: dict[int, Vector]) -> SkinnedMesh:

@@ -15,8 +15,8 @@ from lab.geometry import Vector
 from stimuli.contact.figures import Figures, crowd_figures
 from stimuli.gaze.gaze_shift_kernels import turn_rows
 from stimuli.motion import posture as p
-from stimuli.motion.gesture_kernels import phone_rows
-from stimuli.motion.kinds import NUMBERS, Idle, Kind, Phone
+from stimuli.motion.gesture_kernels import phone_but_fingers
+from stimuli.motion.kinds import Idle, Kind, Phone
 from stimuli.motion.placing_kernels import placed_rows
 from stimuli.motion.posture_kernels import look_from, pose_but_fingers
 from stimuli.motion.skeleton import canonical_skeleton
@@ -84,16 +84,14 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
     very posture that is drawn, feet locked to the floor.
     """
     who = int(person[_FIGURE])
-    controls, numbers = np.zeros((1, p.SIZE)), np.zeros((1, NUMBERS))
-    rows, since, seeds = np.zeros(1, np.int64), np.full(1, t_s), np.full(1, int(person[_SEED]))
-    lengths, offsets = figures.lengths_m[who : who + 1], figures.skeleton_m[who : who + 1]
-    numbers[0, 0] = person[_LIVELY]
+    controls = np.empty((1, p.SIZE))
+    rows, seeds = np.zeros(1, np.int64), np.full(1, int(person[_SEED]))
+    lengths, offsets = figures.lengths_m[who], figures.skeleton_m[who : who + 1]
+    seed, lively = int(person[_SEED]), person[_LIVELY]
     if person[4] > 0.5:
-        numbers[0, 1], numbers[0, 2] = person[_HAND], person[_TALK]
-        phone_rows(rows, since, seeds, numbers, lengths, controls)
+        phone_but_fingers(controls[0], t_s, lengths, seed, lively, int(person[_HAND]))
     else:
-        way = int(person[_ARMS])
-        idle_but_fingers(controls[0], t_s, lengths[0], int(person[_SEED]), person[_LIVELY], way)
+        idle_but_fingers(controls[0], t_s, lengths, seed, lively, int(person[_ARMS]))
     place, heading = np.zeros((1, 3)), np.full(1, person[2])
     place[0, 0], place[0, 2] = person[0], person[1]
     placed_rows(controls, place, heading)

@@ -15,15 +15,18 @@ from stimuli.contact.figures import Figures, crowd_figures
 from stimuli.contact.idle import N_JOINTS, N_PERSON, people_of, place_person
 from stimuli.scenes.station_crowd import Crowd
 
-REACH_M: Final = 0.65
+REACH_M: Final = 0.58
 """No part of an idle person is farther than this from where they stand (a telephoning elbow)."""
-NEARER_WAITING_M: Final = 0.13
+NEARER_WAITING_M: Final = 0.06
 """By so much nearer every part of somebody is who waits, with hanging arms."""
-FRONT_M: Final = 0.41
-BACK_M: Final = 0.3
+FRONT_M: Final = 0.42
+BACK_M: Final = 0.19
 ASIDE_M: Final = 0.45
-ELBOW_ASIDE_M: Final = 0.62
-"""Nor is any part farther before, behind or beside somebody; who telephones lifts an elbow."""
+ELBOW_BACK_M: Final = 0.34
+ELBOW_ASIDE_M: Final = 0.57
+"""Nor is any part farther before, behind or beside somebody; who telephones lifts an elbow. Some
+3 cm beyond what 4,800 seeds of twelve people reached within a quarter of an hour.
+"""
 MAX_TOUCHES: Final = 64
 
 
@@ -119,7 +122,7 @@ def _any_near(starts: Vector, ends: Vector, radii: Vector, person: Vector, reach
     not all before, behind or beside whatever they take up.
     """
     cos, sin = np.cos(person[2]), np.sin(person[2])
-    aside_m = ELBOW_ASIDE_M if person[4] > 0.5 else ASIDE_M
+    aside_m, back_m = (ELBOW_ASIDE_M, ELBOW_BACK_M) if person[4] > 0.5 else (ASIDE_M, BACK_M)
     for k in range(starts.shape[0]):
         ux, uz = ends[k, 0] - starts[k, 0], ends[k, 2] - starts[k, 2]
         px, pz = person[0] - starts[k, 0], person[1] - starts[k, 2]
@@ -133,7 +136,7 @@ def _any_near(starts: Vector, ends: Vector, radii: Vector, person: Vector, reach
         z0, z1 = -sin * px - cos * pz, -sin * (px - ux) - cos * (pz - uz)
         if min(x0, x1) - radii[k] > aside_m or max(x0, x1) + radii[k] < -aside_m:
             continue
-        if min(z0, z1) - radii[k] > BACK_M or max(z0, z1) + radii[k] < -FRONT_M:
+        if min(z0, z1) - radii[k] > back_m or max(z0, z1) + radii[k] < -FRONT_M:
             continue
         return True
     return False

@@ -68,9 +68,13 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
 
 
 def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
-    """Return a man who does not sit among the listeners."""
-    men = (casting(f"male_{number:02d}") for number in range(1, MEN_TRIED + 1))
-    return next(man for man in men if man not in listeners)
+    """Return a man who does not sit among the listeners: of another body if there is one, else in
+    other clothes, else one of them.
+    """
+    men = [casting(f"male_{number:02d}") for number in range(1, MEN_TRIED + 1)]
+    bodies = [listener.skeleton for listener in listeners]
+    strangers = [man for man in men if man.skeleton not in bodies]
+    return next(iter([*strangers, *(man for man in men if man not in listeners), *men]))
 
 
 def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:

@@ -9,12 +9,14 @@ import numpy as np
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import Character, Material, SkinnedMesh
-from stimuli.motion.gesture_kernels import HELD_AT
+from stimuli.motion.gesture_kernels import EARPIECE_M, HELD_AT
 from stimuli.picture import StaticMesh
 from stimuli.rooms.solids import box
 
 SIZE_M = (0.145, 0.071, 0.009)
 """Length, width and thickness."""
+FROM_FINGERS_DEG = 30.0
+"""Between fingers and length: at the ear it then lies along the cheek, an end before the mouth."""
 BLACK = (30, 31, 34)
 CASE = Material("telephone", "other", 0.35)
 
@@ -55,8 +57,12 @@ def _grip(character: Character, side: str) -> tuple[Vector, Vector]:
     out = np.cross(fingers, towards_thumb)
     out *= -np.sign(out[1])  # palms face the floor at rest
     along, off_palm_m, to_thumb_m = HELD_AT
+    c, s = np.cos(np.radians(FROM_FINGERS_DEG)), np.sin(np.radians(FROM_FINGERS_DEG))
+    length, width = c * fingers + s * towards_thumb, s * fingers - c * towards_thumb
     place = hand + along * (middle - hand) + off_palm_m * out + to_thumb_m * towards_thumb
-    return place, np.stack([unit(fingers + towards_thumb), unit(fingers - towards_thumb), out])
+    # Arms bring to the ear what lies halfway between fingers and thumb.
+    earpiece = place + EARPIECE_M * unit(fingers + towards_thumb)
+    return earpiece - EARPIECE_M * length, np.stack([length, width, out])
 
 
 def _with(mesh: SkinnedMesh, held: StaticMesh, joint: int, material: int) -> SkinnedMesh:

@@ -75,19 +75,9 @@ def around_start_s(person: int, slot: int) -> float:
 
 @compiled
 def _target(
-    kind: int,
-    vector: Vector,
-    person: int,
-    slot: int,
-    front: float,
-    attend: Vector,
-    eyes: Vector,
-    r: int,
-    observer: Vector,
+    kind: int, vector: Vector, front: float, eyes: Vector, r: int, observer: Vector
 ) -> tuple[Triple, float]:
     """Return the direction from the eyes to a target and its distance, infinite if it has none."""
-    if kind == AROUND:
-        return _around(person, slot, front, attend), np.inf
     if kind == ASIDE:
         return _along(front + vector[0], vector[1]), np.inf
     goal = vector[0], vector[1], vector[2]
@@ -152,6 +142,7 @@ def recent_looks(
     A row of `looks` is start, direction (3,) from the eyes in world, distance.
     """
     low, last = first[r], first[r + 1] - 1
+    ahead, attend = front[0], front[1:]
     while last > low and start_s[last] > t_s:
         last -= 1
     count = 0
@@ -170,17 +161,9 @@ def recent_looks(
             begins = since
             if kind == AROUND:
                 begins = max(since, around_start_s(person, slot - k))
-            to, far = _target(
-                kind,
-                vectors[min(row, len(vectors) - 1)],
-                person,
-                slot - k,
-                front[0],
-                front[1:],
-                eyes_m,
-                r,
-                observer,
-            )
+                to, far = _around(person, slot - k, ahead, attend), np.inf
+            else:
+                to, far = _target(kind, vectors[row], ahead, eyes_m, r, observer)
             looks[count, 0], looks[count, 4] = begins, far
             looks[count, 1], looks[count, 2], looks[count, 3] = to[0], to[1], to[2]
             count += 1

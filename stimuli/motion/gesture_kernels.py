@@ -16,6 +16,8 @@ from stimuli.motion.standing_kernels import (
     pole,
     stand,
     stir,
+    stir_body,
+    stir_fingers,
 )
 
 LEFT, RIGHT, BOTH = 0, 1, 2
@@ -171,6 +173,35 @@ def listen(a: Vector, b: Vector) -> None:
 
 
 @compiled
+def phone_but_fingers(
+    c: Vector, t_s: float, b: Vector, person: int, lively: float, side: int
+) -> None:
+    """Write the posture of somebody who phones, but for fingers and mouth."""
+    c[:] = 0.0
+    stand(c, t_s, b, person, 1.15 * lively)
+    hang_arms(c, person)
+    other = arm_of(c, 1 - side)
+    if chance(person, 321, 0) < 0.4:
+        # The free arm lies across the belly and carries the other elbow.
+        hold(
+            other, p.CHEST, 1.0, 0.30 * b[p.B_SHOULDER_X], -0.115, -b[p.B_BELLY] - 0.055,
+            0.95, 0.10, 0.10, -0.1, 0.3, 1.0,
+        )  # fmt: skip
+        pole(other, -0.7, -1.0, 0.2)
+    stir_body(c, t_s, person, lively)
+    breathe(c, t_s, person, 1.0)
+    towards = -1.0 if side == 0 else 1.0
+    c[p.HEAD_ROLL] += towards * np.radians(9.0)
+    c[p.HEAD_PITCH] -= np.radians(3.0)
+    c[p.HEAD_YAW] += np.radians(5.0) * lively * drift(t_s, 0.05, person, 322)
+    c[p.TRUNK_YAW] += np.radians(4.0) * lively * drift(t_s, 0.04, person, 323)
+    a = arm_of(c, side)
+    listen(a, b)
+    pole(a, -0.50, -1.0, 0.10)
+    a[p.SHOULDER_UP] += np.radians(6.0)
+
+
+@compiled
 def phone_rows(
     rows: npt.NDArray[np.int64],
     t_s: Vector,
@@ -182,30 +213,11 @@ def phone_rows(
     """Write the posture of those who phone. `numbers` (n, …): how lively, hand, how much talk."""
     for i in range(rows.shape[0]):
         r = rows[i]
-        c, b, person, t = controls[r], builds[r], persons[r], t_s[r]
-        c[:] = 0.0
+        c, person, t = controls[r], persons[r], t_s[r]
         lively, side = numbers[r, 0], int(numbers[r, 1])
-        stand(c, t, b, person, 1.15 * lively)
-        hang_arms(c, person)
-        other = arm_of(c, 1 - side)
-        if chance(person, 321, 0) < 0.4:
-            # The free arm lies across the belly and carries the other elbow.
-            hold(
-                other, p.CHEST, 1.0, 0.30 * b[p.B_SHOULDER_X], -0.115, -b[p.B_BELLY] - 0.055,
-                0.95, 0.10, 0.10, -0.1, 0.3, 1.0,
-            )  # fmt: skip
-            pole(other, -0.7, -1.0, 0.2)
-        stir(c, t, person, lively)
-        breathe(c, t, person, 1.0)
-        towards = -1.0 if side == 0 else 1.0
-        c[p.HEAD_ROLL] += towards * np.radians(9.0)
-        c[p.HEAD_PITCH] -= np.radians(3.0)
-        c[p.HEAD_YAW] += np.radians(5.0) * lively * drift(t, 0.05, person, 322)
-        c[p.TRUNK_YAW] += np.radians(4.0) * lively * drift(t, 0.04, person, 323)
+        phone_but_fingers(c, t, builds[r], person, lively, side)
+        stir_fingers(c, t, person, lively)
         a = arm_of(c, side)
-        listen(a, b)
-        pole(a, -0.50, -1.0, 0.10)
-        a[p.SHOULDER_UP] += np.radians(6.0)
         curl(a, 0.26, 0.36, 0.42, 0.46, 0.30)
         a[p.OPPOSE] = np.radians(28.0)
         speak(c, t, person, numbers[r, 2])

@@ -22,7 +22,8 @@ STEPS_TURN_DEG: Final = audience.PARTICIPANT_TURN_DEG - audience.AUDIENCE_TURN_D
 """The steps run across this direction, left of the participant's view axis."""
 STEP_EDGES_M: Final = (1.0, 1.77, 2.70, 3.54, 5.2)
 """Where the steps begin along that direction, from below the participant's eyes."""
-STEP_HEIGHTS_M: Final = (0.0, 0.25, 0.57, 0.83)
+STEP_HEIGHTS_M: Final = (0.0, 0.32, 0.64, 0.91)
+"""So high that the feet of the smallest of the cast come flat on a step, to 4 cm."""
 HIP_BEHIND_EYES_M: Final = 0.16
 """How far a seated person's hips are behind the midpoint of the eyes."""
 CEILING_M: Final = 3.6

@@ -28,9 +28,6 @@ MARK_ELEVATION_DEG: Final = 20.0
 MARK_DISTANCE_M: Final = 2.0
 
 DRESSED_BY: Final = "stimuli.dressing.audience:audience_picture"
-HEADING_SHARE: Final = 0.35
-"""Rows are slightly curved: a head turns by this share of its bearing from the audience's middle,
-which leaves the mean heading at `AUDIENCE_TURN_DEG`."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +44,14 @@ class Seat:
 SEATS: Final[dict[str, Seat]] = {
     "left_close": Seat("left", "close", -33.0, 1.60, 1.12),
     "left_middle": Seat("left", "middle", -30.5, 2.45, 1.47),
-    "left_far": Seat("left", "far", -23.0, 3.40, 1.80),
+    "left_far": Seat("left", "far", -23.0, 3.40, 1.79),
     "centre_close": Seat("centre", "close", -11.0, 1.40, 1.10),
-    "centre_middle": Seat("centre", "middle", -3.0, 2.35, 1.43),
-    "centre_far": Seat("centre", "far", -9.5, 3.25, 1.76),
+    "centre_middle": Seat("centre", "middle", -3.0, 2.35, 1.45),
+    "centre_far": Seat("centre", "far", -9.5, 3.25, 1.77),
     "right_close": Seat("right", "close", 10.0, 1.60, 1.12),
-    "right_middle": Seat("right", "middle", 14.5, 2.50, 1.50),
-    "right_far": Seat("right", "far", 7.5, 3.40, 1.82),
-    "edge_left": Seat("left", "middle", -41.5, 2.90, 1.58),
+    "right_middle": Seat("right", "middle", 14.5, 2.50, 1.48),
+    "right_far": Seat("right", "far", 7.5, 3.40, 1.80),
+    "edge_left": Seat("left", "middle", -41.5, 2.90, 1.48),
     "back_centre": Seat("centre", "far", -16.0, 4.10, 2.06),
 }
 """The eleven places; the rows stand on steps of a wooden stage, so no head hides another."""
@@ -100,11 +97,21 @@ def _seat(place: str) -> Seat:
         raise DesignError(f"the audience has no place {place!r}; choose one of {known}") from None
 
 
+def _yaw_to_speaker_deg(seat: Seat) -> float:
+    head = _from_bearing(seat.bearing_deg, seat.distance_m, seat.head_height_m)
+    way = SPEAKER_EYE_M - head
+    # As headings are counted here: 0 looks towards +z, positive is the participant's left.
+    return float(np.degrees(np.arctan2(-way[0], way[2])))
+
+
 def _facing(seat: Seat) -> Vector:
-    middle = sum(s.bearing_deg for s in SEATS.values()) / len(SEATS)
-    turn = AUDIENCE_TURN_DEG + HEADING_SHARE * (seat.bearing_deg - middle)
+    """Return where a head points in all conditions: as far beside the speaker from every seat, so
+    that no seat asks for more of averted eyes than another; the mean is `AUDIENCE_TURN_DEG`.
+    """
+    mean_deg = sum(_yaw_to_speaker_deg(s) for s in SEATS.values()) / len(SEATS)
+    heading_deg = PARTICIPANT_TURN_DEG - AUDIENCE_TURN_DEG + mean_deg - _yaw_to_speaker_deg(seat)
     # In the room's frame a head with turn 0 faces the participant's side along the room's axis.
-    return direction_from_yaw_pitch_deg(PARTICIPANT_TURN_DEG - turn, 0.0) * [-1.0, 1.0, -1.0]
+    return direction_from_yaw_pitch_deg(heading_deg, 0.0) * [-1.0, 1.0, -1.0]
 
 
 def _agent(index: int, place: str, character: str) -> Agent:

@@ -62,8 +62,8 @@ STANDING_EYE_M: Final = 1.62
 """Where a standing person's eyes usually are, a virtual customer's always."""
 
 BYSTANDERS: Final = (
-    Place("bystander_left", 0.76, -2.2, -70.0),
-    Place("bystander_middle", 1.92, -2.5, 25.0),
+    Place("bystander_left", 0.76, -2.2, -80.0),
+    Place("bystander_middle", 1.98, -2.5, 25.0),
     Place("bystander_right", 2.68, -2.2, 115.0),
 )
 """Agents who stand in between and talk, type or telephone."""

@@ -56,6 +56,10 @@ UNLIKE_WITHIN_M: Final = 3.0
 """No two people who look alike stand nearer to each other."""
 SAME_FACE_WITHIN_M: Final = 1.8
 """Nor do two of the same face, whatever they wear, as long as there is anybody else."""
+WITHIN_STEP_M: Final = 0.05
+"""Where there are fewer bodies, their least distance is sought from `UNLIKE_WITHIN_M` down in
+such steps: with eleven bodies two of one stand 2.3 m apart or more.
+"""
 
 _LAYOUT_SEED = 20201
 _CANDIDATES = 60
@@ -177,7 +181,7 @@ def station_crowd(configuration: int, density: float = DENSITY_PER_M2) -> Crowd:
     to_board = np.array([BOARD_M[0], BOARD_M[2]]) - position
     facing = np.arctan2(-to_board[:, 0], -to_board[:, 1]) + np.radians(12) * rng.standard_normal(n)
     anywhere = 2 * np.pi * rng.random(n)
-    character = _apart(position, rng.integers(0, len(CHARACTERS), n))
+    character = _cast(position, rng.integers(0, len(CHARACTERS), n))
     stature = np.array([default_casting(CHARACTERS[c]).stature_m for c in character])
     return Crowd(
         configuration=configuration,
@@ -190,6 +194,45 @@ def station_crowd(configuration: int, density: float = DENSITY_PER_M2) -> Crowd:
         outfit=_outfits(position, character),
         spacing_m=spacing_m,
     )
+
+
+def _cast(position_m: Vector, drawn: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return who plays whom: as drawn, but those of one body as far apart as their number allows.
+
+    A cast with a body for each of `CHARACTERS` keeps `SAME_FACE_WITHIN_M`.
+    """
+    skeletons = [default_casting(name).skeleton for name in CHARACTERS]
+    first = np.array([next(j for j, s in enumerate(skeletons) if s is own) for own in skeletons])
+    bodies = np.unique(first)
+    if len(bodies) == len(CHARACTERS):
+        return _apart(position_m, drawn)
+    wanted = np.searchsorted(bodies, first[drawn])
+    for within_m in np.arange(UNLIKE_WITHIN_M, 0.0, -WITHIN_STEP_M).tolist():
+        found = _all_apart(position_m, wanted, len(bodies), within_m)
+        if found is not None:
+            return bodies[found]
+    return bodies[wanted]
+
+
+def _all_apart(
+    position_m: Vector, wanted: npt.NDArray[np.int64], bodies: int, within_m: float
+) -> npt.NDArray[np.int64] | None:
+    """Return bodies so that no two alike stand within a distance, the hardest places first (Brélaz
+    1979); None where that finds none.
+    """
+    near = np.linalg.norm(position_m[:, None] - position_m, axis=2) <= within_m
+    body = np.full(len(wanted), -1)
+    is_free = np.ones((len(wanted), bodies), np.bool_)
+    for _ in range(len(wanted)):
+        left = np.where(body < 0, is_free.sum(axis=1), bodies + 1)
+        i = int(np.lexsort((-near.sum(axis=1), left))[0])
+        turns = (wanted[i] + np.arange(bodies)) % bodies
+        free = turns[is_free[i, turns]]
+        if not len(free):
+            return None
+        body[i] = free[0]
+        is_free[near[i], free[0]] = False
+    return body
 
 
 def _apart(position_m: Vector, drawn: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

@@ -51,6 +51,35 @@ def test_faces_at_distances_are_shown_in_the_display_s_own_pixels(tmp_path: Path
     assert changes[1] <= 57 < changes[0]
 
 
+def test_whose_gaze_is_hardly_told_from_afar_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    try:
+        Renderer().close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    monkeypatch.setattr("cli.preview.readable_gaze.POSES", 4)
+    given = [
+        str(tmp_path / "far.png"),
+        "anna",
+        "--at",
+        "2,30",
+        "--gaze",
+        "--library",
+        str(tmp_path),
+    ]
+    result = CliRunner().invoke(app, ["character", "sheet", *given])
+    near, far = (line for line in result.output.splitlines() if "gaze told" in line)
+    assert "anna: gaze told at 2 m in" in near
+    assert "below 90%" not in near
+    assert "below 90%" in far
+
+
+def test_gaze_without_distances_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--gaze needs --at"):
+        sheet(tmp_path / "near.png", "anna", "--gaze", "--library", tmp_path)
+
+
 def test_distances_that_are_none_are_refused(tmp_path: Path) -> None:
     for wrong in ("near", "0", "1,400"):
         with pytest.raises(UsageError, match="--at"):

@@ -36,6 +36,17 @@ def test_frames_in_time_need_no_advice(lab: LabConfig) -> None:
     assert "7.6 ms a stereo frame" in said.found
 
 
+def test_cards_with_time_to_spare_are_offered_shadows_of_areas(lab: LabConfig) -> None:
+    offered = "there is time for shadows: area"
+    assert offered in advice(lab, "card", 90.0, costing(0.6).__getitem__).found
+    assert offered not in advice(lab, "card", 90.0, costing(1.2).__getitem__).found
+    quality = lab.display.quality.model_copy(update={"shadows": "area"})
+    display = lab.display.model_copy(update={"quality": quality})
+    dear = lab.model_copy(update={"display": display})
+    assert offered not in advice(dear, "card", 90.0, costing(0.6).__getitem__).found
+    assert "shadows: maps" in advice(dear, "card", 90.0, costing(3.0).__getitem__).remedy
+
+
 def test_the_best_that_is_in_time_is_advised(lab: LabConfig) -> None:
     said = advice(lab, "card", 90.0, costing(3.0).__getitem__)
     assert said.level == "warning"

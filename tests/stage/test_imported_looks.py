@@ -258,6 +258,19 @@ def test_texture_reads_the_set_of_coordinates_it_names(show: Show) -> None:
     assert right[1] > 2 * right[0]
 
 
+def test_light_bleeds_round_skin_and_not_round_a_suit(show: Show) -> None:
+    """Suits of files that call everything a body shone and blushed like skin."""
+    grazing = (0.0, -1.0, 0.05)
+
+    def red_over_blue(name: str) -> float:
+        material = {"name": name, "pbrMetallicRoughness": _matte()}
+        r, _, b = show(material, light=grazing)[0]
+        return float(r - b)
+
+    assert red_over_blue("suit") == pytest.approx(0.0, abs=1.0)
+    assert red_over_blue("skin") > 10
+
+
 def test_fibres_shine_towards_the_edge_of_what_is_seen(show: Show) -> None:
     sheen = {"KHR_materials_sheen": {"sheenColorFactor": [0.0, 0.0, 1.0]}}
 

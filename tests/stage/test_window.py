@@ -94,3 +94,9 @@ def test_gaze_ring_follows_the_eye_of_the_picture_and_goes_with_the_gaze() -> No
     assert gaze_on_eye(sample, eye) == pytest.approx((0.5, 0.0))
     sample["left_valid"] = True
     assert gaze_on_eye(sample, eye) == pytest.approx((0.0, 0.25))
+
+
+def test_pictures_without_a_window_load_no_library_of_windows() -> None:
+    code = "import sys, stage.drawn_stage; print('glfw' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "False" == done.stdout.strip()

@@ -38,6 +38,9 @@ def bone_names() -> dict[str, str]:
 PLATE_HALF_M, PLATE_AHEAD_M = 0.1, 0.3
 
 
+SKIN_SRGB, SUIT_SRGB, WHITE_SRGB = (205, 150, 120), (40, 60, 120), (235, 232, 228)
+
+
 @dataclass(frozen=True, eq=False)
 class Plate:
     """A square before the chest, facing forward, that wears a material of a test.
@@ -62,8 +65,14 @@ def write_glb(
     eye_radius_m: float = 0.014,
     arms_down_deg: float = 40.0,
     plate: Plate | None = None,
+    head_squares: int = 1,
+    worn_as: str | None = None,
 ) -> None:
-    """Write a figure that faces +z with its arms half lowered, as most files have it."""
+    """Write a figure that faces +z with its arms half lowered, as most files have it.
+
+    `head_squares` along each edge of the head's box; with `worn_as`, a material of this name whose
+    one picture has skin on head and hands, white on eyes and a suit elsewhere covers everything.
+    """
     pattern = canonical_skeleton(1.70)
     names = {o: t for o, t in bone_names().items() if o not in leave_out}
     at = {name: pattern.rest_m[j].copy() for j, name in enumerate(pattern.names)}
@@ -89,7 +98,7 @@ def write_glb(
             children = nodes[joints.index(parent)].setdefault("children", [])
             assert isinstance(children, list)
             children.append(len(nodes) - 1)
-    vertices, triangles, bones = _surface(at, joints, eye_yaw_deg, eye_radius_m)
+    vertices, triangles, bones = _surface(at, joints, eye_yaw_deg, eye_radius_m, head_squares)
     inverse = np.tile(np.eye(4), (len(joints), 1, 1))
     inverse[:, :3, 3] = [-at[name] for name in joints]
     joint_rows = np.zeros((len(vertices), 4), dtype=np.uint8)
@@ -110,6 +119,14 @@ def write_glb(
     primitives: list[dict[str, Any]] = [
         {"attributes": attributes, "indices": 3, "targets": [{"POSITION": 5}]}
     ]
+    pictures: tuple[np.ndarray, ...] = () if plate is None else plate.pictures
+    if worn_as is not None:
+        column = np.array([2 if n.endswith("_eye") else int(not _is_bare(n)) for n in joints])
+        uv = np.stack([(column[bones] + 0.5) / 3, np.full(len(bones), 0.5)], axis=1)
+        attributes["TEXCOORD_0"] = len(arrays)
+        arrays.append((uv.astype(np.float32), "VEC2", 5126))
+        primitives[0]["material"] = 0
+        pictures = (np.array([[SKIN_SRGB, SUIT_SRGB, WHITE_SRGB]], np.uint8),)
     if plate is not None:
         more, primitive = _plate(plate, at, joints.index("upper_chest"), len(arrays))
         arrays += more
@@ -123,7 +140,7 @@ def write_glb(
         )
         binary += data + b"\0" * (-len(data) % 4)
     images = []
-    for pixels in () if plate is None else plate.pictures:
+    for pixels in pictures:
         packed = io.BytesIO()
         Image.fromarray(pixels).save(packed, format="PNG")
         data = packed.getvalue()
@@ -143,10 +160,14 @@ def write_glb(
         "nodes": nodes,
         "scenes": [{"nodes": [0, len(nodes) - 1]}],
     }
-    if plate is not None:
-        tree["materials"] = [plate.material]
+    if images:
         tree["images"] = images
         tree["textures"] = [{"source": i} for i in range(len(images))]
+    if worn_as is not None:
+        look = {"baseColorTexture": {"index": 0}, "metallicFactor": 0, "roughnessFactor": 0.5}
+        tree["materials"] = [{"name": worn_as, "pbrMetallicRoughness": look}]
+    if plate is not None:
+        tree["materials"] = [plate.material]
         tree["extensionsRequired"] = list(plate.extensions)
     if with_skin:
         tree["skins"] = [{"joints": list(range(len(joints))), "inverseBindMatrices": 4}]
@@ -183,8 +204,16 @@ def _plate(
     return [*columns.values(), (order, "SCALAR", 5123)], primitive
 
 
+def _is_bare(joint: str) -> bool:
+    return joint == "head" or joint.endswith("_hand")
+
+
 def _surface(
-    at: dict[str, np.ndarray], joints: list[str], eye_yaw_deg: float, eye_radius_m: float
+    at: dict[str, np.ndarray],
+    joints: list[str],
+    eye_yaw_deg: float,
+    eye_radius_m: float,
+    head_squares: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     vertices, triangles, bones = [], [], []
     count = 0
@@ -192,7 +221,8 @@ def _surface(
         if name.endswith("_eye"):
             points, faces = _ball(eye_radius_m, eye_yaw_deg)
         else:
-            points, faces = _box(0.12 if name == "head" else 0.06)
+            head = name == "head"
+            points, faces = _box(0.12 if head else 0.06, head_squares if head else 1)
         vertices.append(points + at[name])
         triangles.append(faces + count)
         bones.append(np.full(len(points), j))
@@ -200,12 +230,25 @@ def _surface(
     return np.concatenate(vertices), np.concatenate(triangles), np.concatenate(bones)
 
 
-def _box(half_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _box(half_m: float, squares: int) -> tuple[np.ndarray, np.ndarray]:
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half_m
     quads = np.array(
         [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     )
-    return corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    if squares == 1:
+        return corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    along = np.linspace(0.0, 1.0, squares + 1)
+    v, u = np.meshgrid(along, along, indexing="ij")
+    points, faces = [], []
+    i = np.arange((squares + 1) ** 2).reshape(squares + 1, squares + 1)
+    square = np.stack([i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]], axis=-1).reshape(-1, 4)
+    for side, (a, b, c, d) in enumerate(corners[quads]):
+        weights = ((1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v)
+        grid = sum(w[..., None] * p for w, p in zip(weights, (a, b, c, d), strict=True))
+        points.append(np.asarray(grid).reshape(-1, 3))
+        faces.append(square + side * i.size)
+    whole = np.concatenate(faces)
+    return np.concatenate(points), np.concatenate([whole[:, [0, 1, 2]], whole[:, [0, 2, 3]]])
 
 
 def _ball(radius_m: float, yaw_deg: float) -> tuple[np.ndarray, np.ndarray]:

@@ -124,6 +124,23 @@ def test_eyes_reach_participant_and_speaker_within_thirty_degrees(target_m: np.n
     assert 30.0 >= max(turn_deg)
 
 
+def test_eyes_turn_aside_as_far_in_every_place_and_no_farther_than_heads_let_them() -> None:
+    """People who look at one point for long leave some 20° to their eyes, whatever their seat:
+    half of the 44° that Stahl (1999) found eyes to keep within beside a free head. Where one seat
+    asks for more than another, how white an averted eye looks depends on the place.
+    """
+    speaker, participant = (
+        unit(np.array([target_m - a.eye_centre_m for a in SCENE.agents]))
+        for target_m in (SPEAKER_EYE_M, PARTICIPANT_EYE_M)
+    )
+    facing = np.array([a.facing for a in SCENE.agents])
+    yaw_deg = yaw_pitch_deg_of(facing)[0] - yaw_pitch_deg_of(speaker)[0]
+    turn_deg = np.concatenate([angle_deg(speaker, facing), angle_deg(participant, facing)])
+
+    np.testing.assert_allclose(20.0, (yaw_deg + 180.0) % 360.0 - 180.0, atol=1.5)
+    assert 24.0 > turn_deg.max()
+
+
 def test_looking_at_the_speaker_is_told_from_looking_at_the_participant() -> None:
     """A gaze cone of about five degrees still feels direct; averted eyes stay well outside."""
     apart_deg = [

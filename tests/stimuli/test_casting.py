@@ -8,7 +8,7 @@ import pytest
 
 from lab.errors import DesignError
 from stimuli.characters.library import import_characters
-from stimuli.dressing import casting
+from stimuli.dressing import audience, casting
 from stimuli.dressing.casting import default_casting, members_of, use_cast
 from tests.stimuli.glb_figure import Plate, write_glb
 
@@ -90,6 +90,15 @@ def test_numbers_beyond_the_cast_wear_clothes_of_another_colour(lab: Path) -> No
     shown = worn.mean(axis=0) * picture.reshape(-1, 3).mean(axis=0) / 255
     assert np.linalg.norm(shown - [40, 60, 160]) > 40
     assert again.skeleton is first.skeleton
+
+
+@pytest.mark.usefixtures("fresh")
+def test_the_audience_has_a_speaker_where_nobody_can_dress_anew(lab: Path, tmp_path: Path) -> None:
+    write_glb(tmp_path / "bare_M.glb")
+    assert all(r.character for r in import_characters(tmp_path / "bare_M.glb", lab / "characters"))
+    use_cast(members_of(["bare_M"], lab, lab / "characters"), lab / "characters")
+    only = default_casting("male_01")
+    assert audience._speaker((only,), default_casting) is only
 
 
 @pytest.mark.usefixtures("fresh")

@@ -3,6 +3,7 @@ import json
 import os
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,14 @@ from PIL import Image
 from lab.geometry import angle_deg, unit
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.cast import load_character
-from stimuli.characters.character import MORPHS
+from stimuli.characters.character import MORPHS, SkinnedMesh
 from stimuli.characters.closing import collision_mesh, is_closed
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf import import_gltf
 from stimuli.characters.gltf_eyes import fitted_eye, iris_colour
 from stimuli.characters.gltf_figure import Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
-from stimuli.characters.gltf_looks import linear_of, srgb_of
+from stimuli.characters.gltf_looks import CLOTH_ROUGHNESS_01, linear_of, srgb_of
 from stimuli.characters.gltf_skin import like_the_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
@@ -114,6 +115,42 @@ def test_imported_body_has_a_closed_surface_and_capsules(glb: Path) -> None:
     person = import_gltf(glb)
     assert is_closed(collision_mesh(person))
     assert len(person.capsules) >= 4
+
+
+def test_skin_eyes_and_suit_of_one_material_called_body_are_told_apart(tmp_path: Path) -> None:
+    """Suits shone like skin and irises turned red where a file calls everything a body."""
+    path = tmp_path / "suited_F.glb"
+    write_glb(path, head_squares=16, worn_as="_Body")
+    person = import_gltf(path)
+    mesh = person.levels[0]
+
+    def worn(part: str) -> set[str]:
+        own = np.unique(mesh.triangle_material[mesh.triangle_part == PART_INDEX[part]])
+        return {person.materials[m].kind for m in own}
+
+    assert {"skin"} == worn("face") == worn("left_hand")
+    assert {"eye"} == worn("left_eye") == worn("right_eye")
+    assert {"cloth"} == worn("left_thigh") == worn("right_upper_arm")
+    kinds = {material.kind: material for material in person.materials}
+    assert kinds["cloth"].texture_srgb is kinds["skin"].texture_srgb
+    assert kinds["cloth"].roughness_01 >= CLOTH_ROUGHNESS_01 > kinds["skin"].roughness_01
+
+
+def test_only_copies_for_measuring_are_bent_to_a_measure(
+    glb: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is shown was bent, too, by up to 14 mm: mouths were crooked and noses caved in."""
+    expected = import_gltf(glb)
+
+    def bent(thin: SkinnedMesh, full: SkinnedMesh) -> SkinnedMesh:
+        return replace(thin, vertices_m=thin.vertices_m + np.float32(0.014))
+
+    monkeypatch.setattr("stimuli.characters.gltf.matched", bent)
+    person = import_gltf(glb)
+    for level, as_before in zip(person.levels, expected.levels, strict=True):
+        np.testing.assert_array_equal(level.vertices_m, as_before.vertices_m)
+    for copy, as_before in zip(person.measuring, expected.measuring, strict=True):
+        assert not np.allclose(copy.vertices_m, as_before.vertices_m, atol=0.005)
 
 
 @pytest.mark.parametrize(

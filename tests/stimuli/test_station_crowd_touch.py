@@ -21,6 +21,7 @@ from stimuli.contact.touch import (
     ASIDE_M,
     BACK_M,
     ELBOW_ASIDE_M,
+    ELBOW_BACK_M,
     FRONT_M,
     NEARER_WAITING_M,
     REACH_M,
@@ -33,6 +34,7 @@ from stimuli.motion.skeleton import forward
 from stimuli.scenes.station_crowd import (
     CHARACTERS,
     PHONING,
+    Crowd,
     CrowdFrame,
     CrowdScene,
     station_crowd,
@@ -122,9 +124,29 @@ def test_nobody_reaches_farther_than_the_cull_assumes():
                 off = ends[:, [0, 2]] - row[:2]
                 ahead, aside = (off * facing).sum(axis=1), (off * right).sum(axis=1)
                 assert (ahead + radius).max() < FRONT_M
-                assert (radius - ahead).max() < BACK_M
-                limit = ELBOW_ASIDE_M if row[4] > 0.5 else ASIDE_M
+                phones = row[4] > 0.5
+                assert (radius - ahead).max() < (ELBOW_BACK_M if phones else BACK_M)
+                limit = ELBOW_ASIDE_M if phones else ASIDE_M
                 assert (np.abs(aside) + radius).max() < limit
+
+
+def test_an_elbow_far_behind_who_telephones_is_touched():
+    """The cull ended 30 cm behind people; this one's elbow reaches 31."""
+    one = np.zeros(1, np.int64)
+    crowd = Crowd(
+        1, np.zeros((1, 2)), np.zeros(1), np.full(1, 1.85), one + PHONING, one + 8, one + 263, one
+    )
+    position, world = crowd_poses(people_of(crowd), 0.0)
+    body = figure_of(crowd, 0)
+    starts, ends = body.posed(position[0], world[0])
+    axes = np.concatenate([starts, ends])
+    back_m = axes[:, 2] + np.tile(body.radius_m, 2)
+    elbow = int(back_m.argmax())
+    point = np.array([[axes[elbow, 0], axes[elbow, 1], back_m[elbow] - 0.002]])
+    radius = np.array([0.001])
+
+    assert brute_force(crowd, point, point, radius, 0.0)
+    assert len(TouchSensor(crowd).touches(point, point, radius, 0.0)) == 1
 
 
 def test_idle_people_move_little_and_stand_on_the_floor():

@@ -40,6 +40,8 @@ def test_what_is_asked_is_drawn(tmp_path: Path) -> None:
 
 def test_a_processor_draws_blobs_for_maps(tmp_path: Path) -> None:
     assert "blobs" == quality_of(lab(tmp_path, "shadows: maps"), on_processor=True).shadows
+    assert "blobs" == quality_of(lab(tmp_path, "shadows: area"), on_processor=True).shadows
+    assert "area" == quality_of(lab(tmp_path, "shadows: area"), on_processor=False).shadows
     assert "none" == quality_of(lab(tmp_path, "shadows: none"), on_processor=True).shadows
 
 

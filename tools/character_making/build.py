@@ -31,7 +31,7 @@ from tools.character_making.eyes import eyeballs, lashes, mouth_pieces
 from tools.character_making.fabrics import fabric
 from tools.character_making.figure import Figure, figure_of
 from tools.character_making.hair import STYLES, Locks, drawn, locks, shell
-from tools.character_making.hair_texture import streaks
+from tools.character_making.hair_texture import coils, streaks
 from tools.character_making.hems import with_hems
 from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
 from tools.character_making.mantle import Sheet
@@ -307,6 +307,9 @@ def _coloured_as(thin: SkinnedMesh, whole: SkinnedMesh, other: SkinnedMesh) -> S
     return replace(thin, colour_srgb=other.colour_srgb[index])
 
 
+_COILED_LIGHTER = 2.2
+
+
 def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> Character:
     """Return the person of a recipe."""
     sole = SOLE_M[recipe.shoes]
@@ -321,7 +324,8 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
     bare = np.asarray((covered >= -0.02)[body.triangles].any(axis=1))
     rng = np.random.default_rng(seed)
     style = STYLES[recipe.hair]
-    hair_colour = rgb(recipe.face.hair)
+    # The picture of coils is darker than that of strands: between them lies shade.
+    hair_colour = rgb(recipe.face.hair) * (_COILED_LIGHTER if style.curl_m else 1.0)
     cloth = [piece for piece in worn if piece.material != "shoe"]
     own = [
         *mouth_apart(_below_clothes(body, covered), workshop.canvas, bare),
@@ -330,18 +334,23 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         *lashes(figure, rgb(recipe.face.brow) * 0.4, morphs),
         shell(figure, body, hair_colour, style, seed),
     ]
-    skin = painted(figure, workshop.canvas, body, bare, recipe.face, style.receding, seed)
+    skin = painted(figure, workshop.canvas, body, bare, recipe.face, style, seed)
     upper, lower = recipe.garments
     weave = {
         g.kind: fabric(g.pattern, rgb(g.colour), rgb(g.second), rng)[1] for g in recipe.garments
     }
+    strands = coils(rng) if style.curl_m else streaks(rng)
+    # Light glances off strands side by side, not off coils.
+    hair_picture = Material(
+        "hair", "hair", 1.0 if style.curl_m else 0.6, strands, double_sided=True
+    )
     materials = (
         Material("skin", "skin", 0.55, skin),
         Material("eye", "eye", 0.1),
         Material("teeth", "teeth", 0.3),
         Material("mouth", "teeth", 0.5),
         Material("lash", "lash", 0.8, double_sided=True),
-        Material("hair", "hair", 0.6, streaks(rng), double_sided=True),
+        hair_picture,
         Material("top", "cloth", 0.9, weave[upper.kind], double_sided=True),
         Material("bottom", "cloth", 0.9, weave[lower.kind], double_sided=True),
         Material("under", "cloth", 0.9, double_sided=True),

@@ -58,15 +58,15 @@ def mouth_pieces(figure: Figure) -> list[Piece]:
     """Return teeth and tongue, which show when the mouth opens."""
     pieces = []
     tones = {
-        "upper-teeth": (0.90, 0.87, 0.80),
-        "lower-teeth": (0.86, 0.83, 0.76),
+        "upper-teeth": (0.74, 0.71, 0.66),
+        "lower-teeth": (0.68, 0.65, 0.60),
         "tongue": (0.66, 0.34, 0.33),
     }
     jaw = figure.source.target("jawOpen")
     opened = np.zeros_like(figure.vertices_m)
     opened[jaw.vertices] = jaw.delta_m
     # Behind closed lips nothing of them may show at the corners.
-    back = 0.0050 * figure.stature_m / 1.72
+    back = 0.0065 * figure.stature_m / 1.72
     inside = figure.vertices_m * np.array([0.88, 1.0, 1.0]) + np.array([0.0, 0.0, back])
     for name, tone in tones.items():
         triangles = triangulated(figure.source.quads(f"helper-{name}"))

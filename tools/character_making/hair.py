@@ -1,4 +1,4 @@
-"""Hair: a close shell over the scalp and hundreds of tapering locks that are combed and fall."""
+"""Hair: a close shell over the scalp, sheets that are combed and fall, and tapering locks."""
 
 from dataclasses import dataclass, replace
 
@@ -7,66 +7,62 @@ from scipy.spatial import cKDTree
 
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
+from tools.character_making.combed import Combing, combed
 from tools.character_making.cutting import clipped
 from tools.character_making.figure import Figure
 from tools.character_making.hairline import hairline_field
-from tools.character_making.mantle import Fall, Sheet, mantle, sheet_piece
+from tools.character_making.mantle import Fall, Head, Sheet, mantle, sheet_piece
 from tools.character_making.noise import noise
 from tools.character_making.pieces import Piece, vertex_normals
 
 
 @dataclass(frozen=True)
 class Style:
-    """A haircut. `length_m` at the crown, `side` share of it at the temples; `comb` says where
-    locks go; `lift_m` how far the shell and the locks stand off; `part_m` where the parting is;
-    `curl_m` radius of curls; `tie` is none, bun or tail; `tip` the share of their width that locks
-    end with; from afar there are `fewer_afar` times fewer of them, so much wider.
+    """A haircut: one that falls, one that is combed close, or `locks` curls of `length_m` that
+    stand out from a shell `lift_m` off the scalp, with a radius of `curl_m`. `tie` is none, bun or
+    tail, `framing` how many locks hang loose before either ear.
     """
 
-    comb: str
-    length_m: float
-    locks: int
-    width_m: float = 0.011
-    lift_m: float = 0.008
-    side: float = 1.0
-    part_m: float = 0.0
+    length_m: float = 0.0
+    locks: int = 0
+    width_m: float = 0.007
+    lift_m: float = 0.003
     curl_m: float = 0.0
     receding: float = 0.0
     tie: str = "none"
+    framing: int = 0
     rows: int = 9
-    wave_m: float = 0.004
-    tip: float = 0.12
-    fewer_afar: float = 1.0
     fall: Fall | None = None
+    combing: Combing | None = None
 
 
 STYLES = {
-    "long": Style(
-        "fall", 0.50, 0, 0.007, 0.012, fall=Fall(0.58, 0.012, 0.013, 0.16, 0.085, 0.0045, 18)
+    "long": Style(lift_m=0.006, fall=Fall(0.58, 0.012, 0.013, 0.16, 0.085, 0.0045, 21)),
+    "shoulder": Style(lift_m=0.0065, fall=Fall(0.47, -0.022, 0.014, 0.14, 0.07, 0.005, 19)),
+    "bob": Style(lift_m=0.007, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02, 0.003, 15)),
+    "bun": Style(tie="bun", combing=Combing(0.012, 0.6, beyond_m=0.003, ragged_m=0.009)),
+    "ponytail": Style(
+        tie="tail", framing=16, combing=Combing(0.018, 0.6, beyond_m=0.003, ragged_m=0.009)
     ),
-    "shoulder": Style(
-        "fall", 0.36, 0, 0.007, 0.013, fall=Fall(0.47, -0.022, 0.014, 0.14, 0.07, 0.005, 16)
-    ),
-    "bob": Style(
-        "fall", 0.26, 0, 0.007, 0.014, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02, 0.003, 14)
-    ),
-    "bun": Style("back", 0.30, 420, 0.008, 0.006, tie="bun", wave_m=0.001, fewer_afar=1.6),
-    "ponytail": Style("back", 0.30, 420, 0.008, 0.006, tie="tail", wave_m=0.001, fewer_afar=1.6),
-    "curly": Style("out", 0.036, 640, 0.008, 0.042, curl_m=0.008, rows=7),
-    "afro": Style("out", 0.010, 560, 0.006, 0.013, curl_m=0.004, rows=5),
+    "curly": Style(0.036, 760, 0.008, 0.042, 0.008, rows=7),
+    "afro": Style(0.010, 1100, 0.006, 0.013, 0.004, rows=4),
     "short": Style(
-        "short", 0.048, 620, 0.007, 0.009, 0.4, -0.03, receding=0.25, rows=5, fewer_afar=1.3
+        receding=0.12,
+        combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.018),
     ),
-    "fringe": Style("forward", 0.06, 640, 0.008, 0.010, side=0.6, rows=6, tip=0.6, fewer_afar=1.4),
-    "receding": Style(
-        "short", 0.03, 560, 0.006, 0.005, 0.8, 0.03, receding=1.0, rows=5, fewer_afar=1.5
+    "fringe": Style(
+        combing=Combing(0.015, 0.55, 0.007, fringe_m=0.022, sweep_rad=0.20, ragged_m=0.015)
     ),
+    "crop": Style(
+        combing=Combing(0.018, 0.45, 0.007, fringe_m=0.011, sweep_rad=-0.25, ragged_m=0.016)
+    ),
+    "receding": Style(receding=0.8, combing=Combing(0.007, 0.8, sweep_rad=0.2, ragged_m=0.018)),
 }
 
 
-_DENSE_FROM_M, _ROOTS_M = 0.006, 0.10
+_DENSE_FROM_M, _ROOTS_M, _COILS_M = 0.006, 0.10, 0.20
 """How far within the hairline hair is dense; what the whole picture of hair, with its uneven roots,
-spans of a scalp."""
+spans of a scalp, and that of coils."""
 
 
 def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) -> Piece:
@@ -75,9 +71,7 @@ def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) 
     normals = vertex_normals(body.vertices_m, body.triangles)
     on_head = body.weights[:, figure.rig.skeleton.index("head")] > 0.5
     outside = np.where(on_head, outside, 0.2)
-    # Sheets lie upon it, and nothing of it comes through them.
-    lifted_m = style.lift_m * (0.5 if style.fall else 1.0)
-    lift = lifted_m * np.clip(-outside / 0.035, 0.02, 1)
+    lift = style.lift_m * _rise(outside)
     if style.curl_m:
         lift = lift * (1 + 0.22 * noise(body.vertices_m, 60, seed))
     place = body.vertices_m + lift[:, None] * normals
@@ -100,7 +94,12 @@ def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) 
     around = around[:, :1] + (around - around[:, :1] + np.pi) % (2 * np.pi) - np.pi
     inside = -hairline_field(figure, piece.vertices_m, style.receding)[piece.triangles]
     # Roots are thin along the hairline; farther up the cap is whole.
-    uv = np.stack([around / (2 * np.pi) * 12, np.clip(inside / _ROOTS_M, 0, 0.5)], axis=-1)
+    turns, down = (
+        (6, np.clip(inside / _COILS_M, 0, 0.98))
+        if style.curl_m
+        else (12, np.clip(inside / _ROOTS_M, 0, 0.5))
+    )
+    uv = np.stack([around / (2 * np.pi) * turns, down], axis=-1)
     part = np.full(len(piece.triangles), PART_INDEX["scalp"])
     return replace(piece, part=part, corner_uv=uv)
 
@@ -148,121 +147,66 @@ def _tie_point(figure: Figure, style: Style) -> Vector:
     return np.array([0.0, level_m, body[here, 2].max() + style.lift_m + _TIED_OFF_M])
 
 
-def _wish(
-    figure: Figure, style: Style, at: Vector, roots: Vector, share: float, lifted: Vector
-) -> Vector:
-    """Return where locks would go next: the comb's direction at points (n, 3)."""
-    eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
-    q = at - eye
-    down = np.array([0.0, -1.0, 0.0])
-    aside = np.sign(roots[:, 0] - style.part_m)[:, None] * np.array([1.0, 0.0, 0.0])
-    if style.comb == "fall":
-        aside = aside * np.clip((0.15 - (roots[:, 2] - eye[2])) / 0.05, 0.05, 1)[:, None]
-        in_front = np.clip((0.085 - (roots[:, 2] - eye[2])) / 0.06, 0, 1)[:, None]
-        back = np.array([0.0, 0.0, 1.0])
-        comb = aside * 0.9 + back * (0.15 + 0.75 * in_front) + 0.25 * down
-        gravity = np.clip(share * style.length_m / 0.11, 0, 1)
-        gravity = np.maximum(gravity, np.clip((lifted - 0.012) / 0.02, 0, 1))[:, None]
-        aside = aside * np.clip(1 - lifted / 0.03, 0, 1)[:, None]
-        return unit(comb * (1 - gravity) + down * gravity + 0.12 * back * in_front * gravity)
-    if style.comb == "back":
-        return unit(_tie_point(figure, style) - at)
-    if style.comb == "forward":
-        top = np.clip((q[:, 1] - 0.05) / 0.04, 0, 1)[:, None]
-        front = np.array([0.0, -0.25, -1.0])
-        return unit(top * (front + 0.15 * aside) + (1 - top) * (down + 0.25 * front))
-    top = np.clip((q[:, 1] - 0.06) / 0.03, 0, 1)[:, None]
-    front = np.clip((0.07 - q[:, 2]) / 0.05, 0, 1)[:, None]
-    sweep = aside * 0.8 + np.array([0.0, 0.25, 0.35]) * front + np.array([0.0, 0.0, 0.35])
-    return unit(top * sweep + (1 - top) * (down + np.array([0.0, 0.0, 0.35])))
-
-
 def _grown(
-    figure: Figure,
-    style: Style,
-    roots: Vector,
-    normals: Vector,
-    body: Piece,
-    worn: list[Piece],
-    rng: np.random.Generator,
+    figure: Figure, style: Style, roots: Vector, normals: Vector, rng: np.random.Generator
 ) -> tuple[Vector, Vector]:
-    """Return lines (n, rows, 3) of locks and the outward direction at each point."""
-    surface = np.concatenate([p.vertices_m for p in (body, *worn)])
-    outward = np.concatenate([vertex_normals(p.vertices_m, p.triangles) for p in (body, *worn)])
-    tree = cKDTree(surface)
+    """Return lines (n, rows, 3) of curls and the outward direction at each point."""
     n = len(roots)
-    eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
-    sides = np.clip((0.08 - (roots[:, 1] - eye[1])) / 0.06, 0, 1)
-    length = style.length_m * (1 - (1 - style.side) * sides)
-    # A fringe is cut to one length; else its gaps are the teeth of a saw.
-    length *= rng.uniform(0.96, 1.04, n) if style.comb == "forward" else rng.uniform(0.85, 1.08, n)
-    if style.comb == "back":
-        length = np.linalg.norm(_tie_point(figure, style) - roots, axis=1) * 1.12
-    at = roots + (0.7 if style.comb == "out" else 0.4) * style.lift_m * normals
-    lifted: Vector = np.zeros(n)
+    from_edge = -hairline_field(figure, roots, style.receding)
+    # Along the hairline curls are short, and begin where the shell does.
+    length = style.length_m * rng.uniform(0.85, 1.08, n) * np.interp(from_edge, [0, 0.03], [0.4, 1])
+    at = roots + (0.9 * style.lift_m * _rise(-from_edge))[:, None] * normals
     loose = np.cross(normals, unit(rng.normal(size=(n, 3))))
-    lines, outs = [at], [normals]
-    phase = rng.uniform(0, 2 * np.pi, n)
-    step = length / (style.rows - 1)
-    for row in range(1, style.rows):
-        share = row / (style.rows - 1)
-        if style.comb == "out":
-            wish = unit(0.55 * normals + loose)
-        else:
-            wish = _wish(figure, style, at, roots, share, lifted)
-            near_normal = outs[-1]
-            away = np.sum(wish * near_normal, axis=1, keepdims=True)
-            held = np.clip(1.4 - lifted / 0.025, 0, 1)[:, None]
-            wish = unit(wish - held * np.where(away > 0, 0.92, 1.0) * away * near_normal)
-        at = at + step[:, None] * wish
-        distance, index = tree.query(at)
-        out = outward[index]
-        high = np.sum((at - surface[index]) * out, axis=1)
-        # Locks lie in layers: each keeps its own small distance from head and shoulders.
-        layer = phase / (2 * np.pi)
-        least = style.lift_m * (0.75 + 0.5 * layer) * (1 - 0.45 * share)
-        if style.comb == "back":
-            least = style.lift_m * (0.85 + 0.3 * layer)
-        push = np.where(distance < 0.05, np.clip(least - high, 0, 0.03), 0)
-        # Above the chin hair lies close; below it hangs free.
-        above_chin = (at[:, 1] > eye[1] - 0.10) & (distance < 0.06)
-        pull = np.where(above_chin, np.clip(high - 1.4 * least, 0, 0.03), 0)
-        if style.comb != "out":
-            push = push - 0.8 * pull
-        lifted = np.maximum(high - pull, 0)
-        at = at + push[:, None] * out
-        lines.append(at)
-        blend = np.clip(1 - distance / 0.06, 0, 1)[:, None]
-        outs.append(unit(blend * out + (1 - blend) * outs[-1] + 1e-9))
-    line, outs_all = np.stack(lines, axis=1), np.stack(outs, axis=1)
     along = np.linspace(0, 1, style.rows)
-    if style.curl_m:
-        turn = phase[:, None] + along * 2 * np.pi * 1.15
-        across, other = _frames(line, outs_all)
-        radius = style.curl_m * np.clip(along * 2.5, 0, 1)
-        line = line + radius[None, :, None] * (
-            np.cos(turn)[..., None] * across + np.sin(turn)[..., None] * other
-        )
-    elif style.wave_m:
-        across, _ = _frames(line, outs_all)
-        turn = phase[:, None] * 0.25 + along * style.length_m * 26
-        line = line + (style.wave_m * along * np.sin(turn))[..., None] * across
-    return line, outs_all
+    way = unit(0.55 * normals + loose)
+    line = at[:, None] + (along[None, :] * length[:, None])[..., None] * way[:, None]
+    outs = np.broadcast_to(normals[:, None], line.shape)
+    turn = rng.uniform(0, 2 * np.pi, n)[:, None] + along * 2 * np.pi * 1.15
+    across, other = _frames(line, outs)
+    radius = style.curl_m * np.clip(along * 2.5, 0, 1)
+    line = line + radius[None, :, None] * (
+        np.cos(turn)[..., None] * across + np.sin(turn)[..., None] * other
+    )
+    return line, outs
 
 
-def _off_the_ears(figure: Figure, line: Vector, out: Vector) -> tuple[Vector, Vector]:
-    """Leave out locks that an ear has pushed away from the head."""
+def _rise(outside_m: Vector) -> Vector:
+    """Return the share of its lift that hair has by how far it grows outside the hairline."""
+    share: Vector = np.clip(-outside_m / 0.035, 0.02, 1)
+    return share
+
+
+def _framing(
+    figure: Figure, style: Style, body: Piece, rng: np.random.Generator
+) -> tuple[Vector, Vector]:
+    """Return lines (n, rows, 3) of locks that hang loose from temples before ears, and outward
+    directions.
+    """
+    k = figure.stature_m / 1.72
     eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
-    q = (line - eye) / (figure.stature_m / 1.72)
-    wide = (np.abs(q[..., 0]) > 0.083) & (q[..., 1] < 0.035) & (q[..., 2] < 0.15)
-    # The tips of sideburns would stand off, combed to either side.
-    tips = (q[:, 0, 1] < _SIDEBURN_TIP_M[0]) & (q[:, 0, 2] < _SIDEBURN_TIP_M[1])
-    free = ~(wide.any(axis=1) | tips)
-    return line[free], out[free]
-
-
-_SIDEBURN_TIP_M = (0.022, 0.095)
-"""Sideburns end in tips below and before this, from the eyes."""
+    knots = k * np.array(
+        [
+            [0.044, 0.072, 0.016],
+            [0.072, 0.040, 0.022],
+            [0.080, -0.010, 0.038],
+            [0.070, -0.080, 0.030],
+        ]
+    )
+    t = np.linspace(0, 1, style.rows)
+    bell = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3], axis=1)
+    lines = []
+    for sign in (-1.0, 1.0):
+        n = style.framing
+        spread = rng.normal(size=(n, 4, 3)) * np.array([0.002, 0.003, 0.005, 0.008])[:, None]
+        # Roots stand in a row along the hairline.
+        row = rng.uniform(0, 1, (n, 1)) * np.array([0.012, -0.014, 0.020])
+        spread += np.array([1.0, 0.7, 0.5, 0.4])[:, None] * row[:, None]
+        spread[:, 3, 1] += rng.uniform(-0.02, 0.03, n)
+        lines.append(eye + (bell @ (knots + k * spread)) * np.array([sign, 1.0, 1.0]))
+    line = np.concatenate(lines)
+    clear = Head(figure, body, []).outside(line.reshape(-1, 3), np.full(line.size // 3, 0.003))
+    facing = unit(np.sign(line[:, :, :1] - eye[0]) * np.array([1.0, 0.0, 0.0]) - [0.0, 0.0, 0.7])
+    return clear.reshape(line.shape), facing
 
 
 def _frames(line: Vector, out: Vector) -> tuple[Vector, Vector]:
@@ -294,8 +238,6 @@ class Locks:
     tint: Vector
     width_m: Vector
     start: Vector
-    tip: float = 0.12
-    fewer_afar: float = 1.0
 
 
 def locks(
@@ -313,12 +255,20 @@ def locks(
         sheets, line, out = mantle(figure, body, worn, colour, style.fall, seed, grey)
         loose = _coloured(line, out, style.width_m, colour, rng, grey)
         return [*sheets, loose]
-    roots, normals = _roots(figure, body, style, rng)
-    line, out = _grown(figure, style, roots, normals, body, worn, rng)
-    if style.comb != "out":
-        line, out = _off_the_ears(figure, line, out)
-    combed = _coloured(line, out, style.width_m, colour, rng, grey)
-    groups: list[Locks | Sheet] = [replace(combed, tip=style.tip, fewer_afar=style.fewer_afar)]
+    groups: list[Locks | Sheet] = []
+    if style.combing is not None:
+        tie_m = None if style.tie == "none" else _tie_point(figure, style)
+        sheets, line, out = combed(
+            figure, body, colour, style.combing, style.receding, tie_m, seed, grey
+        )
+        groups += [*sheets, _coloured(line, out, 0.006, colour, rng, grey)]
+    else:
+        roots, normals = _roots(figure, body, style, rng)
+        line, out = _grown(figure, style, roots, normals, rng)
+        groups.append(_coloured(line, out, style.width_m, colour, rng, grey))
+    if style.framing:
+        line, out = _framing(figure, style, body, rng)
+        groups.append(_coloured(line, out, 0.005, colour, rng, grey))
     if style.tie == "bun":
         groups.append(_bun(figure, style, colour, rng, grey))
     if style.tie == "tail":
@@ -342,11 +292,8 @@ def drawn(figure: Figure, group: Locks | Sheet, level: int, first: int = 0) -> P
     if isinstance(group, Sheet):
         shape = group.line.shape[:2]
         weights = hair_weights(figure, group.line.reshape(-1, 3)).reshape(*shape, -1)
-        return sheet_piece(figure, group, weights, *((1, 1), (3, 2), (6, 3))[level])
+        return sheet_piece(figure, group, weights, *((1, 1), (3, 2), (5, 3))[level])
     thinning = THINNINGS[level]
-    if level:
-        some = round(thinning.locks * group.fewer_afar)
-        thinning = replace(thinning, locks=some, wider=thinning.wider * some / thinning.locks)
     return ribbons(figure, group, thinning, first)
 
 
@@ -362,9 +309,7 @@ def ribbons(
     across, facing = _frames(line, out)
     facing = np.where(np.sum(facing * out, axis=-1, keepdims=True) < 0, -facing, facing)
     share = at_rows / (all_rows - 1)
-    taper = np.interp(
-        share, [0, 0.15, 0.7, 1], [0.7, 1.0, 0.9 if group.tip > 0.5 else 0.8, group.tip]
-    )
+    taper = np.interp(share, [0, 0.15, 0.7, 1], [0.7, 1.0, 0.8, 0.12])
     wide = thinning.wider * taper[None, :] * group.width_m[keep][:, None]
     edges = np.stack([line - wide[..., None] * across, line + wide[..., None] * across], axis=2)
     normals = unit(np.stack([facing - 0.55 * across, facing + 0.55 * across], axis=2))
@@ -373,7 +318,7 @@ def ribbons(
     triangles = np.concatenate(
         [np.stack([a, b, d], axis=-1).reshape(-1, 3), np.stack([a, d, c], axis=-1).reshape(-1, 3)]
     )
-    tint = group.tint[keep][:, None] * (0.80 + 0.28 * share)
+    tint = group.tint[keep][:, None] * (0.88 + 0.16 * share)
     tone = tint[:, :, None, None] * group.colour[keep][:, None, None, :] * np.ones((n, rows, 2, 1))
     start = group.start[keep][:, None, None]
     u = start + np.broadcast_to(np.array([0.0, 0.16 * thinning.wider]), (n, rows, 2))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image, ImageDraw
 
 
 def streaks(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
@@ -27,3 +28,26 @@ def streaks(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     alpha = np.clip((whole * 1.6 - across) / 0.35 + 0.5, 0, 1)
     tone = np.repeat(grey[..., None], 3, axis=2)
     return np.round(255 * np.concatenate([tone, alpha[..., None]], axis=2)).astype(np.uint8)
+
+
+def coils(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+    """Return the texture of tightly curled hair (h, w, 4): coils in all directions, one upon the
+    other, the first of them along the upper edge.
+    """
+    n = 256
+    picture = Image.new("LA", (n, n), (60, 0))
+    draw = ImageDraw.Draw(picture)
+    count = 2600
+    # Below the uneven edge all is hair.
+    below = (12 + 6 * rng.uniform(-1, 1, n // 4)).astype(np.int64)
+    for k, top in enumerate(below.tolist()):
+        draw.rectangle((4 * k, top, 4 * k + 3, n), fill=(95, 255))
+    x, y = rng.uniform(0, n, count), rng.uniform(6, n, count)
+    wide, high = rng.uniform(4, 8, count), rng.uniform(2.0, 3.6, count)
+    start, tone = rng.uniform(0, 360, count), rng.uniform(90, 235, count)
+    for i in range(count):
+        for across in (-n, 0, n):
+            box = (x[i] + across - wide[i], y[i] - high[i], x[i] + across + wide[i], y[i] + high[i])
+            draw.arc(box, start[i], start[i] + 230, fill=(int(tone[i]), 255), width=2)
+    grey = np.asarray(picture)
+    return np.concatenate([np.repeat(grey[..., :1], 3, axis=2), grey[..., 1:]], axis=2)

@@ -17,17 +17,24 @@ def hairline_field(figure: Figure, points_m: Vector, receding: float = 0.0) -> V
     corners = np.exp(-(((x - 0.042) / 0.022) ** 2))
     # A soft peak in the middle, a bay at either side; nobody's hairline is drawn with a ruler.
     peak, bay = np.exp(-((x / 0.013) ** 2)), np.exp(-(((x - 0.036) / 0.013) ** 2))
-    front = 0.074 - 0.003 * peak + 0.004 * bay - 4.0 * np.maximum(x - 0.03, 0) ** 2
+    front = 0.074 - 0.0015 * peak + 0.002 * bay - 10.0 * np.maximum(x - 0.03, 0) ** 2
     front = front + receding * (0.014 + 0.028 * corners)
     side = np.interp(
         z,
-        [0.025, 0.045, 0.062, 0.072, 0.080, 0.100, 0.125, 0.155],
-        [0.060, 0.030, -0.012, -0.016, 0.018, 0.022, -0.030, -0.085],
+        [0.012, 0.030, 0.046, 0.062, 0.072, 0.080, 0.100, 0.125, 0.155],
+        [0.064, 0.048, 0.024, -0.012, -0.016, 0.018, 0.022, -0.030, -0.085],
     )
     line = np.where(x > 0.052, side, np.where(z < 0.05, front, -0.085))
     blend = np.clip((x - 0.045) / 0.014, 0, 1)
     rear = np.where(z < 0.05, front, side)
     line = (1 - blend) * rear + blend * side
     uneven = 0.0030 * noise(points_m, 95, 5) + 0.0022 * noise(points_m, 260, 6)
-    field: Vector = (line - y) * scale + uneven
+    on_ear = (y < 0.045) & (z > 0.055) & (z < 0.15)
+    ear = on_ear * np.clip((x - _EAR_FROM_M) / 0.004, 0, 1)
+    field: Vector = (line - y) * scale + uneven + _NO_HAIR_M * ear
     return field
+
+
+_EAR_FROM_M, _NO_HAIR_M = 0.079, 0.06
+"""How far from the middle of somebody 1.72 m tall what is beside the scalp is ear; how far
+outside hair its tip is set."""

@@ -15,6 +15,7 @@ _FRONT = np.radians(119.0)
 """How far round from the back of the head the sheets reach: to the temples."""
 _EQUATOR = np.radians(97.0)
 _GUIDES = 57
+_ROOTS_M, _TIPS_M = 0.012, 0.045
 
 
 @dataclass(frozen=True)
@@ -35,22 +36,35 @@ class Fall:
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """Guides (g, rows, 3) side by side from root to tip, with colours (g, 3)."""
+    """Guides (g, rows, 3) side by side from root to tip, with colours (g, 3). Roots begin within
+    `roots_m`, tips end within `tips_m`, from strand to strand; from guide to guide lies the share
+    `strands` of the picture of hair.
+    """
 
     line: Vector
     out: Vector
     colour: Vector
+    roots_m: float = 0.0
+    tips_m: float = 0.0
+    strands: float = 0.055
 
 
-class _Head:
-    """The surface of a head and of what is below it, to keep hair outside."""
+class Head:
+    """The surface of a head and of what is below it, to keep hair outside; without `ears` the
+    scalp goes on where they stand.
+    """
 
-    def __init__(self, figure: Figure, body: Piece, worn: list[Piece]) -> None:
+    def __init__(
+        self, figure: Figure, body: Piece, worn: list[Piece], *, ears: bool = True
+    ) -> None:
         self.scale = figure.stature_m / 1.72
         self.eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
         self.centre = self.eye + self.scale * np.array([0.0, 0.030, 0.097])
         on_head = body.weights[:, figure.rig.skeleton.index("head")] > 0.5
-        high = body.vertices_m[on_head & (body.vertices_m[:, 1] > self.eye[1] - 0.06)]
+        high = body.vertices_m[on_head & (body.vertices_m[:, 1] > self.eye[1] - 0.13)]
+        q = (high - self.eye) / self.scale
+        on_ear = (np.abs(q[:, 0]) > 0.077) & (q[:, 1] < 0.035) & (q[:, 2] < 0.15)
+        high = high if ears else high[~on_ear]
         self._radius = np.linalg.norm(high - self.centre, axis=1)
         self._towards = cKDTree(unit(high - self.centre))
         pieces = [body, *worn]
@@ -82,7 +96,7 @@ def _directions(polar: Vector, azimuth: Vector) -> Vector:
     return np.stack([s * np.sin(azimuth), np.cos(polar), s * np.cos(azimuth)], axis=-1)
 
 
-def _guides(head: _Head, fall: Fall, lift_m: float, length_m: Vector) -> Vector:
+def _guides(head: Head, fall: Fall, lift_m: float, length_m: Vector) -> Vector:
     """Return guides (g, rows, 3) from the parting over the head and straight down."""
     azimuth = np.linspace(-_FRONT, _FRONT, _GUIDES)
     side = np.where(azimuth < 0, -1.0, 1.0)
@@ -115,6 +129,7 @@ def _guides(head: _Head, fall: Fall, lift_m: float, length_m: Vector) -> Vector:
     whole = np.stack(path, axis=1)
     reach = np.linalg.norm(np.diff(whole, axis=1), axis=-1).cumsum(axis=1)
     reach = np.concatenate([np.zeros((_GUIDES, 1)), reach], axis=1)
+    length_m = _to_one_level(whole[..., 1], reach, length_m)
     at = np.linspace(0, 1, fall.rows)
     lines = np.empty((_GUIDES, fall.rows, 3))
     for g in range(_GUIDES):
@@ -123,7 +138,22 @@ def _guides(head: _Head, fall: Fall, lift_m: float, length_m: Vector) -> Vector:
     return lines
 
 
-def _relaxed(head: _Head, lines: Vector, least_m: float) -> Vector:
+_LEVEL = 0.8
+
+
+def _to_one_level(height_m: Vector, reach_m: Vector, length_m: Vector) -> Vector:
+    """Return lengths (g,) mostly cut so that hair ends at one height all round: cut to one length
+    it would end in a point behind.
+    """
+    ends = [np.interp(v, r, y) for v, r, y in zip(length_m, reach_m, height_m, strict=True)]
+    level = np.median(ends)
+    falling = height_m[:, ::-1], reach_m[:, ::-1]
+    to_level = [np.interp(level, y, r) for y, r in zip(*falling, strict=True)]
+    uneven = length_m - np.median(length_m)
+    return (1 - _LEVEL) * length_m + _LEVEL * (np.array(to_level) + uneven)
+
+
+def _relaxed(head: Head, lines: Vector, least_m: float) -> Vector:
     """Smooth guides against each other and keep them outside of head, neck and shoulders."""
     first = lines[:, 0].copy()
     row = np.linspace(0, 1, lines.shape[1])
@@ -149,7 +179,7 @@ def mantle(
     """Return the sheets, innermost first, and lines (n, rows, 3) with outward directions of loose
     locks upon them.
     """
-    head = _Head(figure, body, worn)
+    head = Head(figure, body, worn)
     rng = np.random.default_rng(seed + 2000)
     sheets = []
     guide = np.arange(_GUIDES)
@@ -159,7 +189,7 @@ def mantle(
         length = fall.length_m * head.scale * reach * (1 + 0.05 * uneven)
         lines = _guides(head, fall, lift * fall.lift_m, length)
         lines = _relaxed(head, lines, 0.0025 + 0.6 * lift * fall.lift_m)
-        out = _outwards(head, lines)
+        out = outwards(head, lines)
         deep = np.interp(np.linspace(0, 1, fall.rows), [0, 0.25, 0.6, 1], [0.1, 0.5, 1.0, 1.0])
         phase = rng.uniform(0, 2 * np.pi)
         clumps = np.sin(guide * (0.85 + 0.2 * layer) + 1.5 * uneven + phase)
@@ -170,19 +200,25 @@ def mantle(
         tones = np.tile(colour, (_GUIDES, 1))
         greyed = rng.random(_GUIDES) < 0.6 * grey
         tones[greyed] = 0.75 * tones[greyed] + 0.25 * np.array([0.80, 0.79, 0.78])
-        sheets.append(Sheet(lines, out, tones * tone[:, None]))
-    top = sheets[-1]
-    n = 46
-    at = rng.uniform(0, _GUIDES - 1.001, n)
+        sheets.append(Sheet(lines, out, tones * tone[:, None], _ROOTS_M, _TIPS_M))
+    line, out = loose_upon(sheets[-1], 46, 0.001, 0.004, rng)
+    return sheets, line, out
+
+
+def loose_upon(
+    sheet: Sheet, n: int, least_m: float, most_m: float, rng: np.random.Generator
+) -> tuple[Vector, Vector]:
+    """Return lines (n, rows, 3) and outward directions of locks that stand off a sheet."""
+    n_guides, rows, _ = sheet.line.shape
+    at = rng.uniform(0, n_guides - 1.001, n)
     low, share = np.floor(at).astype(np.int64), (at % 1)[:, None, None]
-    line = (1 - share) * top.line[low] + share * top.line[low + 1]
-    outs = unit((1 - share) * top.out[low] + share * top.out[low + 1])
-    stand = rng.uniform(0.001, 0.004, (n, 1)) * np.linspace(0.4, 1.4, fall.rows)
-    line = line + stand[..., None] * outs
-    return sheets, line, outs
+    line = (1 - share) * sheet.line[low] + share * sheet.line[low + 1]
+    out = unit((1 - share) * sheet.out[low] + share * sheet.out[low + 1])
+    stand = rng.uniform(least_m, most_m, (n, 1)) * np.linspace(0.4, 1.4, rows)
+    return line + stand[..., None] * out, out
 
 
-def _outwards(head: _Head, lines: Vector) -> Vector:
+def outwards(head: Head, lines: Vector) -> Vector:
     """Return unit normals (g, rows, 3) of a sheet, away from the head."""
     along = np.gradient(lines, axis=1)
     across = np.gradient(lines, axis=0)
@@ -216,8 +252,8 @@ def sheet_piece(figure: Figure, sheet: Sheet, weights: Vector, guides: int, rows
     share = np.broadcast_to(r / (n_r - 1), (len(g), len(r)))
     shade = np.interp(share, [0, 0.12, 0.4, 1], [0.80, 0.95, 1.0, 1.06])
     colour = shade[..., None] * sheet.colour[g][:, None]
-    u = np.broadcast_to(g[:, None] * 0.055, share.shape)
-    uv = np.stack([u, 0.02 + 0.96 * share], axis=-1).reshape(-1, 2)
+    u = np.broadcast_to(g[:, None] * sheet.strands, share.shape)
+    uv = np.stack([u, _down_the_picture(sheet)[g][:, r]], axis=-1).reshape(-1, 2)
     piece = Piece(
         vertices_m=vertices,
         triangles=triangles,
@@ -229,6 +265,26 @@ def sheet_piece(figure: Figure, sheet: Sheet, weights: Vector, guides: int, rows
         normals=unit(normals + 1e-9),
     )
     return replace(piece, normals=_softened(piece, line, out))
+
+
+_BEGIN, _BEGUN, _ENDS, _ENDED = 0.02, 0.15, 0.62, 0.98
+"""Where in the picture of hair the first strands begin, all have begun, the first end, all have."""
+
+
+def _down_the_picture(sheet: Sheet) -> Vector:
+    """Return the place (g, rows) in the picture of hair, from roots to tips."""
+    step = np.linalg.norm(np.diff(sheet.line, axis=1), axis=-1)
+    reach_m = np.concatenate([np.zeros((len(step), 1)), step.cumsum(axis=1)], axis=1)
+    whole_m = reach_m[:, -1:]
+    rooted = np.clip(reach_m / sheet.roots_m, 0, 1) if sheet.roots_m else np.ones_like(reach_m)
+    tipped = np.zeros_like(reach_m)
+    if sheet.tips_m:
+        tipped = np.clip(1 - (whole_m - reach_m) / sheet.tips_m, 0, 1)
+    middle = (_ENDS - _BEGUN) * reach_m / whole_m
+    places: Vector = (
+        _BEGIN + (_BEGUN - _BEGIN) * rooted + middle * (1 - tipped) + (_ENDED - _BEGUN) * tipped
+    )
+    return places
 
 
 def _softened(piece: Piece, line: Vector, out: Vector) -> Vector:

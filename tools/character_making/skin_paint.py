@@ -6,6 +6,7 @@ import numpy.typing as npt
 from lab.geometry import Vector
 from tools.character_making.cutting import neighbours
 from tools.character_making.figure import SIDES, Figure
+from tools.character_making.hair import Style
 from tools.character_making.hairline import hairline_field
 from tools.character_making.makehuman import Indices
 from tools.character_making.noise import noise
@@ -45,10 +46,8 @@ def painted(
     body: Piece,
     visible: npt.NDArray[np.bool_],
     face: Face,
-    receding: float,
+    style: Style,
     seed: int,
-    *,
-    scalp: bool = True,
 ) -> npt.NDArray[np.uint8]:
     """Return the skin's texture (SIZE, SIZE, 3), to be multiplied with the base colour."""
     pixels = canvas.pixels(visible)
@@ -75,15 +74,7 @@ def painted(
         colour = _freckled(colour, q, face, seed)
     if face.stubble:
         colour = _stubbled(colour, canvas, pixels, q, face, seed)
-    if scalp:
-        outside = hairline_field(figure, p, receding) / k
-        ragged = (
-            outside + 0.003 * noise(p, 160, seed + 7) + 0.005 * noise(p, [900, 150, 900], seed + 8)
-        )
-        on_head = (q[:, 1] > -0.13) & (np.abs(q[:, 0]) < 0.12)
-        share = np.clip(0.42 - ragged / 0.024, 0, 1) * on_head
-        strands = 0.9 + 0.25 * noise(p, [900, 200, 900], seed + 9)
-        colour = _mixed(colour, np.array(face.hair) / 255 * 0.75, 0.92 * share * strands)
+    colour = _scalp(colour, figure, p, q, face, style, seed)
     colour = _browed(colour, figure, p, face, k, seed)
     image = np.full((SIZE * SIZE, 3), HEADROOM)
     image[pixels] = colour / base_colour(face)
@@ -153,7 +144,7 @@ def _eye_region(
     for side, _ in SIDES:
         away = np.linalg.norm(p - figure.at(f"{side}_eye"), axis=1) - figure.eye_radius_m
         margin = np.clip(1 - (away - 0.0006) / 0.0016, 0, 1)
-        colour = _mixed(colour, np.array(face.skin) / 255 * [0.80, 0.60, 0.57], 0.75 * margin)
+        colour = _mixed(colour, np.array(face.skin) / 255 * [0.84, 0.68, 0.64], 0.75 * margin)
         upper = np.clip((p[:, 1] - figure.at(f"{side}_eye")[1] - 0.001) / 0.003, 0, 1)
         line = np.clip(1 - np.abs(away - 0.0016) / 0.0014, 0, 1) * upper
         colour = _mixed(colour, np.array(face.brow) / 255 * 0.5, line * (0.35 + 0.5 * face.make_up))
@@ -188,6 +179,24 @@ def _stubbled(
     return _mixed(colour, tone, share)
 
 
+def _scalp(
+    colour: Vector, figure: Figure, p: Vector, q: Vector, face: Face, style: Style, seed: int
+) -> Vector:
+    """Darken the skin among roots. Under hair that falls none of it shows, or it were a smudge."""
+    outside = hairline_field(figure, p, style.receding) * 1.72 / figure.stature_m
+    ragged = outside + 0.002 * noise(p, 160, seed + 7)
+    ragged += 0.003 * noise(p, [900, 150, 900], seed + 8)
+    edge = _FALLING_BARE_M if style.fall else 0.0
+    on_head = (q[:, 1] > -0.13) & (np.abs(q[:, 0]) < 0.12)
+    most = 0.25 if style.tie == "none" else 0.40
+    share = np.clip(most - (ragged + edge) / 0.016, 0, 1) * on_head
+    strands = 0.9 + 0.25 * noise(p, [900, 200, 900], seed + 9)
+    return _mixed(colour, np.array(face.hair) / 255 * 0.75, 0.92 * share * strands)
+
+
+_FALLING_BARE_M = 0.008
+
+
 def _browed(colour: Vector, figure: Figure, p: Vector, face: Face, k: float, seed: int) -> Vector:
     for side, _ in SIDES:
         centre = figure.at(f"{side}_eye")
@@ -208,7 +217,7 @@ def _browed(colour: Vector, figure: Figure, p: Vector, face: Face, k: float, see
         # Hairs lean outwards: upright near the nose, lying along the curve at the temple.
         lean = np.interp(along, [0, 0.3, 1], [0.35, 1.3, 2.2])
         stroke = np.stack([x * 1500 - lean * y * 1100, y * 260, np.full_like(x, seed)], axis=1)
-        hairs = 0.55 + 0.55 * noise(stroke, 1.0, seed + 51)
+        hairs = 0.70 + 0.40 * noise(stroke, 1.0, seed + 51)
         ends = np.clip((along + 0.06) / 0.12, 0, 1) * np.clip((1.08 - along) / 0.12, 0, 1)
         density = np.clip(1.25 - np.abs(v), 0, 1) * ends * hairs * (0.55 + 0.5 * face.brow_weight)
         colour = _mixed(colour, np.array(face.brow) / 255, np.where(inside, density * 1.15, 0))

@@ -115,7 +115,7 @@ def quality_of(config: LabConfig, *, on_processor: bool) -> "Quality":
     return replace(
         usual,
         samples=usual.samples if asked.samples is None else asked.samples,
-        shadows="blobs" if on_processor and shadows == "maps" else shadows,
+        shadows="blobs" if on_processor and shadows in ("maps", "area") else shadows,
         shadow_map_px=asked.shadow_map_px or usual.shadow_map_px,
         detail=detail,
     )

@@ -7,7 +7,7 @@ from experiments.waving.clips import Making, study_wave
 from experiments.waving.perception import CUE_PARTS, evidence_of, reach_of
 from experiments.waving.quick_study import gaze_of
 from stimuli.dressing.office_view import eye_at
-from stimuli.scenes.office import CUSTOMERS
+from stimuli.scenes.office import CLERKS, CUSTOMERS, PARTICIPANT_PLACES
 
 PLAIN = Making(wave_s=0.6, increment=0.0)
 
@@ -50,6 +50,16 @@ def test_every_place_sees_a_share(evidence):
 def test_a_farther_clerk_covers_fewer_pixels():
     near, far = seen("clerk_left", "place_2", "place_2"), seen("clerk_left", "place_2", "place_4")
     assert far.free[1:].sum() < near.free[1:].sum()
+
+
+@pytest.mark.parametrize("viewer", PARTICIPANT_PLACES)
+def test_who_waves_is_never_hidden_but_in_part(viewer):
+    """Of head and hand enough is seen to be judged, as the source has partial occlusion."""
+    for clerk in CLERKS:
+        one = seen(clerk.name, viewer, viewer)
+        _, head, _, hand = one.pixels / one.free
+        assert head > 0.3, clerk.name
+        assert hand > 0.2, clerk.name
 
 
 def test_the_right_of_the_line_sees_less_than_the_left():

@@ -1,0 +1,250 @@
+"""People and furniture stand on floors: what is beside a sole is as dark as what hides the sky."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
+from stage.contact_shapes import soles_of
+from stage.errors import StageError
+from stage.identity import FAITHFUL, IdentityBuffer
+from stage.joint_rows import JointRows
+from stage.projection import projection, view
+from stage.renderer import LIGHTEST, Quality, Renderer
+from stimuli.characters.cast import load_cast
+from stimuli.characters.character import Character
+from stimuli.dressing.casting import build_of
+from stimuli.motion.kinds import Idle
+from stimuli.motion.people import PeopleMotion, Person
+from stimuli.picture import Camera, Light, Picture, PosedPeople, Room
+from tests.stage import figures
+
+SIZE_PX = (480, 360)
+AWAY_M = 3.5
+GREY = np.full(3, 0.6)
+RAYS = 200
+BESIDE_M = (0.015, 0.04, 0.08, 0.16, 0.28)
+WITHIN = 0.09
+"""Of all the sky: a shoe is not a disc, and the body above is a leg as high as the sky."""
+QUALITIES = {"card": Quality(samples=4), "processor": LIGHTEST}
+
+
+@pytest.fixture(params=QUALITIES)
+def renderer(request: pytest.FixtureRequest) -> Iterator[Renderer]:
+    try:
+        made = Renderer(quality=QUALITIES[request.param])
+    except StageError as problem:
+        pytest.skip(str(problem))
+    with made:
+        yield made
+
+
+@cache
+def room(high_m: float = 0.0) -> Room:
+    """A floor below an even sky: nothing else makes one place of it darker than another."""
+    floor = figures.plane("floor", (-4, high_m, -6), (0, 0, 8), (8, 0, 0), (160, 160, 160))
+    return Room("grey", (floor,), (), GREY, GREY)
+
+
+@cache
+def somebody() -> Character:
+    return load_cast()[9]
+
+
+def standing(high_m: float = 0.0) -> PosedPeople:
+    idle = Person(build_of(somebody()), Idle(lively=0.0), 1, (0.0, high_m, -AWAY_M), 180.0)
+    return PeopleMotion((idle,)).at(1.0)
+
+
+def picture(people: PosedPeople | None, high_m: float = 0.0) -> Picture:
+    given = standing() if people is None else people
+    shown = Picture(0, room(high_m), (somebody(),), given)
+    if people is not None:
+        return shown
+    away = replace(given, root_m=given.root_m + np.array([0.0, 0.0, 60.0]))
+    return replace(shown, people=away)
+
+
+def eye(high_m: float = 0.0) -> Camera:
+    top = float(np.tan(np.radians(15.0)))
+    pose = Pose(np.array([0.0, high_m + 1.6, 0.0]), quat_from_yaw_pitch_deg(0.0, -20.0))
+    return Camera(pose, -top * 4 / 3, top * 4 / 3, -top, top)
+
+
+def soles(people: PosedPeople) -> Vector:
+    """Return heel and ball of both soles (2, 2, 4): centre and radius."""
+    joints = JointRows((somebody(),))
+    joints.pose(people)
+    first = joints.sole_column
+    found: Vector = joints.rows[0, first : first + 4].astype(np.float64).reshape(2, 2, 4)
+    return found
+
+
+def beside(people: PosedPeople) -> Vector:
+    """Return points (k, 3) of the floor beside and before both soles, away from the other one."""
+    out = []
+    for (heel, ball), side in zip(soles(people), (1.0, -1.0), strict=True):
+        along = (ball - heel)[[0, 2]] / np.linalg.norm((ball - heel)[[0, 2]])
+        aside = side * np.array([along[1], -along[0]])
+        middle = (heel + ball) / 2
+        for disc, way in ((middle, aside), (ball, along)):
+            for away in BESIDE_M:
+                x, z = disc[[0, 2]] + way * (disc[3] + away)
+                out.append((x, min(heel[1], ball[1]), z))
+    return np.array(out)
+
+
+def struck(points_m: Vector, rays: Vector, people: PosedPeople) -> npt.NDArray[np.bool_]:
+    """Return whether the body's triangles stop each of the rays (r, 3) of each point (k, r)."""
+    joints = JointRows((somebody(),))
+    joints.pose(people)
+    mesh = somebody().levels[-1]
+    rows = joints.rows[0, : 3 * joints.joint_count].reshape(-1, 3, 4)
+    matrix = np.einsum("vk,vkab->vab", mesh.weights, rows[mesh.joints])
+    moved = np.einsum("vab,vb->va", matrix[..., :3], mesh.vertices_m) + matrix[..., 3]
+    a, b, c = moved[mesh.triangles].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    slope = rays @ normal.T
+    inverse = 1.0 / np.where(abs(slope) < 1e-12, np.inf, slope)
+    out = []
+    for point in points_m + np.array([0.0, 0.001, 0.0]):
+        # Where a ray meets a triangle's plane, and on which side of each of its edges.
+        u = (rays @ np.cross(c - point, b - point).T) * inverse
+        v = (rays @ np.cross(a - point, c - point).T) * inverse
+        w = (rays @ np.cross(b - point, a - point).T) * inverse
+        ahead = ((a - point) * normal).sum(axis=1) * inverse > 1e-4
+        same = ((u <= 0) & (v <= 0) & (w <= 0)) | ((u >= 0) & (v >= 0) & (w >= 0))
+        out.append((same & ahead).any(axis=1))
+    return np.array(out)
+
+
+def hidden_sky_01(points_m: Vector, people: PosedPeople) -> Vector:
+    """Return the share of an even sky that the body hides from points of the floor."""
+    k = np.arange(RAYS)
+    radius, turn = np.sqrt((k + 0.5) / RAYS), k * np.pi * (3 - np.sqrt(5))
+    rays = np.stack([radius * np.cos(turn), np.sqrt(1 - radius**2), radius * np.sin(turn)], axis=1)
+    share: Vector = struck(points_m, rays, people).mean(axis=1)
+    return share
+
+
+def seen(points_m: Vector, people: PosedPeople) -> Vector:
+    """Return the points that the body does not hide from the eye."""
+    towards = eye().pose.position_m - points_m
+    pairs = zip(points_m, towards, strict=True)
+    is_seen = [not struck(p[None], t[None], people)[0, 0] for p, t in pairs]
+    found: Vector = points_m[is_seen]
+    return found
+
+
+def light_at(image: npt.NDArray[np.uint8], points_m: Vector, camera: Camera) -> Vector:
+    """Return the linear light of the pixels that show points (k,)."""
+    clip = (
+        np.column_stack([points_m, np.ones(len(points_m))])
+        @ (projection(camera) @ view(camera.pose)).T
+    )
+    x = (clip[:, 0] / clip[:, 3] * 0.5 + 0.5) * SIZE_PX[0]
+    y = (0.5 - clip[:, 1] / clip[:, 3] * 0.5) * SIZE_PX[1]
+    codes = image[y.astype(int), x.astype(int)].mean(axis=-1) / 255
+    light: Vector = np.where(codes < 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    return light
+
+
+def darker(
+    renderer: Renderer, people: PosedPeople, points_m: Vector, high_m: float = 0.0
+) -> Vector:
+    """Return by what share of its light each point of the floor is darker for the people."""
+    camera = eye(high_m)
+    with_people = renderer.image(picture(people, high_m), camera, SIZE_PX)
+    open_floor = renderer.image(picture(None, high_m), camera, SIZE_PX)
+    lit, open_lit = (light_at(image, points_m, camera) for image in (with_people, open_floor))
+    shade: Vector = 1.0 - lit / open_lit
+    return shade
+
+
+def test_floors_beside_soles_are_as_dark_as_the_sky_the_body_hides(renderer: Renderer) -> None:
+    people = standing()
+    points = seen(beside(people), people)
+    assert len(points) > 12
+    traced = hidden_sky_01(points, people)
+    assert traced.max() > 0.25
+    shade = darker(renderer, people, points)
+    if renderer.quality.shadows == "blobs":
+        # What lamps would throw comes on top.
+        near = traced > 0.15
+        assert (shade[near] > traced[near]).all()
+    else:
+        assert abs(shade - traced).mean() < WITHIN / 2
+        assert (abs(shade - traced) < WITHIN * 2).all()
+
+
+def test_shade_lies_on_the_step_a_person_stands_on(renderer: Renderer) -> None:
+    low, high = standing(), standing(0.57)
+    expected = darker(renderer, low, beside(low))
+    found = darker(renderer, high, beside(high), 0.57)
+    np.testing.assert_allclose(found, expected, atol=0.02)
+
+
+def test_a_lifted_foot_shades_the_floor_softly(renderer: Renderer) -> None:
+    down = standing()
+    index = somebody().skeleton.index
+    turns = down.orientation_wxyz.copy()
+    half = np.radians(35.0) / 2
+    for joint, way in (("left_upper_leg", 1.0), ("left_lower_leg", -1.8)):
+        turns[0, index(joint)] = np.cos(way * half), np.sin(way * half), 0.0, 0.0
+    up = replace(down, orientation_wxyz=turns)
+    assert soles(up)[0, :, 1].min() > 0.04
+    points = beside(up)[: len(BESIDE_M)]
+    points[:, 1] = soles(up)[1, :, 1].min()
+    shade, traced = darker(renderer, up, points), hidden_sky_01(points, up)
+    if renderer.quality.shadows == "maps":
+        assert (abs(shade - traced) < WITHIN).all()
+    planted = darker(renderer, down, beside(down)[: len(BESIDE_M)])
+    assert 0.0 < shade[0] - shade[2] < 0.7 * (planted[0] - planted[2])
+
+
+def test_a_sole_is_as_long_and_wide_as_the_shoe() -> None:
+    for person in load_cast():
+        left, right = soles_of(person).reshape(2, 2, 4)
+        for heel, ball in (left, right):
+            long_m = np.linalg.norm(ball[:3] - heel[:3]) + heel[3] + ball[3]
+            assert 0.12 < long_m / person.stature_m < 0.18
+            assert 0.02 < heel[3] < ball[3] < 0.075
+        np.testing.assert_allclose(abs(left), abs(right), atol=0.03)
+
+
+def test_what_is_measured_knows_no_shade() -> None:
+    images = []
+    for shadows in ("blobs", "none"):
+        try:
+            made = Renderer(quality=replace(FAITHFUL, shadows=shadows))
+        except StageError as problem:
+            pytest.skip(str(problem))
+        with made, IdentityBuffer(made) as buffer:
+            images.append(buffer.views(picture(standing()), [eye()], (96, 72)))
+    for name in ("person", "part", "luminance_01", "distance_m"):
+        np.testing.assert_array_equal(*(getattr(image, name) for image in images))
+
+
+def test_what_stands_still_throws_its_shadow_in_every_frame() -> None:
+    floor, *_ = room().props
+    board = figures.plane("board", (-1, 1.4, -3), (0, 0, 2), (2, 0, 0), (90, 90, 90))
+    sun = Light("sun", GREY, direction=np.array([0.0, -1.0, 0.0]), casts_shadow=True)
+    below = Room("board", (floor, replace(board, casts_shadow=True)), (sun,), GREY / 2, GREY / 2)
+    camera, place = eye(), np.array([[0.3, 0.0, -2.8]])
+    try:
+        made = Renderer(quality=QUALITIES["card"])
+    except StageError as problem:
+        pytest.skip(str(problem))
+    people = standing()
+    aside = replace(people, root_m=people.root_m + np.array([3.0, 0.0, 0.0]))
+    with made:
+        given = replace(picture(people), room=replace(below, props=(floor,)))
+        lit = light_at(made.image(given, camera, SIZE_PX), place, camera)[0]
+        given = replace(given, room=below)
+        for now in (people, people, aside, aside, people):
+            image = made.image(replace(given, people=now), camera, SIZE_PX)
+            assert light_at(image, place, camera)[0] < 0.6 * lit
