@@ -45,7 +45,7 @@ def _one_of(choice: str, ways: dict[str, int], shares: tuple[float, ...], seed: 
     return float(ways[choice])
 
 
-MIN_SEAT_M: Final = 0.25
+MIN_SEAT_M: Final = 0.2
 MAX_SEAT_M: Final = 1.0
 """Between these anybody can sit."""
 

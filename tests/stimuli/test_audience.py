@@ -11,6 +11,7 @@ from stimuli.characters.cast import load_character
 from stimuli.characters.sizing import sized
 from stimuli.dressing.audience import audience_picture
 from stimuli.motion.errors import MotionError
+from stimuli.motion.joint_limits import beyond_deg
 from stimuli.scene import SceneFrame
 from stimuli.scenes.audience import (
     ACTIVE_PLACES,
@@ -212,5 +213,16 @@ def test_who_cannot_sit_under_the_eyes_of_the_audience_is_named() -> None:
     scene = audience_scene(CHARACTERS)
     facing = np.array([a.facing for a in scene.agents])
     frame = SceneFrame(scene, 0, facing, np.ones(len(scene.agents)))
-    with pytest.raises(MotionError, match="giant_F cannot sit at .* would need a seat"):
+    with pytest.raises(MotionError, match=r"giant_F cannot sit at .* would need a seat"):
         audience_picture(frame, casting=lambda part: giant)
+
+
+def test_a_tall_man_sits_on_a_low_chair_at_every_place_of_the_audience() -> None:
+    # As far from seat to eyes as the tallest man of VALID, .90 m.
+    tall = sized(load_character("ike"), 2.02)
+    scene = audience_scene(CHARACTERS)
+    facing = np.array([a.facing for a in scene.agents])
+    frame = SceneFrame(scene, 0, facing, np.ones(len(scene.agents)))
+    speaker = load_character("gabriel")
+    posed = audience_picture(frame, casting=lambda c: tall if c in CHARACTERS else speaker).people
+    assert beyond_deg(posed.orientation_wxyz).max() < 1.0
