@@ -85,8 +85,8 @@ def _sole(figure: Figure, upper: Piece, kind: str, colour: Vector) -> Piece:
     rows = [ring]
     for grow_m, y in (
         *((grow_m, ring[:, 1] + up_m) for up_m, grow_m in _WELT),
-        (0.005, floor - thick + 0.003),
-        (0.002, floor - thick),
+        (0.005, np.full(n, floor - thick + 0.003)),
+        (0.002, np.full(n, floor - thick)),
     ):
         edge = outline + grow_m * out
         edge[:, 1] = y

@@ -8,7 +8,6 @@ import numpy.typing as npt
 import pytest
 from scipy import ndimage
 
-from lab.geometry import Vector
 from stimuli.characters.cast import cast_names, load_character
 from stimuli.characters.character import Character, SkinnedMesh
 from stimuli.characters.coverage import seen_tags, view_from
@@ -24,7 +23,11 @@ LEG_M = 0.35
 """How far above the ankle trousers are looked at."""
 LOOKED_FROM = [(yaw, down) for yaw in range(0, 360, 45) for down in (5.0, 30.0)]
 """Directions in degrees: round the person, and down from level."""
-POSES = {"stands": (Idle(), (1.0,)), "walks": (Walk(), (2.15, 2.6)), "sits": (Sit(), (3.0,))}
+POSES: dict[str, tuple[Idle | Walk | Sit, tuple[float, ...]]] = {
+    "stands": (Idle(), (1.0,)),
+    "walks": (Walk(), (2.15, 2.6)),
+    "sits": (Sit(), (3.0,)),
+}
 MAX_SEEN_M2 = {0: 10e-6, 1: 45e-6, 2: 300e-6}
 """By level: an edge-on triangle may show its back for a few rays; lighter levels, less than one
 pixel where they begin (a face of 24 and of 8.5 pixels)."""
@@ -46,12 +49,12 @@ class Foot:
         """Return what is seen of a shoe with trousers all round."""
         shoe = np.isin(self.seen, (OUTSIDE, INSIDE))
         pieces, _ = ndimage.label(shoe, np.ones((3, 3)))
-        beside = ndimage.binary_dilation(self.seen == 0, np.ones((3, 3)))
+        beside = ndimage.binary_dilation(self.seen == 0, np.ones((3, 3), dtype=bool))
         below = np.unique(pieces[shoe & beside])
         return float((shoe & ~np.isin(pieces, below)).sum()) * STEP_M**2
 
 
-def feet(person: Character, mesh: SkinnedMesh, posed_m: Vector) -> Iterator[Foot]:
+def feet(person: Character, mesh: SkinnedMesh, posed_m: npt.NDArray[np.float32]) -> Iterator[Foot]:
     """Yield both feet of a posed mesh with their trouser legs, from all directions."""
     names = [material.name for material in person.materials]
     corners = mesh.vertices_m[mesh.triangles]
