@@ -44,6 +44,40 @@ def _draw(
                         seen[row, column] = tags[t]
 
 
+def view_from(yaw_deg: float, down_deg: float = 0.0) -> Vector:
+    """Return the axes (3, 3) of an observer, rows right, up and away from it, who stands in front
+    (−z) or `yaw_deg` towards the person's left of that and looks down so far.
+    """
+    s, c = np.sin(np.radians(yaw_deg)), np.cos(np.radians(yaw_deg))
+    low, level = np.sin(np.radians(down_deg)), np.cos(np.radians(down_deg))
+    axes: Vector = np.array([[c, 0, -s], [s * low, level, c * low], [s * level, -low, c * level]])
+    return axes
+
+
+def seen_tags(
+    vertices_m: Vector,
+    triangles: npt.NDArray[np.int32],
+    tags: npt.NDArray[np.uint8],
+    view: Vector,
+    step_m: float,
+    within_m: npt.NDArray[np.float32] | None = None,
+) -> npt.NDArray[np.uint8]:
+    """Return the tags (rows, columns) of the triangles that parallel rays `step_m` apart meet
+    first, 0 where they meet none; rows go up.
+
+    `tags` (t,) are the triangles'; `view` (3, 3) is as of `view_from`. Rays pass where the points
+    `within_m` (n, 3) lie, everywhere when None.
+    """
+    across, up, depth = view @ vertices_m.T
+    frame = (view @ (vertices_m if within_m is None else within_m).T)[:2]
+    low, high = frame.min(axis=1), frame.max(axis=1)
+    x, y = (across - low[0]) / step_m + 1.3, (up - low[1]) / step_m + 1.3
+    shape = (int((high[1] - low[1]) / step_m) + 4, int((high[0] - low[0]) / step_m) + 4)
+    seen = np.zeros(shape, dtype=np.uint8)
+    _draw(x, y, depth, triangles, tags, np.full(shape, np.inf), seen)
+    return seen
+
+
 def visible_area_m2(
     mesh: SkinnedMesh,
     vertices_m: npt.NDArray[np.float32] | None = None,
@@ -58,16 +92,8 @@ def visible_area_m2(
     lie, everywhere when None.
     """
     vertices = np.asarray(mesh.vertices_m if vertices_m is None else vertices_m, dtype=np.float64)
-    s, c = np.sin(np.radians(yaw_deg)), np.cos(np.radians(yaw_deg))
-    view = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
-    across, up, depth = view @ vertices.T
-    frame = (view @ (vertices if within_m is None else within_m).T)[:2]
-    low, high = frame.min(axis=1), frame.max(axis=1)
-    x, y = (across - low[0]) / step_m + 1.3, (up - low[1]) / step_m + 1.3
-    shape = (int((high[1] - low[1]) / step_m) + 4, int((high[0] - low[0]) / step_m) + 4)
-    seen = np.zeros(shape, dtype=np.uint8)
-    nearest = np.full(shape, np.inf)
-    _draw(x, y, depth, mesh.triangles, mesh.triangle_part, nearest, seen)
+    view = view_from(yaw_deg)
+    seen = seen_tags(vertices, mesh.triangles, mesh.triangle_part, view, step_m, within_m)
     count = np.bincount(seen.ravel(), minlength=len(PARTS))
     return {part: float(count[i]) * step_m**2 for i, part in enumerate(PARTS) if i}
 

@@ -43,6 +43,8 @@ _LID_M = 0.006
 _UV_WEIGHT = 0.3
 _NOSE_TO_LIPS, _ROUND_EYES = ((-0.55, 0.55), (-1.35, 0.25)), ((0.2, 0.85), (-0.25, 0.30))
 """Where features lie from between the eyes, right and up, in distances of the eyes."""
+_NECK_SHARE = 0.5
+"""What a neck counts for, as a share of nose, lips and lids."""
 _PLAIN_SHARE = 0.3
 """What bends and pictures on cheek and forehead count for against those of features."""
 _FEATURE_WEIGHTS = {"normal": 0.3, "colour": 0.02, "place": 6.0, "uv": 0.5}
@@ -144,7 +146,7 @@ def _of_triangles(mesh: SkinnedMesh, chosen: npt.NDArray[np.bool_]) -> SkinnedMe
 
 
 def _features(mesh: SkinnedMesh) -> Vector:
-    """Return how much each vertex (v,) belongs to nose, lips and lids: 0 to 1."""
+    """Return how much each vertex (v,) belongs to nose, lips and lids, 0 to 1, and to the neck."""
     centre = []
     for side in FACE[1:]:
         ball = mesh.vertices_m[np.unique(mesh.triangles[mesh.triangle_part == PART_INDEX[side]])]
@@ -161,7 +163,11 @@ def _features(mesh: SkinnedMesh) -> Vector:
     middle = within(x, _NOSE_TO_LIPS[0]) * within(y, _NOSE_TO_LIPS[1])
     eyes = within(np.abs(x), _ROUND_EYES[0]) * within(y, _ROUND_EYES[1])
     front: Vector = np.clip((0.45 - z) / 0.2, 0, 1)
-    return front * np.maximum(middle, eyes)
+    share = front * np.maximum(middle, eyes)
+    # From jaw to shoulder a neck is hollow: spanned by few triangles it would be wider.
+    neck = np.unique(mesh.triangles[mesh.triangle_part == PART_INDEX["neck"]])
+    share[neck] = np.maximum(share[neck], _NECK_SHARE)
+    return share
 
 
 def joined(parts: Sequence[SkinnedMesh]) -> SkinnedMesh:

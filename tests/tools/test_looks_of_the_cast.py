@@ -3,13 +3,15 @@
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lab.geometry import Vector
 from stimuli.characters.cast import cast_names, load_character
-from stimuli.characters.character import Character
+from stimuli.characters.character import Character, SkinnedMesh
+from stimuli.characters.coverage import seen_tags, view_from
 from tools.character_making.cutting import border
 from tools.character_making.recipes import CAST as RECIPES
 
@@ -21,6 +23,8 @@ FALLING = [name for name in cast_names() if RECIPE[name].hair in ("long", "shoul
 TIED = [name for name in cast_names() if RECIPE[name].hair in ("bun", "ponytail")]
 """Whose hair is combed back into a bun or a tail."""
 MAX_TIED_OFF_M = {"bun": 0.031, "ponytail": 0.040}
+NECK_M = 0.3
+"""So far to each side of the neck's joint triangles may hide its surroundings."""
 COLLAR_M = (0.070, 0.085)
 """How far from the axis of the neck collars fall."""
 MAX_FLARE_M = {"open": 0.058, "closed": 0.050}
@@ -81,6 +85,64 @@ def test_collars_lie_on_the_neck_and_the_collarbone() -> None:
     assert len(off_m) == 8
     assert {} == {name: off for name, off in off_m.items() if off > 0.0195}
     assert 0.0165 > np.mean(list(off_m.values()))
+
+
+def _patches_of_skin_m2(person: Character, yaw_deg: float, down_deg: float) -> float:
+    """Return how much skin about the neck is seen apart from that of head and neck."""
+    neck = person.skeleton.rest_m[person.skeleton.index("neck")]
+    mesh, names = person.levels[0], [m.name for m in person.materials]
+    middle = mesh.vertices_m[mesh.triangles].mean(axis=1) - neck
+    material = mesh.triangle_material
+    hidden = np.isin(material, [names.index(name) for name in ("hair", "lash")])
+    near = (np.abs(middle) < NECK_M).all(axis=1) & ~hidden
+    skin = material[near] == names.index("skin")
+    tags = np.where(skin, 1, 2).astype(np.uint8)
+    view = view_from(yaw_deg, down_deg)
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    # Not up to the eyes, whose lashes part skin.
+    within = (neck + [0.0, -0.04, 0.0] + corners * [0.07, 0.05, 0.07]).astype(np.float32)
+    vertices_m = mesh.vertices_m.astype(np.float64)
+    seen = seen_tags(vertices_m, mesh.triangles[near], tags, view, 0.001, within)
+    pieces, _ = ndimage.label(seen == 1, np.ones((3, 3)))
+    size = np.bincount(pieces.ravel())[1:]
+    return float(size.sum() - size.max()) * 0.001**2
+
+
+@pytest.mark.parametrize("name", cast_names())
+def test_no_skin_shows_below_the_edge_of_a_collar(name: str) -> None:
+    """A jacket's shirt was cut wider than its collar reached: 7 mm by 10 of dai's skin showed."""
+    person = load_character(name)
+    views = [(yaw, down) for yaw in (-40.0, 0.0, 40.0) for down in (0.0, 12.0, 30.0)]
+    assert 15e-6 > max(_patches_of_skin_m2(person, yaw, down) for yaw, down in views)
+
+
+@pytest.mark.parametrize("name", ["bela", "jun"])
+def test_necklines_below_a_cardigan_lie_on_the_skin(name: str) -> None:
+    """They stood off it all round: a white ring about the neck."""
+    person = load_character(name)
+    neck = person.skeleton.rest_m[person.skeleton.index("neck")]
+    points = _points(person, _triangles(person, "under"), 6)
+    off = points - neck
+    angle = np.arctan2(off[:, 0], off[:, 2])
+    body = person.closed
+    assert body is not None
+    sides = np.digitize(angle, np.linspace(-np.pi, np.pi, 37)) - 1
+    edge_m = []
+    for side in range(36):
+        mine = points[sides == side]
+        away = np.hypot(mine[:, 0] - neck[0], mine[:, 2] - neck[2])
+        edge = mine[away < away.min() + 0.004]
+        distance, _ = cKDTree(_points_of(body)).query(edge)
+        edge_m.append(np.mean(distance))
+    assert 0.004 > np.mean(edge_m)
+
+
+def _points_of(body: SkinnedMesh) -> Vector:
+    shares = np.random.default_rng(0).dirichlet(np.ones(3), 40)
+    corners = body.vertices_m[body.triangles].astype(np.float64)
+    near = np.abs(corners[:, 0, 1] - corners[..., 1].max() + 0.32) < 0.16
+    points: Vector = np.einsum("bk,tkc->tbc", shares, corners[near]).reshape(-1, 3)
+    return points
 
 
 def _width_m(corners: Vector, level_m: float) -> float:

@@ -180,7 +180,7 @@ def closed_body(figure: Figure, body: Piece) -> SkinnedMesh:
     return replace(thin, triangle_part=parts.astype(np.uint8), uv=None)
 
 
-_BELOW_JACKET = {"sleeve": 0.2, "hem": 0.5, "neck": 0.004, "collar": 0.75}
+_BELOW_JACKET = {"sleeve": 0.2, "hem": 0.5, "neck": -0.004, "collar": 0.75}
 
 
 def clothed(
@@ -199,7 +199,8 @@ def clothed(
     worn_below = [below]
     inner = Garment("tee", upper.second, cut=_BELOW_JACKET)
     if cut.open_m:
-        worn_below.append(shirt_below(figure, stuff, inner))
+        collared = upper.kind == "jacket"
+        worn_below.append(shirt_below(figure, stuff, inner, collared=collared))
     coat = top(figure, stuff, upper, seed, worn_below)
     pieces = [finished(figure, coat, tone, cut.thickness_m)]
     pieces += collar(figure, coat, upper, tone)
@@ -211,7 +212,7 @@ def clothed(
         # it would poke through.
         under = top_field(figure, lines, cut, shirt.vertices_m, shirt.weights)
         low_m = lines.waist - 0.05 - shirt.vertices_m[:, 1]
-        inner = replace(inner, kind="shirt" if upper.kind == "jacket" else "tee")
+        inner = replace(inner, kind="shirt" if collared else "tee")
         turnover = collar(figure, shirt, inner, rgb(upper.second))
         for some, reach_m, depth_m in ((pieces, 0.04, 0.0), (far, 0.012, 0.007)):
             shown = clipped(shirt, np.maximum(-reach_m - under, low_m))
@@ -222,7 +223,7 @@ def clothed(
     tone, _ = fabric(lower.pattern, rgb(lower.colour), rgb(lower.second), rng)
     down_to = lines.ankle - 0.015
     fields.append(np.maximum(p[:, 1] - waist, down_to - p[:, 1]))
-    fields.append(shoe_field(figure, stuff, recipe.shoes, p))
+    fields.append(shoe_field(figure, recipe.shoes, p))
     lower_half = [
         finished(figure, below, tone, 0.003),
         *shoes(figure, stuff, recipe.shoes, rgb(recipe.shoe_colour)),
@@ -240,6 +241,7 @@ _TRIED = (
     *((25 * first + 15, first) for first in range(9)),
     *((15 * first + 10, 9 - first) for first in range(9)),
     *((10 * k + 5, k % 2) for k in range(24)),
+    *((90 * first, first) for first in range(1, 7)),
 )
 """Copies for measuring are tried with so many triangles fewer, then with other locks of hair, then
 with both in many ways.

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from lab.geometry import Vector, unit
 from stimuli.characters.tagging import parts_of_weights
@@ -16,7 +17,7 @@ from tools.character_making.cloth_places import (
     wrapped_uv,
 )
 from tools.character_making.cutting import border, clipped, hanging, hemmed, neighbours
-from tools.character_making.drape import Fabric, draped, mantle_over
+from tools.character_making.drape import Fabric, Outside, draped, mantle_over
 from tools.character_making.figure import Figure
 from tools.character_making.hems import LENGTH
 from tools.character_making.makehuman import MakeHuman
@@ -71,6 +72,10 @@ TOPS: Mapping[str, Cut] = {
                     open_m=0.0015, flare_m=0.010, thickness_m=0.005),
 }  # fmt: skip
 
+_OVER_SHOES_M, _SHOES_TO_M = 0.009, 0.11
+_NECKLINE_M, _SETTLES_M, _RIM_OFF_M = 0.14, 0.04, 0.003
+"""How far from the neck's joint necklines are, and from where on and how close a shirt's comes to
+the skin."""
 _TRUNK_ENDS, _EVEN_ROUNDS, _FRONT_M, _SEAM_M = 0.4, 160, 0.012, 0.03
 
 
@@ -130,7 +135,8 @@ def top_field(figure: Figure, lines: Lines, cut: Cut, points_m: Vector, weights:
         dip = neck[1] - cut.v_neck
         spread = 0.075 * np.clip((points_m[:, 1] - dip) / max(cut.v_neck, 0.01), 0, 1.4)
         gap = np.maximum(spread, cut.open_m) - np.abs(points_m[:, 0])
-        gap = gap - 2 * np.maximum(points_m[:, 2] - neck[2] - 0.01, 0)
+        # Behind the neck nothing is open.
+        gap = gap - 5 * np.maximum(points_m[:, 2] - neck[2] - 0.01, 0)
         fields.append(np.where(np.abs(points_m[:, 0]) < 0.14, gap, -1.0))
     outside: Vector = np.maximum.reduce(fields)
     return outside
@@ -180,13 +186,24 @@ def top(figure: Figure, stuff: Stuff, garment: Garment, seed: int, over: Sequenc
     return replace(piece, vertices_m=place)
 
 
-def shirt_below(figure: Figure, stuff: Stuff, garment: Garment) -> Piece:
-    """Return a shirt that lies close, to be worn below a jacket."""
+def shirt_below(figure: Figure, stuff: Stuff, garment: Garment, *, collared: bool) -> Piece:
+    """Return a shirt that lies close, to be worn below a jacket; a neckline without a collar lies
+    on the skin.
+    """
     cut = cut_of(garment)
     piece = stuff.piece
     outside = top_field(figure, stuff.lines, cut, piece.vertices_m, piece.weights)
     piece = replace(clipped(piece, outside), material="under")
-    return replace(piece, vertices_m=hanging(piece, cut.rounds, cut.clearance_m))
+    place = hanging(piece, cut.rounds, cut.clearance_m)
+    if collared:
+        return replace(piece, vertices_m=place)
+    skin = Outside(figure.body_m, triangulated(figure.source.quads("body")))
+    rim = place[np.unique(border(piece.triangles))]
+    rim = rim[np.linalg.norm(rim - figure.at("neck"), axis=1) < _NECKLINE_M]
+    away_m, _ = cKDTree(rim).query(place)
+    free = np.clip(np.asarray(away_m) / _SETTLES_M, 0, 1)
+    place = skin.held(place, np.where(free < 1, _RIM_OFF_M + 0.01 * free, np.inf))
+    return replace(piece, vertices_m=place)
 
 
 def _spanning(
@@ -247,7 +264,7 @@ def trousers(figure: Figure, stuff: Stuff, garment: Garment, top_m: float, seed:
     piece = replace(stuff.piece, material="bottom")
     hem = garment.cut.get("hem_m", -0.015)
     piece = clipped(piece, trouser_field(stuff.lines, piece.vertices_m, hem, top_m))
-    piece = replace(piece, vertices_m=hanging(piece, 10, 0.005))
+    piece = replace(piece, vertices_m=hanging(piece, 10, 0.005 + _over_shoes(piece, stuff.lines)))
     vertices = piece.vertices_m.copy()
     for side, share in on_side(figure, piece.weights, "leg").items():
         place, foot, distance = limb_axis_distance(figure, vertices, side, "leg")
@@ -277,10 +294,16 @@ def trousers(figure: Figure, stuff: Stuff, garment: Garment, top_m: float, seed:
         _threads(figure, piece, "leg"),
         legs > 0.5,
         TROUSERS,
-        np.full(len(legs), 0.004),
+        0.004 + _over_shoes(piece, stuff.lines),
         seed,
     )
     return replace(piece, vertices_m=place)
+
+
+def _over_shoes(piece: Piece, lines: Lines) -> Vector:
+    """Return how much farther off the leg (v,) trousers are where shoes are worn below them."""
+    height_m: Vector = piece.vertices_m[:, 1] - lines.ankle
+    return _OVER_SHOES_M * np.clip((_SHOES_TO_M - height_m) / 0.04, 0, 1)
 
 
 def finished(figure: Figure, piece: Piece, colour: Vector, thickness_m: float) -> Piece:

@@ -10,9 +10,10 @@ from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.cloth_places import wrapped_uv
 from tools.character_making.clothes import cut_of
 from tools.character_making.cutting import border
+from tools.character_making.drape import Outside
 from tools.character_making.figure import Figure
 from tools.character_making.makehuman import Indices
-from tools.character_making.pieces import Piece, vertex_normals
+from tools.character_making.pieces import Piece, triangulated, vertex_normals
 from tools.character_making.recipes import Garment
 
 
@@ -21,7 +22,7 @@ def collar(figure: Figure, cloth: Piece, garment: Garment, tone: Vector) -> list
     ring = _neck_ring(figure, cloth)
     if garment.kind in ("tee", "jumper"):
         return [
-            _band(figure, cloth, ring, tone * 0.9, 0.020 if garment.kind == "jumper" else 0.012)
+            _band(figure, cloth, ring, tone * 0.95, 0.020 if garment.kind == "jumper" else 0.012)
         ]
     if garment.kind in ("shirt", "polo"):
         pieces = [_folded_collar(figure, cloth, ring, tone, cut_of(garment).collar)]
@@ -101,17 +102,30 @@ def _band(figure: Figure, cloth: Piece, ring: Indices, tone: Vector, height_m: f
     centre = points.mean(axis=0)
     out = unit((points - centre) * np.array([1.0, 0.0, 1.0]))
     up = unit(np.array([0.0, 1.0, 0.0]) - 0.45 * out)
-    low = _on_surface(cloth, points + 0.0035 * out - 1.2 * height_m * up)
+    on_cloth = []
+    for down in (1.2, 0.8, 0.4):
+        at = _on_surface(cloth, points + 0.0035 * out - down * height_m * up)
+        on_cloth.append((at, _nearest_normals(cloth, at)))
+    skin = Outside(figure.body_m, triangulated(figure.source.quads("body")))
+    # It leaves the cloth and lies down on the skin, so that nothing is seen behind it.
     rows = [
-        low - 0.006 * _nearest_normals(cloth, low),
-        low + 0.003 * _nearest_normals(cloth, low),
-        points + 0.003 * out + 0.1 * height_m * up,
-        points + 0.002 * out + 0.5 * height_m * up,
-        points - 0.001 * out + 0.55 * height_m * up,
-        points - 0.003 * out + 0.1 * height_m * up,
+        on_cloth[0][0] - 0.006 * on_cloth[0][1],
+        *(at + _BAND_M * normal for at, normal in on_cloth),
+        _at_least_off(cloth, points + 0.1 * height_m * up, _BAND_M),
+        _at_least_off(
+            cloth, skin.held(points + 0.002 * out + 0.5 * height_m * up, _BAND_OFF_M[0]), 0.002
+        ),
+        skin.held(points + 0.001 * out + 0.8 * height_m * up, _BAND_OFF_M[1]),
+        skin.held(points + 0.9 * height_m * up, _BAND_OFF_M[2]),
     ]
     sheet = _sheet(rows, weights, tone, cloth.material, closed=True)
     return _textured(figure, _outwards(sheet, centre))
+
+
+_BAND_M = 0.003
+_BAND_OFF_M = (0.0055, 0.0035, -0.002)
+"""How thick a band is, and how far off the skin at most, row by row, up to its edge, which goes
+into it."""
 
 
 def _folded_collar(
@@ -318,14 +332,16 @@ def _lapel_band(figure: Figure, cloth: Piece, tone: Vector, garment: Garment) ->
     rim = np.unique(border(cloth.triangles))
     p = cloth.vertices_m[rim]
     is_jacket = garment.kind == "jacket"
-    pieces = []
+    bands, pieces = [], []
     for side in (-1.0, 1.0):
         mine = (side * p[:, 0] > -0.002) & (p[:, 2] < neck[2] + 0.10) & (np.abs(p[:, 0]) < 0.13)
         mine &= p[:, 1] > p[np.abs(p[:, 0]) < 0.05][:, 1].min() + 0.004
         line = rim[mine]
         q = cloth.vertices_m[line]
         # Up the front edge, then round the neck to its back.
-        key = np.where(q[:, 2] < neck[2] - 0.02, q[:, 1], 10 + q[:, 2])
+        turn = np.arctan2(np.maximum(side * q[:, 0], 0), neck[2] - q[:, 2])
+        front = (q[:, 2] < neck[2] - 0.02) | (q[:, 1] < neck[1] - 0.08)
+        key = np.where(front, q[:, 1], 10 + turn)
         line = line[np.argsort(key)]
         q = cloth.vertices_m[line]
         step = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
@@ -361,6 +377,11 @@ def _lapel_band(figure: Figure, cloth: Piece, tone: Vector, garment: Garment) ->
             over + 0.0045 * near,
             over - 0.001 * near,
         ]
+        bands.append((rows, weights))
+    for one, other in zip(bands[0][0], bands[1][0], strict=True):
+        # Both bands meet in the middle of the back.
+        one[-1] = other[-1] = 0.5 * (one[-1] + other[-1]) * np.array([0.0, 1.0, 1.0])
+    for rows, weights in bands:
         sheet = _sheet(
             rows, weights, tone * (1.0 if is_jacket else 0.9), cloth.material, closed=False
         )

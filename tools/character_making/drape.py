@@ -137,7 +137,7 @@ def draped(
     rest = np.concatenate([eased, apart * (1 + fabric.ease_around / 2)])[order]
     soft = np.concatenate([np.full(len(edges), 2e-7), np.full(len(across), 1e-5 * fabric.bend)])
     speed = np.zeros_like(place)
-    outside = [_Outside(body) for body in bodies]
+    outside = [Outside(body.vertices_m, body.triangles) for body in bodies]
     for _ in range(_TOUCHES):
         near, outward = _nearest(outside, place)
         _settled(
@@ -158,20 +158,30 @@ def draped(
     return place
 
 
-class _Outside:
+class Outside:
     """The surface of a body, to be asked for its plane near points."""
 
-    def __init__(self, body: Piece) -> None:
-        self._points = body.vertices_m
-        self._normals = vertex_normals(body.vertices_m, body.triangles)
-        self._tree = cKDTree(body.vertices_m)
+    def __init__(self, vertices_m: Vector, triangles: Indices) -> None:
+        self._points = vertices_m
+        self._normals = vertex_normals(vertices_m, triangles)
+        self._tree = cKDTree(vertices_m)
 
     def planes(self, points: Vector) -> tuple[Vector, Vector]:
+        """Return places on the surface and unit normals (n, 3) near points (n, 3)."""
         _, near = self._tree.query(points, k=4)
         return self._points[near].mean(axis=1), unit(self._normals[near].mean(axis=1))
 
+    def held(self, points: Vector, most_m: float | Vector) -> Vector:
+        """Return points (n, 3) moved towards the surface until they are off it by so much at
+        most.
+        """
+        place, normal = self.planes(points)
+        off_m = np.sum((points - place) * normal, axis=1)
+        moved: Vector = points - np.maximum(off_m - most_m, 0)[:, None] * normal
+        return moved
 
-def _nearest(bodies: Sequence[_Outside], points: Vector) -> tuple[Vector, Vector]:
+
+def _nearest(bodies: Sequence[Outside], points: Vector) -> tuple[Vector, Vector]:
     """Return of all bodies' planes those that points (v, 3) are least outside of."""
     place, outward = bodies[0].planes(points)
     for body in bodies[1:]:

@@ -23,12 +23,19 @@ _BETWEEN_LEGS_M, _SIDE_M, _FADE_M = 0.10, 0.06, 0.05
 _KNEES_M, _UNDER_END_M = -0.3, -0.005
 _BEHIND_SHARE = 0.4
 """Of the thighs' weight stays with cloth behind."""
-_INSIDE_M, _COVERED_M = 0.014, 0.008
-"""How far inside a trouser leg a shoe stays, from so far above the hem on."""
+_INSIDE_M, _HEM_M, _LEAST_ROOM_M = 0.008, 0.002, 0.02
+"""How far inside a trouser leg a shoe stays, from so far above the hem on, and how far out of the
+ankle's upright it may be anyhow."""
+_AROUND, _ROW_M, _FINE, _DRAWN_IN = 60, 0.006, 8, 8
+"""Trouser legs are looked at at so many angles, in rows so high; triangles at so many points a
+side; and shoes drawn in so often."""
 _WITH_SHIN_M, _ON_SHOE_M, _ON_SHOE_SHARE = 0.02, 0.05, 0.5
 _TURN_M, _HEM_TURN, _LEG_M = 0.06, 0.26, 0.14
 """What a radian round the ankle counts for, and radians to either side that tell the hem;
 how far above the ankle shoes and trousers are looked at."""
+_MIN_BENDING = 60
+"""Triangles of a shoe that bends where its toes do."""
+_ROWS = round(2 * _LEG_M / _ROW_M)
 
 
 def with_hems(character: Character, length: float = LENGTH) -> Character:
@@ -37,13 +44,15 @@ def with_hems(character: Character, length: float = LENGTH) -> Character:
     below it instead of letting them through, and whose shoes stay below the trousers.
     """
     meshes = []
-    for mesh in (*character.levels, *character.measuring):
+    n = len(character.levels)
+    for i, mesh in enumerate((*character.levels, *character.measuring)):
         cloth = _Cloth(mesh, character)
         _top(cloth, length)
         for side, _ in SIDES:
-            _trouser_leg(cloth, side)
+            # Copies for measuring have shoes of the size they are seen in, and nobody sees them.
+            _trouser_leg(cloth, side, drawn_in=i < n)
+            _stiff_if_coarse(cloth, side)
         meshes.append(cloth.mesh())
-    n = len(character.levels)
     return replace(character, levels=tuple(meshes[:n]), measuring=tuple(meshes[n:]))
 
 
@@ -65,6 +74,12 @@ class _Cloth:
         """Return the vertices of a material."""
         chosen = self._mesh.triangle_material == self._names.index(material)
         return np.unique(self._mesh.triangles[chosen])
+
+    def among(self, some: Indices) -> Indices:
+        """Return the triangles between some vertices, all corners of which are among them."""
+        chosen = np.isin(self._mesh.triangles, some).all(axis=1)
+        triangles: Indices = self._mesh.triangles[chosen].astype(np.int64)
+        return triangles
 
     def before_hips(self, material: str) -> Indices:
         """Return the vertices of a material about the hips, down to the knees."""
@@ -120,7 +135,7 @@ def _top(cloth: _Cloth, length: float) -> None:
     cloth.vertices_m[skin, 2] = 0.0
 
 
-def _trouser_leg(cloth: _Cloth, side: str) -> None:
+def _trouser_leg(cloth: _Cloth, side: str, *, drawn_in: bool) -> None:
     ankle_m = cloth.joint_m(f"{side}_foot")
     leg, shoe = (
         some[
@@ -129,8 +144,8 @@ def _trouser_leg(cloth: _Cloth, side: str) -> None:
         ]
         for some in (cloth.of("bottom"), cloth.of("shoe"))
     )
-    leg_at, leg_round_m = _round_ankle(cloth.vertices_m[leg] - ankle_m)
-    shoe_at, shoe_round_m = _round_ankle(cloth.vertices_m[shoe] - ankle_m)
+    leg_at, _ = _round_ankle(cloth.vertices_m[leg] - ankle_m)
+    shoe_at, _ = _round_ankle(cloth.vertices_m[shoe] - ankle_m)
     turned = np.abs((shoe_at[:, :1] - leg_at[None, :, 0] + np.pi) % (2 * np.pi) - np.pi)
     hem_m = np.where(turned < _HEM_TURN, leg_at[None, :, 1], np.inf).min(axis=1)
     covered_m = shoe_at[:, 1] - np.where(np.isfinite(hem_m), hem_m, leg_at[:, 1].min())
@@ -139,12 +154,8 @@ def _trouser_leg(cloth: _Cloth, side: str) -> None:
     nearest = np.argsort(apart, axis=1)[:, :few]
     near = 1 / (np.take_along_axis(apart, nearest, axis=1) + _NEAR_M)
     near /= near.sum(axis=1, keepdims=True)
-
-    room_m = (near * leg_round_m[nearest]).sum(axis=1) - _INSIDE_M
-    too_wide = np.clip(1 - room_m / np.maximum(shoe_round_m, 1e-6), 0, 1)
-    inward = too_wide * np.clip(covered_m / _COVERED_M, 0, 1)
-    off = cloth.vertices_m[shoe][:, [0, 2]] - ankle_m[[0, 2]]
-    cloth.vertices_m[np.ix_(shoe, [0, 2])] = ankle_m[[0, 2]] + off * (1 - inward)[:, None]
+    if drawn_in:
+        _kept_inside(cloth, ankle_m, leg, shoe)
 
     shin = np.einsum("vk,vkj->vj", near, cloth.weights[leg][nearest])
     share = np.clip(covered_m / _WITH_SHIN_M, 0, 1)[:, None]
@@ -155,6 +166,86 @@ def _trouser_leg(cloth: _Cloth, side: str) -> None:
     lifted = np.clip(1 - (leg_at[:, 1] - leg_at[:, 1].min()) / _ON_SHOE_M, 0, 1)
     lifted = _ON_SHOE_SHARE * lifted[:, None]
     cloth.weigh(leg, (1 - lifted) * cloth.weights[leg] + lifted * on_foot[closest])
+
+
+def _stiff_if_coarse(cloth: _Cloth, side: str) -> None:
+    """Let a shoe of a few triangles be moved by the foot alone: bent, it would turn inside out."""
+    ankle_m = cloth.joint_m(f"{side}_foot")
+    shoe = cloth.of("shoe")
+    shoe = shoe[np.sign(cloth.vertices_m[shoe, 0]) == np.sign(ankle_m[0])]
+    shoe = shoe[cloth.vertices_m[shoe, 1] < ankle_m[1] + _LEG_M]
+    if len(cloth.among(shoe)) >= _MIN_BENDING:
+        return
+    foot, toes = (cloth.skeleton.index(f"{side}_{part}") for part in ("foot", "toes"))
+    weights = cloth.weights[shoe]
+    weights[:, foot] += weights[:, toes]
+    weights[:, toes] = 0.0
+    cloth.weigh(shoe, weights)
+
+
+def _kept_inside(cloth: _Cloth, ankle_m: Vector, leg: Indices, shoe: Indices) -> None:
+    """Draw a shoe in towards the ankle's upright until all of it above the hem is inside."""
+    around = _Sleeve(_spread(cloth.vertices_m[cloth.among(leg)])[1].reshape(-1, 3) - ankle_m)
+    triangles = cloth.among(shoe)
+    # An upper and its sole have copies of their seam, which stay together.
+    places = np.round(cloth.vertices_m * 1e5).astype(np.int64)
+    _, place = np.unique(places, axis=0, return_inverse=True)
+    place = place.ravel()
+    for _ in range(_DRAWN_IN):
+        shares, points = _spread(cloth.vertices_m[triangles])
+        off_m = points - ankle_m
+        scale = around.scale(off_m.reshape(-1, 3)).reshape(points.shape[:2])
+        if (scale == 1).all():
+            return
+        inward = np.ones(len(places))
+        for corner in range(3):
+            # A corner answers for what is nearest to it.
+            its = shares[:, corner] == shares.max(axis=1)
+            np.minimum.at(inward, place[triangles[:, corner]], scale[:, its].min(axis=1))
+        off_m = (cloth.vertices_m[shoe] - ankle_m) * np.array([1.0, 0.0, 1.0])
+        cloth.vertices_m[shoe] -= (1 - inward[place[shoe], None]) * off_m
+
+
+def _spread(corners_m: Vector) -> tuple[Vector, Vector]:
+    """Return shares (s, 3) of corners and the points (t, s, 3) of triangles they make."""
+    i, j = np.meshgrid(np.arange(_FINE + 1), np.arange(_FINE + 1))
+    some = i + j <= _FINE
+    shares = np.stack([i[some], j[some], _FINE - i[some] - j[some]], axis=1) / _FINE
+    points: Vector = np.einsum("sk,tkc->tsc", shares, corners_m)
+    return shares, points
+
+
+class _Sleeve:
+    """A trouser leg as seen from the upright through the ankle: its hem and its room, by angle."""
+
+    def __init__(self, off_m: Vector) -> None:
+        at, away_m = _round_ankle(off_m)
+        angle, row = self._bins(at)
+        self._room_m = np.full((_AROUND, _ROWS), np.inf)
+        np.minimum.at(self._room_m, (angle, row), away_m)
+        self._hem_m = np.full(_AROUND, np.inf)
+        np.minimum.at(self._hem_m, angle, at[:, 1])
+        for turn in (1, -1):
+            self._hem_m = np.minimum(self._hem_m, np.roll(self._hem_m, turn))
+            self._room_m = np.minimum(self._room_m, np.roll(self._room_m, turn, axis=0))
+        above, below = self._room_m[:, 1:], self._room_m[:, :-1]
+        self._room_m[:, :-1] = np.minimum(below, above)
+        self._room_m[:, 1:] = np.minimum(self._room_m[:, 1:], below)
+
+    @staticmethod
+    def _bins(at: Vector) -> tuple[Indices, Indices]:
+        angle = ((at[:, 0] + np.pi) / (2 * np.pi) * _AROUND).astype(np.int64) % _AROUND
+        row = np.clip(((at[:, 1] + _LEG_M) / _ROW_M).astype(np.int64), 0, _ROWS - 1)
+        return angle, row
+
+    def scale(self, off_m: Vector) -> Vector:
+        """Return by how much points (n, 3) have to be drawn in: 1 not at all."""
+        at, away_m = _round_ankle(off_m)
+        angle, row = self._bins(at)
+        covered = at[:, 1] > self._hem_m[angle] + _HEM_M
+        room_m = np.maximum(self._room_m[angle, row] - _INSIDE_M, _LEAST_ROOM_M)
+        scale: Vector = np.where(covered, np.minimum(room_m / np.maximum(away_m, 1e-6), 1), 1.0)
+        return scale
 
 
 def _round_ankle(off_m: Vector) -> tuple[Vector, Vector]:

@@ -134,7 +134,7 @@ CAST: tuple[Recipe, ...] = (
         Face((198, 148, 116), (166, 94, 86), (74, 50, 30), (44, 30, 24), (38, 28, 24),
              brow_weight=0.75, flush=0.3, lines=0.3, make_up=0.4),
         "shoulder",
-        (Garment("shirt", (74, 120, 106), "stripe", (228, 236, 230), {"collar": 1.5}),
+        (Garment("shirt", (74, 120, 106), "stripe", (228, 236, 230)),
          Garment("jeans", (38, 44, 60), "denim")),
         "sneaker", (64, 70, 84),
     ),

@@ -1,19 +1,29 @@
-"""Shoes over the tights' feet: an upper, a sole with an edge."""
+"""Shoes over the tights' feet: an upper, and a sole that closes it below."""
 
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
-from lab.geometry import Vector
+from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.clothes import Stuff
-from tools.character_making.cutting import clipped, hanging, hemmed
+from tools.character_making.cutting import border, clipped, hanging, hemmed, neighbours
 from tools.character_making.figure import SIDES, Figure
-from tools.character_making.pieces import Piece
+from tools.character_making.pieces import Indices, Piece, vertex_normals
 
 SOLE_M = {"sneaker": 0.024, "loafer": 0.016, "boot": 0.026}
-_COLLAR_M = {"sneaker": 0.012, "loafer": -0.016, "boot": 0.07}
+_COLLAR_M = {"sneaker": 0.012, "loafer": 0.010, "boot": 0.07}
+UPPER_M = 0.005
+"""How far off the foot an upper is."""
+_ON_SOLE_M, _ARCH_M = 0.012, 0.06
+"""Heights above the bare sole where an upper is sewn on its sole, and below which a foot's
+underside is made level."""
+_WELT = ((-0.001, 0.003), (-0.004, 0.004))
+"""A sole's upper edge: metres up from the seam, and out of it."""
+_LEANS = (0.5, 0.5, 0.0, 0.0, -0.6)
+"""How much the normals of a sole's rows lean up."""
+_OUTLINE_ROUNDS = 20
+"""How often a sole's outline is smoothed."""
 
 
 def shoes(figure: Figure, stuff: Stuff, kind: str, colour: Vector) -> list[Piece]:
@@ -24,86 +34,128 @@ def shoes(figure: Figure, stuff: Stuff, kind: str, colour: Vector) -> list[Piece
     return pieces
 
 
-def shoe_field(figure: Figure, stuff: Stuff, kind: str, points_m: Vector) -> Vector:
+def shoe_field(figure: Figure, kind: str, points_m: Vector) -> Vector:
     """Return metres above a shoe's collar (v,)."""
     ankle = figure.at("left_foot")
-    collar = ankle[1] + _COLLAR_M[kind]
-    field: Vector = points_m[:, 1] - collar
-    if kind == "loafer":
-        field = field - 0.10 * np.clip((points_m[:, 2] - ankle[2]), 0, 0.1) + 0.0
+    field: Vector = points_m[:, 1] - (ankle[1] + _COLLAR_M[kind])
     return field
 
 
 def _shoe(figure: Figure, stuff: Stuff, kind: str, colour: Vector, side: str) -> list[Piece]:
+    """Return an upper and the sole it is sewn on, without a gap: they share the seam's vertices."""
     x = figure.at(f"{side}_foot")[0]
     whole = stuff.piece
     mine = np.sign(whole.vertices_m[:, 0]) == np.sign(x)
-    outside = np.where(mine, shoe_field(figure, stuff, kind, whole.vertices_m), 0.5)
+    outside = np.where(mine, shoe_field(figure, kind, whole.vertices_m), 0.5)
     upper = replace(clipped(whole, outside), material="shoe")
-    vertices = hanging(upper, 16, 0.005)
-    floor = figure.floor_m
-    low = floor + 0.004
-    # Toes get room: what is in front of the ball is at least as high as a toe box.
-    vertices[:, 1] = np.maximum(vertices[:, 1], low)
-    part = PART_INDEX[f"{side}_foot"]
+    upper = replace(upper, vertices_m=hanging(upper, 16, UPPER_M))
+    upper = replace(upper, vertices_m=_level_below(upper, figure.floor_m))
+    upper = hemmed(upper, 0.004)
+    seam_m = figure.floor_m + _ON_SOLE_M
+    upper = clipped(upper, seam_m - upper.vertices_m[:, 1])
     upper = replace(
         upper,
-        vertices_m=vertices,
-        colour=np.tile(colour, (len(vertices), 1)),
-        part=np.full(len(upper.triangles), part),
+        colour=np.tile(colour, (len(upper.vertices_m), 1)),
+        part=np.full(len(upper.triangles), PART_INDEX[f"{side}_foot"]),
     )
-    sole = _sole(figure, upper, kind, side, colour)
-    return [hemmed(upper, 0.004), sole]
+    return [upper, _sole(figure, upper, kind, colour)]
 
 
-def _sole(figure: Figure, upper: Piece, kind: str, side: str, colour: Vector) -> Piece:
-    """Return a slab under the outline of the upper with a level underside."""
-    floor, thick = figure.floor_m, SOLE_M[kind]
-    points = upper.vertices_m[upper.vertices_m[:, 1] < floor + 0.05][:, [0, 2]]
-    hull = ConvexHull(points)
-    ring = points[hull.vertices]
-    ring = _even(ring, 40)
-    centre = ring.mean(axis=0)
-    out = ring - centre
-    out = out / np.linalg.norm(out, axis=1, keepdims=True)
-    rows = [(floor + 0.011, 0.0005), (floor + 0.010, 0.004), (floor - thick + 0.003, 0.005),
-            (floor - thick, 0.002)]  # fmt: skip
-    vertices = []
-    for y, grow in rows:
-        edge = ring + grow * out
-        vertices.append(np.stack([edge[:, 0], np.full(len(edge), y), edge[:, 1]], axis=1))
+def _level_below(upper: Piece, floor_m: float) -> Vector:
+    """Return the vertices of an upper with an underside as level as a sole: no arch."""
+    place = upper.vertices_m.copy()
+    facing_down = -vertex_normals(place, upper.triangles)[:, 1]
+    share = np.clip((facing_down - 0.1) / 0.4, 0, 1) * (place[:, 1] < floor_m + _ARCH_M)
+    average = neighbours(upper.triangles, len(place))
+    for _ in range(2):
+        share = np.maximum(share, average @ share)
+    low_m = floor_m + 0.004
+    place[:, 1] = np.maximum(place[:, 1] - share * np.maximum(place[:, 1] - low_m, 0), low_m)
+    return place
+
+
+def _sole(figure: Figure, upper: Piece, kind: str, colour: Vector) -> Piece:
+    """Return a slab from the seam of an upper down, with a welt and a level underside."""
+    seam = _seam(upper, figure.floor_m + _ON_SOLE_M)
+    ring = upper.vertices_m[seam]
     n = len(ring)
-    flat = np.concatenate([*vertices, [[centre[0], floor - thick, centre[1]]]])
-    index = np.arange(4 * n).reshape(4, n)
+    out = _outwards(ring)
+    floor, thick = figure.floor_m, SOLE_M[kind]
+    outline = _smooth(ring, _OUTLINE_ROUNDS)
+    rows = [ring]
+    for grow_m, y in (
+        *((grow_m, ring[:, 1] + up_m) for up_m, grow_m in _WELT),
+        (0.005, np.full(n, floor - thick + 0.003)),
+        (0.002, np.full(n, floor - thick)),
+    ):
+        edge = outline + grow_m * out
+        edge[:, 1] = y
+        rows.append(edge)
+    index = np.arange(len(rows) * n).reshape(len(rows), n)
     turn = np.roll(index, -1, axis=1)
-    triangles = [
+    sides = [
         np.stack([index[:-1], turn[:-1], turn[1:]], axis=-1).reshape(-1, 3),
         np.stack([index[:-1], turn[1:], index[1:]], axis=-1).reshape(-1, 3),
-        np.stack([index[3], turn[3], np.full(n, 4 * n)], axis=1),
     ]
-    faces = np.concatenate(triangles)
-    a, b, c = (flat[faces[:, k]] for k in range(3))
-    if np.mean(np.sum(np.cross(b - a, c - a) * ((a + b + c) / 3 - flat.mean(axis=0)), axis=1)) < 0:
-        faces = faces[:, ::-1]
-    weights = np.zeros((len(flat), len(figure.rig.skeleton.names)))
-    toes = np.clip((figure.at(f"{side}_toes")[2] - flat[:, 2]) / 0.03 + 0.5, 0, 1)
-    weights[:, figure.rig.skeleton.index(f"{side}_toes")] = toes
-    weights[:, figure.rig.skeleton.index(f"{side}_foot")] = 1 - toes
+    # The underside goes across, from edge to edge, so that it bends where toes do.
+    tip = int(ring[:, 2].argmin())
+    order = np.roll(index[-1], -tip)
+    half = (n - 1) // 2
+    k = np.arange(half)
+    one, other = order[k], order[-k % n]
+    next_one, next_other = order[k + 1], order[-(k + 1) % n]
+    below = np.concatenate(
+        [
+            np.stack([one, next_one, next_other], axis=1),
+            np.stack([one, next_other, other], axis=1)[1:],
+        ]
+    )
+    if n % 2 == 0:
+        below = np.concatenate([below, [[order[half], order[half + 1], order[half + 2]]]])
+    vertices = np.concatenate(rows)
     shade = np.array([0.85, 0.84, 0.80]) if kind == "sneaker" else colour * 0.45
+    faces = np.concatenate([*sides, below])
+    # Those of the surface would lean to the underside, and thinned sides be dark.
+    up = np.array([0.0, 1.0, 0.0])
+    normals = [unit(out + lean * up) for lean in _LEANS]
     return Piece(
-        vertices_m=flat,
+        vertices_m=vertices,
         triangles=faces,
-        weights=weights,
-        colour=np.tile(shade, (len(flat), 1)),
-        part=np.full(len(faces), PART_INDEX[f"{side}_foot"]),
+        weights=np.tile(upper.weights[seam], (len(rows), 1)),
+        colour=np.tile(shade, (len(vertices), 1)),
+        part=np.full(len(faces), upper.part[0]),
         material="shoe",
+        normals=np.concatenate(normals),
     )
 
 
-def _even(ring: Vector, n: int) -> Vector:
-    """Return n points at even steps along a closed outline."""
-    closed = np.concatenate([ring, ring[:1]])
-    steps = np.linalg.norm(np.diff(closed, axis=0), axis=1)
-    place = np.concatenate([[0.0], np.cumsum(steps)])
-    at = np.linspace(0, place[-1], n, endpoint=False)
-    return np.stack([np.interp(at, place, closed[:, k]) for k in range(2)], axis=1)
+def _seam(upper: Piece, seam_m: float) -> Indices:
+    """Return the vertices of an upper's lower edge in order, clockwise as seen from above."""
+    edges = border(upper.triangles)
+    edges = edges[(np.abs(upper.vertices_m[edges, 1] - seam_m) < 1e-3).all(axis=1)]
+    following = {int(a): int(b) for b, a in edges}
+    loops: list[list[int]] = []
+    while following:
+        at = next(iter(following))
+        loop = []
+        while at in following:
+            loop.append(at)
+            at = following.pop(at)
+        loops.append(loop)
+    seam: Indices = np.array(max(loops, key=len), dtype=np.int64)
+    return seam
+
+
+def _outwards(ring: Vector) -> Vector:
+    """Return level unit vectors (n, 3) out of a closed outline, smooth along it."""
+    along = np.roll(ring, -1, axis=0) - np.roll(ring, 1, axis=0)
+    out = unit(np.cross(along, np.array([0.0, 1.0, 0.0])))
+    if np.sum(out * (ring - ring.mean(axis=0))) < 0:
+        out = -out
+    return unit(_smooth(out, _OUTLINE_ROUNDS))
+
+
+def _smooth(ring: Vector, rounds: int) -> Vector:
+    for _ in range(rounds):
+        ring = 0.5 * ring + 0.25 * (np.roll(ring, 1, axis=0) + np.roll(ring, -1, axis=0))
+    return ring
