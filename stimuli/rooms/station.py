@@ -43,7 +43,7 @@ def station() -> Room:
         lights=(
             # Many lamps in a row throw one soft shadow each; together they act like this.
             Light("sun", np.array([0.44, 0.42, 0.385]),
-                  direction=np.array([0.30, -1.0, -0.22]), casts_shadow=True),
+                  direction=np.array([0.12, -1.0, -0.09]), casts_shadow=True),
             Light("point", np.array([6.5, 6.2, 5.6]), position_m=np.array([0.0, 4.9, -2.5])),
             Light("point", np.array([6.5, 6.2, 5.6]), position_m=np.array([0.0, 4.9, -12.5])),
             Light("point", np.array([6.5, 6.2, 5.6]), position_m=np.array([0.0, 4.9, 7.5])),

@@ -180,6 +180,7 @@ def closed_body(figure: Figure, body: Piece) -> SkinnedMesh:
     return replace(thin, triangle_part=parts.astype(np.uint8), uv=None)
 
 
+_SHOE_HEM_M = 0.004
 _BELOW_JACKET = {"sleeve": 0.2, "hem": 0.5, "neck": -0.004, "collar": 0.75}
 
 
@@ -224,11 +225,12 @@ def clothed(
     down_to = lines.ankle - 0.015
     fields.append(np.maximum(p[:, 1] - waist, down_to - p[:, 1]))
     fields.append(shoe_field(figure, recipe.shoes, p))
-    lower_half = [
-        finished(figure, below, tone, 0.003),
-        *shoes(figure, stuff, recipe.shoes, rgb(recipe.shoe_colour)),
-    ]
-    return pieces + lower_half, far + lower_half, np.asarray(np.minimum.reduce(fields))
+    # Thinned, the hem of a low shoe folds; without one, one would see into a boot.
+    far_hem_m = _SHOE_HEM_M if recipe.shoes == "boot" else 0.0
+    for some, hem_m in ((pieces, _SHOE_HEM_M), (far, far_hem_m)):
+        some.append(finished(figure, below, tone, 0.003))
+        some += shoes(figure, stuff, recipe.shoes, rgb(recipe.shoe_colour), hem_m)
+    return pieces, far, np.asarray(np.minimum.reduce(fields))
 
 
 _HAIR = (0, 1, 2)

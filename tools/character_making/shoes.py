@@ -24,13 +24,17 @@ _LEANS = (0.5, 0.5, 0.0, 0.0, -0.6)
 """How much the normals of a sole's rows lean up."""
 _OUTLINE_ROUNDS = 20
 """How often a sole's outline is smoothed."""
+_WEIGHT_ROUNDS = 7
+"""How often the weights along a seam are smoothed: unlike neighbours would fold where toes bend."""
+_SOLE_ROUNDS = {"sneaker": 0, "loafer": 0, "boot": 20}
+"""How often those of a sole below it are smoothed besides: stiff soles bend evenly."""
 
 
-def shoes(figure: Figure, stuff: Stuff, kind: str, colour: Vector) -> list[Piece]:
-    """Return both shoes."""
+def shoes(figure: Figure, stuff: Stuff, kind: str, colour: Vector, hem_m: float) -> list[Piece]:
+    """Return both shoes; their collars are turned in by `hem_m`."""
     pieces = []
     for side, _ in SIDES:
-        pieces += _shoe(figure, stuff, kind, colour, side)
+        pieces += _shoe(figure, stuff, kind, colour, side, hem_m)
     return pieces
 
 
@@ -41,7 +45,9 @@ def shoe_field(figure: Figure, kind: str, points_m: Vector) -> Vector:
     return field
 
 
-def _shoe(figure: Figure, stuff: Stuff, kind: str, colour: Vector, side: str) -> list[Piece]:
+def _shoe(
+    figure: Figure, stuff: Stuff, kind: str, colour: Vector, side: str, hem_m: float
+) -> list[Piece]:
     """Return an upper and the sole it is sewn on, without a gap: they share the seam's vertices."""
     x = figure.at(f"{side}_foot")[0]
     whole = stuff.piece
@@ -50,7 +56,8 @@ def _shoe(figure: Figure, stuff: Stuff, kind: str, colour: Vector, side: str) ->
     upper = replace(clipped(whole, outside), material="shoe")
     upper = replace(upper, vertices_m=hanging(upper, 16, UPPER_M))
     upper = replace(upper, vertices_m=_level_below(upper, figure.floor_m))
-    upper = hemmed(upper, 0.004)
+    if hem_m:
+        upper = hemmed(upper, hem_m)
     seam_m = figure.floor_m + _ON_SOLE_M
     upper = clipped(upper, seam_m - upper.vertices_m[:, 1])
     upper = replace(
@@ -58,7 +65,11 @@ def _shoe(figure: Figure, stuff: Stuff, kind: str, colour: Vector, side: str) ->
         colour=np.tile(colour, (len(upper.vertices_m), 1)),
         part=np.full(len(upper.triangles), PART_INDEX[f"{side}_foot"]),
     )
-    return [upper, _sole(figure, upper, kind, colour)]
+    seam = _seam(upper, seam_m)
+    weights = upper.weights.copy()
+    weights[seam] = _smooth(weights[seam], _WEIGHT_ROUNDS)
+    upper = replace(upper, weights=weights)
+    return [upper, _sole(figure, upper, seam, kind, colour)]
 
 
 def _level_below(upper: Piece, floor_m: float) -> Vector:
@@ -74,9 +85,8 @@ def _level_below(upper: Piece, floor_m: float) -> Vector:
     return place
 
 
-def _sole(figure: Figure, upper: Piece, kind: str, colour: Vector) -> Piece:
+def _sole(figure: Figure, upper: Piece, seam: Indices, kind: str, colour: Vector) -> Piece:
     """Return a slab from the seam of an upper down, with a welt and a level underside."""
-    seam = _seam(upper, figure.floor_m + _ON_SOLE_M)
     ring = upper.vertices_m[seam]
     n = len(ring)
     out = _outwards(ring)
@@ -113,6 +123,7 @@ def _sole(figure: Figure, upper: Piece, kind: str, colour: Vector) -> Piece:
     if n % 2 == 0:
         below = np.concatenate([below, [[order[half], order[half + 1], order[half + 2]]]])
     vertices = np.concatenate(rows)
+    weights = upper.weights[seam]
     shade = np.array([0.85, 0.84, 0.80]) if kind == "sneaker" else colour * 0.45
     faces = np.concatenate([*sides, below])
     # Those of the surface would lean to the underside, and thinned sides be dark.
@@ -121,7 +132,9 @@ def _sole(figure: Figure, upper: Piece, kind: str, colour: Vector) -> Piece:
     return Piece(
         vertices_m=vertices,
         triangles=faces,
-        weights=np.tile(upper.weights[seam], (len(rows), 1)),
+        weights=np.concatenate(
+            [weights, np.tile(_smooth(weights, _SOLE_ROUNDS[kind]), (len(rows) - 1, 1))]
+        ),
         colour=np.tile(shade, (len(vertices), 1)),
         part=np.full(len(faces), upper.part[0]),
         material="shoe",
