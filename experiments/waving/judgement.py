@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (2.05, 0.422, 36.8, 1.2)
+    blur_deg: tuple[float, float, float, float] = (5.18, 0.379, 41.1, 3.15)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (0.717, 7.24, 11.8, 9.63)
-    sharpness: float = 0.317
-    reach_power: float = 103.0
-    least_reach_01: float = 0.608
-    self_bias: float = 3.09
+    looseness_deg: tuple[float, float, float, float] = (0.386, 19.5, 11.3, 4.34)
+    sharpness: float = 0.37
+    reach_power: float = 54.5
+    least_reach_01: float = 0.38
+    self_bias: float = 4.1
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.2
-    lapse_01: float = 0.00238
-    lapse_sd: float = 0.2
+    acuity_sd: float = 1.24
+    lapse_01: float = 0.00371
+    lapse_sd: float = 0.139
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
