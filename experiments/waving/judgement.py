@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (5.18, 0.379, 41.1, 3.15)
+    blur_deg: tuple[float, float, float, float] = (5.34, 0.355, 44.7, 2.89)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (0.386, 19.5, 11.3, 4.34)
-    sharpness: float = 0.37
-    reach_power: float = 54.5
-    least_reach_01: float = 0.38
-    self_bias: float = 4.1
+    looseness_deg: tuple[float, float, float, float] = (0.369, 21.3, 11.8, 4.45)
+    sharpness: float = 0.378
+    reach_power: float = 53.8
+    least_reach_01: float = 0.307
+    self_bias: float = 4.19
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.24
-    lapse_01: float = 0.00371
-    lapse_sd: float = 0.139
+    acuity_sd: float = 1.25
+    lapse_01: float = 0.00357
+    lapse_sd: float = 0.149
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
