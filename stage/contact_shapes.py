@@ -1,4 +1,4 @@
-"""What touches a floor, as simple shapes: soles of shoes, feet of furniture."""
+"""What touches a floor, as simple shapes: soles of shoes."""
 
 from functools import cache
 

@@ -49,7 +49,8 @@ def fitted_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
     if not 0.005 < radius < 0.03 or np.linalg.norm(centre - figure.at_m[bone]) > 0.02:
         raise CharacterError(
             f"{file.path}: what hangs on bone {figure.names[bone]!r} is no eyeball (sphere of "
-            f"{1000 * radius:.0f} mm); separate the eyeball, or scale the figure to metres"
+            f"{1000 * radius:.0f} mm); an eyeball's radius is 5 to 30 mm: separate the "
+            "eyeball from other surfaces, or scale the figure to metres"
         )
     axis = _axis(surface, chosen, centre)
     return EyeFit(centre, radius, axis, iris_colour(file, surface, chosen, centre, axis))

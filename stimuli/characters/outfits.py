@@ -27,9 +27,15 @@ SHOES: Final[tuple[Colour, ...]] = ((52, 44, 40), (96, 66, 44), (216, 212, 204),
 HAIR_LIGHTER: Final = (0.72, 1.28, 0.86, 1.5)
 """Factors of the hair's colour; black hair stays black. People imported keep theirs."""
 TROUSERS_AND_SUITS: Final[tuple[Colour, ...]] = (
-    (48, 60, 92), (84, 86, 92), (134, 112, 84), (86, 66, 50), (112, 120, 130), (92, 44, 56),
-    (100, 96, 84), (158, 150, 138),
-)  # fmt: skip
+    (48, 60, 92),
+    (84, 86, 92),
+    (134, 112, 84),
+    (86, 66, 50),
+    (112, 120, 130),
+    (92, 44, 56),
+    (100, 96, 84),
+    (158, 150, 138),
+)
 """What people who were imported wear on their legs, or from top to bottom."""
 UNLIKE: Final = 40.0
 """Colours nearer to each other than this (sRGB, as a distance) look alike."""

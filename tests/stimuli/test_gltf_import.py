@@ -1,6 +1,5 @@
 import io
 import json
-import os
 import struct
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,8 +25,7 @@ from stimuli.characters.gltf_skin import like_the_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
 from tests.stimuli.glb_figure import Plate, bone_names, write_glb
-
-AVATARS = os.environ.get("VISAVIS_AVATARS")
+from tests.stimuli.valid_avatars import avatar_files, needs_avatars
 
 
 @pytest.fixture
@@ -360,11 +358,9 @@ def test_folder_is_imported_line_by_line_and_a_bad_file_stops_nothing(tmp_path: 
         list(import_characters(library, source))
 
 
-@pytest.mark.skipif(
-    AVATARS is None, reason="set VISAVIS_AVATARS to a folder of VALID avatars (.glb) to test them"
-)
+@needs_avatars
 def test_valid_avatars_import_whole() -> None:
-    for path in sorted(Path(AVATARS or "").glob("*.glb"))[:2]:
+    for path in avatar_files()[:2]:
         person = import_gltf(path)
         assert set(person.levels[0].morphs) == set(MORPHS)
         assert is_closed(collision_mesh(person))

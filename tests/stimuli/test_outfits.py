@@ -1,8 +1,6 @@
 """Other clothes on somebody imported: cloth changes; skin, hair, shoes and trims never do."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -13,23 +11,32 @@ from stimuli.characters.cast import load_character
 from stimuli.characters.character import Character, Material, MaterialKind, SkinnedMesh
 from stimuli.characters.gltf import import_gltf
 from stimuli.characters.outfits import in_other_clothes
+from tests.stimuli.valid_avatars import avatar_files, needs_avatars
 
-AVATARS = os.environ.get("VISAVIS_AVATARS")
 CELL_PX = 16
-SKIN, PALM, SHIRT, TIE, JEANS, BLACK = (
-    (190, 140, 110), (225, 190, 165), (60, 90, 130), (200, 60, 60), (70, 80, 100), (20, 20, 22),
-)  # fmt: skip
 Colour = tuple[int, int, int]
+SKIN, PALM = (190, 140, 110), (225, 190, 165)
+SHIRT, TIE, JEANS, BLACK = (60, 90, 130), (200, 60, 60), (70, 80, 100), (20, 20, 22)
 WORN: tuple[tuple[str, Colour, str], ...] = (
-    ("face", SKIN, "skin"), ("neck", SKIN, "skin"), ("scalp", BLACK, "hair"),
-    ("left_hand", PALM, "cloth"), ("right_hand", SKIN, "skin"),
-    ("torso", SHIRT, "cloth"), ("torso", SHIRT, "cloth"), ("torso", TIE, "cloth"),
-    ("left_upper_arm", SHIRT, "cloth"), ("right_upper_arm", SHIRT, "skin"),
-    ("left_forearm", SKIN, "skin"), ("right_forearm", SKIN, "cloth"),
-    ("left_thigh", JEANS, "cloth"), ("right_thigh", JEANS, "cloth"),
-    ("left_shin", JEANS, "cloth"), ("right_shin", JEANS, "cloth"),
-    ("left_foot", JEANS, "cloth"), ("right_foot", JEANS, "cloth"),
-)  # fmt: skip
+    ("face", SKIN, "skin"),
+    ("neck", SKIN, "skin"),
+    ("scalp", BLACK, "hair"),
+    ("left_hand", PALM, "cloth"),
+    ("right_hand", SKIN, "skin"),
+    ("torso", SHIRT, "cloth"),
+    ("torso", SHIRT, "cloth"),
+    ("torso", TIE, "cloth"),
+    ("left_upper_arm", SHIRT, "cloth"),
+    ("right_upper_arm", SHIRT, "skin"),
+    ("left_forearm", SKIN, "skin"),
+    ("right_forearm", SKIN, "cloth"),
+    ("left_thigh", JEANS, "cloth"),
+    ("right_thigh", JEANS, "cloth"),
+    ("left_shin", JEANS, "cloth"),
+    ("right_shin", JEANS, "cloth"),
+    ("left_foot", JEANS, "cloth"),
+    ("right_foot", JEANS, "cloth"),
+)
 """Cells of one picture: part, colour, and what an import takes it for; palms are lighter than the
 face, as people's are, and shoes are of the trousers' colour.
 """
@@ -149,12 +156,9 @@ def test_plain_cloth_without_a_picture_changes_too() -> None:
     assert 3 > changed[kind != "cloth"].max()
 
 
-@pytest.mark.skipif(
-    AVATARS is None, reason="set VISAVIS_AVATARS to a folder of VALID avatars (.glb) to test them"
-)
+@needs_avatars
 def test_valid_people_keep_skin_hair_and_shoes_in_other_clothes() -> None:
-    assert AVATARS is not None
-    for path in sorted(Path(AVATARS).glob("*.glb"))[2:4]:
+    for path in avatar_files()[2:4]:
         person = import_gltf(path)
         own, mesh = shown(person), person.levels[0]
         kind = np.array([m.kind for m in person.materials])[mesh.triangle_material]
