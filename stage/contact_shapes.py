@@ -1,11 +1,13 @@
-"""What touches a floor, as simple shapes: soles of shoes."""
+"""What touches a floor, as simple shapes: soles of shoes, blocks of furniture."""
 
 from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 
 from lab.geometry import Vector
 from stimuli.characters.character import Character
+from stimuli.picture import Block, Room
 
 SOLE_JOINTS = ("left_foot", "left_toes", "right_foot", "right_toes")
 """Heel and ball of each sole, by the joint that moves it."""
@@ -13,6 +15,10 @@ SOLE_HIGH_M = 0.02
 END_SHARE_01 = 0.3
 """Share of a sole's length in which its heel, and its ball, are as wide as they get."""
 MIN_SHARE_OF_FOOT = 0.5
+REACH_IN_WIDTHS, REACH_IN_HEIGHTS = 5.0, 2.0
+"""So far from its sides a narrow or low block hides about a thirtieth of the sky."""
+MAX_REACH_M = 1.2
+"""Farther away floors are lit by walls and by each other as much as they lose."""
 
 
 @cache
@@ -46,3 +52,25 @@ def soles_of(character: Character) -> Vector:
             )
             out[end] = x, low, z, radius
     return out
+
+
+def block_rows(room: Room) -> npt.NDArray[np.float32]:
+    """Return a room's blocks (n, 3, 4): x, z, lowest and highest above the floor; half sizes,
+    cosine and sine of the turn; floor, how far the shade reaches, 1 where round, 0. Metres.
+    """
+    blocks = [block for prop in room.props for block in prop.blocks]
+    return np.array([_block_row(b) for b in blocks], np.float32).reshape(-1, 3, 4)
+
+
+def _block_row(block: Block) -> Vector:
+    x, y, z = block.at_m
+    low, turn = y - block.floor_m, np.radians(block.yaw_deg)
+    widest = 2 * max(block.half_x_m, block.half_z_m)
+    reach = min(REACH_IN_WIDTHS * widest, REACH_IN_HEIGHTS * (low + block.high_m), MAX_REACH_M)
+    return np.array(
+        [
+            [x, z, low, low + block.high_m],
+            [block.half_x_m, block.half_z_m, np.cos(turn), np.sin(turn)],
+            [block.floor_m, reach, block.round, 0.0],
+        ]
+    )

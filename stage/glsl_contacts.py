@@ -15,18 +15,39 @@ vec4 on_floor(vec3 place) {
 }
 """
 
-SOLE_VERTEX = (
+VERTEX = (
     FRAME_BLOCK
     + _PULLED
     + """
 uniform sampler2D joint_rows;  // per person: discs at heel and ball, left, then right
 uniform int first_texel;
+uniform int soles;           // so many of the instances; blocks of the room follow them
+uniform sampler2D blocks;    // per block: x, z, low, high; half sizes, turn; floor, reach, round
 in vec2 in_corner;
 out vec2 at;
-flat out vec4 heel;  // x, z, how high above the floor, radius
+flat out vec4 heel;  // x, z, how high above the floor, radius; of a block: half sizes, low, high
 flat out vec4 ball;
+flat out vec2 kind;  // of a block: its reach, 2 where it is round, else 1
 const float SHADE_M = 0.34;
+
+void block(int row) {
+    vec4 place = texelFetch(blocks, ivec2(0, row), 0);
+    vec4 shape = texelFetch(blocks, ivec2(1, row), 0);
+    vec4 more = texelFetch(blocks, ivec2(2, row), 0);
+    heel = vec4(shape.xy, place.zw);
+    ball = vec4(0.0);
+    kind = vec2(more.y, more.z + 1.0);
+    at = in_corner * (shape.xy + more.y);
+    vec2 world = place.xy + mat2(shape.z, -shape.w, shape.w, shape.z) * at;
+    gl_Position = on_floor(vec3(world.x, more.x, world.y));
+}
+
 void main() {
+    if (gl_InstanceID >= soles) {
+        block(gl_InstanceID - soles);
+        return;
+    }
+    kind = vec2(0.0);
     int person = gl_InstanceID / 2, first = first_texel + gl_InstanceID % 2 * 2;
     float floor_m = 1e9;
     for (int i = 0; i < 4; ++i)
@@ -65,16 +86,53 @@ void shade(float open) {
 }
 """
 
-SOLE_FRAGMENT = (
+FRAGMENT = (
     _SHADED
     + """
 in vec2 at;
 flat in vec4 heel;
 flat in vec4 ball;
+flat in vec2 kind;
 const float SHADE_M = 0.34, LEAST_M = 0.004;
 const float BODY_M = 0.26;
 const float HEEL_HIGH_M = 0.09, TOES_HIGH_M = 0.055, LEG_RADIUS_M = 0.055;
+
+// What the edge of a box hides that lies `ahead`, from `left` to `right`: seen from the floor its
+// lower edge is the farther one where the box is overhead, its upper one where it is not.
+float edge(float ahead, float left, float right, float low, float high) {
+    float up = ahead > 0.0 ? low : high;
+    float nearness = inversesqrt(ahead * ahead + up * up);
+    return ahead * nearness * (atan(right * nearness) - atan(left * nearness));
+}
+
+// Share of the light of an even sky that an upright box hides from `place`, from its middle.
+float hidden_by_box(vec2 place, vec2 size, float low, float high) {
+    vec2 less = -size - place, more = size - place;
+    return (edge(more.x, less.y, more.y, low, high) + edge(-less.x, less.y, more.y, low, high)
+            + edge(more.y, less.x, more.x, low, high) + edge(-less.y, less.x, more.x, low, high))
+        / 6.28319;
+}
+
+void shade_of_block() {
+    vec2 size = heel.xy, place = at;
+    float low = max(heel.z, LEAST_M), high = max(heel.w, low);
+    float away = length(max(abs(at) - size, 0.0));
+    if (kind.y > 1.5) {
+        // A cylinder hides as much as a board before it that looks as wide.
+        float far = max(length(at), size.x + 1e-4);
+        away = far - size.x;
+        place = vec2(far, 0.0);
+        size.y = size.x * sqrt((far - size.x) / (far + size.x));
+    }
+    float fading = 1.0 - smoothstep(0.5, 1.0, away / kind.x);
+    shade(1.0 - clamp(hidden_by_box(place, size, low, high), 0.0, 1.0) * fading);
+}
+
 void main() {
+    if (kind.y > 0.5) {
+        shade_of_block();
+        return;
+    }
     vec2 along = ball.xy - heel.xy;
     float share = dot(at - heel.xy, along) / max(dot(along, along), 1e-8);
     float t = clamp(share, 0.0, 1.0);

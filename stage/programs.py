@@ -19,6 +19,7 @@ UNITS: Mapping[str, int] = {
     "chunks": 10,
     "shadow_depth_0": 11,
     "shadow_depth_1": 12,
+    "blocks": 13,
 }
 """Texture unit of every sampler, the same in all shaders."""
 BLOCKS: Mapping[str, int] = {"Frame": 0, "Lighting": 1}

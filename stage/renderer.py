@@ -239,7 +239,7 @@ class Renderer(Closing):
                 self.paint(picture, crowd, identity=False, with_room=backdrop is None)
                 ctx.disable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
                 if self.quality.shadows != "none":
-                    self._contacts.draw(crowd)
+                    self._contacts.draw(crowd, picture.room)
             self._overlays.draw(picture, camera)
             target.finish()
         self.drawn = drawn

@@ -27,15 +27,36 @@ class StaticMesh:
     uv: npt.NDArray[np.float32] | None = None
 
 
+@dataclass(frozen=True)
+class Block:
+    """What of a thing hides light from the floor below it: an upright box or, `round`, a cylinder.
+
+    Its underside's middle (x, y, z) is at `at_m`, above a level floor at `floor_m`; it reaches
+    `half_x_m` and `half_z_m` from there along its own axes, turned by `yaw_deg`, and is `high_m`
+    high. A cylinder stands on its floor and has the radius `half_x_m`.
+    """
+
+    at_m: tuple[float, float, float]
+    half_x_m: float
+    half_z_m: float
+    high_m: float
+    floor_m: float = 0.0
+    yaw_deg: float = 0.0
+    round: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Prop:
-    """A thing in a room; `emission_01` is how much of its colour it gives off by itself."""
+    """A thing in a room; `emission_01` is how much of its colour it gives off by itself, `blocks`
+    what of it darkens the floor where it stands.
+    """
 
     name: str
     mesh: StaticMesh
     material: Material
     emission_01: float = 0.0
     casts_shadow: bool = True
+    blocks: tuple[Block, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

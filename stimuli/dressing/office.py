@@ -26,6 +26,7 @@ from stimuli.motion.skeleton import forward
 from stimuli.motion.warping.control import warped_turns
 from stimuli.motion.warping.track import WarpTrack
 from stimuli.picture import Picture, PosedPeople, Room
+from stimuli.rooms import furniture
 from stimuli.rooms.office import office
 from stimuli.scene import Agent, SceneFrame
 from stimuli.scenes import office as places
@@ -65,10 +66,7 @@ def roles_of(participant_place: str) -> tuple[str, ...]:
 def room_from(participant_place: str) -> Room:
     """Return the office as it stands round a participant in this place; the same object."""
     room, by = office(), places.shift_m(participant_place)
-    props = tuple(
-        replace(p, mesh=replace(p.mesh, vertices_m=(p.mesh.vertices_m + by).astype(np.float32)))
-        for p in room.props
-    )
+    props = tuple(furniture.shifted(p, by) for p in room.props)
     lights = tuple(
         light if light.position_m is None else replace(light, position_m=light.position_m + by)
         for light in room.lights

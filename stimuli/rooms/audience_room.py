@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
-from stimuli.picture import Light, Prop, Room, StaticMesh
+from stimuli.picture import Block, Light, Prop, Room, StaticMesh
 from stimuli.rooms import furniture, surfaces
 from stimuli.rooms.solids import Srgb, box, cylinder, flat, joined, moved
 from stimuli.scenes import audience
@@ -182,10 +182,18 @@ def _steps(turn: float) -> list[Prop]:
         props += [
             furniture.placed(f"step_{i}", _place(tread, turn), (0, 0, 0), 0.0,
                              surfaces.planks(23, 7), roughness_01=0.5),
-            furniture.placed(f"riser_{i}", _place(riser, turn), (0, 0, 0), 0.0,
-                             surfaces.planks(24, 4)),
+            furniture.placed(f"riser_{i}", riser, (0, 0, 0), turn, surfaces.planks(24, 4),
+                             blocks=(_riser_block(i),)),
         ]  # fmt: skip
     return props
+
+
+def _riser_block(step: int) -> Block:
+    """Return what of a step rises above the one before it."""
+    begin, end, below = STEP_EDGES_M[step] + 0.03, STEP_EDGES_M[-1], STEP_HEIGHTS_M[step - 1]
+    high = STEP_HEIGHTS_M[step] - below
+    at = 0.0, below, -(begin + end) / 2
+    return Block(at, 3.28, (end - begin) / 2, high, below)
 
 
 def _front() -> list[Prop]:
@@ -195,14 +203,24 @@ def _front() -> list[Prop]:
     left, right = audience.stage_front_occluders()[:2]
     top = float(left.start_m[1] + left.radius_m)
     line = [p * np.array([1.0, 0.0, 1.0]) for p in (left.start_m, left.end_m, right.end_m)]
-    tops, panels = [], []
+    tops, panels, blocks = [], [], []
     for i in range(2):
         far, near = (_beside(line, i, d) for d in (-0.06, DESK_DEPTH_M + 0.06))
         tops.append(_slab(far, near, top - 0.04, top, furniture.DARK_WOOD, uv_m=0.7))
         far, near = (_beside(line, i, DESK_DEPTH_M + d) for d in (-0.015, 0.015))
         panels.append(_slab(far, near, 0.0, top - 0.04, (150, 110, 72), uv_m=1.0))
+        for shift, half, low, high in (
+            (DESK_DEPTH_M, 0.015, 0.0, top - 0.04),
+            (DESK_DEPTH_M / 2, DESK_DEPTH_M / 2 + 0.06, top - 0.04, top),
+        ):
+            (x0, _, z0), (x1, _, z1) = _beside(line, i, shift)
+            yaw = float(np.degrees(np.arctan2(z0 - z1, x1 - x0)))
+            at = (x0 + x1) / 2, low, (z0 + z1) / 2
+            blocks.append(Block(at, np.hypot(x1 - x0, z1 - z0) / 2, half, high - low, 0.0, yaw))
     return [
-        furniture.placed("front", joined(*panels), (0, 0, 0), 0.0, surfaces.planks(25, 6)),
+        furniture.placed(
+            "front", joined(*panels), (0, 0, 0), 0.0, surfaces.planks(25, 6), blocks=tuple(blocks)
+        ),
         furniture.placed(
             "front_rail", joined(*tops), (0, 0, 0), 0.0, surfaces.planks(26, 2), roughness_01=0.4
         ),
@@ -254,7 +272,12 @@ def _speaker_place() -> list[Prop]:
     )
     return [
         furniture.placed(
-            "lectern", lectern, at, audience.PARTICIPANT_TURN_DEG, surfaces.planks(27, 3)
+            "lectern",
+            lectern,
+            at,
+            audience.PARTICIPANT_TURN_DEG,
+            surfaces.planks(27, 3),
+            blocks=(Block((0, 0, 0), 0.25, 0.18, 1.08),),
         )
     ]
 

@@ -2,11 +2,13 @@
 origin with its front towards −z, unless it says otherwise.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
-from lab.geometry import Vector
+from lab.geometry import Vector, quat_from_yaw_pitch_deg, rotate
 from stimuli.characters.character import MaterialKind
-from stimuli.picture import Prop, StaticMesh
+from stimuli.picture import Block, Prop, StaticMesh
 from stimuli.rooms import surfaces
 from stimuli.rooms.solids import Point, Srgb, box, cylinder, flat, joined, moved, turned
 
@@ -14,6 +16,8 @@ WOOD: Srgb = (168, 124, 82)
 DARK_WOOD: Srgb = (104, 72, 48)
 STEEL: Srgb = (150, 153, 158)
 BLACK: Srgb = (38, 39, 42)
+PANEL_ABOVE_M = 0.13
+"""How far above the floor the panel before a desk ends."""
 
 
 def chair(
@@ -35,9 +39,15 @@ def chair(
         for x in (-0.19, 0.19)
     ]
     frame = joined(*legs, *posts, box((0, seat_m - pad - 0.01, 0.02), (0.43, 0.02, 0.42), BLACK))
+    seat = Block((0, seat_m - pad - 0.02, 0.02), 0.225, 0.22, pad + 0.02)
+    feet = [
+        Block((x, 0, z), 0.013, 0.013, seat_m - pad, round=True)
+        for x in (-0.21, 0.21)
+        for z in (-0.19, 0.17)
+    ]
     return (
         placed(f"{name}_cushion", cushion, at_m, yaw_deg, surfaces.woven(3), kind="cloth"),
-        placed(f"{name}_frame", frame, at_m, yaw_deg, roughness_01=0.35),
+        placed(f"{name}_frame", frame, at_m, yaw_deg, roughness_01=0.35, blocks=(seat, *feet)),
     )
 
 
@@ -59,14 +69,34 @@ def desk(
             for x in (-width_m / 2 + 0.05, width_m / 2 - 0.05)
         )
     )
+    under, legs_x = height_m - 0.03, width_m / 2 - 0.05
+    blocks: tuple[Block, ...]
+    if front is None:
+        blocks = (
+            Block((0, under, 0), width_m / 2, depth_m / 2, height_m - under),
+            *(Block((x, 0, 0), 0.02, depth_m / 2 - 0.04, under) for x in (-legs_x, legs_x)),
+        )
+    else:
+        # Closed all round but at its foot: parts that hide the same sky would count twice.
+        high = height_m - PANEL_ABOVE_M
+        blocks = (Block((0, PANEL_ABOVE_M, 0), width_m / 2, depth_m / 2, high),)
     props = [
-        placed(f"{name}_top", top, at_m, yaw_deg, surfaces.planks(11, 3), roughness_01=0.45),
+        placed(
+            f"{name}_top",
+            top,
+            at_m,
+            yaw_deg,
+            surfaces.planks(11, 3),
+            roughness_01=0.45,
+            blocks=blocks,
+        ),
         placed(f"{name}_legs", legs, at_m, yaw_deg, roughness_01=0.4),
     ]
     if front is not None:
+        high = under - 0.01 - PANEL_ABOVE_M
         panel = box(
-            (0, (height_m - 0.03) / 2 + 0.06, -depth_m / 2 + 0.03),
-            (width_m - 0.12, height_m - 0.17, 0.02),
+            (0, PANEL_ABOVE_M + high / 2, -depth_m / 2 + 0.03),
+            (width_m - 0.12, high, 0.02),
             front,
             chamfer_m=0.003,
         )
@@ -124,7 +154,14 @@ def plant(
             blades.append(_leaf(rng, root))
     leafage = joined(*blades)
     return (
-        placed(f"{name}_pot", pot, at_m, 0.0, roughness_01=0.5),
+        placed(
+            f"{name}_pot",
+            pot,
+            at_m,
+            0.0,
+            roughness_01=0.5,
+            blocks=(Block((0, 0, 0), 0.13, 0.13, 0.30, round=True),),
+        ),
         placed(f"{name}_stems", joined(*stems), at_m, 0.0),
         placed(f"{name}_leaves", leafage, at_m, 0.0, double_sided=True, roughness_01=0.5),
     )
@@ -190,7 +227,14 @@ def shelf(
                 )  # fmt: skip
             x += thick
     return (
-        placed(f"{name}_boards", joined(*wood), at_m, yaw_deg, surfaces.planks(12, 3)),
+        placed(
+            f"{name}_boards",
+            joined(*wood),
+            at_m,
+            yaw_deg,
+            surfaces.planks(12, 3),
+            blocks=(Block((0, 0, 0), (width_m + board) / 2, depth / 2, height_m),),
+        ),
         placed(f"{name}_folders", joined(*folders), at_m, yaw_deg),
     )
 
@@ -293,9 +337,26 @@ def placed(
     emission_01: float = 0.0,
     casts_shadow: bool = True,
     double_sided: bool = False,
+    blocks: tuple[Block, ...] = (),
 ) -> Prop:
-    """Return a mesh with its material, turned and set on its place."""
+    """Return a mesh with its material and its blocks, turned and set on its place."""
     material = surfaces.surface(
         name, texture, roughness_01=roughness_01, kind=kind, double_sided=double_sided
     )
-    return Prop(name, moved(mesh, at_m, yaw_deg=yaw_deg), material, emission_01, casts_shadow)
+    standing = tuple(_placed_block(b, at_m, yaw_deg) for b in blocks)
+    return Prop(
+        name, moved(mesh, at_m, yaw_deg=yaw_deg), material, emission_01, casts_shadow, standing
+    )
+
+
+def shifted(prop: Prop, by_m: Point) -> Prop:
+    """Return a prop and its blocks set elsewhere on the same floor, or on one as much higher."""
+    blocks = tuple(_placed_block(block, by_m, 0.0) for block in prop.blocks)
+    return replace(prop, mesh=moved(prop.mesh, by_m), blocks=blocks)
+
+
+def _placed_block(block: Block, at_m: Point, yaw_deg: float) -> Block:
+    middle = rotate(quat_from_yaw_pitch_deg(yaw_deg), np.array(block.at_m)) + np.asarray(at_m)
+    x, y, z = middle.tolist()
+    floor = block.floor_m + float(at_m[1])
+    return replace(block, at_m=(x, y, z), floor_m=floor, yaw_deg=block.yaw_deg + yaw_deg)

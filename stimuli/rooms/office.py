@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from lab.geometry import Vector, unit
-from stimuli.picture import Light, Prop, Room
+from stimuli.picture import Block, Light, Prop, Room
 from stimuli.rooms import furniture, surfaces
 from stimuli.rooms.solids import box, cylinder, flat, joined
 from stimuli.scenes import office as places
@@ -144,7 +144,14 @@ def _between() -> list[Prop]:
         box((0, 0.06, 0), (0.46, 0.12, 0.46), (120, 118, 114)),
     )
     props.append(
-        furniture.placed("pillar", pillar, places.PILLAR.floor_m, 0.0, surfaces.plaster(55))
+        furniture.placed(
+            "pillar",
+            pillar,
+            places.PILLAR.floor_m,
+            0.0,
+            surfaces.plaster(55),
+            blocks=(Block((0, 0, 0), 0.23, 0.23, CEILING_M),),
+        )
     )
     return props
 
@@ -163,5 +170,12 @@ def _waiting_line() -> list[Prop]:
     )
     return [
         furniture.placed("waiting_line", line, (0, 0, 0), 0.0, casts_shadow=False),
-        furniture.placed("posts", posts, (0, 0, 0), 0.0, roughness_01=0.3),
+        furniture.placed(
+            "posts",
+            posts,
+            (0, 0, 0),
+            0.0,
+            roughness_01=0.3,
+            blocks=tuple(Block((x, 0, -0.75), 0.16, 0.16, 0.025, round=True) for x in (-3.3, 3.1)),
+        ),
     ]

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
-from stimuli.picture import Light, PlacedProp, Prop, Room, StaticMesh
+from stimuli.picture import Block, Light, PlacedProp, Prop, Room, StaticMesh
 from stimuli.rooms import furniture, surfaces
 from stimuli.rooms.solids import Srgb, box, cylinder, flat, joined, moved, turned
 from stimuli.scenes import station_crowd
@@ -147,7 +147,19 @@ def _columns() -> list[Prop]:
         furniture.placed(
             "columns", joined(*shafts), (0, 0, 0), 0.0, surfaces.marble(34), roughness_01=0.4
         ),
-        furniture.placed("column_trims", joined(*trims), (0, 0, 0), 0.0, roughness_01=0.25),
+        furniture.placed(
+            "column_trims",
+            joined(*trims),
+            (0, 0, 0),
+            0.0,
+            roughness_01=0.25,
+            blocks=tuple(
+                Block((side * HALF_WIDTH_M, 0, float(z)), *half, high)
+                for side in (-1, 1)
+                for z in _columns_z()
+                for half, high in (((0.46, 0.46), 0.12), ((0.39, 0.39), SPRING_M))
+            ),
+        ),
     ]
 
 
@@ -400,6 +412,10 @@ def _benches() -> list[Prop]:
                     (side * (HALF_WIDTH_M - 1.4), 0, z),
                     90.0,
                     surfaces.planks(40, 4),
+                    blocks=(
+                        Block((0, 0.405, 0), 0.9, 0.22, 0.05),
+                        Block((0, 0, 0), 0.75, 0.15, 0.40),
+                    ),
                 )
             )
     return props

@@ -16,11 +16,16 @@ from stage.joint_rows import JointRows
 from stage.projection import projection, view
 from stage.renderer import LIGHTEST, Quality, Renderer
 from stimuli.characters.cast import load_cast
-from stimuli.characters.character import Character
+from stimuli.characters.character import MORPHS, Character, Material
 from stimuli.dressing.casting import build_of
+from stimuli.dressing.office import room_from
 from stimuli.motion.kinds import Idle
 from stimuli.motion.people import PeopleMotion, Person
-from stimuli.picture import Camera, Light, Picture, PosedPeople, Room
+from stimuli.picture import Block, Camera, Light, Picture, PosedPeople, Room
+from stimuli.rooms import furniture
+from stimuli.rooms.audience_room import audience_room
+from stimuli.rooms.office import office
+from stimuli.rooms.station import station
 from tests.stage import figures
 
 SIZE_PX = (480, 360)
@@ -30,6 +35,8 @@ RAYS = 200
 BESIDE_M = (0.015, 0.04, 0.08, 0.16, 0.28)
 WITHIN = 0.09
 """Of all the sky: a shoe is not a disc, and the body above is a leg as high as the sky."""
+SHAPES_OF_NOBODY = (3,), (55, 4), (len(MORPHS),)
+PART_OF_WALLS = "door", "riser", "step"
 QUALITIES = {"card": Quality(samples=4), "processor": LIGHTEST}
 
 
@@ -106,7 +113,12 @@ def struck(points_m: Vector, rays: Vector, people: PosedPeople) -> npt.NDArray[n
     rows = joints.rows[0, : 3 * joints.joint_count].reshape(-1, 3, 4)
     matrix = np.einsum("vk,vkab->vab", mesh.weights, rows[mesh.joints])
     moved = np.einsum("vab,vb->va", matrix[..., :3], mesh.vertices_m) + matrix[..., 3]
-    a, b, c = moved[mesh.triangles].transpose(1, 0, 2)
+    return stopped(points_m, rays, moved[mesh.triangles])
+
+
+def stopped(points_m: Vector, rays: Vector, corners_m: Vector) -> npt.NDArray[np.bool_]:
+    """Return whether triangles (t, 3, 3) stop each of the rays (r, 3) of each point (k, r)."""
+    a, b, c = corners_m.transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     slope = rays @ normal.T
     inverse = 1.0 / np.where(abs(slope) < 1e-12, np.inf, slope)
@@ -124,11 +136,15 @@ def struck(points_m: Vector, rays: Vector, people: PosedPeople) -> npt.NDArray[n
 
 def hidden_sky_01(points_m: Vector, people: PosedPeople) -> Vector:
     """Return the share of an even sky that the body hides from points of the floor."""
+    share: Vector = struck(points_m, even_rays(), people).mean(axis=1)
+    return share
+
+
+def even_rays() -> Vector:
+    """Return directions (r, 3) from which a floor gets as much light each from an even sky."""
     k = np.arange(RAYS)
     radius, turn = np.sqrt((k + 0.5) / RAYS), k * np.pi * (3 - np.sqrt(5))
-    rays = np.stack([radius * np.cos(turn), np.sqrt(1 - radius**2), radius * np.sin(turn)], axis=1)
-    share: Vector = struck(points_m, rays, people).mean(axis=1)
-    return share
+    return np.stack([radius * np.cos(turn), np.sqrt(1 - radius**2), radius * np.sin(turn)], axis=1)
 
 
 def seen(points_m: Vector, people: PosedPeople) -> Vector:
@@ -204,6 +220,66 @@ def test_a_lifted_foot_shades_the_floor_softly(renderer: Renderer) -> None:
         assert (abs(shade - traced) < WITHIN).all()
     planted = darker(renderer, down, beside(down)[: len(BESIDE_M)])
     assert 0.0 < shade[0] - shade[2] < 0.7 * (planted[0] - planted[2])
+
+
+FURNITURE = {
+    "desk": furniture.desk("desk", (0, 0, -AWAY_M), 25.0),
+    "closed desk": furniture.desk("desk", (0, 0, -AWAY_M), 155.0, front=(226, 226, 222)),
+    "chair": furniture.chair("chair", (0, 0, -AWAY_M), 30.0),
+    "pot": furniture.plant("plant", (0, 0, -AWAY_M), seed=1)[:1],
+    "shelf": furniture.shelf("shelf", (0, 0, -AWAY_M), 20.0, seed=1),
+}
+
+
+@pytest.mark.parametrize("name", FURNITURE)
+def test_floors_at_furniture_are_as_dark_as_the_sky_it_hides(renderer: Renderer, name: str) -> None:
+    things = FURNITURE[name]
+    corners = np.concatenate([p.mesh.vertices_m[p.mesh.triangles] for p in things])
+    x, z = np.meshgrid(np.linspace(-1.0, 1.0, 17), -AWAY_M + np.linspace(-0.8, 0.8, 13))
+    points = np.column_stack([x.ravel(), np.zeros(x.size), z.ravel()])
+    towards = eye().pose.position_m - points
+    pairs = zip(points, towards, strict=True)
+    points = points[[not stopped(p[None], t[None], corners)[0, 0] for p, t in pairs]]
+    traced = stopped(points, even_rays(), corners.astype(np.float64)).mean(axis=1)
+    empty = Picture(0, room(), (), PosedPeople(*(np.zeros((0, *s)) for s in SHAPES_OF_NOBODY)))
+    grey = tuple(
+        replace(p, material=Material(p.name, "other", 0.9), casts_shadow=False) for p in things
+    )
+    furnished = replace(empty, room=replace(room(), props=(*room().props, *grey)))
+    images = (renderer.image(given, eye(), SIZE_PX) for given in (furnished, empty))
+    lit, open_lit = (light_at(image, points, eye()) for image in images)
+    shade = 1.0 - lit / open_lit
+    assert traced.max() > 0.15
+    assert abs(shade - traced).mean() < WITHIN / 2
+    assert (abs(shade - traced) < WITHIN * 2).mean() > 0.95
+
+
+def test_everything_that_stands_in_a_room_has_its_shade() -> None:
+    for place in (audience_room(), station(), office(), room_from("place_3")):
+        blocks = [block for prop in place.props for block in prop.blocks]
+        for prop in place.props:
+            vertices = prop.mesh.vertices_m.astype(np.float64)
+            low, high = vertices.min(axis=0), vertices.max(axis=0)
+            for block in prop.blocks:
+                x, _, z = block.at_m
+                assert (low[[0, 2]] - 0.1 < [x, z]).all(), prop.name
+                assert (high[[0, 2]] + 0.1 > [x, z]).all(), prop.name
+            if not prop.casts_shadow or low[1] != 0.0 or prop.name.split("_")[0] in PART_OF_WALLS:
+                continue
+            feet = vertices[vertices[:, 1] < 0.01][:, [0, 2]]
+            assert feet_in(blocks, feet).all(), prop.name
+
+
+def feet_in(blocks: list[Block], feet: Vector) -> npt.NDArray[np.bool_]:
+    """Return whether a block stands or ends low above each of the points (k, 2) of the floor."""
+    found = np.zeros(len(feet), np.bool_)
+    for block in blocks:
+        turn = np.radians(block.yaw_deg)
+        x, z = (feet - np.array(block.at_m)[[0, 2]]).T
+        own = np.cos(turn) * x - np.sin(turn) * z, np.sin(turn) * x + np.cos(turn) * z
+        within = (abs(own[0]) < block.half_x_m + 0.03) & (abs(own[1]) < block.half_z_m + 0.03)
+        found |= within & (block.at_m[1] < 0.15)
+    return found
 
 
 def test_a_sole_is_as_long_and_wide_as_the_shoe() -> None:
