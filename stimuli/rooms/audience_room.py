@@ -119,7 +119,7 @@ def _shell(turn: float) -> list[Prop]:
     windows = []
     for z in (-4.6, -2.2, 0.2):
         windows += [
-            flat((high[0] - 0.01, 1.0, z), (0, 0, 1.5), (0, 1.9, 0), (206, 222, 238)),
+            flat((high[0] - 0.01, 1.0, z), (0, 0, 1.5), (0, 1.9, 0), (236, 240, 244)),
         ]
     sills = joined(*(
         joined(
@@ -147,7 +147,13 @@ def _shell(turn: float) -> list[Prop]:
         furniture.placed("whiteboard", board, (0, 0, 0), 0.0, roughness_01=0.2),
         furniture.placed("whiteboard_frame", frame, (0, 0, 0), 0.0),
         furniture.placed(
-            "windows", joined(*windows), (0, 0, 0), 0.0, emission_01=0.9, casts_shadow=False
+            "windows",
+            joined(*windows),
+            (0, 0, 0),
+            0.0,
+            surfaces.outside(28),
+            emission_01=0.9,
+            casts_shadow=False,
         ),
         furniture.placed("window_frames", sills, (0, 0, 0), 0.0, casts_shadow=False),
         furniture.placed("door", door, (0, 0, 0), 0.0, surfaces.planks(22, 2)),

@@ -93,10 +93,9 @@ def desk(
         placed(f"{name}_legs", legs, at_m, yaw_deg, roughness_01=0.4),
     ]
     if front is not None:
-        high = under - 0.01 - PANEL_ABOVE_M
         panel = box(
-            (0, PANEL_ABOVE_M + high / 2, -depth_m / 2 + 0.03),
-            (width_m - 0.12, high, 0.02),
+            (0, (height_m - 0.03) / 2 + 0.06, -depth_m / 2 + 0.03),
+            (width_m - 0.12, height_m - 0.17, 0.02),
             front,
             chamfer_m=0.003,
         )
@@ -247,6 +246,48 @@ def ceiling_lamp(name: str, at_m: Point, size_m: tuple[float, float]) -> tuple[P
     return (
         placed(f"{name}_frame", frame, at_m, 0.0, casts_shadow=False),
         placed(f"{name}_glow", glow, at_m, 0.0, emission_01=1.0, casts_shadow=False),
+    )
+
+
+def door(name: str, at_m: Point, yaw_deg: float) -> tuple[Prop, ...]:
+    """Return a closed door and its frame before a wall at `at_m`, seen from −z."""
+    leaf = box((0, 1.03, 0), (0.95, 2.06, 0.05), DARK_WOOD, uv_m=0.7)
+    frame = joined(
+        box((0, 2.09, 0), (1.11, 0.08, 0.07), (226, 224, 218)),
+        *(box((x, 1.03, 0), (0.08, 2.06, 0.07), (226, 224, 218)) for x in (-0.51, 0.51)),
+        cylinder((0.38, 1.05, -0.025), (0.38, 1.05, -0.08), 0.011, STEEL, sides=12),
+        cylinder((0.39, 1.05, -0.07), (0.27, 1.05, -0.07), 0.011, STEEL, sides=12),
+    )
+    return (
+        placed(f"{name}_leaf", leaf, at_m, yaw_deg, surfaces.planks(22, 2), casts_shadow=False),
+        placed(f"{name}_frame", frame, at_m, yaw_deg, casts_shadow=False),
+    )
+
+
+def hung(
+    name: str,
+    at_m: Point,
+    yaw_deg: float,
+    size_m: tuple[float, float],
+    colour: Srgb,
+    texture: surfaces.Texture | None = None,
+    *,
+    frame: Srgb = (60, 58, 56),
+    mat_m: float = 0.0,
+) -> tuple[Prop, ...]:
+    """Return a framed picture or board on a wall, its middle at `at_m`, seen from −z."""
+    w, h = size_m
+    edge, mat = 0.03, (240, 238, 232)
+    bars = joined(
+        *(box((s * (w + edge) / 2, 0, 0), (edge, h + 2 * edge, 0.03), frame) for s in (-1, 1)),
+        *(box((0, s * (h + edge) / 2, 0), (w, edge, 0.03), frame) for s in (-1, 1)),
+        flat((w / 2, -h / 2, -0.004), (-w, 0, 0), (0, h, 0), mat),
+    )
+    w, h = w - 2 * mat_m, h - 2 * mat_m
+    face = flat((w / 2, -h / 2, -0.006), (-w, 0, 0), (0, h, 0), colour)
+    return (
+        placed(f"{name}_frame", bars, at_m, yaw_deg, casts_shadow=False),
+        placed(f"{name}_face", face, at_m, yaw_deg, texture, casts_shadow=False),
     )
 
 

@@ -1,5 +1,6 @@
 """The office of the waving study: desks, screens, shelves, plants, a pillar, windows."""
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
@@ -12,6 +13,7 @@ from stimuli.rooms.solids import box, cylinder, flat, joined
 from stimuli.scenes import office as places
 
 CEILING_M: Final = 3.0
+WINDOWS_X_M: Final = (-3.9, -1.95, 0.25, 2.2)
 
 
 @lru_cache(maxsize=1)
@@ -49,6 +51,7 @@ def _shell() -> list[Prop]:
         "ceiling", low, high, CEILING_M, (250, 250, 248), surfaces.tiles(52, 3, joint=0.88),
         faces_up=False, uv_m=1.8,
     )  # fmt: skip
+    ceiling = replace(ceiling, emission_01=0.4)  # lit by what floor and walls give back
     around = furniture.walls(
         "room",
         (low[0], 0, low[1]),
@@ -59,8 +62,8 @@ def _shell() -> list[Prop]:
     back = low[1]
     panes = joined(
         *(
-            flat((x, 0.95, back + 0.012), (1.7, 0, 0), (0, 1.55, 0), (200, 216, 232))
-            for x in (-3.9, -1.95, 0.25, 2.2)
+            flat((x, 0.95, back + 0.012), (1.7, 0, 0), (0, 1.55, 0), (236, 240, 244))
+            for x in WINDOWS_X_M
         ),
     )
     frames = joined(*(
@@ -70,18 +73,52 @@ def _shell() -> list[Prop]:
             *(box((x + s, 1.72, back + 0.02), (0.05, 1.6, 0.05), (232, 231, 228))
               for s in (0.0, 0.85, 1.7)),
         )
-        for x in (-3.9, -1.95, 0.25, 2.2)
+        for x in WINDOWS_X_M
     ))  # fmt: skip
+    # Closed slats as a picture: single ones are thinner than pixels.
     blinds = joined(
         *(
-            box((x + 0.85, 2.48 - 0.055 * k, back + 0.05), (1.66, 0.006, 0.045), (222, 222, 220))
-            for x in (-3.9, -1.95, 0.25, 2.2)
-            for k in range(8)
+            flat((x + 0.02, 2.04, back + 0.06), (1.66, 0, 0), (0, 0.46, 0), (232, 231, 226))
+            for x in WINDOWS_X_M
         )
     )
-    poster = joined(
-        flat((low[0] + 0.01, 1.25, -2.2), (0, 0, -0.9), (0, 1.2, 0), (92, 124, 140)),
-        flat((low[0] + 0.01, 1.25, -4.2), (0, 0, -0.9), (0, 1.2, 0), (168, 134, 92)),
+    rails = joined(
+        *(
+            box((x + 0.85, high, back + 0.06), (1.68, thick, 0.01), (226, 225, 221))
+            for x in WINDOWS_X_M
+            for high, thick in ((2.49, 0.06), (2.035, 0.03))
+        )
+    )
+    left, right, front = low[0] + 0.015, high[0] - 0.015, high[1] - 0.015
+    prints = surfaces.marble(54)
+    hung = (
+        *furniture.hung(
+            "print_blue", (left, 1.85, -2.65), -90.0, (0.9, 1.2), (92, 124, 140), prints, mat_m=0.1
+        ),
+        *furniture.hung(
+            "print_ochre", (left, 1.85, -4.65), -90.0, (0.9, 1.2), (168, 134, 92), prints, mat_m=0.1
+        ),
+        *furniture.hung(
+            "whiteboard",
+            (right, 1.65, -3.9),
+            90.0,
+            (1.8, 1.1),
+            (240, 241, 240),
+            frame=(150, 153, 158),
+        ),
+        *furniture.hung(
+            "print_green", (right, 1.7, 0.2), 90.0, (0.7, 0.9), (122, 140, 104), prints, mat_m=0.09
+        ),
+        *furniture.hung(
+            "pinboard",
+            (1.6, 1.6, front),
+            0.0,
+            (1.6, 1.0),
+            (186, 146, 104),
+            surfaces.carpet(57),
+            frame=furniture.WOOD,
+        ),
+        *furniture.door("door", (-1.6, 0, front), 0.0),
     )
     lamps = [
         lamp
@@ -90,12 +127,13 @@ def _shell() -> list[Prop]:
         for lamp in furniture.ceiling_lamp(f"lamp_{x}_{z}", (x, CEILING_M - 0.04, z), (1.2, 0.3))
     ]
     return [
-        floor, ceiling, *around, *lamps,
-        furniture.placed("windows", panes, (0, 0, 0), 0.0, emission_01=0.85, casts_shadow=False),
-        furniture.placed("window_frames", frames, (0, 0, 0), 0.0, casts_shadow=False),
-        furniture.placed("blinds", blinds, (0, 0, 0), 0.0, casts_shadow=False),
-        furniture.placed("posters", poster, (0, 0, 0), 0.0, surfaces.marble(54),
+        floor, ceiling, *around, *lamps, *hung,
+        furniture.placed("windows", panes, (0, 0, 0), 0.0, surfaces.outside(56), emission_01=0.95,
                          casts_shadow=False),
+        furniture.placed("window_frames", frames, (0, 0, 0), 0.0, casts_shadow=False),
+        furniture.placed("blinds", blinds, (0, 0, 0), 0.0, surfaces.slats(8), emission_01=0.25,
+                         casts_shadow=False),
+        furniture.placed("blind_rails", rails, (0, 0, 0), 0.0, casts_shadow=False),
     ]  # fmt: skip
 
 

@@ -345,7 +345,7 @@ def _tracks() -> list[Prop]:
             for r in (-0.76, 0.76)
         ]
         wall = flat((s * (edge + 3.4), -1.2, z0 if s > 0 else z1), (0, 0, s * length),
-                    (0, 6.2, 0), (206, 206, 200), uv_m=1.6)  # fmt: skip
+                    (0, CROWN_M + 1.2, 0), (206, 206, 200), uv_m=1.6)  # fmt: skip
         far_walls.append(wall)
         names += [
             flat((s * (edge + 3.37), 1.45, z - s * 1.6), (0, 0, s * 3.2), (0, 0.5, 0),

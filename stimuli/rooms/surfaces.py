@@ -117,6 +117,29 @@ def woven(seed: int) -> Texture:
     return _texture(brightness)
 
 
+@lru_cache(maxsize=2)
+def slats(count: int) -> Texture:
+    """Return a closed blind of `count` slats, each lighter above, darker where the next begins."""
+    down = (np.arange(SIZE) + 0.5) * count / SIZE % 1.0
+    brightness = 0.97 - 0.13 * down - 0.28 * np.exp(-(((down - 0.97) / 0.05) ** 2))
+    return _texture(np.tile(brightness[:, None], (1, SIZE)))
+
+
+@lru_cache(maxsize=2)
+def outside(seed: int) -> Texture:
+    """Return what is far off behind panes: a sky that pales towards hazy trees, out of focus."""
+    rng = np.random.default_rng(seed)
+    y = np.linspace(0.0, 1.0, SIZE)[:, None]
+    x = np.arange(SIZE)
+    crowns = 0.66 + 0.035 * _noise(rng, 1, 8)[0] + 0.015 * _noise(rng, 1, 24)[0]
+    far = 1.0 / (1.0 + np.exp(-(y - crowns[x] + 0.07) / 0.03))
+    near = 1.0 / (1.0 + np.exp(-(y - np.roll(crowns, 90)[x] - 0.05) / 0.03))
+    sky = np.array([0.80, 0.89, 1.0]) + y[..., None] * np.array([0.24, 0.13, 0.0])
+    tint = sky * (1 - far[..., None]) + far[..., None] * np.array([0.76, 0.83, 0.80])
+    tint = tint * (1 - near[..., None]) + near[..., None] * np.array([0.62, 0.72, 0.61])
+    return _texture(np.full((SIZE, SIZE), 0.98), tint)
+
+
 def surface(
     name: str,
     texture: Texture | None = None,
