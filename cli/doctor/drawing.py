@@ -1,6 +1,7 @@
 """Measure a stereo frame on the graphics card, and say what to ask of pictures."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,8 +19,6 @@ from visavis.sessions.stages import USUAL_EYE_PX, quality_of
 
 COMPUTER = "computer"
 USUAL_RATE_HZ = 90.0
-SPARE = 3.0
-"""Shadows of lamps with an area are offered where frames could cost so many times what they do."""
 
 
 def measured(lab: LabConfig, clock: Clock) -> Finding:
@@ -38,20 +37,34 @@ def measured(lab: LabConfig, clock: Clock) -> Finding:
         headset = lab.devices.get("headset")
         options = {} if headset is None else headset.options
         rate_hz = float(options.get("display_rate_hz") or USUAL_RATE_HZ)
-        with Renderer(context, quality=quality_of(lab, on_processor=False)) as renderer:
+        asked = quality_of(lab, on_processor=False)
+
+        def with_area_ms(choice: Choice) -> float:
+            with Renderer(context, quality=replace(asked, shadows="area")) as renderer:
+                return stereo_frame_ms(renderer, picture, head, USUAL_EYE_PX, choice, clock)
+
+        with Renderer(context, quality=asked) as renderer:
 
             def cost_ms(choice: Choice) -> float:
                 return stereo_frame_ms(renderer, picture, head, USUAL_EYE_PX, choice, clock)
 
-            return advice(lab, card, rate_hz, cost_ms)
+            return advice(lab, card, rate_hz, cost_ms, with_area_ms)
     finally:
         context.release()
 
 
 def advice(
-    lab: LabConfig, card: str, rate_hz: float, cost_ms: Callable[[Choice], float]
+    lab: LabConfig,
+    card: str,
+    rate_hz: float,
+    cost_ms: Callable[[Choice], float],
+    with_area_ms: Callable[[Choice], float],
 ) -> Finding:
-    """Return whether what the lab asks of pictures is drawn in time, else what it should ask."""
+    """Return whether what the lab asks of pictures is drawn in time, else what it should ask.
+
+    `with_area_ms` is what frames cost with shadows of lamps with an area: asked only where it
+    could be offered.
+    """
     asked = lab.display.quality
     quality = quality_of(lab, on_processor=False)
     now = Choice(quality.samples, asked.render_scale)
@@ -61,8 +74,10 @@ def advice(
         f"a frame at {rate_hz:g} Hz has {1e3 / rate_hz:.1f} ms"
     )
     if fits(now_ms, rate_hz):
-        if quality.shadows == "maps" and fits(SPARE * now_ms, rate_hz):
-            text += "; there is time for shadows: area"
+        if quality.shadows == "maps":
+            area_ms = with_area_ms(now)
+            if fits(area_ms, rate_hz):
+                text += f"; there is time for shadows: area ({area_ms:.1f} ms)"
         return Finding(COMPUTER, "drawing", "ok", text)
     less = [c for c in CHOICES if c.samples <= now.samples and c.render_scale <= now.render_scale]
     chosen, chosen_ms = best_choice(cost_ms, rate_hz, [c for c in less if c != now] or CHOICES[-1:])

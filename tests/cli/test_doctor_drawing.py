@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cli.doctor import drawing
 from cli.doctor.drawing import advice, measured
 from lab.clock import SystemClock
 from lab.config import LabConfig, load_config
@@ -31,30 +32,31 @@ def costing(ms_per_sample: float) -> dict[Choice, float]:
 
 
 def test_frames_in_time_need_no_advice(lab: LabConfig) -> None:
-    said = advice(lab, "card", 90.0, costing(1.9).__getitem__)
+    said = advice(lab, "card", 90.0, costing(1.9).__getitem__, costing(5.0).__getitem__)
     assert ("ok", "") == (said.level, said.remedy)
     assert "7.6 ms a stereo frame" in said.found
 
 
 def test_cards_with_time_to_spare_are_offered_shadows_of_areas(lab: LabConfig) -> None:
     offered = "there is time for shadows: area"
-    assert offered in advice(lab, "card", 90.0, costing(0.6).__getitem__).found
-    assert offered not in advice(lab, "card", 90.0, costing(1.2).__getitem__).found
+    cheap, fast, slow = (costing(ms).__getitem__ for ms in (0.6, 1.9, 2.1))
+    assert f"{offered} (7.6 ms)" in advice(lab, "card", 90.0, cheap, fast).found
+    assert offered not in advice(lab, "card", 90.0, cheap, slow).found
     quality = lab.display.quality.model_copy(update={"shadows": "area"})
     display = lab.display.model_copy(update={"quality": quality})
     dear = lab.model_copy(update={"display": display})
-    assert offered not in advice(dear, "card", 90.0, costing(0.6).__getitem__).found
-    assert "shadows: maps" in advice(dear, "card", 90.0, costing(3.0).__getitem__).remedy
+    assert offered not in advice(dear, "card", 90.0, cheap, cheap).found
+    assert "shadows: maps" in advice(dear, "card", 90.0, costing(3.0).__getitem__, slow).remedy
 
 
 def test_the_best_that_is_in_time_is_advised(lab: LabConfig) -> None:
-    said = advice(lab, "card", 90.0, costing(3.0).__getitem__)
+    said = advice(lab, "card", 90.0, costing(3.0).__getitem__, costing(9.0).__getitem__)
     assert said.level == "warning"
     assert "samples: 2, render_scale: 1 (6.0 ms)" in said.remedy
 
 
 def test_a_card_too_slow_for_anything_is_told_so(lab: LabConfig) -> None:
-    said = advice(lab, "card", 90.0, costing(100.0).__getitem__)
+    said = advice(lab, "card", 90.0, costing(100.0).__getitem__, costing(300.0).__getitem__)
     assert "samples: 0, render_scale: 0.6" in said.remedy
     assert "faster card" in said.remedy
 
@@ -79,3 +81,23 @@ def test_a_frame_is_measured_by_what_draws(lab: LabConfig) -> None:
     said = measured(lab, SystemClock())
     assert said.level == "warning"
     assert "no graphics card draws" in said.found
+
+
+def test_shadows_of_areas_are_timed_before_they_are_offered(
+    lab: LabConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[str] = []
+
+    def counted(renderer: Renderer, *_: object) -> float:
+        drawn.append(renderer.quality.shadows)
+        return 2.0 if renderer.quality.shadows == "maps" else 7.0
+
+    try:
+        Renderer(quality=Quality(samples=0, shadows="none")).close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    monkeypatch.setattr(drawing, "draws_on_processor", lambda _: False)
+    monkeypatch.setattr(drawing, "stereo_frame_ms", counted)
+    said = drawing.measured(lab, SystemClock())
+    assert drawn == ["maps", "area"]
+    assert "there is time for shadows: area (7.0 ms)" in said.found
