@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -200,6 +201,18 @@ class StudyExperiment:
         of = self.settings.sound_of
         played = (of(sound) for trial in self.read.values() for sound in trial.sounds)
         return tuple({sound.sha256: sound for sound in played}.values())
+
+    @property
+    def unplayable(self) -> tuple[str, ...]:
+        """What is wrong with each file that a condition plays and that cannot be played."""
+        files = {s for trial in self.read.values() for s in trial.sounds if isinstance(s, Path)}
+        problems = []
+        for file in sorted(files):
+            try:
+                self.settings.sound_of(file)
+            except DesignError as problem:
+                problems.append(str(problem))
+        return tuple(problems)
 
     def prepare(self, told: Callable[[int, int], None] = untold) -> None:
         """Load and compute what would hold up a frame; `told` hears how many of how many."""

@@ -150,8 +150,14 @@ def plan(
     made = shown.experiment.plan(shown.index, shown.seed, shown.group)
     if as_json:
         say_json(asdict(made))
-        return
-    _print_plan(made, shown.label, shown.note, shown.experiment.texts)
+    else:
+        _print_plan(made, shown.label, shown.note, shown.experiment.texts)
+    for problem in shown.experiment.unplayable:
+        errors.print(
+            f"[yellow]{verbatim(problem)}; `visavis run` will refuse: put the file there, or name "
+            "another where the study's parameters are set[/]",
+            soft_wrap=True,
+        )
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,18 @@
 """Sounds of a study: stamped in the row, recorded, ended with the trial, refused where wrong."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import wavfile
+from typer.testing import CliRunner
 
+from cli.main import app
 from devices.contracts import SOUND_EVENTS
 from lab.config import DeviceConfig
+from lab.config_files import EXAMPLE
 from lab.errors import ConfigError, DesignError
 from recording.reader import Recording
 from tests.faults.sessions import lab
@@ -133,3 +137,18 @@ def test_shipped_studies_are_silent_unless_a_lab_gives_a_recording(
     assert "sound" not in silent.needed_roles
     assert "sound" in heard.needed_roles
     assert ["hum"] == [sound.name for sound in heard.sounds]
+
+
+@pytest.mark.parametrize("more", [(), ("--json",)])
+def test_a_plan_says_which_recording_is_not_there(folder: Path, more: tuple[str, ...]) -> None:
+    config, gone = folder / "lab_config.yaml", folder / "voice.wav"
+    config.write_bytes(EXAMPLE.read_bytes())
+    ask = ("plan", "stare", "--config", str(config), "--set", f"voice={gone}", *more)
+    result = CliRunner().invoke(app, ask)
+    assert result.exit_code == 0
+    assert "voice.wav: cannot be read" in " ".join(result.stderr.split())
+    assert "visavis run" in result.stderr
+    if more:
+        assert json.loads(result.stdout)["study"] == "stare"
+    (folder / "hum.wav").rename(gone)
+    assert "voice.wav" not in CliRunner().invoke(app, ask).stderr
