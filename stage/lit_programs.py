@@ -5,11 +5,15 @@ from typing import Literal
 import moderngl
 
 from stage import glsl_lighting, glsl_people, glsl_room
-from stage.programs import compile_program
+from stage.programs import EACH_SAMPLE, compile_program
 from stage.vertices import Run
 
 Family = Literal["people", "lit_people", "room", "baked_room"]
 """People skinned by the card or lit by the processor; things lit as drawn or beforehand."""
+
+
+SAMPLE_SHADING = {"GL_ARB_gpu_shader5", "GL_ARB_sample_shading"}
+"""Extensions of drivers that can shade every sample of a pixel by itself."""
 
 
 class LitPrograms:
@@ -26,6 +30,7 @@ class LitPrograms:
             *(("IN_LIGHT",) if in_light else ()),
         )
         self._fast = fast
+        self._in_samples = in_light and SAMPLE_SHADING <= context.extensions
         self._made: dict[tuple[object, ...], moderngl.Program] = {}
 
     def lit(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
@@ -81,6 +86,8 @@ class LitPrograms:
                 defines.append("SURFACE_MAP")
         if run.kind in glsl_people.SHADERS:
             defines.append(glsl_people.SHADERS[run.kind])
+        if run.kind == "eye" and not is_room and self._in_samples:
+            defines.append(EACH_SAMPLE)
         if self._fast and (is_room or run.kind != "eye"):
             defines.append("VERTEX_LIT")
             if not identity:
@@ -91,4 +98,11 @@ class LitPrograms:
             defines.append("NO_SHINE")
         output = glsl_lighting.OUTPUT_IDENTITY if identity else glsl_lighting.OUTPUT_COLOUR
         fragment = source.FRAGMENT.replace("//OUTPUT//", output)
+        try:
+            return compile_program(self._context, vertex, fragment, *defines, constants=lamps)
+        except moderngl.Error:
+            if EACH_SAMPLE not in defines:
+                raise
+        # The driver has the extensions and cannot do it all the same.
+        defines.remove(EACH_SAMPLE)
         return compile_program(self._context, vertex, fragment, *defines, constants=lamps)
