@@ -199,6 +199,13 @@ flat in uint person;
 """
     + "//OUTPUT//"
     + """
+#if defined(KIND_CLOTH) && defined(SHRUNK)
+// Stripes that pixels of the small picture cannot hold must be gone before it is made small.
+#define PICTURE_HERE texture(picture, detail, SHRUNK)
+#else
+#define PICTURE_HERE texture(picture, detail)
+#endif
+
 float grain(vec2 at) { return fract(sin(dot(at, vec2(12.9898, 78.233))) * 43758.5453); }
 
 float smooth_grain(float at) {
@@ -415,7 +422,7 @@ vec3 with_pores(vec3 n, vec2 at, out float uneven) {
 #ifdef VERTEX_LIT
 void main() {
 #ifdef TEXTURED
-    vec4 texel = texel_of(texture(picture, detail));
+    vec4 texel = texel_of(PICTURE_HERE);
     CUT(texel.a)
     deliver_lit(albedo_here, texel, person, surface.z, length(eye_m.xyz - place));
 #else
@@ -433,7 +440,7 @@ void main() {
     vec3 albedo = albedo_here;
     float alpha = 1.0;
 #ifdef TEXTURED
-    vec4 texel = texel_of(texture(picture, detail));
+    vec4 texel = texel_of(PICTURE_HERE);
     albedo *= texel.rgb;
     alpha = texel.a;
     CUT(alpha)

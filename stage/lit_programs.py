@@ -1,5 +1,6 @@
 """The shaders of people and rooms, compiled for what is drawn: kind of surface, lamps, pass."""
 
+from math import log2
 from typing import Literal
 
 import moderngl
@@ -20,7 +21,14 @@ class LitPrograms:
     """Programs by what they draw, compiled at first use."""
 
     def __init__(
-        self, context: moderngl.Context, *, fast: bool, shadows: bool, area: bool, in_light: bool
+        self,
+        context: moderngl.Context,
+        *,
+        fast: bool,
+        shadows: bool,
+        area: bool,
+        in_light: bool,
+        shrunk: int = 1,
     ) -> None:
         self._context = context
         self._common = (
@@ -28,6 +36,7 @@ class LitPrograms:
             *(("SHADOWS",) if shadows else ()),
             *(("AREA_LAMPS",) if shadows and area else ()),
             *(("IN_LIGHT",) if in_light else ()),
+            *((f"SHRUNK {log2(shrunk):.3f}",) if shrunk > 1 else ()),
         )
         self._fast = fast
         self._in_samples = in_light and SAMPLE_SHADING <= context.extensions
