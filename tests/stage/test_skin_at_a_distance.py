@@ -41,7 +41,7 @@ def brightest_error(renderer: Renderer, name: str, away_m: float) -> float:
     people = motion.at(1.0, Aimed(towards[None], np.ones(1), np.array([away_m])))
     body = forward(person.skeleton, people.root_m[0], people.orientation_wxyz[0])
     eyes_m = body.position_m[[person.skeleton.index(f"{s}_eye") for s in ("left", "right")]]
-    at = eyes_m.mean(axis=0) + [0.0, -0.02, away_m]
+    at = eyes_m.mean(axis=0) + away_m * towards - np.array([0.0, 0.02, 0.0])
     picture = Picture(0, portrait_studio(), (person,), people)
     px = np.radians(1.0 / PX_PER_DEG)
     wide, high = (round(m / away_m / px) for m in FACE_M)
