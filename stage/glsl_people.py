@@ -102,8 +102,20 @@ SKINNED_LAYOUT = (
     "in_person",
 )
 
+EACH = """
+#ifdef EACH_SAMPLE
+// Lids hide parts of a pixel: what they leave is shaded, not the whole of it.
+#define EACH sample
+const float ACROSS = 0.5;  // a sample stands for half a pixel in either direction
+#else
+#define EACH
+const float ACROSS = 1.0;
+#endif
+"""
+
 VERTEX = (
     LIGHTING
+    + EACH
     + """
 in vec3 in_place;
 in vec3 in_normal;
@@ -111,9 +123,9 @@ in vec3 in_detail;
 in vec3 in_albedo;
 in uvec4 in_surface;
 in uint in_person;
-out vec3 place;
-out vec3 normal;
-out vec3 detail;
+EACH out vec3 place;
+EACH out vec3 normal;
+EACH out vec3 detail;
 out vec3 albedo_here;
 flat out uvec4 surface;
 flat out uint person;
@@ -132,6 +144,7 @@ void main() {
 LIT_VERTEX = (
     LIGHTING
     + DECODED
+    + EACH
     + """
 in vec3 in_place;
 in vec3 in_light;   // of eyes, which pixels light, the normal
@@ -139,9 +152,9 @@ in vec3 in_detail;  // of textured surfaces the layer last
 in vec4 in_colour;
 in uvec4 in_surface;
 in uint in_person;
-out vec3 place;
-out vec3 normal;
-out vec3 detail;
+EACH out vec3 place;
+EACH out vec3 normal;
+EACH out vec3 detail;
 out vec3 albedo_here;
 flat out uvec4 surface;
 flat out uint person;
@@ -174,17 +187,25 @@ void main() { gl_Position = shadow_projection * vec4(in_place, 1.0); }
 FRAGMENT = (
     LIGHTING
     + DECODED
+    + EACH
     + """
 uniform sampler2DArray picture;  // of textured surfaces the layer is the last of detail
-in vec3 place;
-in vec3 normal;
-in vec3 detail;
+EACH in vec3 place;
+EACH in vec3 normal;
+EACH in vec3 detail;
 in vec3 albedo_here;
 flat in uvec4 surface;
 flat in uint person;
 """
     + "//OUTPUT//"
     + """
+#if defined(KIND_CLOTH) && defined(SHRUNK)
+// Stripes that pixels of the small picture cannot hold must be gone before it is made small.
+#define PICTURE_HERE texture(picture, detail, SHRUNK)
+#else
+#define PICTURE_HERE texture(picture, detail)
+#endif
+
 float grain(vec2 at) { return fract(sin(dot(at, vec2(12.9898, 78.233))) * 43758.5453); }
 
 float smooth_grain(float at) {
@@ -207,14 +228,15 @@ float hidden_by(float deep, float away) {
 }
 
 // Colour of the eye at a place on it, times how open it lies; w: the share that the cornea covers.
-vec4 eye_at(vec3 at, float iris, float pupil, vec3 iris_colour, float blur) {
+vec4 eye_at(vec3 at, float iris, float pupil, vec3 iris_colour, float fair, float blur) {
     float radius = at.z < 0.0 ? length(at.xy) : 2.0;
     float share = radius / iris;
     vec2 place = at.xy / iris;
     float corner = smoothstep(0.9, CORNER, abs(place.x));
-    // Who has much pigment in the iris has some in the white, too.
+    // Who has much pigment in iris or skin has some in the white, too.
     float pale = smoothstep(0.03, 0.10, dot(iris_colour, vec3(0.2126, 0.7152, 0.0722)));
     vec3 white = vec3(0.72, 0.69, 0.66) * mix(vec3(0.86, 0.83, 0.78), vec3(1.0), pale);
+    white *= mix(vec3(0.70, 0.69, 0.67), vec3(1.0), fair);
     white = mix(white, vec3(0.50, 0.34, 0.30), corner * corner);
     float angle = atan(at.y, at.x);
     float fibres = mix(1.0, 0.72 + 0.5 * smooth_grain(angle * 22.0 + 80.0 + 3.0 * share),
@@ -240,11 +262,13 @@ float below_lid(vec3 towards, vec3 n, float up) {
 
 vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
     float iris = float(surface.y) / 255.0, pupil = float(surface.w) / 255.0;
+    float fair = smoothstep(0.05, 0.25, float(surface.x >> 3) / 31.0);  // the skin about it
     vec3 side = normalize(cross(vec3(0.0, 1.0, 0.0), view) + vec3(1e-5));
     vec3 box = normalize(view + 0.62 * vec3(0.0, 1.0, 0.0) - 0.34 * side);
 
     // From afar an iris is smaller than two pixels: one point of each says little of where it is.
-    vec3 right = dFdx(detail), up = dFdy(detail), n_right = dFdx(n), n_up = dFdy(n);
+    vec3 right = ACROSS * dFdx(detail), up = ACROSS * dFdy(detail);
+    vec3 n_right = ACROSS * dFdx(n), n_up = ACROSS * dFdy(n);
     float span = max(length(right), length(up));
     int wide = clamp(int(ceil(span / 0.07)), 1, 4);
     float blur = max(span / float(wide), 0.004);
@@ -253,7 +277,7 @@ vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
     for (int i = 0; i < wide * wide; ++i) {
         vec2 aside = (vec2(i % wide, i / wide) + 0.5) / float(wide) - 0.5;
         vec4 here = eye_at(normalize(detail + aside.x * right + aside.y * up), iris, pupil,
-                           iris_colour, blur);
+                           iris_colour, fair, blur);
         vec3 leans = normalize(n + aside.x * n_right + aside.y * n_up);
         seen.rgb += here.rgb;
         catch_light += smoothstep(0.984, 0.993, dot(reflect(-view, leans), box))
@@ -338,7 +362,9 @@ vec3 microfacets(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, flo
                  float mirroring, float open, vec3 fuzz) {
     float facing = max(dot(n, view), 1e-3);
     float a = max(roughness * roughness, 0.02);
-    float a2 = a * a;
+    // Normals that differ within a pixel widen its highlight (Kaplanyan and others 2016).
+    vec3 leans_x = dFdx(n), leans_y = dFdy(n);
+    float a2 = min(a * a + min(0.32 * (dot(leans_x, leans_x) + dot(leans_y, leans_y)), 0.18), 1.0);
     vec3 f0 = mix(vec3(mirroring), albedo, metalness);
     float f90 = min(50.0 * f0.g, 1.0);
     vec3 matte = albedo * (1.0 - metalness);
@@ -398,7 +424,7 @@ vec3 with_pores(vec3 n, vec2 at, out float uneven) {
 #ifdef VERTEX_LIT
 void main() {
 #ifdef TEXTURED
-    vec4 texel = texel_of(texture(picture, detail));
+    vec4 texel = texel_of(PICTURE_HERE);
     CUT(texel.a)
     deliver_lit(albedo_here, texel, person, surface.z, length(eye_m.xyz - place));
 #else
@@ -416,7 +442,7 @@ void main() {
     vec3 albedo = albedo_here;
     float alpha = 1.0;
 #ifdef TEXTURED
-    vec4 texel = texel_of(texture(picture, detail));
+    vec4 texel = texel_of(PICTURE_HERE);
     albedo *= texel.rgb;
     alpha = texel.a;
     CUT(alpha)

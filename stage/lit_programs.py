@@ -1,22 +1,34 @@
 """The shaders of people and rooms, compiled for what is drawn: kind of surface, lamps, pass."""
 
+from math import log2
 from typing import Literal
 
 import moderngl
 
 from stage import glsl_lighting, glsl_people, glsl_room
-from stage.programs import compile_program
+from stage.programs import EACH_SAMPLE, compile_program
 from stage.vertices import Run
 
 Family = Literal["people", "lit_people", "room", "baked_room"]
 """People skinned by the card or lit by the processor; things lit as drawn or beforehand."""
 
 
+SAMPLE_SHADING = {"GL_ARB_gpu_shader5", "GL_ARB_sample_shading"}
+"""Extensions of drivers that can shade every sample of a pixel by itself."""
+
+
 class LitPrograms:
     """Programs by what they draw, compiled at first use."""
 
     def __init__(
-        self, context: moderngl.Context, *, fast: bool, shadows: bool, area: bool, in_light: bool
+        self,
+        context: moderngl.Context,
+        *,
+        fast: bool,
+        shadows: bool,
+        area: bool,
+        in_light: bool,
+        shrunk: int = 1,
     ) -> None:
         self._context = context
         self._common = (
@@ -24,8 +36,10 @@ class LitPrograms:
             *(("SHADOWS",) if shadows else ()),
             *(("AREA_LAMPS",) if shadows and area else ()),
             *(("IN_LIGHT",) if in_light else ()),
+            *((f"SHRUNK {log2(shrunk):.3f}",) if shrunk > 1 else ()),
         )
         self._fast = fast
+        self._in_samples = in_light and SAMPLE_SHADING <= context.extensions
         self._made: dict[tuple[object, ...], moderngl.Program] = {}
 
     def lit(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
@@ -81,6 +95,8 @@ class LitPrograms:
                 defines.append("SURFACE_MAP")
         if run.kind in glsl_people.SHADERS:
             defines.append(glsl_people.SHADERS[run.kind])
+        if run.kind == "eye" and not is_room and self._in_samples:
+            defines.append(EACH_SAMPLE)
         if self._fast and (is_room or run.kind != "eye"):
             defines.append("VERTEX_LIT")
             if not identity:
@@ -91,4 +107,11 @@ class LitPrograms:
             defines.append("NO_SHINE")
         output = glsl_lighting.OUTPUT_IDENTITY if identity else glsl_lighting.OUTPUT_COLOUR
         fragment = source.FRAGMENT.replace("//OUTPUT//", output)
+        try:
+            return compile_program(self._context, vertex, fragment, *defines, constants=lamps)
+        except moderngl.Error:
+            if EACH_SAMPLE not in defines:
+                raise
+        # The driver has the extensions and cannot do it all the same.
+        defines.remove(EACH_SAMPLE)
         return compile_program(self._context, vertex, fragment, *defines, constants=lamps)

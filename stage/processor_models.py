@@ -79,7 +79,7 @@ def model(built: PersonVertices, layers: Layers) -> Model:
         still[name] = source[name]
     albedo = decoded(source["colour"][:, :3])
     plain_albedo, textured = albedo.copy(), np.zeros(n, np.bool_)
-    kind = source["surface"][:, 0] & 127
+    kind = source["surface"][:, 0] % len(KINDS)
     triangles: dict[Group, list[npt.NDArray[np.int32]]] = {}
     for run in built.runs:
         corners = back[built.indices[run.first : run.first + run.count]].reshape(-1, 3)

@@ -5,6 +5,9 @@ from collections.abc import Mapping
 import moderngl
 
 HEAD = "#version 330 core\n"
+EACH_SAMPLE = "EACH_SAMPLE"
+"""Defined where every sample of a pixel is shaded by itself."""
+SAMPLE_EXTENSION = "#extension GL_ARB_gpu_shader5 : require\n"
 UNITS: Mapping[str, int] = {
     "joint_rows": 0,
     "morph_deltas": 1,
@@ -34,7 +37,8 @@ def compile_program(
     varyings: tuple[str, ...] = (),
 ) -> moderngl.Program:
     """Compile, and point samplers and blocks to their fixed places."""
-    head = HEAD + "".join(f"#define {name}\n" for name in defines) + constants
+    head = HEAD + (SAMPLE_EXTENSION if EACH_SAMPLE in defines else "")
+    head += "".join(f"#define {name}\n" for name in defines) + constants
     program = context.program(
         vertex_shader=head + vertex,
         fragment_shader=None if fragment is None else head + fragment,

@@ -22,7 +22,9 @@ def still_quality() -> tuple[int, Quality]:
     """
     context = offscreen_context()
     try:
-        return (TIMES, Quality(samples=0)) if draws_on_processor(context) else (1, Quality())
+        if draws_on_processor(context):
+            return TIMES, Quality(samples=0, shrunk=TIMES)
+        return 1, Quality()
     finally:
         context.release()
 
