@@ -16,7 +16,7 @@ from lab.clock import NS_PER_S
 from lab.geometry import Vector, rotate
 from stimuli.characters.character import MORPHS, Character
 from stimuli.dressing.casting import Casting, build_of, default_casting
-from stimuli.dressing.telephone import holding_telephone
+from stimuli.dressing.telephone import Use, holding_telephone
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import draw_blinks
 from stimuli.gaze.turning import Aimed
@@ -120,7 +120,8 @@ def _holding(role: str, character: Character) -> Character:
     """Return whoever telephones or types with a telephone in the hand."""
     kind = BUSY.get(role)
     if isinstance(kind, Phone | Text) and kind.hand != "any":
-        return holding_telephone(character, kind.hand)
+        use: Use = "listening" if isinstance(kind, Phone) else "typing"
+        return holding_telephone(character, kind.hand, use)
     return character
 
 

@@ -6,26 +6,36 @@ from typing import Literal
 
 import numpy as np
 
-from lab.geometry import Vector, unit
+from lab.geometry import Vector
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import Character, Material, SkinnedMesh
-from stimuli.motion.gesture_kernels import EARPIECE_M, HELD_AT
+from stimuli.motion.telephoning import (
+    ALONG,
+    FROM_FINGERS_DEG,
+    TELEPHONE_M,
+    hand_axes,
+    off_palm_m,
+)
 from stimuli.picture import StaticMesh
 from stimuli.rooms.solids import box
 
-SIZE_M = (0.145, 0.071, 0.009)
-"""Length, width and thickness."""
-FROM_FINGERS_DEG = 30.0
-"""Between fingers and length: at the ear it then lies along the cheek, an end before the mouth."""
+Use = Literal["listening", "typing"]
+TYPING_FROM_FINGERS_DEG = 30.0
+"""Between fingers and length, where a thumb types."""
+TYPING_AT = (0.71, 0.026, 0.023)
+"""Middle of it from the wrist then: shares of the hand along the fingers, metres out of the palm
+and towards the thumb."""
 BLACK = (30, 31, 34)
 CASE = Material("telephone", "other", 0.35)
 
 
 @cache
-def holding_telephone(character: Character, side: Literal["left", "right"]) -> Character:
-    """Return the character with a telephone across the palm of a hand."""
-    place, axes = _grip(character, side)
-    solid = box((0, 0, 0), SIZE_M, BLACK, chamfer_m=0.002)
+def holding_telephone(
+    character: Character, side: Literal["left", "right"], use: Use = "listening"
+) -> Character:
+    """Return the character with a telephone across the palm of a hand, to listen or to type."""
+    place, axes = _grip(character, side, use)
+    solid = box((0, 0, 0), TELEPHONE_M, BLACK, chamfer_m=0.002)
     turned = np.linalg.det(axes) < 0
     held = StaticMesh(
         (place + solid.vertices_m @ axes).astype(np.float32),
@@ -44,25 +54,20 @@ def holding_telephone(character: Character, side: Literal["left", "right"]) -> C
     )
 
 
-def _grip(character: Character, side: str) -> tuple[Vector, Vector]:
+def _grip(character: Character, side: str, use: Use) -> tuple[Vector, Vector]:
     """Return the middle (3,) of what a hand holds at rest, and its axes as rows: its length, askew
     between fingers and thumb, its width, out of the palm.
     """
-    at = character.skeleton.rest_m
-    index = character.skeleton.index
-    hand, middle = at[index(f"{side}_hand")], at[index(f"{side}_middle_proximal")]
-    thumb_side = at[index(f"{side}_index_proximal")] - at[index(f"{side}_little_proximal")]
-    fingers = unit(middle - hand)
-    towards_thumb = unit(thumb_side - (thumb_side @ fingers) * fingers)
-    out = np.cross(fingers, towards_thumb)
-    out *= -np.sign(out[1])  # palms face the floor at rest
-    along, off_palm_m, to_thumb_m = HELD_AT
-    c, s = np.cos(np.radians(FROM_FINGERS_DEG)), np.sin(np.radians(FROM_FINGERS_DEG))
-    length, width = c * fingers + s * towards_thumb, s * fingers - c * towards_thumb
-    place = hand + along * (middle - hand) + off_palm_m * out + to_thumb_m * towards_thumb
-    # Arms bring to the ear what lies halfway between fingers and thumb.
-    earpiece = place + EARPIECE_M * unit(fingers + towards_thumb)
-    return earpiece - EARPIECE_M * length, np.stack([length, width, out])
+    wrist, fingers, thumb, out = hand_axes(character.skeleton, side)
+    angle = np.radians(FROM_FINGERS_DEG if use == "listening" else TYPING_FROM_FINGERS_DEG)
+    c, s = np.cos(angle), np.sin(angle)
+    axes = np.stack([c * fingers + s * thumb, s * fingers - c * thumb, out])
+    knuckle = character.skeleton.rest_m[character.skeleton.index(f"{side}_middle_proximal")]
+    hand_m = float(np.linalg.norm(knuckle - wrist))
+    if use == "listening":
+        return wrist + ALONG * hand_m * fingers + off_palm_m(character) * out, axes
+    along, off_m, to_thumb_m = TYPING_AT
+    return wrist + along * hand_m * fingers + off_m * out + to_thumb_m * thumb, axes
 
 
 def _with(mesh: SkinnedMesh, held: StaticMesh, joint: int, material: int) -> SkinnedMesh:

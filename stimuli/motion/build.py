@@ -10,6 +10,13 @@ from stimuli.characters.character import Character, SkinnedMesh
 from stimuli.motion import posture as p
 from stimuli.motion.errors import MotionError
 from stimuli.motion.skeleton import Skeleton, canonical_skeleton
+from stimuli.motion.telephoning import (
+    BACK_M,
+    PALM_M,
+    at_ear_of_character,
+    at_ear_of_head,
+    hand_thickness_m,
+)
 
 CANONICAL_NAMES = canonical_skeleton().names
 
@@ -85,6 +92,8 @@ def build_of_skeleton(skeleton: Skeleton) -> Build:
     b[p.B_EAR_Y] = at("left_eye")[1] - at("head")[1] - 0.008 * stature
     b[p.B_HEEL] = 0.028 * stature
     b[p.B_BALL_Y] = b[p.B_ANKLE] + toes[1] - at("left_foot")[1]
+    b[p.B_AT_EAR : p.B_AT_EAR + 9] = at_ear_of_head(b[p.B_HEAD_HALF], b[p.B_EAR_Y], size, b[p.B_HAND])
+    b[p.B_HAND_THICK] = PALM_M + BACK_M
     return Build(skeleton, b)
 
 
@@ -139,4 +148,6 @@ def build_of_character(character: Character) -> Build:
     belly = trunk[np.abs(trunk[:, 1] - 0.35 * b[p.B_TRUNK]) < 0.08]
     if len(belly):
         b[p.B_BELLY] = -np.quantile(belly[:, 2], 0.02)
+    b[p.B_HAND_THICK] = hand_thickness_m(character)
+    b[p.B_AT_EAR : p.B_AT_EAR + 9] = at_ear_of_character(character)
     return replace(build, lengths_m=b)

@@ -21,14 +21,6 @@ from stimuli.motion.standing_kernels import (
 )
 
 LEFT, RIGHT, BOTH = 0, 1, 2
-HELD_AT = (0.8, 0.026, 0.012)
-"""Middle of a held telephone from the wrist: shares of the hand along the fingers, metres out of
-the palm and towards the thumb."""
-EARPIECE_M = 0.055
-"""From the middle of a telephone to where it lies at the ear; half of it along the fingers."""
-EAR_FINGERS = (0.3221, 0.8965, 0.3043)
-EAR_PALM = (0.9438, -0.2789, -0.1771)
-"""In the head's axes, for the left hand: x inward, y up, z back."""
 
 
 @compiled
@@ -140,36 +132,9 @@ def wave_rows(
 
 @compiled
 def listen(a: Vector, b: Vector) -> None:
-    """Bring a hand to where the upper end of the telephone in it lies at the ear.
-
-    Fingers point up and back, the palm faces the head; what is held lies askew in it, between
-    fingers and thumb, as `HELD_AT` says.
-    """
-    size = b[p.B_STATURE] / 1.75
-    fx, fy, fz = EAR_FINGERS
-    qx, qy, qz = EAR_PALM
-    along = fx * qx + fy * qy + fz * qz
-    qx, qy, qz = qx - along * fx, qy - along * fy, qz - along * fz
-    whole = np.sqrt(qx * qx + qy * qy + qz * qz)
-    qx, qy, qz = qx / whole, qy / whole, qz / whole
-    tx, ty, tz = qy * fz - qz * fy, qz * fx - qx * fz, qx * fy - qy * fx
-    up = EARPIECE_M * np.sqrt(0.5)
-    f = HELD_AT[0] * b[p.B_HAND] + up
-    q, t = HELD_AT[1], HELD_AT[2] + up
-    hold(
-        a,
-        p.HEAD,
-        1.0,
-        -1.06 * b[p.B_HEAD_HALF] - f * fx - q * qx - t * tx,
-        b[p.B_EAR_Y] - 0.010 * size - f * fy - q * qy - t * ty,
-        0.034 * size - f * fz - q * qz - t * tz,
-        fx,
-        fy,
-        fz,
-        qx,
-        qy,
-        qz,
-    )
+    """Bring a hand to where the telephone in it lies at the ear, as `telephoning` says."""
+    at = b[p.B_AT_EAR : p.B_AT_EAR + 9]
+    hold(a, p.HEAD, 1.0, at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7], at[8])
 
 
 @compiled
@@ -191,14 +156,14 @@ def phone_but_fingers(
     stir_body(c, t_s, person, lively)
     breathe(c, t_s, person, 1.0)
     towards = -1.0 if side == 0 else 1.0
-    c[p.HEAD_ROLL] += towards * np.radians(9.0)
+    c[p.HEAD_ROLL] += towards * np.radians(5.0)
     c[p.HEAD_PITCH] -= np.radians(3.0)
     c[p.HEAD_YAW] += np.radians(5.0) * lively * drift(t_s, 0.05, person, 322)
     c[p.TRUNK_YAW] += np.radians(4.0) * lively * drift(t_s, 0.04, person, 323)
     a = arm_of(c, side)
     listen(a, b)
-    pole(a, -0.50, -1.0, 0.10)
-    a[p.SHOULDER_UP] += np.radians(6.0)
+    pole(a, -0.60, -1.0, 0.15)
+    a[p.SHOULDER_UP] -= np.radians(4.0)
 
 
 @compiled
@@ -218,8 +183,10 @@ def phone_rows(
         phone_but_fingers(c, t, builds[r], person, lively, side)
         stir_fingers(c, t, person, lively)
         a = arm_of(c, side)
-        curl(a, 0.26, 0.36, 0.42, 0.46, 0.30)
-        a[p.OPPOSE] = np.radians(28.0)
+        curl(a, 0.08, 0.20, 0.46, 0.58, 0.10)
+        a[p.KNUCKLE] = 0.85
+        a[p.SPREAD] = np.radians(2.0)
+        a[p.OPPOSE] = np.radians(10.0)
         speak(c, t, person, numbers[r, 2])
 
 

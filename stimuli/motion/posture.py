@@ -39,7 +39,7 @@ KNEE_OUT: Final = 7
 
 ARM: Final = 28
 """Start of the left arm; the right one follows after `ARM_SIZE`."""
-ARM_SIZE: Final = 59
+ARM_SIZE: Final = 60
 SHOULDER_UP: Final = 0
 SHOULDER_FORWARD: Final = 1
 ARM_FLEX: Final = 2
@@ -61,7 +61,9 @@ CURL: Final = 12
 THUMB: Final = 16
 OPPOSE: Final = 17
 SPREAD: Final = 18
-HOLD: Final = 19
+KNUCKLE: Final = 19
+"""Of a curl this share is kept from the knuckles: fingers round the edge of something flat."""
+HOLD: Final = 20
 """Start of the holds: weight, then place (3), finger direction (3) and palm direction (3), all
 already multiplied by the weight, in the axes of the held thing. The weights of an arm sum to at
 most one; the rest belongs to the joint angles above."""
@@ -147,4 +149,8 @@ B_BALL_Y: Final = 22
 """Joint of the toes above the floor on flat feet."""
 B_KNEE_GAP: Final = 23
 """Knees above the seat when sitting on it."""
-B_SIZE: Final = 24
+B_AT_EAR: Final = 24
+"""A left hand with a telephone at the ear, in the head's axes: wrist, ways of fingers and palm."""
+B_HAND_THICK: Final = 33
+"""Palm to back, about the knuckles."""
+B_SIZE: Final = 34

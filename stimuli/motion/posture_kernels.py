@@ -174,7 +174,7 @@ def _fingers(a: Vector, first: int, side: int, turns: Vector) -> None:
     for finger in range(4):
         curl = a[p.CURL + finger]
         spread = a[p.SPREAD] * (finger - 1.2) * 0.5
-        knuckle = times(about_y(spread), about_z(1.25 * curl))
+        knuckle = times(about_y(spread), about_z(1.25 * (1.0 - a[p.KNUCKLE]) * curl))
         middle, end = about_z(1.55 * curl), about_z(0.95 * curl)
         if side == 1:
             knuckle, middle, end = mirrored(knuckle), mirrored(middle), mirrored(end)

@@ -92,7 +92,7 @@ def hand_on_thigh(a: Vector, b: Vector, person: int, side: int, weight: float) -
         -0.012, -along, -b[p.B_THIGH_RADIUS] - 0.030,
         0.22 + 0.25 * chance(person, 122, side), -1.0, 0.12, 0.10, 0.10, 1.0,
     )  # fmt: skip
-    pole(a, -0.9, -0.5, 0.85)
+    pole(a, -0.5, -0.6, 0.85)
     for finger in range(4):
         target = 0.14 + 0.03 * finger + 0.06 * chance(person, 123 + side, finger)
         a[p.CURL + finger] += weight * (target - a[p.CURL + finger])

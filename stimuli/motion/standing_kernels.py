@@ -127,19 +127,24 @@ def pole(a: Vector, x: float, y: float, z: float) -> None:
 
 @compiled
 def clasp_in_front(c: Vector, b: Vector, height_m: float, weight: float, person: int) -> None:
-    """Lay one hand into the other before the belly, `height_m` above the hips."""
+    """Lay one hand over the other before the belly, `height_m` above the hips."""
     upper_side = 1 if chance(person, 71, 0) < 0.5 else 0
     for side in range(2):
         a = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
-        over = 0.022 if side == upper_side else 0.0
+        # The palm of one lies on the back of the other, knuckles on knuckles.
+        over = b[p.B_HAND_THICK] + 0.003 if side == upper_side else 0.0
         hold(
             a, p.PELVIS, weight,
-            -0.050 - 0.3 * b[p.B_HAND] * 0.5, height_m + 0.4 * over, -b[p.B_BELLY] - 0.025 - over,
-            0.86, -0.52, -0.10, 0.15, 0.10, 1.0,
+            -0.85 * b[p.B_HAND], height_m, -b[p.B_BELLY] - 0.025 - over,
+            0.96, -0.20, -0.06, 0.06, 0.0, 1.0,
         )  # fmt: skip
         pole(a, -1.0, -0.35, 0.75)
         for finger in range(4):
-            a[p.CURL + finger] += weight * (0.42 + 0.05 * finger - a[p.CURL + finger])
+            flat = 0.14 if side == upper_side else 0.22
+            a[p.CURL + finger] += weight * (flat + 0.03 * finger - a[p.CURL + finger])
+        a[p.SPREAD] *= 1.0 - weight
+        a[p.THUMB] += weight * (0.15 - a[p.THUMB])
+        a[p.OPPOSE] *= 1.0 - weight
 
 
 @compiled

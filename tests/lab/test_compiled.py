@@ -11,13 +11,14 @@ ROOT = Path(__file__).resolve().parents[2]
 INNER = "from lab.compiled import compiled\n\n\n@compiled\ndef inner(x):\n    return x + {}\n"
 OUTER = """
 from inner_kernel import inner
+import rows_of_numbers as rows
 from numbers_taken_in import SHIFT
 from lab.compiled import compiled, tell_of_compiling
 
 
 @compiled
 def outer(x):
-    return 10 * inner(x) + SHIFT
+    return 10 * inner(x) + SHIFT + rows.FIRST
 
 
 told = []
@@ -32,13 +33,14 @@ def without_numbas_own(cache: Path) -> dict[str, str]:
     return {**kept, "XDG_CACHE_HOME": str(cache)}
 
 
-def outer_of(folder: Path, *, added: int, shift: int) -> tuple[int, int, int]:
+def outer_of(folder: Path, *, added: int, shift: int, first: int = 0) -> tuple[int, int, int]:
     """Return what the outer kernel gives in a new process, how often its cache was used, and
     how often it was told that something is compiled.
     """
     for name, text in (
         ("inner_kernel", INNER.format(added)),
         ("numbers_taken_in", f"SHIFT = {shift}\n"),
+        ("rows_of_numbers", f"FIRST = {first}\n"),
         ("outer_kernel", OUTER),
     ):
         path = folder / f"{name}.py"
@@ -62,6 +64,8 @@ def test_cached_code_is_used_until_a_kernel_or_number_it_takes_in_changes(tmp_pa
     assert outer_of(tmp_path, added=1000, shift=0) == (10010, 0, 1)
     assert outer_of(tmp_path, added=1000, shift=5) == (10015, 0, 1)
     assert outer_of(tmp_path, added=1000, shift=5) == (10015, 1, 0)
+    # So, too, a number of a whole module that is imported by a name, which holds no kernels.
+    assert outer_of(tmp_path, added=1000, shift=5, first=2) == (10017, 0, 1)
     machine_code = {path.parents[2] for path in tmp_path.rglob("*.nbc")}
     assert {tmp_path / "cache" / "visavis" / "kernels"} == machine_code  # nothing beside modules
 

@@ -48,3 +48,34 @@ def test_thighs_of_a_bare_skeleton_lie_on_the_seat(stature_m: float, seat_m: flo
             assert hip[1] - seat_m == pytest.approx(0.085 * stature_m / 1.75, abs=0.02)
             assert knee[1] - flesh_m > seat_m - 0.045
             assert knee[2] < hip[2] - 0.2
+
+
+def _along_fingers_m(character: Character, sit: Sit, seed: int, side: str) -> npt.NDArray[np.float64]:
+    """Return points (k, 3) along the bones of four fingers, a few millimetres apart."""
+    skeleton = character.skeleton
+    pose = PeopleMotion((Person(build_of_character(character), sit, seed),)).at(3.0)
+    body = forward(skeleton, pose.root_m[0], pose.orientation_wxyz[0])
+    share = np.linspace(0.0, 1.0, 12)[:, None]
+    points = []
+    for finger in ("index", "middle", "ring", "little"):
+        at = [
+            body.position_m[skeleton.index(f"{side}_{finger}_{bone}")]
+            for bone in ("proximal", "middle", "distal")
+        ]
+        points += [a + share * (b - a) for a, b in zip(at, at[1:], strict=False)]
+    return np.concatenate(points)
+
+
+@pytest.mark.parametrize("character", CAST, ids=[c.name for c in CAST])
+def test_hands_in_the_lap_lie_one_over_the_other_without_tangled_fingers(
+    character: Character,
+) -> None:
+    for seed in range(4):
+        left, right = (
+            _along_fingers_m(character, Sit(SEAT_M, "lap", lively=0.25), seed, side)
+            for side in ("left", "right")
+        )
+        apart_m = np.linalg.norm(left[:, None] - right, axis=2).min()
+
+        # Fingers are 15 to 18 mm thick.
+        assert 0.015 < apart_m < 0.045

@@ -1,0 +1,197 @@
+"""Where a telephone is at somebody's ear, and how a hand holds it there.
+
+The telephone leans against ear and cheek, its length along the line from the ear to the corner of
+the mouth; the palm is at its back, thumb at the edge behind, fingers round the edge before.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from lab.geometry import Vector, unit
+from stimuli.characters.body_parts import PART_INDEX
+from stimuli.characters.character import Character
+from stimuli.motion.skeleton import Skeleton
+
+TELEPHONE_M: Final = (0.145, 0.071, 0.009)
+"""Length, width and thickness."""
+EARPIECE_M: Final = 0.060
+"""From the middle of a telephone to what lies at the ear."""
+FROM_FINGERS_DEG: Final = 43.0
+"""Between fingers and length: fingers then reach round an edge, and the forearm hangs down."""
+ALONG: Final = 1.05
+"""Middle of the telephone from the wrist, as a share of the hand to its knuckles."""
+PALM_M: Final = 0.017
+"""Palm off the axis of a hand, where nothing is measured."""
+BACK_M: Final = 0.012
+"""Its back, likewise."""
+TRAGUS_M: Final = (-0.008, -0.019)
+"""Where the ear opens: above and behind where the ear stands out most."""
+MOUTH_M: Final = (0.026, -0.070)
+"""Corner of the mouth from the middle of the eyes: to its side and above, at 1.75 m."""
+BELOW_MOUTH_DEG: Final = 12.0
+"""Seen from the side a telephone points past the mouth, below it."""
+LEAN_IN: Final = np.linspace(0.0, 0.30, 13)
+LEAN_DOWN: Final = np.linspace(-0.30, 0.30, 25)
+"""How steeply the end at the mouth, and the lower edge, may come nearer to the face."""
+HAIR_GIVES_M: Final = 0.010
+MAX_OFF_EAR_M: Final = 0.027
+"""Hair below a telephone is pressed down by so much, and no telephone is farther from the ear."""
+MIN_POINTS: Final = 20
+CLEAR_M: Final = 0.004
+"""Between skin and what lies at it."""
+
+
+def head_skin_m(character: Character) -> tuple[Vector, Vector]:
+    """Return points (k, 3) of a head's skin at rest and (m, 3) of what it wears, from the head's
+    joint, both halves put onto the left one.
+    """
+    mesh, skeleton = character.levels[1], character.skeleton
+    skin = [i for i, material in enumerate(character.materials) if material.kind == "skin"]
+    own = np.isin(mesh.triangle_part, [PART_INDEX["face"], PART_INDEX["scalp"]])
+    bare = own & np.isin(mesh.triangle_material, skin)
+    if not bare.any():
+        bare = own
+    points = mesh.vertices_m - skeleton.rest_m[skeleton.index("head")]
+    points[:, 0] = -np.abs(points[:, 0])
+    return points[np.unique(mesh.triangles[bare])], points[np.unique(mesh.triangles[own & ~bare])]
+
+
+def tragus_m(skin: Vector, eye: Vector) -> Vector | None:
+    """Return the point (3,) before the opening of the left ear, or None of a head without skin
+    there; `eye` (3,) is the left eye's joint, from the head's like `skin` (k, 3).
+    """
+    beside = skin[np.abs(skin[:, 1] - eye[1] + 0.02) < 0.035]
+    if len(beside) < MIN_POINTS:
+        return None
+    outward = -beside[:, 0]
+    y, z = beside[outward > np.quantile(outward, 0.985)].mean(axis=0)[1:] + TRAGUS_M
+    near = skin[np.hypot(skin[:, 1] - y, skin[:, 2] - z) < 0.010]
+    x = np.quantile(near[:, 0], 0.3) if len(near) else np.quantile(beside[:, 0], 0.05)
+    return np.array([x, y, z])
+
+
+def mouth_corner_m(skin: Vector, eye: Vector, stature_m: float) -> Vector:
+    """Return the left corner of the mouth (3,), as `tragus_m` returns the ear."""
+    size = stature_m / 1.75
+    x, y = -MOUTH_M[0] * size, eye[1] + MOUTH_M[1] * size
+    near = skin[np.hypot(skin[:, 0] - x, skin[:, 1] - y) < 0.012]
+    z = np.quantile(near[:, 2], 0.1) if len(near) else eye[2]
+    return np.array([x, y, z])
+
+
+def leaning(
+    skin: Vector, worn: Vector, ear: Vector, mouth: Vector
+) -> tuple[Vector, Vector, Vector]:
+    """Return the point (3,) of a telephone's face at the left ear, its length towards that end and
+    the way (3,) its face looks, all in the head's axes: it lies on ear and cheek, as near to them
+    as it gets without going in, and its other end is before the cheek's side, not its front. Hair
+    gives way.
+    """
+    to_mouth = unit((mouth - ear) * np.array([0.0, 1.0, 1.0]))
+    c, s = np.cos(np.radians(BELOW_MOUTH_DEG)), np.sin(np.radians(BELOW_MOUTH_DEG))
+    down = np.array([0.0, c * to_mouth[1] + s * to_mouth[2], c * to_mouth[2] - s * to_mouth[1]])
+    across = np.array([0.0, -down[2], down[1]])
+    along, aside = (skin - ear) @ down - EARPIECE_M, (skin - ear) @ across
+    length, width, _ = TELEPHONE_M
+    below = (np.abs(along) < length / 2 + 0.004) & (np.abs(aside) < width / 2 + 0.004)
+    # The plane that lies on the skin, of all those that lean no more the lowest at the middle.
+    out = -np.append(skin[below, 0], ear[0])[:, None, None]
+    along, aside = np.append(along[below], -EARPIECE_M), np.append(aside[below], 0.0)
+    slopes = LEAN_IN[:, None] * along[:, None, None] + LEAN_DOWN * aside[:, None, None]
+    heights = (out + slopes).max(axis=0)
+    i, j = np.unravel_index(heights.argmin(), heights.shape)
+    inward = unit(np.array([1.0, 0.0, 0.0]) - LEAN_IN[i] * down - LEAN_DOWN[j] * across)
+    at_ear = ear.copy()
+    hair_m = 0.0
+    if len(worn):
+        near = np.hypot((worn - ear) @ down, (worn - ear) @ across) < width / 2
+        hair_m = max(0.0, float((ear - worn)[near, 0].max(initial=0.0)) - HAIR_GIVES_M)
+    off_m = heights[i, j] + LEAN_IN[i] * EARPIECE_M + CLEAR_M + ear[0]
+    at_ear[0] -= min(max(off_m, hair_m), MAX_OFF_EAR_M)
+    return at_ear, -unit(down - (down @ inward) * inward), inward
+
+
+def off_palm_m(character: Character) -> float:
+    """Return how far the middle of a telephone is off the axis of the hand that holds it."""
+    return palm_m(character) + TELEPHONE_M[2] / 2
+
+
+def palm_m(character: Character) -> float:
+    """Return how far the skin of the left palm is off the axis of the hand."""
+    return _flesh_m(character)[0]
+
+
+def hand_thickness_m(character: Character) -> float:
+    """Return how thick the left hand is about its knuckles, palm to back."""
+    palm, back = _flesh_m(character)
+    return palm + back
+
+
+def _flesh_m(character: Character) -> tuple[float, float]:
+    mesh, skeleton = character.levels[1], character.skeleton
+    wrist, fingers, thumb, out = hand_axes(skeleton, "left")
+    hand_m = float(np.linalg.norm(skeleton.rest_m[skeleton.index("left_middle_proximal")] - wrist))
+    heaviest = np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+    fleshy = [
+        skeleton.index("left_hand"),
+        *(skeleton.index(f"left_{f}_proximal") for f in ("index", "middle", "ring", "little")),
+    ]
+    points = mesh.vertices_m[np.isin(heaviest, fleshy)] - wrist
+    along, aside = points @ fingers, points @ thumb
+    held = (along > 0.45 * hand_m) & (along < 1.25 * hand_m) & (np.abs(aside) < 0.03)
+    if not held.any():
+        return PALM_M, BACK_M
+    off = (points @ out)[held]
+    palm, back = np.quantile(off, 0.9), -np.quantile(off, 0.02)
+    return float(np.clip(palm, 0.008, 0.030)), float(np.clip(back, 0.004, 0.025))
+
+
+def hand_axes(skeleton: Skeleton, side: str) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return the wrist (3,) at rest and the ways (3,) of the fingers, to the thumb and out of the
+    palm.
+    """
+    at, index = skeleton.rest_m, skeleton.index
+    hand, middle = at[index(f"{side}_hand")], at[index(f"{side}_middle_proximal")]
+    thumb_side = at[index(f"{side}_index_proximal")] - at[index(f"{side}_little_proximal")]
+    fingers = unit(middle - hand)
+    towards_thumb = unit(thumb_side - (thumb_side @ fingers) * fingers)
+    out = np.cross(fingers, towards_thumb)
+    out *= -np.sign(out[1])  # palms face the floor at rest
+    return hand, fingers, towards_thumb, out
+
+
+def at_ear_of_head(head_half_m: float, ear_y_m: float, size: float, hand_m: float) -> Vector:
+    """Return what `at_ear_of_character` does (9,), of somebody without flesh."""
+    at = np.array([-1.1 * head_half_m, ear_y_m, -0.010 * size])
+    length = unit(np.array([-0.28, 0.67, 0.68]))
+    inward = np.array([1.0, 0.1, 0.0])
+    inward = unit(inward - (inward @ length) * length)
+    return _hand_at(at, length, inward, hand_m, PALM_M + TELEPHONE_M[2] / 2)
+
+
+def at_ear_of_character(character: Character) -> Vector:
+    """Return where a left hand is that holds a telephone at the ear (9,): its wrist and the ways
+    of its fingers and palm, in the head's axes.
+    """
+    rest, index = character.skeleton.rest_m, character.skeleton.index
+    skin, worn = head_skin_m(character)
+    eye = rest[index("left_eye")] - rest[index("head")]
+    hand_m = float(np.linalg.norm(rest[index("left_middle_proximal")] - rest[index("left_hand")]))
+    size = character.stature_m / 1.75
+    ear = tragus_m(skin, eye)
+    if ear is None:
+        return at_ear_of_head(0.078 * size, eye[1] - 0.014 * size, size, hand_m)
+    mouth = mouth_corner_m(skin, eye, character.stature_m)
+    at, length, inward = leaning(skin, worn, ear, mouth)
+    return _hand_at(at, length, inward, hand_m, off_palm_m(character))
+
+
+def _hand_at(
+    at: Vector, length: Vector, inward: Vector, hand_m: float, middle_off_palm_m: float
+) -> Vector:
+    c, s = np.cos(np.radians(FROM_FINGERS_DEG)), np.sin(np.radians(FROM_FINGERS_DEG))
+    fingers = c * length - s * np.cross(inward, length)
+    middle = at - TELEPHONE_M[2] / 2 * inward - EARPIECE_M * length
+    wrist = middle - ALONG * hand_m * fingers - middle_off_palm_m * inward
+    return np.concatenate([wrist, fingers, inward])
