@@ -50,7 +50,9 @@ def test_thighs_of_a_bare_skeleton_lie_on_the_seat(stature_m: float, seat_m: flo
             assert knee[2] < hip[2] - 0.2
 
 
-def _along_fingers_m(character: Character, sit: Sit, seed: int, side: str) -> npt.NDArray[np.float64]:
+def _along_fingers_m(
+    character: Character, sit: Sit, seed: int, side: str
+) -> npt.NDArray[np.float64]:
     """Return points (k, 3) along the bones of four fingers, a few millimetres apart."""
     skeleton = character.skeleton
     pose = PeopleMotion((Person(build_of_character(character), sit, seed),)).at(3.0)
