@@ -1,5 +1,7 @@
 """Sitters of the cast: on the seat, not in it; feet on the floor, not under it."""
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -64,7 +66,7 @@ def _along_fingers_m(
             body.position_m[skeleton.index(f"{side}_{finger}_{bone}")]
             for bone in ("proximal", "middle", "distal")
         ]
-        points += [a + share * (b - a) for a, b in zip(at, at[1:], strict=False)]
+        points += [a + share * (b - a) for a, b in pairwise(at)]
     return np.concatenate(points)
 
 

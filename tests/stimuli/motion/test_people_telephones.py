@@ -107,7 +107,8 @@ def test_fingers_lie_at_the_back_of_a_telephone_not_through_it(person: Character
 
 
 def test_of_a_figure_without_ears_the_telephone_is_beside_the_head(tmp_path: Path) -> None:
-    person = import_gltf(write_glb(tmp_path / "box_F.glb"))
+    write_glb(tmp_path / "box_F.glb")
+    person = import_gltf(tmp_path / "box_F.glb")
     case = _case_m(person, _phoning(person))
 
     assert case[:, 0].mean() < -0.05
