@@ -236,4 +236,4 @@ def test_arms_of_neighbours_in_the_audience_are_five_centimetres_apart(
         arms[agent.place] = cKDTree(skin_vertices(mesh, person.skeleton, body)[rows])
     for row in NEIGHBOURS:
         for one, other in pairwise(row):
-            assert 0.05 <= arms[one].query(arms[other].data)[0].min(), (one, other)
+            assert 0.05 <= np.min(arms[one].query(arms[other].data)[0]), (one, other)
