@@ -92,7 +92,9 @@ def build_of_skeleton(skeleton: Skeleton) -> Build:
     b[p.B_EAR_Y] = at("left_eye")[1] - at("head")[1] - 0.008 * stature
     b[p.B_HEEL] = 0.028 * stature
     b[p.B_BALL_Y] = b[p.B_ANKLE] + toes[1] - at("left_foot")[1]
-    b[p.B_AT_EAR : p.B_AT_EAR + 9] = at_ear_of_head(b[p.B_HEAD_HALF], b[p.B_EAR_Y], size, b[p.B_HAND])
+    b[p.B_AT_EAR : p.B_AT_EAR + 9] = at_ear_of_head(
+        b[p.B_HEAD_HALF], b[p.B_EAR_Y], size, b[p.B_HAND]
+    )
     b[p.B_HAND_THICK] = PALM_M + BACK_M
     return Build(skeleton, b)
 

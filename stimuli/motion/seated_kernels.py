@@ -92,7 +92,7 @@ def hand_on_thigh(a: Vector, b: Vector, person: int, side: int, weight: float) -
         -0.012, -along, -b[p.B_THIGH_RADIUS] - 0.030,
         0.22 + 0.25 * chance(person, 122, side), -1.0, 0.12, 0.10, 0.10, 1.0,
     )  # fmt: skip
-    pole(a, -0.5, -0.6, 0.85)
+    pole(a, -0.9, -0.5, 0.85)
     for finger in range(4):
         target = 0.14 + 0.03 * finger + 0.06 * chance(person, 123 + side, finger)
         a[p.CURL + finger] += weight * (target - a[p.CURL + finger])
@@ -138,6 +138,11 @@ def seated_rows(
         lively = numbers[r, 0]
         sit(c, t, b, numbers[r, 2], person, lively, numbers[r, 3])
         lap_arms(c, b, int(numbers[r, 1]), person)
+        if int(numbers[r, 1]) == ON_THIGHS:
+            # Elbows stay within the width of the seat, clear of neighbours.
+            for side in range(2):
+                arm = p.ARM + side * p.ARM_SIZE
+                pole(c[arm : arm + p.ARM_SIZE], -0.15, -0.7, 0.85)
         stir(c, t, person, 0.8 * lively)
         nod, size = bump(t, 11.0, 1.5, person, 131)
         beat = np.sin(2.0 * np.pi * 1.9 * t + 6.28 * size)

@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from lab.body_joints import BODY_JOINTS
 from lab.geometry import Vector, quat_conjugate, rotate
@@ -12,6 +14,7 @@ from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.cast import load_character
 from stimuli.characters.character import Character
 from stimuli.characters.outfits import in_other_clothes
+from stimuli.characters.skinning import skin_vertices
 from stimuli.contact.idle import crowd_poses, people_of
 from stimuli.dressing.audience import audience_picture
 from stimuli.dressing.casting import default_casting
@@ -194,3 +197,43 @@ def test_who_telephones_or_types_in_the_office_holds_a_telephone() -> None:
     }
 
     assert {"bystander_middle", "bystander_right"} == holding
+
+
+NEIGHBOURS = (
+    ("left_close", "centre_close", "right_close"),
+    ("left_middle", "centre_middle", "right_middle"),
+    ("left_far", "centre_far", "right_far"),
+)
+
+
+@pytest.mark.parametrize(
+    ("left", "centre", "right"),
+    [("male_05", "male_03", "female_06"), ("male_01", "male_05", "male_03")],
+)
+def test_arms_of_neighbours_in_the_audience_are_five_centimetres_apart(
+    left: str, centre: str, right: str
+) -> None:
+    names = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
+    first = [left, centre, right]
+    others = [name for name in names if name not in first]
+    seated = [first[i // 3] if i in (0, 3, 6) else others.pop() for i in range(11)]
+    scene = audience_scene(seated)
+    n = len(scene.agents)
+    picture = audience_picture(SceneFrame(scene, 0, np.tile([0.0, 0, 1], (n, 1)), np.ones(n)))
+    arms = {}
+    for i, agent in enumerate(scene.agents):
+        person = picture.cast[i]
+        mesh = person.levels[1]
+        of_arms = [
+            PART_INDEX[f"{side}_{part}"]
+            for side in ("left", "right")
+            for part in ("upper_arm", "forearm", "hand")
+        ]
+        body = forward(
+            person.skeleton, picture.people.root_m[i], picture.people.orientation_wxyz[i]
+        )
+        rows = np.unique(mesh.triangles[np.isin(mesh.triangle_part, of_arms)])
+        arms[agent.place] = cKDTree(skin_vertices(mesh, person.skeleton, body)[rows])
+    for row in NEIGHBOURS:
+        for one, other in pairwise(row):
+            assert 0.05 <= np.min(arms[one].query(arms[other].data)[0]), (one, other)

@@ -1,5 +1,7 @@
 """Sitters of the cast: on the seat, not in it; feet on the floor, not under it."""
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -50,7 +52,9 @@ def test_thighs_of_a_bare_skeleton_lie_on_the_seat(stature_m: float, seat_m: flo
             assert knee[2] < hip[2] - 0.2
 
 
-def _along_fingers_m(character: Character, sit: Sit, seed: int, side: str) -> npt.NDArray[np.float64]:
+def _along_fingers_m(
+    character: Character, sit: Sit, seed: int, side: str
+) -> npt.NDArray[np.float64]:
     """Return points (k, 3) along the bones of four fingers, a few millimetres apart."""
     skeleton = character.skeleton
     pose = PeopleMotion((Person(build_of_character(character), sit, seed),)).at(3.0)
@@ -62,7 +66,7 @@ def _along_fingers_m(character: Character, sit: Sit, seed: int, side: str) -> np
             body.position_m[skeleton.index(f"{side}_{finger}_{bone}")]
             for bone in ("proximal", "middle", "distal")
         ]
-        points += [a + share * (b - a) for a, b in zip(at, at[1:], strict=False)]
+        points += [a + share * (b - a) for a, b in pairwise(at)]
     return np.concatenate(points)
 
 
