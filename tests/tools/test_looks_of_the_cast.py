@@ -9,10 +9,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lab.geometry import Vector
+from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.cast import cast_names, load_character
 from stimuli.characters.character import Character, SkinnedMesh
 from stimuli.characters.coverage import seen_tags, view_from
 from tools.character_making.cutting import border
+from tools.character_making.hair import STYLES
 from tools.character_making.recipes import CAST as RECIPES
 
 RECIPE = {recipe.name: recipe for recipe in RECIPES}
@@ -178,12 +180,12 @@ def _eye(person: Character) -> Vector:
 
 
 def _largest(
-    person: Character,
+    person: Character, material: str = "hair"
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """Return the largest connected piece of hair, as welded corners and as its triangles, and the
-    triangles of all others.
+    """Return the largest connected piece of hair or another material, as welded corners and as its
+    triangles, and the triangles of all others.
     """
-    hair = _triangles(person, "hair")
+    hair = _triangles(person, material)
     places = np.round(person.levels[0].vertices_m * 1e5).astype(np.int64)
     _, welded = np.unique(places, axis=0, return_inverse=True)
     corners = welded.ravel()[hair]
@@ -313,3 +315,178 @@ def _brow_slope(person: Character) -> float:
 def test_brows_of_dark_haired_men_do_not_fall_outwards(name: str) -> None:
     """Level or falling, they made their faces sad."""
     assert 0.02 < _brow_slope(load_character(name))
+
+
+COMBED = [name for name in cast_names() if STYLES[RECIPE[name].hair].combing is not None]
+"""Whose hair lies close over the head."""
+MAX_LIGHTNESS = 74.0
+"""L* of very fair cheeks, as spectrophotometers measure them."""
+
+
+def _lab(srgb: Vector) -> Vector:
+    """Return CIE L*, a* and b* (n, 3) below D65 of sRGB values (n, 3) from 0 to 1."""
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    share = linear @ np.array(to_xyz).T / [0.9505, 1.0, 1.089]
+    f = np.where(share > 0.008856, np.cbrt(share), 7.787 * share + 16 / 116)
+    x, y, z = f.T
+    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=1)
+
+
+def _face_lab(person: Character) -> tuple[Vector, Vector]:
+    """Return places (n, 3) from between the eyes on the skin of a face, and CIE L*, a*, b*."""
+    mesh = person.levels[0]
+    skin = mesh.triangles[
+        np.isin(mesh.triangle_part, [PART_INDEX["face"], PART_INDEX["scalp"]])
+        & (mesh.triangle_material == [m.name for m in person.materials].index("skin"))
+    ]
+    base = mesh.colour_srgb[skin].astype(np.float64).mean(axis=1) / 255
+    shown = _pictured(person, "skin", skin, 20).reshape(20, -1, 3) / 255
+    places = _points(person, skin, 20) - _eye(person)
+    return places, _lab((shown * base).reshape(-1, 3))
+
+
+@pytest.mark.parametrize("name", cast_names())
+def test_nobody_is_paler_than_measured_skin(name: str) -> None:
+    """Two had an L* of 77 and 76 even on their cheeks: chalk in a lit room."""
+    places, lab = _face_lab(load_character(name))
+    cheek = (np.abs(places[:, 0]) < 0.05) & (np.abs(places[:, 1] + 0.045) < 0.02)
+    bare = cheek & (places[:, 2] < 0.03) & (np.hypot(places[:, 0], places[:, 1] + 0.07) > 0.03)
+    assert MAX_LIGHTNESS > np.median(lab[bare, 0])
+
+
+@pytest.mark.parametrize("name", ["dai", "jun"])
+def test_blood_shows_on_cheeks_nose_and_ears(name: str) -> None:
+    places, lab = _face_lab(load_character(name))
+    x, y, z = places.T
+    forehead = (np.abs(x) < 0.025) & (np.abs(y - 0.045) < 0.012) & (z < 0.03)
+    cheek = (np.abs(np.abs(x) - 0.042) < 0.012) & (np.abs(y + 0.036) < 0.012) & (z < 0.05)
+    assert 4.5 < np.median(lab[cheek, 1]) - np.median(lab[forehead, 1])
+
+
+@pytest.mark.parametrize("name", cast_names())
+def test_lips_at_rest_show_no_teeth(name: str) -> None:
+    """A white line ran between them: up to 20 mm² of teeth."""
+    person = load_character(name)
+    mesh, names = person.levels[0], [m.name for m in person.materials]
+    light = mesh.colour_srgb[mesh.triangles].min(axis=2).mean(axis=1) > 255 * 0.25
+    teeth = (mesh.triangle_material == names.index("teeth")) & light
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    within = _eye(person) + [0.0, -0.072, -0.02] + corners * [0.036, 0.022, 0.04]
+    step_m = 0.0003
+    for yaw_deg, down_deg in ((0.0, 0.0), (25.0, 0.0), (-25.0, 0.0), (0.0, 15.0)):
+        seen = seen_tags(
+            mesh.vertices_m.astype(np.float64),
+            mesh.triangles,
+            np.where(teeth, 2, 1).astype(np.uint8),
+            view_from(yaw_deg, down_deg),
+            step_m,
+            within.astype(np.float32),
+        )
+        assert 4e-6 > (seen == 2).sum() * step_m**2
+
+
+def _dense(person: Character, hair: npt.NDArray[np.int32], per_triangle: int) -> Vector:
+    """Return points (n, 3) of hair where its picture covers what is behind."""
+    covers = _pictured(person, "hair", hair, per_triangle)[:, 3] > 127
+    points: Vector = _points(person, hair, per_triangle)[covers]
+    return points
+
+
+@pytest.mark.parametrize("name", COMBED)
+def test_hair_thins_out_over_the_forehead(name: str) -> None:
+    """As the rim of a helmet, it covered all or nothing within 1.6 to 2.5 mm."""
+    assert 0.0027 < _thins_out_m(load_character(name))
+
+
+def _thins_out_m(person: Character) -> float:
+    """Return the height in which pixels of a headset at 1 m are neither free of hair nor full of
+    it, on average over columns of them.
+    """
+    eye, hair = _eye(person), _triangles(person, "hair")
+    middle = person.levels[0].vertices_m[hair].mean(axis=1) - eye
+    hair = hair[(middle[:, 2] < 0.05) & (middle[:, 1] > 0) & (np.abs(middle[:, 0]) < 0.05)]
+    cell_m, cells = 0.0003, (400, 260)
+    low_m = np.array([0.0, -0.5 * cell_m * cells[1]])
+    points = (_points(person, hair, 400) - eye)[:, [1, 0]]
+    at = np.floor((points - low_m) / cell_m).astype(np.int64)
+    within = ((at >= 0) & (at < cells)).all(axis=1)
+    alpha = _pictured(person, "hair", hair, 400)[within, 3] / 255
+    covers = np.zeros(cells)
+    np.maximum.at(covers, tuple(at[within].T), alpha)
+    covers = ndimage.grey_closing(covers, (3, 3))
+    pixels = covers.reshape(80, 5, 52, 5).mean(axis=(1, 3))
+    partly = (pixels > 0.2) & (pixels < 0.8)
+    return float(partly.sum(axis=0).mean()) * 5 * cell_m
+
+
+@pytest.mark.parametrize("name", COMBED)
+def test_hair_shades_the_skin_about_its_edge(name: str) -> None:
+    """Skin was as light beside black hair as in the middle of the forehead."""
+    assert 0.93 > _shade_at_edge(load_character(name))
+
+
+def _shade_at_edge(person: Character) -> float:
+    """Return how light skin about the edge of hair is as a share of the forehead."""
+    skin, eye = _triangles(person, "skin"), _eye(person)
+    middle = person.levels[0].vertices_m[skin].mean(axis=1) - eye
+    high = (middle[:, 1] > 0.0) & (middle[:, 1] < 0.11) & (middle[:, 2] < 0.055)
+    skin = skin[high & (np.abs(middle[:, 0]) < 0.075)]
+    points, picture = _points(person, skin, 60), _pictured(person, "skin", skin, 60)
+    off, _ = cKDTree(_dense(person, _triangles(person, "hair"), 20)).query(points)
+    light = picture.astype(np.float64).mean(axis=1)
+    forehead = (np.abs(points - eye - [0.0, 0.045, 0.0]) < [0.03, 0.012, 0.06]).all(axis=1)
+    # Nearer than what hair is lifted off by, none of it is seen.
+    edge = (off > 0.003) & (off < 0.006)
+    return float(np.median(light[edge]) / np.median(light[forehead & (off > 0.01)]))
+
+
+@pytest.mark.parametrize("name", ["bela", "jun"])
+def test_neckbands_below_a_cardigan_are_thin(name: str) -> None:
+    """They lay on the shirt like tyres, up to 10 and 11 mm beyond it."""
+    assert 0.010 > _band_on_cloth_m(load_character(name))
+
+
+def _band_on_cloth_m(person: Character) -> float:
+    """Return how far nine tenths of a neckline's band are off the cloth it is sewn to at most."""
+    _, cloth, band = _largest(person, "under")
+    off, _ = cKDTree(_points(person, cloth, 60)).query(_points(person, band, 12))
+    return float(np.quantile(off, 0.9))
+
+
+def test_locks_before_ears_are_no_slabs() -> None:
+    """From in front two blocks hung below the ears, 1,400 mm² large."""
+    assert 300e-6 > _beside_ears_m2(load_character("freya"))
+
+
+def _beside_ears_m2(person: Character) -> float:
+    """Return how much hair is seen from in front below the ears' middle."""
+    mesh, names = person.levels[0], [m.name for m in person.materials]
+    hair = mesh.triangle_material == names.index("hair")
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    within = _eye(person) + [0.0, -0.06, 0.03] + corners * [0.10, 0.04, 0.05]
+    before = (mesh.vertices_m[mesh.triangles][..., 2] < _eye(person)[2] + 0.08).all(axis=1)
+    tags = np.where(hair, 2, 1).astype(np.uint8)
+    seen = seen_tags(
+        mesh.vertices_m.astype(np.float64),
+        mesh.triangles[before],
+        tags[before],
+        view_from(0.0),
+        0.001,
+        within.astype(np.float32),
+    )
+    return float((seen == 2).sum()) * 0.001**2
+
+
+def test_a_ponytail_sways_and_thins_out() -> None:
+    """It hung like a plank: its middle did not leave a line by more than 4 mm."""
+    assert 0.010 < _tail_sway_m(load_character("freya"))
+
+
+def _tail_sway_m(person: Character) -> float:
+    """Return the span of where the middle of a tail hangs, from its tie to its tips."""
+    points = _points(person, _triangles(person, "hair"), 8) - _eye(person)
+    tail = points[points[:, 2] > 0.20]
+    levels = np.arange(-0.19, 0.02, 0.02)
+    middle = [tail[np.abs(tail[:, 1] - y) < 0.01, 0].mean() for y in levels]
+    return float(np.ptp(middle))

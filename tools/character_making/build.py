@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 from lab.geometry import Vector
 from stimuli.characters.capsules import fitted_capsules
 from stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
-from stimuli.characters.coverage import visible_area_m2
+from stimuli.characters.coverage import seen_tags, view_from, visible_area_m2
+from stimuli.characters.errors import CharacterError
 from stimuli.characters.levels import LEVELS, LevelBudget, joined, lighter, thinned
 from stimuli.characters.measuring import MEASURING_TRIANGLES, matched, worst_area_error
 from stimuli.characters.tagging import face_of_head, parts_of_weights
@@ -30,7 +31,7 @@ from tools.character_making.cutting import clipped
 from tools.character_making.eyes import eyeballs, lashes, mouth_pieces
 from tools.character_making.fabrics import fabric
 from tools.character_making.figure import Figure, figure_of
-from tools.character_making.hair import STYLES, Locks, drawn, locks, shell
+from tools.character_making.hair import STYLES, Locks, drawn, locks, seen_of, shell
 from tools.character_making.hair_texture import coils, streaks
 from tools.character_making.hems import with_hems
 from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
@@ -97,6 +98,57 @@ def with_open_eyes(figure: Figure, morphs: dict[str, Vector]) -> tuple[Figure, d
     wider = replace(figure, vertices_m=figure.vertices_m - share * opening)
     return wider, {n: (1 + share) * d if n in blinks else d for n, d in morphs.items()}
 
+
+def with_closed_lips(figure: Figure, morphs: dict[str, Vector]) -> tuple[Figure, dict[str, Vector]]:
+    """Return the figure with its jaw raised until no tooth is seen from in front, and shapes that
+    open it from there. Raises `CharacterError` when teeth are seen whatever is tried.
+    """
+    opening = morphs["jaw_open"]
+    for share in _RAISED:
+        closed = replace(figure, vertices_m=figure.vertices_m - share * opening)
+        if _teeth_m2(closed) < MAX_TEETH_M2:
+            # Thinned, lips are not quite where they were.
+            share += _LIPS_MEET
+            closed = replace(figure, vertices_m=figure.vertices_m - share * opening)
+            return closed, {**morphs, "jaw_open": (1 + share) * opening}
+    raise CharacterError(
+        f"{figure.shape}: teeth are seen with the jaw raised by {_RAISED[-1]:.2f} of its way; "
+        "set them farther back or change the shape of the mouth"
+    )
+
+
+def _teeth_m2(figure: Figure) -> float:
+    """Return how much of the teeth is seen between the lips, at most of some directions."""
+    eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
+    k = figure.stature_m / 1.72
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    within = eye + k * (np.array([0.0, -0.072, -0.02]) + corners * [0.036, 0.022, 0.04])
+    pieces = [body_piece(figure, np.zeros(3), {}), *mouth_pieces(figure)]
+    start = np.cumsum([0, *(len(piece.vertices_m) for piece in pieces)])
+    triangles = np.concatenate([p.triangles + n for p, n in zip(pieces, start, strict=False)])
+    vertices_m = np.concatenate([piece.vertices_m for piece in pieces])
+    light = np.concatenate([piece.colour.min(axis=1) for piece in pieces])[triangles].mean(axis=1)
+    bare = np.arange(len(triangles)) < len(pieces[0].triangles)
+    tags = np.where(~bare & (light > _LIGHT_TEETH), 2, 1)
+    near = (np.abs(vertices_m[triangles].mean(axis=1) - within.mean(axis=0)) < 0.08).all(axis=1)
+    seen = [
+        seen_tags(
+            vertices_m,
+            triangles[near].astype(np.int32),
+            tags[near].astype(np.uint8),
+            view_from(yaw_deg, down_deg),
+            _TEETH_STEP_M,
+            within.astype(np.float32),
+        )
+        for yaw_deg, down_deg in ((0.0, 0.0), (25.0, 0.0), (-25.0, 0.0), (0.0, 15.0))
+    ]
+    return max(float((tags_seen == 2).sum()) for tags_seen in seen) * _TEETH_STEP_M**2
+
+
+MAX_TEETH_M2, _LIGHT_TEETH, _TEETH_STEP_M = 0.5e-6, 0.25, 0.0003
+_RAISED = np.arange(0.0, 0.16, 0.005).tolist()
+"""By which share of its way open the jaw is raised, tried in turn."""
+_LIPS_MEET = 0.02
 
 EYES_M2, MOST_OPENED = 1.68e-4, 0.25
 """What is seen of an eye from the front, as of people at rest, and by how much of a blink at most
@@ -248,8 +300,8 @@ _TRIED = (
 """Copies for measuring are tried with so many triangles fewer, then with other locks of hair, then
 with both in many ways.
 """
-_GOOD_COPY, _FAIR_COPY = 0.035, 0.045
-"""A part may be seen larger or smaller by this share."""
+_GOOD_COPY, _FAIR_COPY, _WORST_COPY = 0.035, 0.045, 0.05
+"""A part may be seen larger or smaller by this share: at once, after some tries, after all."""
 
 
 def levels_of(
@@ -299,7 +351,13 @@ def levels_of(
                 break
             if len(tried) == len(_FEWER) and min(e for e, _ in tried) < _FAIR_COPY:
                 break
-        copies.append(min(tried, key=lambda row: row[0])[1])
+        least, copy = min(tried, key=lambda row: row[0])
+        if least > _WORST_COPY:
+            raise CharacterError(
+                f"{figure.shape}: of {len(tried)} copies of {n} triangles for measuring the best "
+                f"shows a part {least:.1%} larger or smaller; add to what is tried"
+            )
+        copies.append(copy)
     return tuple(levels), tuple(copies)
 
 
@@ -325,7 +383,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
     morphs = face_morphs(figure)
     body = body_piece(figure, base_colour(recipe.face), morphs)
     closed = closed_body(figure, body)
-    figure, morphs = with_open_eyes(figure, morphs)
+    figure, morphs = with_closed_lips(*with_open_eyes(figure, morphs))
     body = body_piece(figure, base_colour(recipe.face), morphs)
     worn, worn_far, covered = clothed(figure, stuff, recipe, body, seed)
     bare = np.asarray((covered >= -0.02)[body.triangles].any(axis=1))
@@ -341,7 +399,9 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         *lashes(figure, rgb(recipe.face.brow) * 0.4, morphs),
         shell(figure, body, hair_colour, style, seed),
     ]
-    skin = painted(figure, workshop.canvas, body, bare, recipe.face, style, seed)
+    hair = locks(figure, body, cloth, hair_colour, style, seed, recipe.face.grey)
+    over = seen_of(hair) if style.combing is not None else None
+    skin = painted(figure, workshop.canvas, body, bare, recipe.face, style, seed, over)
     upper, lower = recipe.garments
     weave = {
         g.kind: fabric(g.pattern, rgb(g.colour), rgb(g.second), rng)[1] for g in recipe.garments
@@ -363,7 +423,6 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         Material("under", "cloth", 0.9, double_sided=True),
         Material("shoe", "leather", 0.5, double_sided=True),
     )
-    hair = locks(figure, body, cloth, hair_colour, style, seed, recipe.face.grey)
     locks_near = [drawn(figure, group, 0) for group in hair]
     near, far = (shaded([*own, *clothes], locks_near) for clothes in (worn, worn_far))
     levels, measuring = levels_of(figure, near, far, hair, materials, own + worn_far)

@@ -21,9 +21,8 @@ def collar(figure: Figure, cloth: Piece, garment: Garment, tone: Vector) -> list
     """Return what sits on the neckline and the front of a top."""
     ring = _neck_ring(figure, cloth)
     if garment.kind in ("tee", "jumper"):
-        return [
-            _band(figure, cloth, ring, tone * 0.95, 0.020 if garment.kind == "jumper" else 0.012)
-        ]
+        height_m, thick_m = _BANDS_M[garment.kind]
+        return [_band(figure, cloth, ring, tone * 0.95, height_m, thick_m)]
     if garment.kind in ("shirt", "polo"):
         pieces = [_folded_collar(figure, cloth, ring, tone, cut_of(garment).collar)]
         depth = 0.13 if garment.kind == "polo" else 0.6
@@ -96,7 +95,9 @@ def _textured(figure: Figure, piece: Piece) -> Piece:
     return replace(piece, corner_uv=wrapped_uv(figure, piece))
 
 
-def _band(figure: Figure, cloth: Piece, ring: Indices, tone: Vector, height_m: float) -> Piece:
+def _band(
+    figure: Figure, cloth: Piece, ring: Indices, tone: Vector, height_m: float, thick_m: float
+) -> Piece:
     """Return the ribbed band of a jumper's or tee's neckline."""
     points, weights = _resampled(figure, cloth, ring, 48)
     centre = points.mean(axis=0)
@@ -110,22 +111,23 @@ def _band(figure: Figure, cloth: Piece, ring: Indices, tone: Vector, height_m: f
     # It leaves the cloth and lies down on the skin, so that nothing is seen behind it.
     rows = [
         on_cloth[0][0] - 0.006 * on_cloth[0][1],
-        *(at + _BAND_M * normal for at, normal in on_cloth),
-        _at_least_off(cloth, points + 0.1 * height_m * up, _BAND_M),
+        *(at + thick_m * normal for at, normal in on_cloth),
+        _at_least_off(cloth, points + 0.1 * height_m * up, thick_m),
         _at_least_off(
-            cloth, skin.held(points + 0.002 * out + 0.5 * height_m * up, _BAND_OFF_M[0]), 0.002
+            cloth,
+            skin.held(points + 0.002 * out + 0.5 * height_m * up, thick_m + 0.0025),
+            0.66 * thick_m,
         ),
-        skin.held(points + 0.001 * out + 0.8 * height_m * up, _BAND_OFF_M[1]),
-        skin.held(points + 0.9 * height_m * up, _BAND_OFF_M[2]),
+        skin.held(points + 0.001 * out + 0.8 * height_m * up, thick_m + 0.0005),
+        # Its edge goes into the skin.
+        skin.held(points + 0.9 * height_m * up, -0.002),
     ]
     sheet = _sheet(rows, weights, tone, cloth.material, closed=True)
     return _textured(figure, _outwards(sheet, centre))
 
 
-_BAND_M = 0.003
-_BAND_OFF_M = (0.0055, 0.0035, -0.002)
-"""How thick a band is, and how far off the skin at most, row by row, up to its edge, which goes
-into it."""
+_BANDS_M = {"jumper": (0.020, 0.003), "tee": (0.0095, 0.0016)}
+"""How high and how thick the band of a neckline is: knitted, and of a tee."""
 
 
 def _folded_collar(

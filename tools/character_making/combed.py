@@ -2,19 +2,19 @@
 one upon the other that end unevenly.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lab.geometry import Vector, unit
 from tools.character_making.figure import Figure
 from tools.character_making.hairline import hairline_field
-from tools.character_making.mantle import Head, Sheet, loose_upon, outwards
+from tools.character_making.mantle import Head, Sheet, outwards
 from tools.character_making.noise import noise
 from tools.character_making.pieces import Piece
 
 _GUIDES = 67
-_LAYERS = ((0.45, -0.003), (0.8, 0.002), (1.0, 0.0))
+_LAYERS = ((0.45, -0.007), (0.8, -0.003), (1.0, 0.002))
 """For each sheet the share of the lift, and by how much longer than the others it is, in metres."""
 _WHORL_RAD = 0.42
 """How far behind the top of the head hair turns round."""
@@ -26,7 +26,8 @@ class Combing:
     """How hair lies over the head: lifted `lift_m` off it on top, by the share `side` of that at
     the temples; it reaches `beyond_m` over the hairline, in front `fringe_m` farther; `sweep_rad`
     is how far it is brushed aside in front, `rough_m` the depth of its locks, `ragged_m` by how
-    much its ends differ. Of tied hair `ragged_m` is where its roots begin.
+    much its ends in front differ. Of tied hair `ragged_m` is where its roots begin. `loose` locks
+    lie upon it, `at_edge` more over its edge.
     """
 
     lift_m: float
@@ -34,9 +35,10 @@ class Combing:
     beyond_m: float = 0.004
     fringe_m: float = 0.0
     sweep_rad: float = 0.0
-    rough_m: float = 0.0012
+    rough_m: float = 0.0020
     ragged_m: float = 0.010
     loose: int = 40
+    at_edge: int = 60
     rows: int = 12
 
 
@@ -84,18 +86,18 @@ def combed(
     radius = np.linalg.norm(on_skin.reshape(*grid.shape, 3) - head.centre, axis=-1)
     end = steps[ends]
     around_m = radius[np.arange(_GUIDES), ends]
-    closed = np.concatenate([end[-2:-1], end, end[1:2]])
-    end = 0.25 * closed[:-2] + 0.5 * end + 0.25 * closed[2:]
+    end = _beside(end)
 
     sheets = []
     even = 1 - (1 - np.linspace(0, 1, combing.rows)) ** 1.8
     for lifted, longer_m in _LAYERS:
         knots = rng.uniform(-1, 1, _GUIDES)
         knots[-1] = knots[0]
+        locks = _beside(_beside(knots)) * 1.6
         # Brushed aside, a fringe is longer where it is brushed to.
         slant = 1 + 0.4 * np.sign(combing.sweep_rad) * np.sin(azimuth)
         beyond = combing.beyond_m + longer_m + combing.fringe_m * in_front * slant
-        beyond = beyond + 0.25 * combing.ragged_m * knots * (tie_m is None)
+        beyond = beyond + 0.18 * combing.ragged_m * locks * (tie_m is None)
         first = 0.0 if tie_m is None else 0.10
         polar = first + even[None, :] * (end + beyond / around_m - first)[:, None]
         front = np.broadcast_to(in_front[:, None], polar.shape)
@@ -126,16 +128,53 @@ def combed(
         tones = (1 - greyed) * tones + greyed * np.array([0.80, 0.79, 0.78])
         tones = tones * tone[:, None]
         tones[-1] = tones[0]
-        uneven = {"tips_m": combing.ragged_m} if tie_m is None else {"roots_m": combing.ragged_m}
-        sheets.append(Sheet(line, out, tones, strands=15 / (_GUIDES - 1), **uneven))
-    line, out = loose_upon(sheets[-1], combing.loose, 0.0012, 0.0030, rng)
-    # Each shows a part of the way only.
-    n, rows, _ = line.shape
-    begins, stops = rng.uniform(0.05, 0.55, (n, 1)), rng.uniform(0.80, 0.98, (n, 1))
-    along: Vector = begins + np.linspace(0, 1, 7) * (stops - begins)
-    at: Vector = along * (rows - 1.001)
-    low = np.floor(at).astype(np.int64)
-    share = (at - low)[..., None]
-    pick = np.arange(n)[:, None]
-    some = (1 - share) * line[pick, low] + share * line[pick, low + 1]
-    return sheets, some, unit((1 - share) * out[pick, low] + share * out[pick, low + 1])
+        sheet = Sheet(line, out, tones, strands=15 / (_GUIDES - 1))
+        if tie_m is None:
+            # Beside and behind it is cut shorter and shorter.
+            faded_m = combing.ragged_m + (_FADED_M - combing.ragged_m) * (1 - in_front)
+            sheets.append(replace(sheet, tips_m=faded_m))
+        else:
+            sheets.append(replace(sheet, roots_m=combing.ragged_m))
+    # Each lock shows a part of the way only: some break up the outline, some the edge.
+    n, n_edge = combing.loose, combing.at_edge
+    begins = np.concatenate([rng.uniform(0.05, 0.55, n), rng.uniform(0.50, 0.72, n_edge)])
+    stops = np.concatenate([rng.uniform(0.80, 0.98, n), rng.uniform(0.90, 1.0, n_edge)])
+    most_m = 0.0036 if tie_m is None else 0.0022
+    stand_m = np.concatenate([rng.uniform(0.0010, most_m, n), rng.uniform(0.0004, 0.0016, n_edge)])
+    sizes = n + n_edge
+    along = np.linspace(0, 1, 7)
+    guide = rng.uniform(0, _GUIDES - 1, sizes)[:, None] + rng.normal(0, 0.5, (sizes, 1)) * along**2
+    line, out = _upon(sheets[-1], guide, begins[:, None] + along * (stops - begins)[:, None])
+    # Tied at one end and rooted at the other, it stands off in between alone.
+    off = 0.5 + along if tie_m is None else np.sin(np.pi * along)
+    return sheets, line + (stand_m[:, None] * off)[..., None] * out, out
+
+
+_FADED_M = 0.034
+"""Within how much hair thins out beside and behind, where it is not tied."""
+
+
+def _beside(values: Vector) -> Vector:
+    """Return values round a closed ring (g,), whose last is its first, smoothed."""
+    closed = np.concatenate([values[-2:-1], values, values[1:2]])
+    smooth: Vector = 0.25 * closed[:-2] + 0.5 * closed[1:-1] + 0.25 * closed[2:]
+    return smooth
+
+
+def _upon(sheet: Sheet, guide: Vector, down: Vector) -> tuple[Vector, Vector]:
+    """Return places (n, rows, 3) and outward directions on a closed sheet: at guides (n, rows),
+    as shares `down` of the way from root to tip.
+    """
+    n_guides, n_rows, _ = sheet.line.shape
+    guide = guide % (n_guides - 1)
+    at = np.clip(down, 0, 1) * (n_rows - 1.001)
+    g, r = np.floor(guide).astype(np.int64), np.floor(at).astype(np.int64)
+    s, t = (guide - g)[..., None], (at - r)[..., None]
+
+    def mixed(values: Vector) -> Vector:
+        one = (1 - t) * values[g, r] + t * values[g, r + 1]
+        other = (1 - t) * values[g + 1, r] + t * values[g + 1, r + 1]
+        both: Vector = (1 - s) * one + s * other
+        return both
+
+    return mixed(sheet.line), unit(mixed(sheet.out))

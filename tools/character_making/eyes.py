@@ -54,6 +54,9 @@ def eyeballs(figure: Figure) -> list[Piece]:
     return [eyeball(figure, side) for side, _ in SIDES]
 
 
+UNLIT_MOUTH = np.array([0.30, 0.12, 0.11])
+
+
 def mouth_pieces(figure: Figure) -> list[Piece]:
     """Return teeth and tongue, which show when the mouth opens."""
     pieces = []
@@ -68,13 +71,16 @@ def mouth_pieces(figure: Figure) -> list[Piece]:
     # Behind closed lips nothing of them may show at the corners.
     back = 0.0065 * figure.stature_m / 1.72
     inside = figure.vertices_m * np.array([0.88, 1.0, 1.0]) + np.array([0.0, 0.0, back])
+    # Little light comes to the corners of a mouth.
+    aside_m = np.abs(figure.vertices_m[:, 0]) * 1.72 / figure.stature_m
+    lit = np.interp(aside_m, [0.008, 0.016], [1.0, 0.0])[:, None]
     for name, tone in tones.items():
         triangles = triangulated(figure.source.quads(f"helper-{name}"))
         whole = Piece(
             vertices_m=inside,
             triangles=triangles,
             weights=figure.weights,
-            colour=np.tile(tone, (len(figure.vertices_m), 1)),
+            colour=lit * np.array(tone) + (1 - lit) * UNLIT_MOUTH,
             part=np.full(len(triangles), PART_INDEX["face"]),
             material="teeth",
             morphs={"jaw_open": opened},

@@ -10,8 +10,9 @@ from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.combed import Combing, combed
 from tools.character_making.cutting import clipped
 from tools.character_making.figure import Figure
+from tools.character_making.hair_texture import HALF_BEGUN, HALF_ENDED
 from tools.character_making.hairline import hairline_field
-from tools.character_making.mantle import Fall, Head, Sheet, mantle, sheet_piece
+from tools.character_making.mantle import Fall, Head, Sheet, down_the_picture, mantle, sheet_piece
 from tools.character_making.noise import noise
 from tools.character_making.pieces import Piece, vertex_normals
 
@@ -40,23 +41,25 @@ STYLES = {
     "long": Style(lift_m=0.006, fall=Fall(0.58, 0.012, 0.013, 0.16, 0.085, 0.0045, 21)),
     "shoulder": Style(lift_m=0.0065, fall=Fall(0.47, -0.022, 0.014, 0.14, 0.07, 0.005, 19)),
     "bob": Style(lift_m=0.007, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02, 0.003, 15)),
-    "bun": Style(tie="bun", combing=Combing(0.012, 0.6, beyond_m=0.003, ragged_m=0.009)),
+    "bun": Style(tie="bun", combing=Combing(0.012, 0.6, beyond_m=0.004, ragged_m=0.020, at_edge=0)),
     "ponytail": Style(
-        tie="tail", framing=16, combing=Combing(0.018, 0.6, beyond_m=0.003, ragged_m=0.009)
+        tie="tail",
+        framing=6,
+        combing=Combing(0.018, 0.6, beyond_m=0.004, ragged_m=0.020, at_edge=0),
     ),
     "curly": Style(0.036, 760, 0.008, 0.042, 0.008, rows=7),
     "afro": Style(0.010, 1100, 0.006, 0.013, 0.004, rows=4),
     "short": Style(
         receding=0.12,
-        combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.018, loose=30),
+        combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.026),
     ),
     "fringe": Style(
-        combing=Combing(0.015, 0.55, 0.007, fringe_m=0.022, sweep_rad=0.20, ragged_m=0.015)
+        combing=Combing(0.015, 0.55, 0.007, fringe_m=0.023, sweep_rad=0.20, ragged_m=0.024)
     ),
     "crop": Style(
-        combing=Combing(0.018, 0.45, 0.007, fringe_m=0.011, sweep_rad=-0.25, ragged_m=0.016)
+        combing=Combing(0.018, 0.45, 0.007, fringe_m=0.012, sweep_rad=-0.25, ragged_m=0.024)
     ),
-    "receding": Style(receding=0.8, combing=Combing(0.007, 0.8, sweep_rad=0.2, ragged_m=0.018)),
+    "receding": Style(receding=0.8, combing=Combing(0.007, 0.8, sweep_rad=0.2, ragged_m=0.026)),
 }
 
 
@@ -186,10 +189,10 @@ def _framing(
     eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
     knots = k * np.array(
         [
-            [0.044, 0.072, 0.016],
-            [0.072, 0.040, 0.022],
-            [0.080, -0.010, 0.038],
-            [0.070, -0.080, 0.030],
+            [0.046, 0.070, 0.016],
+            [0.070, 0.044, 0.020],
+            [0.074, 0.004, 0.040],
+            [0.068, -0.030, 0.046],
         ]
     )
     t = np.linspace(0, 1, style.rows)
@@ -201,7 +204,7 @@ def _framing(
         # Roots stand in a row along the hairline.
         row = rng.uniform(0, 1, (n, 1)) * np.array([0.012, -0.014, 0.020])
         spread += np.array([1.0, 0.7, 0.5, 0.4])[:, None] * row[:, None]
-        spread[:, 3, 1] += rng.uniform(-0.02, 0.03, n)
+        spread[:, 3, 1] += rng.uniform(-0.025, 0.025, n)
         lines.append(eye + (bell @ (knots + k * spread)) * np.array([sign, 1.0, 1.0]))
     line = np.concatenate(lines)
     clear = Head(figure, body, []).outside(line.reshape(-1, 3), np.full(line.size // 3, 0.003))
@@ -230,7 +233,9 @@ THINNINGS = (Thinning(), Thinning(3, 2, 2.1), Thinning(9, 3, 4.2))
 
 @dataclass(frozen=True, eq=False)
 class Locks:
-    """Lines (n, rows, 3) of hair with outward directions, colours (n, 3), tints and widths (n,)."""
+    """Lines (n, rows, 3) of hair with outward directions, colours (n, 3), tints and widths (n,).
+    They are as wide at their roots as the share `begins`.
+    """
 
     line: Vector
     out: Vector
@@ -238,6 +243,7 @@ class Locks:
     tint: Vector
     width_m: Vector
     start: Vector
+    begins: float = 0.7
 
 
 def locks(
@@ -261,19 +267,38 @@ def locks(
         sheets, line, out = combed(
             figure, body, colour, style.combing, style.receding, tie_m, seed, grey
         )
-        groups += [*sheets, _coloured(line, out, 0.006, colour, rng, grey)]
+        # Of hair that is not grey all over, a lock that is would be a stripe.
+        loose = _coloured(line, out, 0.0045, colour, rng, grey if grey > 0.5 else 0.0)
+        groups += [*sheets, replace(loose, begins=0.2)]
     else:
         roots, normals = _roots(figure, body, style, rng)
         line, out = _grown(figure, style, roots, normals, rng)
         groups.append(_coloured(line, out, style.width_m, colour, rng, grey))
     if style.framing:
         line, out = _framing(figure, style, body, rng)
-        groups.append(_coloured(line, out, 0.005, colour, rng, grey))
+        groups.append(replace(_coloured(line, out, 0.0030, colour, rng, grey), begins=0.2))
     if style.tie == "bun":
         groups.append(_bun(figure, style, colour, rng, grey))
     if style.tie == "tail":
         groups.append(_tail(figure, style, colour, rng, grey))
     return groups
+
+
+def seen_of(groups: list[Locks | Sheet]) -> Vector:
+    """Return points (n, 3) all over where sheets are dense enough to hide what is below."""
+    points = [np.zeros((0, 3))]
+    for sheet in (group for group in groups if isinstance(group, Sheet)):
+        finer = np.linspace(0, sheet.line.shape[1] - 1, 6 * sheet.line.shape[1])
+        whole = np.arange(sheet.line.shape[1])
+        down = down_the_picture(sheet)
+        for beside in (0.0, 0.25, 0.5, 0.75):
+            line = (1 - beside) * sheet.line[:-1] + beside * sheet.line[1:]
+            at = (1 - beside) * down[:-1] + beside * down[1:]
+            for guide, place in zip(line, at, strict=True):
+                fine = np.stack([np.interp(finer, whole, x) for x in guide.T], axis=1)
+                v = np.interp(finer, whole, place)
+                points.append(fine[(v > HALF_BEGUN) & (v < HALF_ENDED)])
+    return np.concatenate(points)
 
 
 def _coloured(
@@ -309,7 +334,7 @@ def ribbons(
     across, facing = _frames(line, out)
     facing = np.where(np.sum(facing * out, axis=-1, keepdims=True) < 0, -facing, facing)
     share = at_rows / (all_rows - 1)
-    taper = np.interp(share, [0, 0.15, 0.7, 1], [0.7, 1.0, 0.8, 0.12])
+    taper = np.interp(share, [0, 0.15, 0.7, 1], [group.begins, 1.0, 0.8, 0.12])
     wide = thinning.wider * taper[None, :] * group.width_m[keep][:, None]
     edges = np.stack([line - wide[..., None] * across, line + wide[..., None] * across], axis=2)
     normals = unit(np.stack([facing - 0.55 * across, facing + 0.55 * across], axis=2))
@@ -382,12 +407,18 @@ def _tail(
     t = np.linspace(0, 1, rows)
     spread = rng.normal(size=(n, 2)) * 0.5
     spread /= np.maximum(np.linalg.norm(spread, axis=1, keepdims=True), 1.0)
-    thick = np.interp(t, [0, 0.12, 0.4, 0.8, 1], [0.010, 0.021, 0.026, 0.020, 0.006])
-    x = spread[:, :1] * thick
-    z = 0.045 * np.sin(np.minimum(t * 4.2, np.pi / 2)) - 0.03 * t + spread[:, 1:] * thick
-    y = 0.02 * np.sin(t * np.pi * 1.2) * (t < 0.6) - 0.27 * t**1.15 * rng.uniform(0.85, 1.1, (n, 1))
-    line = start + np.stack([x, y, np.broadcast_to(z, x.shape)], axis=-1)
-    out = unit(
-        np.stack([spread[:, :1] + 0 * t, 0.15 + 0 * x, 0.35 + spread[:, 1:] + 0 * t], axis=-1)
+    thick = np.interp(t, [0, 0.12, 0.4, 0.8, 1], [0.009, 0.021, 0.027, 0.023, 0.013])
+    # Locks turn round each other, and the whole sways to a side and back.
+    turned = spread[:, :1] * np.cos(1.3 * t) - spread[:, 1:] * np.sin(1.3 * t)
+    deep = spread[:, :1] * np.sin(1.3 * t) + spread[:, 1:] * np.cos(1.3 * t)
+    phase, bends = rng.uniform(0, 2 * np.pi, (n, 1)), rng.uniform(1.5, 3.0, (n, 1))
+    waves = 0.0035 * np.sin(phase + bends * np.pi * t) * np.clip(2 * t, 0, 1)
+    x = turned * thick + waves + 0.012 * np.sin(1.5 * np.pi * t) * t
+    z = 0.045 * np.sin(np.minimum(t * 4.2, np.pi / 2)) - 0.03 * t + deep * thick
+    y = 0.02 * np.sin(t * np.pi * 1.2) * (t < 0.6) - 0.27 * t**1.15 * rng.uniform(0.72, 1.1, (n, 1))
+    line = start + np.stack([x, y, z], axis=-1)
+    out = unit(np.stack([turned, 0.15 + 0 * x, 0.35 + deep], axis=-1))
+    return replace(
+        _coloured(line, out, 0.010, colour, rng, grey),
+        tint=np.clip(rng.normal(0.97, 0.13, n), 0.7, 1.25),
     )
-    return _coloured(line, out, 0.012, colour, rng, grey)

@@ -4,6 +4,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
+from lab.geometry import Vector
+
 
 def streaks(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     """Return the texture of hair (h, w, 4): strands side by side, roots above, tips below.
@@ -22,12 +24,26 @@ def streaks(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     strand = np.floor(u * strands).astype(np.int64)
     across = np.abs(u * strands - strand - 0.5) * 2
     clump = np.repeat(rng.uniform(0, 1, strands // 4), 4)
-    begins = (0.09 * rng.uniform(0, 1, strands) ** 1.5)[strand]
-    ends = (1.0 - 0.16 * clump - 0.14 * rng.uniform(0, 1, strands))[strand]
-    whole = np.minimum((v - begins) / 0.05, (ends - v) / 0.16)
+    begins = (0.12 * _spread_evenly(rng, strands))[strand]
+    # Strands that end together are teeth; ends spread evenly thin out, whatever a pixel spans.
+    ends = (1.0 - 0.04 * clump - 0.26 * _spread_evenly(rng, strands))[strand]
+    whole = np.minimum((v - begins) / 0.04, (ends - v) / 0.10)
     alpha = np.clip((whole * 1.6 - across) / 0.35 + 0.5, 0, 1)
     tone = np.repeat(grey[..., None], 3, axis=2)
     return np.round(255 * np.concatenate([tone, alpha[..., None]], axis=2)).astype(np.uint8)
+
+
+HALF_BEGUN, HALF_ENDED = 0.08, 0.80
+"""Where down the picture of strands half of them have begun, and half have ended."""
+
+
+def _spread_evenly(rng: np.random.Generator, n: int) -> Vector:
+    """Return shares (n,) from 0 to 1, each as often as any other, no neighbours alike."""
+    bits = int(np.ceil(np.log2(n)))
+    # Halves of the range in turn, then quarters, and so on.
+    order = [int(f"{k:0{bits}b}"[::-1], 2) for k in range(1 << bits)]
+    shares: Vector = np.argsort(np.argsort(order[:n])) / (n - 1)
+    return np.clip(shares + rng.uniform(-0.06, 0.06, n), 0, 1)
 
 
 def coils(rng: np.random.Generator) -> npt.NDArray[np.uint8]:

@@ -37,15 +37,15 @@ class Fall:
 @dataclass(frozen=True, eq=False)
 class Sheet:
     """Guides (g, rows, 3) side by side from root to tip, with colours (g, 3). Roots begin within
-    `roots_m`, tips end within `tips_m`, from strand to strand; from guide to guide lies the share
-    `strands` of the picture of hair.
+    `roots_m`, tips end within `tips_m`, from strand to strand, for all guides alike or (g,); from
+    guide to guide lies the share `strands` of the picture of hair.
     """
 
     line: Vector
     out: Vector
     colour: Vector
     roots_m: float = 0.0
-    tips_m: float = 0.0
+    tips_m: float | Vector = 0.0
     strands: float = 0.055
 
 
@@ -256,7 +256,7 @@ def sheet_piece(
     shade = np.interp(share, [0, 0.12, 0.4, 1], [0.80, 0.95, 1.0, 1.06])
     colour = shade[..., None] * sheet.colour[g][:, None]
     u = np.broadcast_to(g[:, None] * sheet.strands, share.shape)
-    uv = np.stack([u, _down_the_picture(sheet)[g][:, r]], axis=-1).reshape(-1, 2)
+    uv = np.stack([u, down_the_picture(sheet)[g][:, r]], axis=-1).reshape(-1, 2)
     piece = Piece(
         vertices_m=vertices,
         triangles=triangles,
@@ -274,15 +274,16 @@ _BEGIN, _BEGUN, _ENDS, _ENDED = 0.02, 0.15, 0.62, 0.98
 """Where in the picture of hair the first strands begin, all have begun, the first end, all have."""
 
 
-def _down_the_picture(sheet: Sheet) -> Vector:
+def down_the_picture(sheet: Sheet) -> Vector:
     """Return the place (g, rows) in the picture of hair, from roots to tips."""
     step = np.linalg.norm(np.diff(sheet.line, axis=1), axis=-1)
     reach_m = np.concatenate([np.zeros((len(step), 1)), step.cumsum(axis=1)], axis=1)
     whole_m = reach_m[:, -1:]
     rooted = np.clip(reach_m / sheet.roots_m, 0, 1) if sheet.roots_m else np.ones_like(reach_m)
     tipped = np.zeros_like(reach_m)
-    if sheet.tips_m:
-        tipped = np.clip(1 - (whole_m - reach_m) / sheet.tips_m, 0, 1)
+    if np.any(sheet.tips_m):
+        tips_m = np.broadcast_to(sheet.tips_m, len(step))[:, None]
+        tipped = np.clip(1 - (whole_m - reach_m) / tips_m, 0, 1)
     middle = (_ENDS - _BEGUN) * reach_m / whole_m
     places: Vector = (
         _BEGIN + (_BEGUN - _BEGIN) * rooted + middle * (1 - tipped) + (_ENDED - _BEGUN) * tipped

@@ -2,6 +2,7 @@
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from lab.geometry import Vector
 from tools.character_making.cutting import neighbours
@@ -48,8 +49,11 @@ def painted(
     face: Face,
     style: Style,
     seed: int,
+    hair_m: Vector | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """Return the skin's texture (SIZE, SIZE, 3), to be multiplied with the base colour."""
+    """Return the skin's texture (SIZE, SIZE, 3), to be multiplied with the base colour. Below
+    hair at points `hair_m` (n, 3), and about its edge, it is darker.
+    """
     pixels = canvas.pixels(visible)
     p = canvas.spread(body.vertices_m, pixels)
     k = figure.stature_m / 1.72
@@ -60,7 +64,10 @@ def painted(
     colour = np.tile(skin, (len(p), 1))
     coarse, middle, fine = noise(p, 35, seed), noise(p, 160, seed + 1), noise(p, 700, seed + 2)
     colour *= (1 + 0.02 * coarse + 0.02 * middle + 0.022 * fine)[:, None]
-    colour[:, 1:] *= (1 - 0.014 * middle - 0.012 * coarse)[:, None]
+    colour[:, 1:] *= (1 - 0.022 * middle - 0.020 * coarse)[:, None]
+    # Where skin lies on bone it is yellower; where blood runs near, redder.
+    bony = _bump(np.hypot(q[:, 0] * 0.8, q[:, 1] - 0.05), 0.035) * (q[:, 2] < 0.05)
+    colour[:, 2] *= 1 - 0.035 * bony
     colour = _flushed(colour, q, face, coarse)
     hollow = canvas.spread(hollows(body), pixels)
     deep = np.clip(hollow, 0, 1) * (0.14 + 0.07 * face.lines) - 0.05 * np.clip(-hollow, 0, 1)
@@ -75,6 +82,8 @@ def painted(
     if face.stubble:
         colour = _stubbled(colour, canvas, pixels, q, face, seed)
     colour = _scalp(colour, figure, p, q, face, style, seed)
+    if hair_m is not None:
+        colour = _below_hair(colour, p, q, hair_m, face, seed)
     colour = _browed(colour, figure, p, face, k, seed)
     image = np.full((SIZE * SIZE, 3), HEADROOM)
     image[pixels] = colour / base_colour(face)
@@ -95,10 +104,10 @@ def _flushed(colour: Vector, q: Vector, face: Face, coarse: Vector) -> Vector:
     cheeks = _bump(np.hypot(x - 0.042, (y + 0.036) * 1.1), 0.026)
     nose = _bump(np.hypot(x, (y + 0.042) * 1.2), 0.016) * np.clip((-0.03 - z) / 0.01, 0, 1)
     chin = 0.5 * _bump(np.hypot(x, y + 0.108), 0.02)
-    ears = 0.8 * np.clip((x - 0.068) / 0.008, 0, 1) * _bump(y + 0.012, 0.035)
-    ears *= (z > 0.04) & (z < 0.14)
+    ears = 1.1 * np.clip((x - 0.070) / 0.008, 0, 1) * _bump(y + 0.012, 0.035)
+    ears *= np.clip((z - 0.05) / 0.015, 0, 1) * (z < 0.14)
     hands = 0.5 * np.clip((np.abs(q[:, 0]) - 0.4) / 0.1, 0, 1)
-    amount = face.flush * (front * (cheeks + 0.8 * nose + chin) + ears + hands)
+    amount = face.flush * (front * (1.1 * cheeks + nose + chin) + ears + hands)
     amount = amount * (1 + 0.25 * coarse)
     result: Vector = colour * (1 - np.clip(amount, 0, 1)[:, None] * np.array([-0.01, 0.14, 0.13]))
     # The forehead is a little yellower, the jaw of men a little greyer: left to stubble.
@@ -197,6 +206,27 @@ def _scalp(
 _FALLING_BARE_M = 0.008
 
 
+def _below_hair(
+    colour: Vector, p: Vector, q: Vector, hair_m: Vector, face: Face, seed: int
+) -> Vector:
+    """Paint the shade that hair casts on the skin round its edge, and its finest hairs."""
+    near = np.flatnonzero((q[:, 1] > -0.12) & (np.abs(q[:, 0]) < 0.12))
+    away, _ = cKDTree(hair_m).query(p[near], distance_upper_bound=0.05)
+    away = np.minimum(away, 0.05)
+    share = np.zeros(len(p))
+    share[near] = _SHADED * _bump(away, _SHADED_M)
+    colour = colour * (1 - share[:, None] * np.array([0.75, 0.95, 1.0]))
+    hairs = np.clip(noise(p, [1100, 130, 1100], seed + 61) + 0.15, 0, 1)
+    hairs += np.clip(noise(p, [700, 90, 700], seed + 62) - 0.1, 0, 1)
+    share[near] = _FINEST * _bump(away, _FINEST_M)
+    return _mixed(colour, np.array(face.hair) / 255, share * hairs)
+
+
+_SHADED, _SHADED_M = 0.40, 0.0085
+_FINEST, _FINEST_M = 0.85, 0.0065
+"""How dark the shade of hair and its finest hairs are where it ends, and how far they reach."""
+
+
 def _browed(colour: Vector, figure: Figure, p: Vector, face: Face, k: float, seed: int) -> Vector:
     for side, _ in SIDES:
         centre = figure.at(f"{side}_eye")
@@ -209,7 +239,7 @@ def _browed(colour: Vector, figure: Figure, p: Vector, face: Face, k: float, see
         lift = 0.0195 if female else 0.0172
         curve = lift + arch * np.sin(np.clip(along, 0, 1.1) * 2.1 - 0.25) - 0.004 * along**2
         # Higher at the nose than at the temple, brows look sad.
-        curve += (0.0008 if female else 0.0038) * (along - 0.45)
+        curve += (0.0008 if female else 0.0046) * (along - 0.45)
         half = np.interp(along, [-0.05, 0.1, 0.6, 1.05], [0.0030, 0.0038, 0.0027, 0.0008])
         half = half * (0.75 + 0.55 * face.brow_weight)
         v = (y - curve) / half
