@@ -27,7 +27,7 @@ from stimuli.characters.gltf_figure import Figure, Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
 from stimuli.characters.gltf_looks import Looks, colour_factor, srgb_of
 from stimuli.characters.gltf_marks import marks_of
-from stimuli.characters.gltf_skin import MIN_FACE_TRIANGLES, like_the_face
+from stimuli.characters.gltf_skin import MIN_FACE_TRIANGLES, darker_than_the_face, like_the_face
 from stimuli.characters.levels import LEVELS, joined, lighter, thinned
 from stimuli.characters.measuring import MEASURING_TRIANGLES, matched
 from stimuli.characters.rest_pose import Rig, heaviest, rig_of_marks, to_rest
@@ -211,7 +211,11 @@ def _worn_apart(
     pixels = looks.pixels(base["index"])
     alike = like_the_face(pixels, surface.uv, surface.triangles, head & front)
     # Short hair is part of the head in many files; what else is unlike the face there are lips.
-    hair = head & ~alike & ((middle[:, 1] > 0.5 * between) | (middle[:, 2] > 1.2 * between))
+    over = (middle[:, 1] > 0.5 * between) | (middle[:, 2] > 1.2 * between)
+    temples = (np.abs(middle[:, 0]) > 0.95 * between) & (middle[:, 1] > -0.3 * between)
+    if (temples & ~alike & ~over).any():
+        temples &= darker_than_the_face(pixels, surface.uv, surface.triangles, head & front)
+    hair = head & ~alike & (over | temples)
     skin = (alike | head) & ~hair
     kinds: tuple[tuple[npt.NDArray[np.bool_], MaterialKind], ...] = (
         (skin, "skin"),

@@ -10,6 +10,10 @@ MAX_HUE_DISTANCE = 0.30
 """How far skin's red over green and green over blue, as logarithms, lie from the face's."""
 MAX_LIGHT_DISTANCE = 1.0
 """The same for its light: skin in a file is at most so much lighter or darker than its face."""
+MIN_HAIR_DARKNESS = 0.4
+"""Hair before the ears is at least so much darker than the face, as a logarithm: ears may differ
+from it in hue, but not in light.
+"""
 MIN_FACE_TRIANGLES = 20
 """A surface with less of a face has none to compare with."""
 ROUNDS = 4
@@ -36,6 +40,15 @@ def like_the_face(
         share = at[triangles].mean(axis=1)
     alike: Mask = share > 0.5
     return alike
+
+
+def darker_than_the_face(
+    pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64], faces: Mask
+) -> Mask:
+    """Return which triangles (t,) are as dark against those of the face as hair is."""
+    light = _looks(pixels, uv, triangles)[:, 2]
+    darker: Mask = light < np.median(light[faces]) - MIN_HAIR_DARKNESS
+    return darker
 
 
 def _looks(pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64]) -> Vector:

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from PIL import Image
@@ -38,7 +38,10 @@ def bone_names() -> dict[str, str]:
 PLATE_HALF_M, PLATE_AHEAD_M = 0.1, 0.3
 
 
+HEAD_HALF_M = 0.12
 SKIN_SRGB, SUIT_SRGB, WHITE_SRGB = (205, 150, 120), (40, 60, 120), (235, 232, 228)
+REDDISH_SRGB = (225, 130, 120)
+_TEMPLES = {"bare": 0, "dark": 1, "reddish": 3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +70,13 @@ def write_glb(
     plate: Plate | None = None,
     head_squares: int = 1,
     worn_as: str | None = None,
+    temples: Literal["bare", "dark", "reddish"] = "bare",
 ) -> None:
     """Write a figure that faces +z with its arms half lowered, as most files have it.
 
     `head_squares` along each edge of the head's box; with `worn_as`, a material of this name whose
     one picture has skin on head and hands, white on eyes and a suit elsewhere covers everything.
+    What lies before its ears may be as dark as the suit, as hair is, or redder than the face.
     """
     pattern = canonical_skeleton(1.70)
     names = {o: t for o, t in bone_names().items() if o not in leave_out}
@@ -122,11 +127,15 @@ def write_glb(
     pictures: tuple[np.ndarray, ...] = () if plate is None else plate.pictures
     if worn_as is not None:
         column = np.array([2 if n.endswith("_eye") else int(not _is_bare(n)) for n in joints])
-        uv = np.stack([(column[bones] + 0.5) / 3, np.full(len(bones), 0.5)], axis=1)
+        columns = column[bones]
+        beside = np.abs(vertices[:, 0]) > HEAD_HALF_M - 1e-6
+        level = np.abs(vertices[:, 1] - at["left_eye"][1]) < 0.06
+        columns[beside & level & (bones == joints.index("head"))] = _TEMPLES[temples]
+        uv = np.stack([(columns + 0.5) / 4, np.full(len(bones), 0.5)], axis=1)
         attributes["TEXCOORD_0"] = len(arrays)
         arrays.append((uv.astype(np.float32), "VEC2", 5126))
         primitives[0]["material"] = 0
-        pictures = (np.array([[SKIN_SRGB, SUIT_SRGB, WHITE_SRGB]], np.uint8),)
+        pictures = (np.array([[SKIN_SRGB, SUIT_SRGB, WHITE_SRGB, REDDISH_SRGB]], np.uint8),)
     if plate is not None:
         more, primitive = _plate(plate, at, joints.index("upper_chest"), len(arrays))
         arrays += more
@@ -222,7 +231,7 @@ def _surface(
             points, faces = _ball(eye_radius_m, eye_yaw_deg)
         else:
             head = name == "head"
-            points, faces = _box(0.12 if head else 0.06, head_squares if head else 1)
+            points, faces = _box(HEAD_HALF_M if head else 0.06, head_squares if head else 1)
         vertices.append(points + at[name])
         triangles.append(faces + count)
         bones.append(np.full(len(points), j))

@@ -4,7 +4,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ from stimuli.characters.gltf_looks import CLOTH_ROUGHNESS_01, linear_of, srgb_of
 from stimuli.characters.gltf_skin import like_the_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
-from tests.stimuli.glb_figure import Plate, bone_names, write_glb
+from tests.stimuli.glb_figure import HEAD_HALF_M, Plate, bone_names, write_glb
 from tests.stimuli.valid_avatars import avatar_files, needs_avatars
 
 
@@ -132,6 +132,28 @@ def test_skin_eyes_and_suit_of_one_material_called_body_are_told_apart(tmp_path:
     kinds = {material.kind: material for material in person.materials}
     assert kinds["cloth"].texture_srgb is kinds["skin"].texture_srgb
     assert kinds["cloth"].roughness_01 >= CLOTH_ROUGHNESS_01 > kinds["skin"].roughness_01
+
+
+@pytest.mark.parametrize(
+    ("temples", "hairy"), [("bare", False), ("dark", True), ("reddish", False)]
+)
+def test_what_is_dark_before_the_ears_is_hair(
+    tmp_path: Path, temples: Literal["bare", "dark", "reddish"], hairy: bool
+) -> None:
+    """Painted sideburns shone grey, as skin; ears that are redder than the face are no hair."""
+    path = tmp_path / "dressed_F.glb"
+    write_glb(path, head_squares=16, worn_as="_Body", temples=temples)
+    person = import_gltf(path)
+    mesh = person.levels[0]
+    middle = mesh.vertices_m[mesh.triangles].mean(axis=1)
+    eye = person.skeleton.rest_m[person.skeleton.index("left_eye")]
+    at_temple = (np.abs(middle[:, 0]) > HEAD_HALF_M - 1e-3) & (
+        np.abs(middle - eye)[:, 1:] < 0.012
+    ).all(axis=1)
+
+    assert at_temple.sum() >= 2
+    kinds = {person.materials[m].kind for m in mesh.triangle_material[at_temple]}
+    assert kinds == ({"hair"} if hairy else {"skin"})
 
 
 def test_only_copies_for_measuring_are_bent_to_a_measure(
