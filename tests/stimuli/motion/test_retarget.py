@@ -159,7 +159,7 @@ def test_bvh_of_centimetres_facing_the_other_way_is_carried_over() -> None:
 
 
 def tree(text: str) -> Skeleton:
-    """Return a skeleton of `name>child` chains separated by blanks; a small letter goes on a name."""
+    """Return a skeleton of `name>child` chains separated by blanks."""
     names: list[str] = []
     parents: list[int] = []
     for chain in text.split():
