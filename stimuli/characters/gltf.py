@@ -22,6 +22,7 @@ from stimuli.characters.character import (
 )
 from stimuli.characters.closing import closed_surface
 from stimuli.characters.errors import CharacterError
+from stimuli.characters.gltf_eyeballs import with_eyeballs
 from stimuli.characters.gltf_eyes import EyeFit, fitted_eye
 from stimuli.characters.gltf_figure import Figure, Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
@@ -93,7 +94,7 @@ def _gender(path: Path) -> Gender:
 def _imported(
     file: GltfFile, name: str, gender: Gender, joint_map: Mapping[str, str] | None
 ) -> Character:
-    figure = read_figure(file, joint_map)
+    figure = with_eyeballs(file, read_figure(file, joint_map))
     eyes = {side: fitted_eye(file, figure, side) for side in ("left", "right")}
     points = np.concatenate([s.vertices_m for s in figure.surfaces])
     at, tips = marks_of(figure, points, {side: eye.centre_m for side, eye in eyes.items()})

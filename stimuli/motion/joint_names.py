@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 
-from stimuli.motion.errors import MotionError
+from stimuli.motion.errors import MotionError, UnknownJointsError
 from stimuli.motion.skeleton import Skeleton, canonical_skeleton
 
 CANONICAL_NAMES = canonical_skeleton().names
@@ -103,17 +103,17 @@ def _finger(part: str) -> str | None:
         return f"{_BIPED_FINGERS[int(biped.group(1))]}_{_PHALANGES[phalanx]}"
     makehuman = re.fullmatch(r"finger([1-5])-([1-3])", part)
     if makehuman is not None:
-        finger, phalanx = (int(number) - 1 for number in makehuman.groups())
-        return f"{_BIPED_FINGERS[finger]}_{_PHALANGES[phalanx]}"
+        which, joint = (int(number) - 1 for number in makehuman.groups())
+        return f"{_BIPED_FINGERS[which]}_{_PHALANGES[joint]}"
     match = re.fullmatch(
         r"(?:hand|f)?(thumb|index|middle|mid|ring|pinky|little)(?:finger)?(0?\d|[a-z]+)", part
     )
     if match is None:
         return None
-    finger, which = _FINGERS.get(match.group(1), "little"), match.group(2).lstrip("0")
-    if which in ("1", "2", "3"):
-        return f"{finger}_{_PHALANGES[int(which) - 1]}"
-    return f"{finger}_{which}" if which in _PHALANGES else None
+    finger, end = _FINGERS.get(match.group(1), "little"), match.group(2).lstrip("0")
+    if end in ("1", "2", "3"):
+        return f"{finger}_{_PHALANGES[int(end) - 1]}"
+    return f"{finger}_{end}" if end in _PHALANGES else None
 
 
 def _chain(source: Skeleton, low: str, high: str) -> list[str]:
@@ -180,12 +180,9 @@ def match_joints(source: Skeleton, known: Mapping[str, str] | None = None) -> Ma
             found[f"{side}_upper_arm"] = upper
             if found.get(f"{side}_shoulder") == upper:
                 del found[f"{side}_shoulder"]
-    missing = [j for j in (*NEEDED, "head") if j not in found]
+    missing = tuple(j for j in (*NEEDED, "head") if j not in found)
     if missing:
-        raise MotionError(
-            f"joints not recognised: {', '.join(missing)}; among {', '.join(source.names)}. "
-            "Pass joint_map with our names and yours"
-        )
+        raise UnknownJointsError(missing, source.names)
     legs = _common(source, found["left_upper_leg"], found["right_upper_leg"])
     if "hips" not in found:
         # Character Creator and Daz hang the legs from a pelvis of their own beside the spine.

@@ -71,14 +71,20 @@ def write_glb(
     head_squares: int = 1,
     worn_as: str | None = None,
     temples: Literal["bare", "dark", "reddish"] = "bare",
+    eyes_on_head: bool = False,
+    eye_ahead_m: float = 0.0,
 ) -> None:
     """Write a figure that faces +z with its arms half lowered, as most files have it.
 
     `head_squares` along each edge of the head's box; with `worn_as`, a material of this name whose
     one picture has skin on head and hands, white on eyes and a suit elsewhere covers everything.
     What lies before its ears may be as dark as the suit, as hair is, or redder than the face.
+    With `eyes_on_head` the eyeballs are there and their bones are not; `eye_ahead_m` is how far
+    they lie before these.
     """
     pattern = canonical_skeleton(1.70)
+    if eyes_on_head:
+        leave_out = (*leave_out, "left_eye", "right_eye")
     names = {o: t for o, t in bone_names().items() if o not in leave_out}
     at = {name: pattern.rest_m[j].copy() for j, name in enumerate(pattern.names)}
     for side, sign in (("left", 1.0), ("right", -1.0)):
@@ -103,7 +109,11 @@ def write_glb(
             children = nodes[joints.index(parent)].setdefault("children", [])
             assert isinstance(children, list)
             children.append(len(nodes) - 1)
-    vertices, triangles, bones = _surface(at, joints, eye_yaw_deg, eye_radius_m, head_squares)
+    drawn = [*joints, "left_eye", "right_eye"] if eyes_on_head else joints
+    vertices, triangles, bones = _surface(at, drawn, eye_yaw_deg, eye_radius_m, head_squares)
+    eyes = [k for k, name in enumerate(drawn) if name.endswith("_eye")]
+    vertices[np.isin(bones, eyes)] += [0.0, 0.0, eye_ahead_m]
+    bones = np.where(bones < len(joints), bones, joints.index("head"))
     inverse = np.tile(np.eye(4), (len(joints), 1, 1))
     inverse[:, :3, 3] = [-at[name] for name in joints]
     joint_rows = np.zeros((len(vertices), 4), dtype=np.uint8)

@@ -91,6 +91,25 @@ def test_eye_axis_is_fitted_from_the_eyeball_not_its_bone(glb: Path) -> None:
         assert eye.radius_m == pytest.approx(0.014, abs=1e-5)
 
 
+def test_eyeballs_on_the_head_get_bones_of_their_own(tmp_path: Path, glb: Path) -> None:
+    """Mixamo's figures hang them there; nobody can look round with eyes that do not turn."""
+    path = tmp_path / "staring_F.glb"
+    write_glb(path, eyes_on_head=True)
+    expected, person = import_gltf(glb), import_gltf(path)
+    np.testing.assert_allclose(person.skeleton.rest_m, expected.skeleton.rest_m, atol=1e-6)
+    assert person.eyeball.radius_m == pytest.approx(expected.eyeball.radius_m, rel=1e-6)
+    for side in ("left", "right"):
+        part = PART_INDEX[f"{side}_eye"]
+        theirs, ours = (
+            mesh.triangles[mesh.triangle_part == part]
+            for mesh in (expected.levels[0], person.levels[0])
+        )
+        assert len(theirs) == len(ours) > 0
+        bone = person.skeleton.index(f"{side}_eye")
+        held = person.levels[0].joints[np.unique(ours)]
+        assert (held[:, 0] == bone).all()
+
+
 def test_imported_eyeball_looks_straight_ahead(glb: Path) -> None:
     person = import_gltf(glb)
     mesh = person.levels[0]
@@ -180,6 +199,8 @@ def test_only_copies_for_measuring_are_bent_to_a_measure(
         ({"leave_out": ("left_lower_arm", "left_hand")}, "left_lower_arm"),
         ({"leave_out": ("right_eye",)}, "right_eye"),
         ({"eye_radius_m": 0.05}, "no eyeball"),
+        ({"eyes_on_head": True, "eye_radius_m": 0.035}, "no bone for left_eye.*--joint-map FILE"),
+        ({"eye_ahead_m": 0.05}, "its sphere lies 50 mm off"),
     ],
 )
 def test_unusable_figure_names_file_bone_and_next_step(
