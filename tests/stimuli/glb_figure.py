@@ -59,6 +59,15 @@ class Plate:
     extensions: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """A surface with a material of its own, in one colour, beside what `worn_as` covers."""
+
+    srgb: tuple[int, int, int]
+    rims: bool
+    """Rims of glasses before the face; else a bib before the chest."""
+
+
 def write_glb(
     path: Path,
     *,
@@ -73,6 +82,7 @@ def write_glb(
     temples: Literal["bare", "dark", "reddish"] = "bare",
     eyes_on_head: bool = False,
     eye_ahead_m: float = 0.0,
+    apart: Apart | None = None,
 ) -> None:
     """Write a figure that faces +z with its arms half lowered, as most files have it.
 
@@ -146,6 +156,11 @@ def write_glb(
         arrays.append((uv.astype(np.float32), "VEC2", 5126))
         primitives[0]["material"] = 0
         pictures = (np.array([[SKIN_SRGB, SUIT_SRGB, WHITE_SRGB, REDDISH_SRGB]], np.uint8),)
+    if apart is not None:
+        more, primitive = _apart(apart, at, joints, len(arrays))
+        arrays += more
+        primitives.append(primitive)
+        pictures = (*pictures, np.array([[apart.srgb]], np.uint8))
     if plate is not None:
         more, primitive = _plate(plate, at, joints.index("upper_chest"), len(arrays))
         arrays += more
@@ -185,6 +200,11 @@ def write_glb(
     if worn_as is not None:
         look = {"baseColorTexture": {"index": 0}, "metallicFactor": 0, "roughnessFactor": 0.5}
         tree["materials"] = [{"name": worn_as, "pbrMetallicRoughness": look}]
+    if apart is not None:
+        look = {"baseColorTexture": {"index": len(pictures) - 1}, "metallicFactor": 0}
+        materials = tree["materials"]
+        assert isinstance(materials, list)
+        materials.append({"name": "Apart", "pbrMetallicRoughness": look})
     if plate is not None:
         tree["materials"] = [plate.material]
         tree["extensionsRequired"] = list(plate.extensions)
@@ -220,6 +240,37 @@ def _plate(
     order = np.array([0, 1, 2, 0, 2, 3], dtype=np.uint16).reshape(-1, 1)
     attributes = {name: first + k for k, name in enumerate(columns)}
     primitive = {"attributes": attributes, "indices": first + len(columns), "material": 0}
+    return [*columns.values(), (order, "SCALAR", 5123)], primitive
+
+
+def _apart(
+    apart: Apart, at: dict[str, np.ndarray], joints: list[str], first: int
+) -> tuple[list[tuple[np.ndarray, str, int]], dict[str, Any]]:
+    around = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
+    ring = np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    inner, outer = (0.018, 0.020) if apart.rims else (0.001, 0.1)
+    strip = np.concatenate([inner * ring, outer * ring])
+    i = np.arange(48)
+    j = (i + 1) % 48
+    faces = np.concatenate([np.stack([i, i + 48, j + 48], 1), np.stack([i, j + 48, j], 1)])
+    if apart.rims:
+        before = np.array([0, -0.01, at["head"][2] + HEAD_HALF_M + 0.01])
+        middles = [before + at[f"{side}_eye"] * [1, 1, 0] for side in ("left", "right")]
+    else:
+        middles = [at["upper_chest"] + [0, 0, PLATE_AHEAD_M]]
+    points = np.concatenate([strip + middle for middle in middles])
+    corners = np.concatenate([faces + 96 * k for k in range(len(middles))])
+    held = np.zeros((len(points), 4), dtype=np.uint8)
+    held[:, 0] = joints.index("head" if apart.rims else "upper_chest")
+    columns: dict[str, tuple[np.ndarray, str, int]] = {
+        "POSITION": (points.astype(np.float32), "VEC3", 5126),
+        "JOINTS_0": (held, "VEC4", 5121),
+        "WEIGHTS_0": (np.tile([1.0, 0, 0, 0], (len(points), 1)).astype(np.float32), "VEC4", 5126),
+        "TEXCOORD_0": (np.full((len(points), 2), 0.5, np.float32), "VEC2", 5126),
+    }
+    attributes = {name: first + k for k, name in enumerate(columns)}
+    primitive = {"attributes": attributes, "indices": first + len(columns), "material": 1}
+    order = corners.astype(np.uint16).reshape(-1, 1)
     return [*columns.values(), (order, "SCALAR", 5123)], primitive
 
 

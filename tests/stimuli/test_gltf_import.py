@@ -21,10 +21,18 @@ from stimuli.characters.gltf_eyes import fitted_eye, iris_colour
 from stimuli.characters.gltf_figure import Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
 from stimuli.characters.gltf_looks import CLOTH_ROUGHNESS_01, linear_of, srgb_of
-from stimuli.characters.gltf_skin import like_the_face
+from stimuli.characters.gltf_skin import like_the_face, look_of_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
-from tests.stimuli.glb_figure import HEAD_HALF_M, Plate, bone_names, write_glb
+from tests.stimuli.glb_figure import (
+    HEAD_HALF_M,
+    SKIN_SRGB,
+    SUIT_SRGB,
+    Apart,
+    Plate,
+    bone_names,
+    write_glb,
+)
 from tests.stimuli.valid_avatars import avatar_files, needs_avatars
 
 
@@ -76,7 +84,7 @@ def test_what_looks_like_the_face_is_skin_and_the_rest_is_not() -> None:
     corners = np.arange(3 * len(tiles)).reshape(-1, 3)
     uv = np.repeat(np.stack([(tiles + 0.5) / 4, np.full(len(tiles), 0.5)], axis=1), 3, axis=0)
     faces = np.arange(len(tiles)) < 2 * n
-    found = like_the_face(pixels, uv, corners, faces)
+    found = like_the_face(pixels, uv, corners, look_of_face(pixels, uv, corners, faces))
     np.testing.assert_array_equal(found, tiles < 2)
 
 
@@ -173,6 +181,25 @@ def test_what_is_dark_before_the_ears_is_hair(
     assert at_temple.sum() >= 2
     kinds = {person.materials[m].kind for m in mesh.triangle_material[at_temple]}
     assert kinds == ({"hair"} if hairy else {"skin"})
+
+
+@pytest.mark.parametrize(
+    ("apart", "kind"),
+    [
+        (Apart(SKIN_SRGB, rims=False), "skin"),
+        (Apart(SUIT_SRGB, rims=False), "other"),
+        (Apart(SUIT_SRGB, rims=True), "other"),
+    ],
+)
+def test_a_surface_apart_is_skin_where_it_looks_like_the_face(
+    tmp_path: Path, apart: Apart, kind: str
+) -> None:
+    """Arms of Ready Player Me were no skin, for they have no face; rims of glasses were one."""
+    path = tmp_path / "apart_F.glb"
+    write_glb(path, head_squares=16, worn_as="_Body", apart=apart)
+    person = import_gltf(path)
+    assert {m.kind for m in person.materials if m.name.startswith("Apart")} == {kind}
+    assert {"skin", "cloth"} <= {m.kind for m in person.materials if m.name.startswith("_Body")}
 
 
 def test_only_copies_for_measuring_are_bent_to_a_measure(
