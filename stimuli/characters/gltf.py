@@ -25,7 +25,7 @@ from stimuli.characters.gltf_eyes import EyeFit, fitted_eye
 from stimuli.characters.gltf_figure import Figure, Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
 from stimuli.characters.gltf_kinds import canonical_weights, eyes_apart, face_look, worn_apart
-from stimuli.characters.gltf_looks import Looks, colour_factor, srgb_of
+from stimuli.characters.gltf_looks import Looks, colour_factor, shine_as_roughness, srgb_of
 from stimuli.characters.gltf_marks import marks_of
 from stimuli.characters.levels import LEVELS, joined, lighter, thinned
 from stimuli.characters.measuring import MEASURING_TRIANGLES, matched
@@ -92,6 +92,7 @@ def _gender(path: Path) -> Gender:
 def _imported(
     file: GltfFile, name: str, gender: Gender, joint_map: Mapping[str, str] | None
 ) -> Character:
+    shine_as_roughness(file)
     figure = with_eyeballs(file, read_figure(file, joint_map))
     eyes = {side: fitted_eye(file, figure, side) for side in ("left", "right")}
     points = np.concatenate([s.vertices_m for s in figure.surfaces])
