@@ -94,7 +94,7 @@ def shine_as_roughness(file: GltfFile) -> None:
     """
     for entry in file.items("materials"):
         told = entry.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
-        if told is None or "pbrMetallicRoughness" in entry:
+        if told is None or entry.get("pbrMetallicRoughness"):
             continue
         glossiness = float(told.get("glossinessFactor", 1.0))
         if "specularGlossinessTexture" in told:
