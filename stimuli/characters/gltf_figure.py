@@ -175,6 +175,7 @@ def _surfaces(
 ) -> list[Surface]:
     mesh = file.tree["meshes"][node["mesh"]]
     shape_names = (mesh.get("extras") or {}).get("targetNames", [])
+    worn = node.get("weights", mesh.get("weights", []))  # how far each shape is moved at rest
     found = []
     for primitive in mesh["primitives"]:
         attributes = primitive["attributes"]
@@ -184,6 +185,10 @@ def _surfaces(
         joints, weights = _weights(file, attributes, len(position))
         move = np.einsum("vk,vkab->vab", weights, moves[joints])
         turn = move[:, :3, :3]
+        targets = primitive.get("targets", [])
+        for target, amount in zip(targets, worn, strict=False):
+            if amount and "POSITION" in target:
+                position += float(amount) * file.accessor(target["POSITION"])
         vertices = np.einsum("vab,vb->va", turn, position) + move[:, :3, 3]
         if "indices" in primitive:
             triangles = file.accessor(primitive["indices"]).astype(np.int64).reshape(-1, 3)
@@ -203,7 +208,7 @@ def _surfaces(
         if "COLOR_0" in attributes:
             colour = file.accessor(attributes["COLOR_0"])[:, :3].astype(np.float64)
         shapes = {}
-        for k, target in enumerate(primitive.get("targets", [])):
+        for k, target in enumerate(targets):
             if "POSITION" in target:
                 delta = file.accessor(target["POSITION"]).astype(np.float64)
                 name = str(shape_names[k]) if k < len(shape_names) else f"shape{k}"

@@ -136,6 +136,20 @@ def test_shapes_get_our_names(glb: Path) -> None:
     assert "left_blink" in person.levels[0].morphs
 
 
+def test_shapes_that_a_file_wears_at_rest_are_worn(tmp_path: Path, glb: Path) -> None:
+    path = tmp_path / "smiling_F.glb"
+
+    def worn(tree: dict[str, Any]) -> object:
+        tree["meshes"][0]["weights"] = [0.5]
+        return tree
+
+    _retold(glb, path, worn)
+    plain, moved = (read_figure(read_glb(p)).surfaces[0] for p in (glb, path))
+    np.testing.assert_allclose(
+        moved.vertices_m - plain.vertices_m, 0.5 * plain.shapes["eyeBlinkLeft"], atol=1e-7
+    )
+
+
 def test_imported_body_has_a_closed_surface_and_capsules(glb: Path) -> None:
     person = import_gltf(glb)
     assert is_closed(collision_mesh(person))
