@@ -15,6 +15,7 @@ from typing import Final
 from stimuli.characters.errors import CharacterError
 
 TIMEOUT_S: Final = 300.0
+_NUMPY: Final = "numpy"
 _LOST: Final = "picture not found: "
 _SCRIPT: Final = f"""
 import sys
@@ -102,6 +103,10 @@ def as_glb(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
             ) from e
         except OSError as e:
             raise CharacterError(f"{path}: Blender does not start ({e}); {REMEDY}") from e
+        if f"No module named '{_NUMPY}'" in done.stderr + done.stdout:
+            raise CharacterError(
+                f"{path}: Blender lacks {_NUMPY}, without which it writes no glTF; {REMEDY}"
+            )
         if done.returncode or not made.is_file():
             raise CharacterError(
                 f"{path}: Blender cannot read it ({_reason(done.stdout + done.stderr)}); open it "

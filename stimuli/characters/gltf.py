@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -16,18 +15,18 @@ from stimuli.characters.character import (
     Character,
     Eyeball,
     Material,
-    MaterialKind,
     Morph,
     SkinnedMesh,
 )
 from stimuli.characters.closing import closed_surface
 from stimuli.characters.errors import CharacterError
+from stimuli.characters.gltf_eyeballs import with_eyeballs
 from stimuli.characters.gltf_eyes import EyeFit, fitted_eye
 from stimuli.characters.gltf_figure import Figure, Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
-from stimuli.characters.gltf_looks import Looks, colour_factor, srgb_of
+from stimuli.characters.gltf_kinds import canonical_weights, eyes_apart, face_look, worn_apart
+from stimuli.characters.gltf_looks import Looks, colour_factor, shine_as_roughness, srgb_of
 from stimuli.characters.gltf_marks import marks_of
-from stimuli.characters.gltf_skin import MIN_FACE_TRIANGLES, like_the_face
 from stimuli.characters.levels import LEVELS, joined, lighter, thinned
 from stimuli.characters.measuring import MEASURING_TRIANGLES, matched
 from stimuli.characters.rest_pose import Rig, heaviest, rig_of_marks, to_rest
@@ -93,7 +92,8 @@ def _gender(path: Path) -> Gender:
 def _imported(
     file: GltfFile, name: str, gender: Gender, joint_map: Mapping[str, str] | None
 ) -> Character:
-    figure = read_figure(file, joint_map)
+    shine_as_roughness(file)
+    figure = with_eyeballs(file, read_figure(file, joint_map))
     eyes = {side: fitted_eye(file, figure, side) for side in ("left", "right")}
     points = np.concatenate([s.vertices_m for s in figure.surfaces])
     at, tips = marks_of(figure, points, {side: eye.centre_m for side, eye in eyes.items()})
@@ -102,9 +102,10 @@ def _imported(
     keys: dict[tuple[int | None, str], int] = {}
     parts = []
     looks = Looks(file)
-    apart = [part for whole in figure.surfaces for part in _eyes_apart(figure, whole)]
+    apart = [part for whole in figure.surfaces for part in eyes_apart(figure, whole)]
+    face = face_look(file, figure, rig, apart, looks)
     for surface, kind, shared in [
-        worn for part in apart for worn in _worn_apart(file, figure, rig, part, looks)
+        worn for part in apart for worn in worn_apart(file, figure, rig, part, looks, face)
     ]:
         key = (surface.material, kind)
         if key not in keys:
@@ -142,105 +143,6 @@ def _imported(
     )
 
 
-def _on_eyes(figure: Figure, surface: Surface) -> Vector:
-    """Return how much of each vertex (v,) hangs on an eye bone."""
-    eyes = [figure.bone_of["left_eye"], figure.bone_of["right_eye"]]
-    share: Vector = (surface.weights * np.isin(surface.joints, eyes)).sum(axis=1)
-    return share
-
-
-def _eyes_apart(figure: Figure, surface: Surface) -> list[Surface]:
-    """Part a surface into what turns with the eyes and the rest."""
-    on_eyes = (_on_eyes(figure, surface) > 0.9)[surface.triangles].all(axis=1)
-    if on_eyes.all() or not on_eyes.any():
-        return [surface]
-    return [replace(surface, triangles=surface.triangles[some]) for some in (on_eyes, ~on_eyes)]
-
-
-_KINDS_BY_WORD: tuple[tuple[str, MaterialKind], ...] = (
-    ("lash", "lash"), ("brow", "lash"), ("wig", "hair"), ("hair", "hair"), ("beard", "hair"),
-    ("teeth", "teeth"), ("tongue", "teeth"), ("gland", "skin"), ("shoe", "leather"),
-    ("boot", "leather"), ("footwear", "leather"), ("leather", "leather"), ("cloth", "cloth"),
-    ("shirt", "cloth"), ("outfit", "cloth"), ("jacket", "cloth"), ("suit", "cloth"),
-    ("pants", "cloth"), ("trouser", "cloth"), ("jeans", "cloth"), ("dress", "cloth"),
-    ("skirt", "cloth"), ("skin", "skin"), ("head", "skin"), ("face", "skin"),
-)  # fmt: skip
-"""Kinds by words in names of nodes and materials, the first that fits. "Body" says nothing: some
-files mean the skin by it, others everything that is worn.
-"""
-
-
-def _kind(file: GltfFile, figure: Figure, surface: Surface) -> MaterialKind | None:
-    """Return what the names say a surface is; None where they do not."""
-    label = surface.name.lower()
-    if surface.material is not None:
-        label += " " + str(file.items("materials")[surface.material].get("name", "")).lower()
-    used = np.unique(surface.triangles)
-    apart = any(word in label for word in ("lash", "brow", "gland"))
-    if not apart and _on_eyes(figure, surface)[used].mean() > 0.5:
-        return "eye"
-    return next((kind for word, kind in _KINDS_BY_WORD if word in label), None)
-
-
-def _worn_apart(
-    file: GltfFile, figure: Figure, rig: Rig, surface: Surface, looks: Looks
-) -> list[tuple[Surface, MaterialKind, bool]]:
-    """Return a surface by what it is, with whether its one material covers more than one kind."""
-    kind = _kind(file, figure, surface)
-    if kind is not None:
-        return [(surface, kind, False)]
-    entry = {} if surface.material is None else file.items("materials")[surface.material]
-    base = entry.get("pbrMetallicRoughness", {}).get("baseColorTexture")
-    if base is None or surface.uv is None:
-        return [(surface, "other", False)]
-    weights = _canonical_weights(figure, rig, surface)
-    tags = parts_of_weights(weights, surface.triangles, rig.skeleton.names)
-    head = np.isin(tags, [PART_INDEX["scalp"], PART_INDEX["face"]])
-    eyes = [figure.at_m[figure.bone_of[f"{side}_eye"]] for side in ("left", "right")]
-    between = np.linalg.norm(eyes[0] - eyes[1])
-    middle = surface.vertices_m[surface.triangles].mean(axis=1) - np.mean(eyes, axis=0)
-    # Cheeks and nose: no brows, no hair, no lips.
-    front = (
-        (np.abs(middle[:, 0]) < 1.1 * between)
-        & (middle[:, 1] < -0.25 * between)
-        & (middle[:, 1] > -0.8 * between)
-        & (middle[:, 2] < 0.6 * between)
-    )
-    if (head & front).sum() < MIN_FACE_TRIANGLES:
-        return [(surface, "other", False)]
-    pixels = looks.pixels(base["index"])
-    alike = like_the_face(pixels, surface.uv, surface.triangles, head & front)
-    # Short hair is part of the head in many files; what else is unlike the face there are lips.
-    hair = head & ~alike & ((middle[:, 1] > 0.5 * between) | (middle[:, 2] > 1.2 * between))
-    skin = (alike | head) & ~hair
-    kinds: tuple[tuple[npt.NDArray[np.bool_], MaterialKind], ...] = (
-        (skin, "skin"),
-        (hair, "hair"),
-        (~skin & ~hair, "cloth"),
-    )
-    return [
-        (replace(surface, triangles=surface.triangles[some]), kind, True)
-        for some, kind in kinds
-        if some.any()
-    ]
-
-
-def _canonical_weights(figure: Figure, rig: Rig, surface: Surface) -> Vector:
-    """Return weights (v, 55): bones without a name of ours count for the next one above."""
-    ours = {node: rig.skeleton.index(name) for name, node in figure.bone_of.items()}
-    column = np.zeros(len(figure.names), dtype=np.int64)
-    for node in range(len(figure.names)):
-        at = node
-        while at >= 0 and at not in ours:
-            at = int(figure.parents[at])
-        column[node] = ours.get(at, 0)
-    weights = np.zeros((len(surface.vertices_m), len(rig.skeleton.names)))
-    rows = np.arange(len(weights))
-    for k in range(surface.joints.shape[1]):
-        np.add.at(weights, (rows, column[surface.joints[:, k]]), surface.weights[:, k])
-    return weights
-
-
 def _at_rest(
     file: GltfFile,
     figure: Figure,
@@ -250,7 +152,7 @@ def _at_rest(
     material: int,
     eyes: dict[str, EyeFit],
 ) -> SkinnedMesh:
-    weights = _canonical_weights(figure, rig, surface)
+    weights = canonical_weights(figure, rig, surface)
     vertices, normals = surface.vertices_m, surface.normals
     if kind == "eye":
         vertices, normals = vertices.copy(), normals.copy()

@@ -11,6 +11,10 @@ from stimuli.characters.gltf_figure import Figure, Surface
 from stimuli.characters.gltf_file import GltfFile
 from stimuli.characters.gltf_looks import linear_of, srgb_of
 
+MIN_RADIUS_M, MAX_RADIUS_M = 0.005, 0.03
+MAX_OFF_BONE_M = 0.02
+"""How far an eyeball's centre may lie from its bone."""
+
 
 @dataclass(frozen=True, eq=False)
 class EyeFit:
@@ -33,11 +37,7 @@ def fitted_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
         CharacterError: nothing, or no ball, hangs on the bone.
     """
     bone = figure.bone_of[f"{side}_eye"]
-    balls = []
-    for surface in figure.surfaces:
-        share = (surface.weights * (surface.joints == bone)).sum(axis=1)
-        if "gland" not in surface.name.lower() and (share > 0.9).sum() >= 12:
-            balls.append((surface, np.flatnonzero(share > 0.9)))
+    balls = balls_on(figure, side)
     if not balls:
         raise CharacterError(
             f"{file.path}: no eyeball hangs on bone {figure.names[bone]!r}; bind each eyeball "
@@ -45,18 +45,36 @@ def fitted_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
         )
     surface, chosen = max(balls, key=lambda pair: len(pair[1]))
     points = surface.vertices_m[chosen]
-    centre, radius = _sphere(points)
-    if not 0.005 < radius < 0.03 or np.linalg.norm(centre - figure.at_m[bone]) > 0.02:
+    centre, radius = fitted_sphere(points)
+    if not MIN_RADIUS_M < radius < MAX_RADIUS_M:
         raise CharacterError(
             f"{file.path}: what hangs on bone {figure.names[bone]!r} is no eyeball (sphere of "
             f"{1000 * radius:.0f} mm); an eyeball's radius is 5 to 30 mm: separate the "
             "eyeball from other surfaces, or scale the figure to metres"
         )
+    off_m = float(np.linalg.norm(centre - figure.at_m[bone]))
+    if off_m > MAX_OFF_BONE_M:
+        raise CharacterError(
+            f"{file.path}: what hangs on bone {figure.names[bone]!r} is no eyeball about it: its "
+            f"sphere lies {1000 * off_m:.0f} mm off, as where an iris is drawn on a flat disc; "
+            "give the figure round eyeballs, each about its own bone"
+        )
     axis = _axis(surface, chosen, centre)
     return EyeFit(centre, radius, axis, iris_colour(file, surface, chosen, centre, axis))
 
 
-def _sphere(points_m: Vector) -> tuple[Vector, float]:
+def balls_on(figure: Figure, side: str) -> list[tuple[Surface, npt.NDArray[np.int64]]]:
+    """Return surfaces with points (n,) that hang wholly on an eye's bone; none without a bone."""
+    bone = figure.bone_of.get(f"{side}_eye")
+    balls = []
+    for surface in figure.surfaces:
+        share = (surface.weights * (surface.joints == bone)).sum(axis=1)
+        if "gland" not in surface.name.lower() and (share > 0.9).sum() >= 12:
+            balls.append((surface, np.flatnonzero(share > 0.9)))
+    return balls
+
+
+def fitted_sphere(points_m: Vector) -> tuple[Vector, float]:
     """Return the sphere of least squares, first all points, then without a bulging cornea."""
     chosen = points_m
     centre, radius = points_m.mean(axis=0), 0.0

@@ -12,7 +12,7 @@ from lab.geometry import Vector, quat_conjugate, rotate, unit
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf_file import GltfFile
 from stimuli.characters.gltf_looks import coordinates_of
-from stimuli.motion.errors import MotionError
+from stimuli.motion.errors import MotionError, UnknownJointsError
 from stimuli.motion.joint_names import CANONICAL_NAMES, match_joints
 from stimuli.motion.rotations import matrix_of_quat, quat_from_axes
 from stimuli.motion.skeleton import Skeleton
@@ -97,7 +97,10 @@ def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> F
             moves = (bound[above] @ np.linalg.inv(place(above)) @ place(i))[None]
         surfaces += _surfaces(file, node, joints, moves, i)
     if not surfaces:
-        raise CharacterError(f"{file.path}: no mesh hangs on its skin; export mesh and armature")
+        raise CharacterError(
+            f"{file.path}: has bones, but no mesh hangs on them, as where motion was saved alone; "
+            "export mesh and armature together"
+        )
     if not all(np.isfinite(surface.vertices_m).all() for surface in surfaces):
         raise CharacterError(f"{file.path}: some of its points are no numbers; export it again")
     bones = sorted(bound)
@@ -172,6 +175,7 @@ def _surfaces(
 ) -> list[Surface]:
     mesh = file.tree["meshes"][node["mesh"]]
     shape_names = (mesh.get("extras") or {}).get("targetNames", [])
+    worn = node.get("weights", mesh.get("weights", []))  # how far each shape is moved at rest
     found = []
     for primitive in mesh["primitives"]:
         attributes = primitive["attributes"]
@@ -181,6 +185,10 @@ def _surfaces(
         joints, weights = _weights(file, attributes, len(position))
         move = np.einsum("vk,vkab->vab", weights, moves[joints])
         turn = move[:, :3, :3]
+        targets = primitive.get("targets", [])
+        for target, amount in zip(targets, worn, strict=False):
+            if amount and "POSITION" in target:
+                position += float(amount) * file.accessor(target["POSITION"])
         vertices = np.einsum("vab,vb->va", turn, position) + move[:, :3, 3]
         if "indices" in primitive:
             triangles = file.accessor(primitive["indices"]).astype(np.int64).reshape(-1, 3)
@@ -200,7 +208,7 @@ def _surfaces(
         if "COLOR_0" in attributes:
             colour = file.accessor(attributes["COLOR_0"])[:, :3].astype(np.float64)
         shapes = {}
-        for k, target in enumerate(primitive.get("targets", [])):
+        for k, target in enumerate(targets):
             if "POSITION" in target:
                 delta = file.accessor(target["POSITION"]).astype(np.float64)
                 name = str(shape_names[k]) if k < len(shape_names) else f"shape{k}"
@@ -259,7 +267,7 @@ def _matched(
     bones: list[int],
     known: Mapping[str, str],
 ) -> dict[str, int]:
-    """Return the node of each canonical joint, eyes among them.
+    """Return the node of each canonical joint that is there.
 
     Raises:
         CharacterError: a needed bone is missing.
@@ -276,18 +284,15 @@ def _matched(
     )
     try:
         matched = match_joints(tree, known)
-    except MotionError as e:
+    except UnknownJointsError as e:
         raise CharacterError(
-            f"{file.path}: {e}; say which they are with --joint-map, or add those missing"
+            f"{file.path}: no bone known for {', '.join(e.missing)}; say which they are with "
+            f"--joint-map FILE, or add those missing. Its bones are {', '.join(e.names)}"
         ) from e
+    except MotionError as e:
+        raise CharacterError(f"{file.path}: {e}; mend --joint-map FILE or the file") from e
     by_name = {names[i]: i for i in order}
     found = {ours: by_name[theirs] for ours, theirs in matched.items()}
-    missing = [f"{side}_eye" for side in ("left", "right") if f"{side}_eye" not in found]
-    if missing:
-        raise CharacterError(
-            f"{file.path}: no bone for {' and '.join(missing)}; add eye bones (LeftEye, RightEye) "
-            "below the head, each eyeball bound to its own"
-        )
     return found
 
 

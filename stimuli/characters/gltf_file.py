@@ -21,6 +21,7 @@ _KNOWN = {
     "KHR_mesh_quantization",
     "EXT_meshopt_compression",
     "KHR_materials_unlit",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_texture_transform",
     "KHR_materials_sheen",
     "KHR_materials_emissive_strength",

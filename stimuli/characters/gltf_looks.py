@@ -86,6 +86,27 @@ def colour_factor(file: GltfFile, material: int | None) -> Vector:
     return np.array(look.get("baseColorFactor", (1, 1, 1, 1))[:3], dtype=np.float64)
 
 
+def shine_as_roughness(file: GltfFile) -> None:
+    """Write materials that older programs tell by specular colour and glossiness as ours are told.
+
+    Such a material (KHR_materials_pbrSpecularGlossiness) is no metal, and as rough as its
+    glossiness on the mean is low; one that is told in both ways stays as it is.
+    """
+    for entry in file.items("materials"):
+        told = entry.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+        if told is None or entry.get("pbrMetallicRoughness"):
+            continue
+        glossiness = float(told.get("glossinessFactor", 1.0))
+        if "specularGlossinessTexture" in told:
+            pixels = file.image(told["specularGlossinessTexture"]["index"])
+            glossiness *= float(pixels[..., 3].mean()) / 255 if pixels.shape[2] == 4 else 1.0
+        look = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - glossiness}
+        look["baseColorFactor"] = told.get("diffuseFactor", (1, 1, 1, 1))
+        if "diffuseTexture" in told:
+            look["baseColorTexture"] = told["diffuseTexture"]
+        entry["pbrMetallicRoughness"] = look
+
+
 @dataclass(eq=False)
 class Looks:
     """Materials of one file as ours; pictures that several share are read once and stay shared."""

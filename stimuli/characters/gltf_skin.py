@@ -10,6 +10,10 @@ MAX_HUE_DISTANCE = 0.30
 """How far skin's red over green and green over blue, as logarithms, lie from the face's."""
 MAX_LIGHT_DISTANCE = 1.0
 """The same for its light: skin in a file is at most so much lighter or darker than its face."""
+MIN_HAIR_DARKNESS = 0.4
+"""Hair before the ears is at least so much darker than the face, as a logarithm: ears may differ
+from it in hue, but not in light.
+"""
 MIN_FACE_TRIANGLES = 20
 """A surface with less of a face has none to compare with."""
 ROUNDS = 4
@@ -17,15 +21,22 @@ Mask = npt.NDArray[np.bool_]
 _CORNERS = np.array([[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6], [1 / 3, 1 / 3, 1 / 3]])
 
 
-def like_the_face(
+def look_of_face(
     pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64], faces: Mask
-) -> Mask:
-    """Return which triangles (t,) look like those of the face, `faces` (t,).
+) -> Vector:
+    """Return the look (3,) of a face: red over green, green over blue and light, as logarithms.
 
-    `uv` (v, 2) are places in `pixels`.
+    `uv` (v, 2) are places in `pixels`, `faces` (t,) says which triangles (t, 3) are of the face.
     """
-    look = _looks(pixels, uv, triangles)
-    apart = np.abs(look - np.median(look[faces], axis=0))
+    look: Vector = np.median(_looks(pixels, uv, triangles[faces]), axis=0)
+    return look
+
+
+def like_the_face(
+    pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64], face: Vector
+) -> Mask:
+    """Return which triangles (t,) look like a face of the look (3,)."""
+    apart = np.abs(_looks(pixels, uv, triangles) - face)
     near = (apart[:, :2].max(axis=1) < MAX_HUE_DISTANCE) & (apart[:, 2] < MAX_LIGHT_DISTANCE)
     # Single triangles of another colour, such as nails or buttons, follow their neighbours.
     n = len(uv)
@@ -36,6 +47,14 @@ def like_the_face(
         share = at[triangles].mean(axis=1)
     alike: Mask = share > 0.5
     return alike
+
+
+def darker_than_the_face(
+    pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64], face: Vector
+) -> Mask:
+    """Return which triangles (t,) are as dark against a face of the look (3,) as hair is."""
+    darker: Mask = _looks(pixels, uv, triangles)[:, 2] < face[2] - MIN_HAIR_DARKNESS
+    return darker
 
 
 def _looks(pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64]) -> Vector:

@@ -110,7 +110,10 @@ def _imported(
     if file.suffix.lower() != ".fbx":
         return import_gltf(file, gender=gender, joint_map=joint_map), ()
     with as_glb(file) as (converted, lost):
-        character = import_gltf(converted, gender=gender, joint_map=joint_map)
+        try:
+            character = import_gltf(converted, gender=gender, joint_map=joint_map)
+        except CharacterError as e:
+            raise CharacterError(str(e).replace(str(converted), str(file))) from e
     odd: tuple[str, ...] = ()
     if lost:
         odd = (

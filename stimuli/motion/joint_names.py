@@ -3,29 +3,44 @@
 import re
 from collections.abc import Mapping
 
-from stimuli.motion.errors import MotionError
+from stimuli.motion.errors import MotionError, UnknownJointsError
 from stimuli.motion.skeleton import Skeleton, canonical_skeleton
 
 CANONICAL_NAMES = canonical_skeleton().names
 
 _LIMBS = {
     "shoulder": ("shoulder", "clavicle", "collar"),
-    "upper_arm": ("arm", "upperarm", "uparm", "humerus"),
+    "upper_arm": ("arm", "upperarm", "uparm", "humerus", "shldr"),
     "lower_arm": ("forearm", "lowerarm", "lowarm", "radius", "elbow"),
     "hand": ("hand", "wrist"),
     "upper_leg": ("upleg", "upperleg", "femur", "thigh", "hip"),
     "lower_leg": ("leg", "lowerleg", "lowleg", "tibia", "shin", "calf", "knee"),
     "foot": ("foot", "ankle"),
     "toes": ("toebase", "toes", "toe", "toe0", "ball"),
-    "eye": ("eye", "faceeye"),
+    "eye": ("eye", "faceeye", "eyesmplhf"),
 }
-_MIDDLE = {"head": "head", "jaw": "jaw", "mjaw": "jaw", "chead": "head"}
+_MIDDLE = {
+    "head": "head", "chead": "head",
+    "jaw": "jaw", "mjaw": "jaw", "jawroot": "jaw", "lowerjaw": "jaw",
+}  # fmt: skip
 _RIG = re.compile(
-    r"^(mixamorig\d*[:_]?|character\d*_|bip\d+[\s_]|j_(bip|adj|sec)_|def-)", re.IGNORECASE
+    r"^(mixamorig\d*[:_]?|character\d*_|bip\d+[\s_]|cc_base_|j_(bip|adj|sec)_|def-)",
+    re.IGNORECASE,
 )
-"""What a rig puts before all its names: Mixamo, HumanIK, 3ds Max's Biped, VRoid, Rigify."""
+"""What a rig puts before all its names: Mixamo, HumanIK, 3ds Max's Biped, Character Creator,
+VRoid, Rigify.
+"""
+_ESCAPED = re.compile(r"FBXASC(\d{3})")
+"""How Autodesk's exporters write characters that their format has no place for: by their code."""
+_NUMBER = re.compile(r"(?<=.)[._]\d+$")
+_MIN_NUMBERED = 0.8
+"""From this share on, numbers at the ends of names are no part of them: Sketchfab and Blender put
+one behind all.
+"""
 _BIPED_FINGERS = ("thumb", "index", "middle", "ring", "little")
-_FINGERS = {"thumb": "thumb", "index": "index", "middle": "middle", "ring": "ring"}
+_FINGERS = {
+    "thumb": "thumb", "index": "index", "middle": "middle", "mid": "middle", "ring": "ring",
+}  # fmt: skip
 _PHALANGES = ("proximal", "middle", "distal")
 NEEDED = tuple(
     f"{side}_{part}"
@@ -37,12 +52,16 @@ NEEDED = tuple(
 
 def _bare(name: str) -> str:
     """Return a name without what its rig puts before all of them."""
-    return _RIG.sub("", name.rsplit(":", 1)[-1])
+    spelt = _ESCAPED.sub(lambda code: chr(int(code.group(1))), name)
+    return _RIG.sub("", spelt.rsplit(":", 1)[-1])
 
 
 def _plain(name: str) -> str:
-    """Return a name without its rig's prefix, blanks, dashes and dots, in lower case."""
-    return re.sub(r"[\s_\-.]", "", _bare(name)).lower()
+    """Return a name without its rig's prefix, blanks, dashes and dots, in lower case.
+
+    Dashes between digits stay: they tell MakeHuman's fingers from Biped's.
+    """
+    return re.sub(r"[\s_.]|(?<!\d)-|-(?!\d)", "", _bare(name)).lower()
 
 
 def _side(name: str) -> tuple[str, str] | None:
@@ -55,7 +74,8 @@ def _side(name: str) -> tuple[str, str] | None:
             return side, _plain(bare)[:-1]
         if _plain(bare).startswith(letter):
             part = _plain(bare)[1:]
-            if any(part in aliases for aliases in _LIMBS.values()) or _finger(part):
+            first = part.removesuffix("bend")
+            if any(first in aliases for aliases in _LIMBS.values()) or _finger(part):
                 return side, part
     return None
 
@@ -66,8 +86,10 @@ def _limb(name: str) -> str | None:
     if split is None:
         return None
     side, part = split
+    # Daz and MakeHuman part limbs into two bones; the upper one begins at the joint.
+    first = re.sub(r"(bend|01)$", "", part)
     for limb, aliases in _LIMBS.items():
-        if part in aliases or part == limb.replace("_", ""):
+        if {part, first} & {*aliases, limb.replace("_", "")}:
             return f"{side}_{limb}"
     found = _finger(part)
     return None if found is None else f"{side}_{found}"
@@ -79,15 +101,19 @@ def _finger(part: str) -> str | None:
     if biped is not None:
         phalanx = int(biped.group(2) or 0)
         return f"{_BIPED_FINGERS[int(biped.group(1))]}_{_PHALANGES[phalanx]}"
+    makehuman = re.fullmatch(r"finger([1-5])-([1-3])", part)
+    if makehuman is not None:
+        which, joint = (int(number) - 1 for number in makehuman.groups())
+        return f"{_BIPED_FINGERS[which]}_{_PHALANGES[joint]}"
     match = re.fullmatch(
-        r"(?:hand|f)?(thumb|index|middle|ring|pinky|little)(?:finger)?(0?\d|[a-z]+)", part
+        r"(?:hand|f)?(thumb|index|middle|mid|ring|pinky|little)(?:finger)?(0?\d|[a-z]+)", part
     )
     if match is None:
         return None
-    finger, which = _FINGERS.get(match.group(1), "little"), match.group(2).lstrip("0")
-    if which in ("1", "2", "3"):
-        return f"{finger}_{_PHALANGES[int(which) - 1]}"
-    return f"{finger}_{which}" if which in _PHALANGES else None
+    finger, end = _FINGERS.get(match.group(1), "little"), match.group(2).lstrip("0")
+    if end in ("1", "2", "3"):
+        return f"{finger}_{_PHALANGES[int(end) - 1]}"
+    return f"{finger}_{end}" if end in _PHALANGES else None
 
 
 def _chain(source: Skeleton, low: str, high: str) -> list[str]:
@@ -100,14 +126,22 @@ def _chain(source: Skeleton, low: str, high: str) -> list[str]:
     return chain[::-1] if at == end else []
 
 
+def _unnumbered(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names without the number that an exporter has put behind nearly all of them."""
+    while sum(_NUMBER.search(name) is not None for name in names) >= _MIN_NUMBERED * len(names):
+        names = tuple(_NUMBER.sub("", name) for name in names)
+    return names
+
+
 def match_joints(source: Skeleton, known: Mapping[str, str] | None = None) -> Mapping[str, str]:
     """Return canonical joint names with the source's names for them.
 
     Limbs, head and fingers are known by name in the conventions of CMU, Mixamo, Ready Player Me,
-    HumanIK (VALID), 3ds Max's Biped (Rocketbox), VRoid, Rigify, Unreal, Bandai-Namco, Biovision
-    and Visavis itself; `known` says of some which they are, over all else. Hips are the root or
-    what both legs hang from; spine joints are told by their place between hips and arms, the neck
-    by its place below the head.
+    HumanIK (VALID), 3ds Max's Biped (Rocketbox), Character Creator, Daz, MakeHuman, SMPL-X, VRoid,
+    VRChat, Rigify, Unreal, Bandai-Namco, Biovision and Visavis itself, also where an exporter has
+    numbered all of them; `known` says of some which they are, over all else. Hips are what both
+    legs and the head hang from; spine joints are told by their place between hips and arms, the
+    neck by its place below the head.
 
     Raises:
         MotionError: a needed joint cannot be recognised, or `known` names one that is not there.
@@ -125,13 +159,20 @@ def match_joints(source: Skeleton, known: Mapping[str, str] | None = None) -> Ma
         if len(meant) > 1:
             raise MotionError(f"{' and '.join(meant)} are both said to be {theirs!r}")
     found: dict[str, str] = dict(known)
-    for name in source.names:
-        limb = _limb(name)
+    second: dict[str, str] = {}
+    for name, spelt in zip(source.names, _unnumbered(source.names), strict=True):
+        limb = _limb(spelt)
         if limb is not None:
-            found.setdefault(limb, name)
-        elif _plain(name) in _MIDDLE:
-            found.setdefault(_MIDDLE[_plain(name)], name)
+            if found.setdefault(limb, name) != name:
+                second.setdefault(limb, name)
+        elif _plain(spelt) in _MIDDLE:
+            found.setdefault(_MIDDLE[_plain(spelt)], name)
     for side in ("left", "right"):
+        # VRChat calls the thigh Leg and the shin Knee.
+        thigh, shin = found.get(f"{side}_lower_leg"), second.get(f"{side}_lower_leg")
+        if f"{side}_upper_leg" not in found and thigh is not None and shin is not None:
+            if source.names[source.parents[source.index(shin)]] == thigh:
+                found |= {f"{side}_upper_leg": thigh, f"{side}_lower_leg": shin}
         # Biovision calls the upper arm Shoulder and the shoulder Collar.
         if f"{side}_upper_arm" not in found and f"{side}_lower_arm" in found:
             forearm = source.index(found[f"{side}_lower_arm"])
@@ -139,14 +180,13 @@ def match_joints(source: Skeleton, known: Mapping[str, str] | None = None) -> Ma
             found[f"{side}_upper_arm"] = upper
             if found.get(f"{side}_shoulder") == upper:
                 del found[f"{side}_shoulder"]
-    missing = [j for j in (*NEEDED, "head") if j not in found]
+    missing = tuple(j for j in (*NEEDED, "head") if j not in found)
     if missing:
-        raise MotionError(
-            f"joints not recognised: {', '.join(missing)}; among {', '.join(source.names)}. "
-            "Pass joint_map with our names and yours"
-        )
+        raise UnknownJointsError(missing, source.names)
     legs = _common(source, found["left_upper_leg"], found["right_upper_leg"])
-    found.setdefault("hips", legs)
+    if "hips" not in found:
+        # Character Creator and Daz hang the legs from a pelvis of their own beside the spine.
+        found["hips"] = _common(source, legs, found["head"])
     arms = _common(source, found["left_upper_arm"], found["right_upper_arm"])
     torso = _chain(source, found["hips"], found["head"])
     if arms in torso:
@@ -168,9 +208,9 @@ def match_joints(source: Skeleton, known: Mapping[str, str] | None = None) -> Ma
 
 
 def _common(source: Skeleton, a: str, b: str) -> str:
-    """Return the lowest joint that both hang from."""
+    """Return the lowest joint that both hang from; the second may hang from the first."""
     above: set[int] = set()
-    at = int(source.parents[source.index(a)])
+    at = source.index(a)
     while at != -1:
         above.add(at)
         at = int(source.parents[at])

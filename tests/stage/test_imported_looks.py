@@ -106,6 +106,29 @@ def test_normal_map_leans_the_surface_towards_and_away_from_the_light(show: Show
     assert looks["down"] < looks["flat"] - 20
 
 
+@pytest.mark.parametrize("mapped", [False, True])
+def test_specular_colour_and_glossiness_are_read_as_roughness(show: Show, mapped: bool) -> None:
+    """Figures of older programs that tell nothing else came out white."""
+    told: dict[str, Any] = {"diffuseFactor": [0.5, 0.5, 0.5, 1], "diffuseTexture": {"index": 0}}
+    told["glossinessFactor"] = 0.4
+    if mapped:
+        told |= {"glossinessFactor": 0.8, "specularGlossinessTexture": {"index": 1}}
+    half = np.full((16, 16, 4), 255, np.uint8)
+    half[:, ::2, 3], half[:, 1::2, 3] = 0, 255
+    pictures = (_plain(RED, GREEN), half)
+
+    material: dict[str, Any] = {"extensions": {"KHR_materials_pbrSpecularGlossiness": told}}
+    if mapped:
+        material["pbrMetallicRoughness"] = {}  # some programs write it and mean nothing by it
+    found = show(material, *pictures, columns=2)
+
+    expected = _matte(baseColorTexture={"index": 0}, roughnessFactor=0.6)
+    np.testing.assert_array_equal(
+        found, show({"pbrMetallicRoughness": expected}, *pictures, columns=2)
+    )
+    assert found[0, 0] > 2 * found[0, 1]
+
+
 def test_red_of_a_normal_map_leans_to_the_right_of_the_picture(show: Show) -> None:
     material = {"pbrMetallicRoughness": _matte(), "normalTexture": {"index": 0}}
     # The lamp stands to the right of who looks at the plate: its light travels towards +x, as the

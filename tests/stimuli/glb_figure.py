@@ -6,7 +6,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from PIL import Image
@@ -38,7 +38,10 @@ def bone_names() -> dict[str, str]:
 PLATE_HALF_M, PLATE_AHEAD_M = 0.1, 0.3
 
 
+HEAD_HALF_M = 0.12
 SKIN_SRGB, SUIT_SRGB, WHITE_SRGB = (205, 150, 120), (40, 60, 120), (235, 232, 228)
+REDDISH_SRGB = (225, 130, 120)
+_TEMPLES = {"bare": 0, "dark": 1, "reddish": 3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,15 @@ class Plate:
     extensions: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """A surface with a material of its own, in one colour, beside what `worn_as` covers."""
+
+    srgb: tuple[int, int, int]
+    rims: bool
+    """Rims of glasses before the face; else a bib before the chest."""
+
+
 def write_glb(
     path: Path,
     *,
@@ -67,13 +79,22 @@ def write_glb(
     plate: Plate | None = None,
     head_squares: int = 1,
     worn_as: str | None = None,
+    temples: Literal["bare", "dark", "reddish"] = "bare",
+    eyes_on_head: bool = False,
+    eye_ahead_m: float = 0.0,
+    apart: Apart | None = None,
 ) -> None:
     """Write a figure that faces +z with its arms half lowered, as most files have it.
 
     `head_squares` along each edge of the head's box; with `worn_as`, a material of this name whose
     one picture has skin on head and hands, white on eyes and a suit elsewhere covers everything.
+    What lies before its ears may be as dark as the suit, as hair is, or redder than the face.
+    With `eyes_on_head` the eyeballs are there and their bones are not; `eye_ahead_m` is how far
+    they lie before these.
     """
     pattern = canonical_skeleton(1.70)
+    if eyes_on_head:
+        leave_out = (*leave_out, "left_eye", "right_eye")
     names = {o: t for o, t in bone_names().items() if o not in leave_out}
     at = {name: pattern.rest_m[j].copy() for j, name in enumerate(pattern.names)}
     for side, sign in (("left", 1.0), ("right", -1.0)):
@@ -98,7 +119,11 @@ def write_glb(
             children = nodes[joints.index(parent)].setdefault("children", [])
             assert isinstance(children, list)
             children.append(len(nodes) - 1)
-    vertices, triangles, bones = _surface(at, joints, eye_yaw_deg, eye_radius_m, head_squares)
+    drawn = [*joints, "left_eye", "right_eye"] if eyes_on_head else joints
+    vertices, triangles, bones = _surface(at, drawn, eye_yaw_deg, eye_radius_m, head_squares)
+    eyes = [k for k, name in enumerate(drawn) if name.endswith("_eye")]
+    vertices[np.isin(bones, eyes)] += [0.0, 0.0, eye_ahead_m]
+    bones = np.where(bones < len(joints), bones, joints.index("head"))
     inverse = np.tile(np.eye(4), (len(joints), 1, 1))
     inverse[:, :3, 3] = [-at[name] for name in joints]
     joint_rows = np.zeros((len(vertices), 4), dtype=np.uint8)
@@ -122,11 +147,20 @@ def write_glb(
     pictures: tuple[np.ndarray, ...] = () if plate is None else plate.pictures
     if worn_as is not None:
         column = np.array([2 if n.endswith("_eye") else int(not _is_bare(n)) for n in joints])
-        uv = np.stack([(column[bones] + 0.5) / 3, np.full(len(bones), 0.5)], axis=1)
+        columns = column[bones]
+        beside = np.abs(vertices[:, 0]) > HEAD_HALF_M - 1e-6
+        level = np.abs(vertices[:, 1] - at["left_eye"][1]) < 0.06
+        columns[beside & level & (bones == joints.index("head"))] = _TEMPLES[temples]
+        uv = np.stack([(columns + 0.5) / 4, np.full(len(bones), 0.5)], axis=1)
         attributes["TEXCOORD_0"] = len(arrays)
         arrays.append((uv.astype(np.float32), "VEC2", 5126))
         primitives[0]["material"] = 0
-        pictures = (np.array([[SKIN_SRGB, SUIT_SRGB, WHITE_SRGB]], np.uint8),)
+        pictures = (np.array([[SKIN_SRGB, SUIT_SRGB, WHITE_SRGB, REDDISH_SRGB]], np.uint8),)
+    if apart is not None:
+        more, primitive = _apart(apart, at, joints, len(arrays))
+        arrays += more
+        primitives.append(primitive)
+        pictures = (*pictures, np.array([[apart.srgb]], np.uint8))
     if plate is not None:
         more, primitive = _plate(plate, at, joints.index("upper_chest"), len(arrays))
         arrays += more
@@ -166,6 +200,11 @@ def write_glb(
     if worn_as is not None:
         look = {"baseColorTexture": {"index": 0}, "metallicFactor": 0, "roughnessFactor": 0.5}
         tree["materials"] = [{"name": worn_as, "pbrMetallicRoughness": look}]
+    if apart is not None:
+        look = {"baseColorTexture": {"index": len(pictures) - 1}, "metallicFactor": 0}
+        materials = tree["materials"]
+        assert isinstance(materials, list)
+        materials.append({"name": "Apart", "pbrMetallicRoughness": look})
     if plate is not None:
         tree["materials"] = [plate.material]
         tree["extensionsRequired"] = list(plate.extensions)
@@ -204,6 +243,37 @@ def _plate(
     return [*columns.values(), (order, "SCALAR", 5123)], primitive
 
 
+def _apart(
+    apart: Apart, at: dict[str, np.ndarray], joints: list[str], first: int
+) -> tuple[list[tuple[np.ndarray, str, int]], dict[str, Any]]:
+    around = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
+    ring = np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    inner, outer = (0.018, 0.020) if apart.rims else (0.001, 0.1)
+    strip = np.concatenate([inner * ring, outer * ring])
+    i = np.arange(48)
+    j = (i + 1) % 48
+    faces = np.concatenate([np.stack([i, i + 48, j + 48], 1), np.stack([i, j + 48, j], 1)])
+    if apart.rims:
+        before = np.array([0, -0.01, at["head"][2] + HEAD_HALF_M + 0.01])
+        middles = [before + at[f"{side}_eye"] * [1, 1, 0] for side in ("left", "right")]
+    else:
+        middles = [at["upper_chest"] + [0, 0, PLATE_AHEAD_M]]
+    points = np.concatenate([strip + middle for middle in middles])
+    corners = np.concatenate([faces + 96 * k for k in range(len(middles))])
+    held = np.zeros((len(points), 4), dtype=np.uint8)
+    held[:, 0] = joints.index("head" if apart.rims else "upper_chest")
+    columns: dict[str, tuple[np.ndarray, str, int]] = {
+        "POSITION": (points.astype(np.float32), "VEC3", 5126),
+        "JOINTS_0": (held, "VEC4", 5121),
+        "WEIGHTS_0": (np.tile([1.0, 0, 0, 0], (len(points), 1)).astype(np.float32), "VEC4", 5126),
+        "TEXCOORD_0": (np.full((len(points), 2), 0.5, np.float32), "VEC2", 5126),
+    }
+    attributes = {name: first + k for k, name in enumerate(columns)}
+    primitive = {"attributes": attributes, "indices": first + len(columns), "material": 1}
+    order = corners.astype(np.uint16).reshape(-1, 1)
+    return [*columns.values(), (order, "SCALAR", 5123)], primitive
+
+
 def _is_bare(joint: str) -> bool:
     return joint == "head" or joint.endswith("_hand")
 
@@ -222,7 +292,7 @@ def _surface(
             points, faces = _ball(eye_radius_m, eye_yaw_deg)
         else:
             head = name == "head"
-            points, faces = _box(0.12 if head else 0.06, head_squares if head else 1)
+            points, faces = _box(HEAD_HALF_M if head else 0.06, head_squares if head else 1)
         vertices.append(points + at[name])
         triangles.append(faces + count)
         bones.append(np.full(len(points), j))

@@ -67,6 +67,23 @@ def test_file_that_blender_cannot_read_is_named_with_what_blender_says(tmp_path:
     assert "export the figure as .glb" in problem
 
 
+def test_what_is_wrong_with_a_figure_is_told_of_the_file_that_was_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Messages named a file of another folder that was gone when one read them."""
+    program = tmp_path / "blender"
+    program.write_text(
+        '#!/bin/sh\nfor made; do :; done\ncp "$(dirname "$0")/eyeless.glb" "$made"\n'
+    )
+    program.chmod(0o755)
+    write_glb(tmp_path / "eyeless.glb", leave_out=("left_eye", "right_eye"))
+    monkeypatch.setattr(fbx, "find_blender", lambda: str(program))
+    path = tmp_path / "someone_F.fbx"
+    path.write_bytes(b"")
+    problem = _imported(path).problem
+    assert problem.startswith(f"{path}: no bone for left_eye and right_eye")
+
+
 def test_without_blender_it_is_said_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -83,6 +100,10 @@ def test_without_blender_it_is_said_how_to_get_it(
     [
         ("echo 'RuntimeError: Version 6100 unsupported' >&2; exit 1", "Version 6100 unsupported"),
         ("exit 0", "it says nothing"),
+        (
+            "echo \"ModuleNotFoundError: No module named 'numpy'\" >&2; exit 1",
+            "Blender lacks numpy, without which it writes no glTF; install Blender",
+        ),
         ("exec sleep 60", "did not finish it in 0.2 s"),
     ],
 )

@@ -4,7 +4,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -21,10 +21,18 @@ from stimuli.characters.gltf_eyes import fitted_eye, iris_colour
 from stimuli.characters.gltf_figure import Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
 from stimuli.characters.gltf_looks import CLOTH_ROUGHNESS_01, linear_of, srgb_of
-from stimuli.characters.gltf_skin import like_the_face
+from stimuli.characters.gltf_skin import like_the_face, look_of_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
-from tests.stimuli.glb_figure import Plate, bone_names, write_glb
+from tests.stimuli.glb_figure import (
+    HEAD_HALF_M,
+    SKIN_SRGB,
+    SUIT_SRGB,
+    Apart,
+    Plate,
+    bone_names,
+    write_glb,
+)
 from tests.stimuli.valid_avatars import avatar_files, needs_avatars
 
 
@@ -76,7 +84,7 @@ def test_what_looks_like_the_face_is_skin_and_the_rest_is_not() -> None:
     corners = np.arange(3 * len(tiles)).reshape(-1, 3)
     uv = np.repeat(np.stack([(tiles + 0.5) / 4, np.full(len(tiles), 0.5)], axis=1), 3, axis=0)
     faces = np.arange(len(tiles)) < 2 * n
-    found = like_the_face(pixels, uv, corners, faces)
+    found = like_the_face(pixels, uv, corners, look_of_face(pixels, uv, corners, faces))
     np.testing.assert_array_equal(found, tiles < 2)
 
 
@@ -89,6 +97,25 @@ def test_eye_axis_is_fitted_from_the_eyeball_not_its_bone(glb: Path) -> None:
         eye = fitted_eye(file, figure, side)
         assert angle_deg(eye.axis, leaning) < 0.05
         assert eye.radius_m == pytest.approx(0.014, abs=1e-5)
+
+
+def test_eyeballs_on_the_head_get_bones_of_their_own(tmp_path: Path, glb: Path) -> None:
+    """Mixamo's figures hang them there; nobody can look round with eyes that do not turn."""
+    path = tmp_path / "staring_F.glb"
+    write_glb(path, eyes_on_head=True)
+    expected, person = import_gltf(glb), import_gltf(path)
+    np.testing.assert_allclose(person.skeleton.rest_m, expected.skeleton.rest_m, atol=1e-6)
+    assert person.eyeball.radius_m == pytest.approx(expected.eyeball.radius_m, rel=1e-6)
+    for side in ("left", "right"):
+        part = PART_INDEX[f"{side}_eye"]
+        theirs, ours = (
+            mesh.triangles[mesh.triangle_part == part]
+            for mesh in (expected.levels[0], person.levels[0])
+        )
+        assert len(theirs) == len(ours) > 0
+        bone = person.skeleton.index(f"{side}_eye")
+        held = person.levels[0].joints[np.unique(ours)]
+        assert (held[:, 0] == bone).all()
 
 
 def test_imported_eyeball_looks_straight_ahead(glb: Path) -> None:
@@ -107,6 +134,20 @@ def test_shapes_get_our_names(glb: Path) -> None:
     person = import_gltf(glb)
     assert set(person.levels[0].morphs) <= set(MORPHS)
     assert "left_blink" in person.levels[0].morphs
+
+
+def test_shapes_that_a_file_wears_at_rest_are_worn(tmp_path: Path, glb: Path) -> None:
+    path = tmp_path / "smiling_F.glb"
+
+    def worn(tree: dict[str, Any]) -> object:
+        tree["meshes"][0]["weights"] = [0.5]
+        return tree
+
+    _retold(glb, path, worn)
+    plain, moved = (read_figure(read_glb(p)).surfaces[0] for p in (glb, path))
+    np.testing.assert_allclose(
+        moved.vertices_m - plain.vertices_m, 0.5 * plain.shapes["eyeBlinkLeft"], atol=1e-7
+    )
 
 
 def test_imported_body_has_a_closed_surface_and_capsules(glb: Path) -> None:
@@ -134,6 +175,47 @@ def test_skin_eyes_and_suit_of_one_material_called_body_are_told_apart(tmp_path:
     assert kinds["cloth"].roughness_01 >= CLOTH_ROUGHNESS_01 > kinds["skin"].roughness_01
 
 
+@pytest.mark.parametrize(
+    ("temples", "hairy"), [("bare", False), ("dark", True), ("reddish", False)]
+)
+def test_what_is_dark_before_the_ears_is_hair(
+    tmp_path: Path, temples: Literal["bare", "dark", "reddish"], hairy: bool
+) -> None:
+    """Painted sideburns shone grey, as skin; ears that are redder than the face are no hair."""
+    path = tmp_path / "dressed_F.glb"
+    write_glb(path, head_squares=16, worn_as="_Body", temples=temples)
+    person = import_gltf(path)
+    mesh = person.levels[0]
+    middle = mesh.vertices_m[mesh.triangles].mean(axis=1)
+    eye = person.skeleton.rest_m[person.skeleton.index("left_eye")]
+    at_temple = (np.abs(middle[:, 0]) > HEAD_HALF_M - 1e-3) & (
+        np.abs(middle - eye)[:, 1:] < 0.012
+    ).all(axis=1)
+
+    assert at_temple.sum() >= 2
+    kinds = {person.materials[m].kind for m in mesh.triangle_material[at_temple]}
+    assert kinds == ({"hair"} if hairy else {"skin"})
+
+
+@pytest.mark.parametrize(
+    ("apart", "kind"),
+    [
+        (Apart(SKIN_SRGB, rims=False), "skin"),
+        (Apart(SUIT_SRGB, rims=False), "other"),
+        (Apart(SUIT_SRGB, rims=True), "other"),
+    ],
+)
+def test_a_surface_apart_is_skin_where_it_looks_like_the_face(
+    tmp_path: Path, apart: Apart, kind: str
+) -> None:
+    """Arms of Ready Player Me were no skin, for they have no face; rims of glasses were one."""
+    path = tmp_path / "apart_F.glb"
+    write_glb(path, head_squares=16, worn_as="_Body", apart=apart)
+    person = import_gltf(path)
+    assert {m.kind for m in person.materials if m.name.startswith("Apart")} == {kind}
+    assert {"skin", "cloth"} <= {m.kind for m in person.materials if m.name.startswith("_Body")}
+
+
 def test_only_copies_for_measuring_are_bent_to_a_measure(
     glb: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -158,6 +240,8 @@ def test_only_copies_for_measuring_are_bent_to_a_measure(
         ({"leave_out": ("left_lower_arm", "left_hand")}, "left_lower_arm"),
         ({"leave_out": ("right_eye",)}, "right_eye"),
         ({"eye_radius_m": 0.05}, "no eyeball"),
+        ({"eyes_on_head": True, "eye_radius_m": 0.035}, "no bone for left_eye.*--joint-map FILE"),
+        ({"eye_ahead_m": 0.05}, "its sphere lies 50 mm off"),
     ],
 )
 def test_unusable_figure_names_file_bone_and_next_step(

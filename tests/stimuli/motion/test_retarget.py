@@ -284,6 +284,86 @@ CONVENTIONS = {
         {"hips": "pelvis", "upper_chest": "spine_03", "left_toes": "ball_l",
          "left_index_middle": "index_02_l", "right_lower_leg": "calf_r"},
     ),
+    "character creator": (
+        "CC_Base_BoneRoot>CC_Base_Hip>CC_Base_Pelvis CC_Base_Hip>CC_Base_Waist>CC_Base_Spine01"
+        ">CC_Base_Spine02>CC_Base_NeckTwist01>CC_Base_NeckTwist02>CC_Base_Head"
+        ">CC_Base_FacialBone>CC_Base_JawRoot CC_Base_FacialBone>CC_Base_L_Eye "
+        "CC_Base_FacialBone>CC_Base_R_Eye "
+        "CC_Base_Spine02>CC_Base_L_Clavicle>CC_Base_L_Upperarm>CC_Base_L_UpperarmTwist01 "
+        "CC_Base_L_Upperarm>CC_Base_L_Forearm>CC_Base_L_Hand>CC_Base_L_Mid1>CC_Base_L_Mid2 "
+        "CC_Base_Spine02>CC_Base_R_Clavicle>CC_Base_R_Upperarm>CC_Base_R_Forearm>CC_Base_R_Hand "
+        "CC_Base_Pelvis>CC_Base_L_Thigh>CC_Base_L_ThighTwist01 CC_Base_L_Thigh>CC_Base_L_Calf"
+        ">CC_Base_L_Foot>CC_Base_L_ToeBase "
+        "CC_Base_Pelvis>CC_Base_R_Thigh>CC_Base_R_Calf>CC_Base_R_Foot>CC_Base_R_ToeBase",
+        {"hips": "CC_Base_Hip", "spine": "CC_Base_Waist", "upper_chest": "CC_Base_Spine02",
+         "neck": "CC_Base_NeckTwist02", "jaw": "CC_Base_JawRoot", "left_eye": "CC_Base_L_Eye",
+         "left_upper_arm": "CC_Base_L_Upperarm", "left_middle_middle": "CC_Base_L_Mid2",
+         "left_upper_leg": "CC_Base_L_Thigh", "right_toes": "CC_Base_R_ToeBase"},
+    ),
+    "daz": (
+        "hip>pelvis hip>abdomenLower>abdomenUpper>chestLower>chestUpper>neckLower>neckUpper>head"
+        ">lEye head>rEye head>lowerJaw chestUpper>lCollar>lShldrBend>lShldrTwist>lForearmBend"
+        ">lForearmTwist>lHand>lMid1 "
+        "chestUpper>rCollar>rShldrBend>rShldrTwist>rForearmBend>rForearmTwist>rHand "
+        "pelvis>lThighBend>lThighTwist>lShin>lFoot>lMetatarsals>lToe "
+        "pelvis>rThighBend>rThighTwist>rShin>rFoot>rMetatarsals>rToe",
+        {"hips": "hip", "spine": "abdomenLower", "upper_chest": "chestUpper", "jaw": "lowerJaw",
+         "left_upper_arm": "lShldrBend", "right_lower_arm": "rForearmBend", "left_eye": "lEye",
+         "left_upper_leg": "lThighBend", "right_lower_leg": "rShin", "left_toes": "lToe",
+         "left_middle_proximal": "lMid1", "left_shoulder": "lCollar"},
+    ),
+    "makehuman": (
+        "root>spine05>spine04>spine03>spine02>spine01>neck01>neck02>neck03>head>jaw head>eye.L "
+        "spine01>clavicle.L>shoulder01.L>upperarm01.L>upperarm02.L>lowerarm01.L>lowerarm02.L"
+        ">wrist.L>finger1-1.L>finger1-2.L wrist.L>finger3-1.L "
+        "spine01>clavicle.R>shoulder01.R>upperarm01.R>upperarm02.R>lowerarm01.R>lowerarm02.R"
+        ">wrist.R "
+        "root>pelvis.L>upperleg01.L>upperleg02.L>lowerleg01.L>lowerleg02.L>foot.L>toe1-1.L "
+        "root>pelvis.R>upperleg01.R>upperleg02.R>lowerleg01.R>lowerleg02.R>foot.R",
+        {"hips": "root", "spine": "spine05", "upper_chest": "spine01", "neck": "neck03",
+         "left_eye": "eye.L", "left_shoulder": "clavicle.L", "left_upper_arm": "upperarm01.L",
+         "right_lower_arm": "lowerarm01.R", "left_hand": "wrist.L",
+         "left_upper_leg": "upperleg01.L", "right_lower_leg": "lowerleg01.R",
+         "left_thumb_middle": "finger1-2.L", "left_middle_proximal": "finger3-1.L"},
+    ),
+    "smpl-x": (
+        "pelvis>spine1>spine2>spine3>neck>head>left_eye_smplhf head>right_eye_smplhf "
+        "spine3>left_collar>left_shoulder>left_elbow>left_wrist>left_index1 "
+        "spine3>right_collar>right_shoulder>right_elbow>right_wrist "
+        "pelvis>left_hip>left_knee>left_ankle>left_foot pelvis>right_hip>right_knee>right_ankle",
+        {"left_eye": "left_eye_smplhf", "right_eye": "right_eye_smplhf", "left_foot": "left_ankle",
+         "left_upper_arm": "left_shoulder", "left_shoulder": "left_collar"},
+    ),
+    "vrchat": (
+        "Hips>Spine>Chest>Neck>Head>LeftEye Head>RightEye "
+        "Chest>Left_shoulder>Left_arm>Left_elbow>Left_wrist "
+        "Chest>Right_shoulder>Right_arm>Right_elbow>Right_wrist "
+        "Hips>Left_leg>Left_knee>Left_ankle>Left_toe Hips>Right_leg>Right_knee>Right_ankle",
+        {"left_upper_arm": "Left_arm", "left_lower_arm": "Left_elbow", "left_hand": "Left_wrist",
+         "left_upper_leg": "Left_leg", "right_lower_leg": "Right_knee", "left_toes": "Left_toe"},
+    ),
+    "rigify, written by autodesk's exporter": (
+        "hips>chest>neck>head chest>shoulderFBXASC046L>upper_armFBXASC046L>forearmFBXASC046L"
+        ">handFBXASC046L>f_indexFBXASC04601FBXASC046L "
+        "chest>shoulderFBXASC046R>upper_armFBXASC046R>forearmFBXASC046R>handFBXASC046R "
+        "hips>thighFBXASC046L>shinFBXASC046L>footFBXASC046L>toeFBXASC046L "
+        "hips>thighFBXASC046R>shinFBXASC046R>footFBXASC046R",
+        {"left_upper_arm": "upper_armFBXASC046L", "right_lower_leg": "shinFBXASC046R",
+         "left_index_proximal": "f_indexFBXASC04601FBXASC046L", "left_toes": "toeFBXASC046L"},
+    ),
+    "mixamo, numbered by sketchfab": (
+        "_rootJoint>mixamorig:Hips_01>mixamorig:Spine_02>mixamorig:Neck_03>mixamorig:Head_04 "
+        "mixamorig:Spine_02>mixamorig:LeftArm_09>mixamorig:LeftForeArm_010>mixamorig:LeftHand_011"
+        ">mixamorig:LeftHandIndex1_012 "
+        "mixamorig:Spine_02>mixamorig:RightArm_00>mixamorig:RightForeArm_021"
+        ">mixamorig:RightHand_022 "
+        "mixamorig:Hips_01>mixamorig:LeftUpLeg_055>mixamorig:LeftLeg_056>mixamorig:LeftFoot_057 "
+        "mixamorig:Hips_01>mixamorig:RightUpLeg_060>mixamorig:RightLeg_061"
+        ">mixamorig:RightFoot_062",
+        {"head": "mixamorig:Head_04", "left_hand": "mixamorig:LeftHand_011",
+         "left_index_proximal": "mixamorig:LeftHandIndex1_012",
+         "right_foot": "mixamorig:RightFoot_062"},
+    ),
 }  # fmt: skip
 
 
