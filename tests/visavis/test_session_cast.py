@@ -15,7 +15,7 @@ from lab.config_files import EXAMPLE
 from lab.errors import DataError, UsageError
 from recording.reader import Recording
 from stimuli.characters.library import import_characters
-from stimuli.dressing import casting
+from stimuli.dressing import casting, gathering
 from stimuli.dressing.casting import default_casting, members_of
 from tests.stimuli.glb_figure import Plate, write_glb
 from visavis.films import Film
@@ -41,6 +41,7 @@ def _anew() -> None:
     casting._in_force.__init__()  # type: ignore[misc]
     default_casting.cache_clear()
     casting._person.cache_clear()
+    gathering._set_of.cache_clear()
 
 
 def _lab(folder: Path, line: str) -> LabConfig:
