@@ -13,7 +13,7 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ import numpy as np
 from benchmarks.waving_quick import quick_analysis, quick_study
 from cli.quick_tracker import tracker_of
 from experiments.waving.clips import TECHNIQUES
+from experiments.waving.judgement import DEFAULT_POPULATION, Population
 from experiments.waving.quick_study import STIMULI, evidence_for
 from experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY
 from lab.clock import cpu_time_s
@@ -40,12 +41,14 @@ SHARE_LIMITS = {
 SESSION_LIMIT_S = 60.0
 
 
-def study_rows(seeds: range, participants: int) -> list[dict[str, object]]:
+def study_rows(
+    seeds: range, participants: int, population: Population = DEFAULT_POPULATION
+) -> list[dict[str, object]]:
     """Return rows of name, value, published or limit, and whether it holds."""
     means: dict[str, list[float]] = {}
     hits: dict[tuple[str, str], int] = {}
     for seed in seeds:
-        analysis = quick_analysis(quick_study(participants, seed))
+        analysis = quick_analysis(quick_study(participants, seed, population=population))
         table = analysis.cell_means()
         for technique in TECHNIQUES:
             chosen = table[table["technique"] == technique]
@@ -119,6 +122,13 @@ def session_row() -> dict[str, object]:
     }
 
 
+def print_rows(rows: Sequence[Mapping[str, object]]) -> None:
+    """Print a line for each row."""
+    for row in rows:
+        said = {True: "holds", False: "DOES NOT HOLD", None: ""}[row.get("holds")]  # type: ignore[index]
+        print(f"{row['name']!s:<44} {row['value']:8.3f}  {row.get('beside', '')!s:<40} {said}")
+
+
 def main(arguments: Sequence[str]) -> int:
     """Print the rows; exit with 1 when one does not hold."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -135,13 +145,7 @@ def main(arguments: Sequence[str]) -> int:
     if given.json:
         print(json.dumps(rows, indent=1))
     else:
-        for row in rows:
-            holds = (
-                {True: "holds", False: "DOES NOT HOLD"}.get(bool(row["holds"]))
-                if "holds" in row
-                else ""
-            )
-            print(f"{row['name']!s:<44} {row['value']:8.3f}  {row.get('beside', '')!s:<40} {holds}")
+        print_rows(rows)
     return 0 if all(row.get("holds", True) for row in rows) else 1
 
 

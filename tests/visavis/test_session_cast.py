@@ -15,11 +15,15 @@ from lab.config_files import EXAMPLE
 from lab.errors import DataError, UsageError
 from recording.reader import Recording
 from stimuli.characters.library import import_characters
-from stimuli.dressing import casting
-from stimuli.dressing.casting import default_casting
-from tests.stimuli.glb_figure import write_glb
+from stimuli.dressing import casting, gathering
+from stimuli.dressing.casting import default_casting, members_of
+from tests.stimuli.glb_figure import Plate, write_glb
+from visavis.films import Film
+from visavis.page.film_store import FilmStore
+from visavis.scenes import Scene
 from visavis.sessions import simulation
 from visavis.sessions.cast import use_cast_of, use_recorded_cast
+from visavis.sessions.simulation import SimulationTask
 
 
 @pytest.fixture(autouse=True)
@@ -30,6 +34,14 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
     default_casting.cache_clear()
     casting._person.cache_clear()
+
+
+def _anew() -> None:
+    """Go on as in another process."""
+    casting._in_force.__init__()  # type: ignore[misc]
+    default_casting.cache_clear()
+    casting._person.cache_clear()
+    gathering._set_of.cache_clear()
 
 
 def _lab(folder: Path, line: str) -> LabConfig:
@@ -64,9 +76,7 @@ def test_session_keeps_names_and_hashes_and_what_reads_it_shows_the_same(tmp_pat
     beside = tmp_path / "out" / "characters" / "one_F.npz"
     assert beside.read_bytes() == (tmp_path / "data" / "characters" / "one_F.npz").read_bytes()
 
-    casting._in_force.__init__()  # type: ignore[misc]
-    default_casting.cache_clear()
-    casting._person.cache_clear()
+    _anew()
     session = tmp_path / "out" / "simulated" / "stare" / "sub-S01" / "ses-001"
     use_recorded_cast(_Kept.of(session, kept))
     assert default_casting("female_01").name == "one_F"
@@ -122,3 +132,26 @@ def test_commands_have_the_cast_of_the_configuration_in_force(tmp_path: Path) ->
     assert casting._in_force.members == ()
     load_lab(path, quiet=True)
     assert default_casting("female_01").name == "one_F"
+
+
+def test_session_on_a_page_keeps_who_its_films_show(tmp_path: Path) -> None:
+    _imported(tmp_path)
+    study = str(Path(__file__).parent / "studies" / "films.py")
+    lab = _lab(tmp_path, "cast: [one_F]\n")
+    session = simulation.simulate_one(SimulationTask(study, lab, "S01", 0, "", 1, True, {}))
+    kept = Recording(session).manifest.configuration["cast"]
+    assert ["one_F"] == [entry["name"] for entry in kept]
+
+
+def test_film_of_a_figure_that_was_imported_anew_is_another(tmp_path: Path) -> None:
+    film = Film(Scene("person", motion="wave"), 0.1, size_px=(64, 64), rate_hz=30)
+    names = []
+    for red in (40, 200):
+        look = {"pbrMetallicRoughness": {"baseColorFactor": [red / 255, 0.2, 0.2, 1.0]}}
+        write_glb(tmp_path / "one_F.glb", plate=Plate({"name": "Badge"} | look))
+        assert all(r.character for r in import_characters(tmp_path, tmp_path / "characters"))
+        _anew()
+        members = members_of(["one_F"], tmp_path, tmp_path / "characters")
+        casting.use_cast(members, tmp_path / "characters")
+        names.append(FilmStore({}, tmp_path / str(red)).name_of(film))
+    assert 2 == len(set(names))

@@ -1,9 +1,9 @@
 """Films as files: drawn once from people, camera and seed, and kept under what they show.
 
-A film's name is the SHA-256 of everything its pictures are made of: the pose of everybody in
-every frame, the camera (in every frame where it moves), size and rate, and how it is drawn and
-encoded. So a film that was built
-before is found again, and anything that changes what it shows makes another one.
+A film's name is the SHA-256 of everything its pictures are made of: how everybody looks, their
+pose in every frame, the camera (in every frame where it moves), size and rate, and how it is drawn
+and encoded. So a film that was built before is found again, and anything that changes what it
+shows makes another one.
 """
 
 import hashlib
@@ -22,8 +22,10 @@ import platformdirs
 from lab.clock import NS_PER_S
 from lab.errors import ConfigError, DesignError
 from lab.geometry import Pose
+from lab.kept import digest_of
 from lab.plain_files import parse_json, read_plain
 from lab.version import version
+from stimuli.characters.character import Character
 from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
@@ -216,12 +218,21 @@ def _name_of(store: FilmStore, film: Film) -> str:
     if not isinstance(film.lens, Lens):
         digest.update((np.round(store.seen(film).poses, POSE_DECIMALS) + 0.0).tobytes())
     for picture in store.pictures(film):
-        digest.update(",".join(c.name for c in picture.cast).encode())
+        digest.update(",".join(map(_look_of, picture.cast)).encode())
         digest.update(picture.room.name.encode())
         people = picture.people
         for values in (people.root_m, people.orientation_wxyz, people.morphs_01):
             digest.update((np.round(values, POSE_DECIMALS) + 0.0).tobytes())
     return digest.hexdigest()
+
+
+@lru_cache(maxsize=64)
+def _look_of(person: Character) -> str:
+    """Return the hash of how somebody looks: a figure imported again has the same name."""
+    arrays = [a for mesh in person.levels for a in vars(mesh).values()]
+    arrays += [m.texture_srgb for m in person.materials]
+    arrays += [a for m in person.materials if m.maps for a in vars(m.maps).values()]
+    return digest_of(*(a for a in arrays if isinstance(a, np.ndarray)), said=person.name)
 
 
 def cache_folder() -> Path:

@@ -37,6 +37,7 @@ from visavis.page.film_store import FilmStore, film_store
 from visavis.page.server import Held, PageServer
 from visavis.page.visitor import Visitor, visitor_of
 from visavis.sessions.begun_design import DESIGN_KEY, design_of
+from visavis.sessions.cast import use_cast_of, use_recorded_cast
 from visavis.sessions.perform import (
     PageAddress,
     Request,
@@ -75,6 +76,7 @@ def perform_new(request: Request) -> Path:
 
 def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
     """Return the manifest with which a session on a page begins."""
+    cast = use_cast_of(request.config)
     plan = experiment.plan(request.participant_index, request.seed, request.group)
     simulated = is_simulated(request.config)
     consent = consent_of(experiment, plan)
@@ -94,6 +96,7 @@ def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
             "effect": request.effect,
             **carried_by_session(folder, request.study, experiment, request.seed),
             DESIGN_KEY: design_of(experiment),
+            **cast,
         },
         devices=(),
         consent_version=consent[1]
@@ -110,6 +113,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     Raises:
         ConfigError: the plan in the manifest is not the one this version would make.
     """
+    use_recorded_cast(Recording(session_path))
     experiment = experiment_of(request)
     store = prepared_films(request)
     folder, _ = open_session(session_path)

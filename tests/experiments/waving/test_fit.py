@@ -1,6 +1,8 @@
 """The fit of the simulated judge looks at the same judge."""
 
+import inspect
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -9,20 +11,37 @@ from analysis.statistics import art_anova
 from benchmarks.waving_fit import (
     CHECK_SEED,
     FIT_SEED,
+    FREE,
+    FRESH_SEED,
     PRINTED,
     PRINTED_DZ,
+    TARGETS,
     Expected,
+    Target,
     Waves,
     art_p,
-    loss_terms,
+    evolved,
+    expected,
+    fitted,
     point_of,
     population_of,
+    source_lines,
     understood,
     varied,
+    waves_of,
 )
-from experiments.waving.judgement import DEFAULT_POPULATION, Person, judge, lapse_share
+from experiments.waving.judgement import (
+    DEFAULT_POPULATION,
+    Person,
+    Population,
+    judge,
+    lapse_share,
+    noise_deg,
+    worth_of,
+)
 from experiments.waving.perception import Evidence
 from lab.errors import UsageError
+from tests.experiments.waving.test_participant_spread import SEEN
 
 BEARING = np.array([-24.0, -12.5, 0.0, 12.5, 24.0])
 POPULATION = replace(DEFAULT_POPULATION, lapse_01=0.1)
@@ -94,13 +113,74 @@ def test_a_variant_of_no_known_number_is_refused(text):
 def test_a_technique_that_does_harm_is_no_fit():
     power = (PRINTED.power(16, 0.05), 1.0, 0.05)
     better = Expected(
-        np.array([[0.6, 0.6, 0.5], [0.7, 0.7, 0.6]]), np.ones(2), np.ones(2), power,
-        PRINTED_DZ, 0.0, 0.25,
-    )  # fmt: skip
-    worse = replace(better, accuracy=better.accuracy[::-1], gain_dz=-PRINTED_DZ)
-    still = np.zeros(15)
-    assert 0.0 == loss_terms(better, still, still)["difference of techniques"]
-    assert loss_terms(worse, still, still)["difference of techniques"] > 100
+        accuracy=np.array([[0.7, 0.6, 0.5], [0.77, 0.67, 0.57]]),
+        sd_people=np.array([0.25, 0.2]),
+        sd_cells=np.array([0.25, 0.2]),
+        power=power,
+        gain_dz=PRINTED_DZ,
+        gain_skew=0.0,
+        reversed_01=0.25,
+    )
+    worse = replace(better, accuracy=better.accuracy[::-1], gain_dz=-PRINTED_DZ, reversed_01=0.75)
+    assert not better.misses.any()
+    missed = {t.name for t, miss in zip(TARGETS, worse.misses, strict=True) if miss > 1}
+    assert {
+        "accuracy orientation",
+        "accuracy warping",
+        "difference of techniques, mean over SD",
+        "people with whom it is reversed",
+    } == missed
+
+
+@pytest.mark.parametrize(
+    ("value", "miss"),
+    [(0.5, 0.0), (0.45, 0.0), (0.425, 0.5), (0.4, 1.0), (0.6, 1.0), (0.65, 2.0)],
+)
+def test_a_value_misses_its_target_by_one_where_it_is_on_a_limit(value, miss):
+    assert miss == pytest.approx(Target("", 0.4, 0.6, 0.05).miss(value))
+
+
+def test_places_are_weighed_as_the_judge_weighs_them():
+    w = waves(n=200, person=(0.5, -9.0, 0.0))  # who attends to all
+    q = POPULATION
+    noise = noise_deg(w.pixels[None], np.exp(q.acuity_sd * 0.5), q)
+    read = w.pointing_deg + noise * w.readings
+    worth = worth_of(read, noise, w.bearing_deg[None], w.reach_01[None], q)
+    worth[..., 2] += q.self_bias
+    attended = replace(q, lapse_01=1e-12)
+    assert (worth.argmax(axis=-1) == w.target).tolist() == understood(w, attended).tolist()
+
+
+def test_evolution_comes_to_the_lowest_point_of_a_narrow_valley():
+    lowest, widths = np.array([0.3, -0.2, 0.5, 0.0]), np.array([1.0, 0.1, 1.0, 0.3])
+
+    def loss(x):
+        return float((((x - lowest) / widths) ** 2).sum())
+
+    middles = evolved(loss, np.zeros(4), np.random.default_rng(2))
+    assert lowest == pytest.approx(
+        next(m for m in islice(middles, 150) if loss(m) < 1e-4), abs=0.02
+    )
+
+
+@pytest.mark.slow
+def test_constants_far_from_those_that_hold_are_fitted_anew():
+    away = 0.3 * np.random.default_rng(1).standard_normal(len(FREE))
+    start = point_of(DEFAULT_POPULATION) + away
+    assert max(expected(waves_of(SEEN, studies=100), population_of(start)).misses) > 1
+    found, holds = fitted(SEEN, start, minutes=10.0)
+    assert holds
+    tested = expected(waves_of(SEEN, studies=200, seed=CHECK_SEED), population_of(found))
+    assert max(tested.misses) <= 1
+
+
+def test_constants_are_printed_as_the_judge_has_them():
+    lines = source_lines(DEFAULT_POPULATION)
+    own = inspect.getsource(Population).splitlines()
+    assert len(lines) == len([line for line in lines if line in own])
+    assert {name.partition(".")[0] for name in FREE} == {
+        line.split(":")[0].strip() for line in lines
+    }
 
 
 def test_the_printed_f_of_technique_implies_the_difference_that_is_wanted():
@@ -109,4 +189,4 @@ def test_the_printed_f_of_technique_implies_the_difference_that_is_wanted():
 
 
 def test_fits_and_checks_share_no_seed_with_the_evaluation():
-    assert min(FIT_SEED, CHECK_SEED) > 10_000
+    assert min(FIT_SEED, FRESH_SEED, CHECK_SEED) > 10_000
