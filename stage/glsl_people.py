@@ -199,11 +199,18 @@ flat in uint person;
 """
     + "//OUTPUT//"
     + """
+#ifdef TEXTURED
+vec4 picture_here() {
 #if defined(KIND_CLOTH) && defined(SHRUNK)
-// Stripes that pixels of the small picture cannot hold must be gone before it is made small.
-#define PICTURE_HERE texture(picture, detail, SHRUNK)
+    // Stripes that pixels of the small picture cannot hold must be gone before it is made small.
+    vec2 size = vec2(textureSize(picture, 0));
+    vec2 right = dFdx(detail.xy) * size, up = dFdy(detail.xy) * size;
+    float span = 0.5 * SHRUNK * SHRUNK * (dot(right, right) + dot(up, up));
+    return textureLod(picture, detail, 0.5 * log2(max(span, 1e-8)));
 #else
-#define PICTURE_HERE texture(picture, detail)
+    return texture(picture, detail);
+#endif
+}
 #endif
 
 float grain(vec2 at) { return fract(sin(dot(at, vec2(12.9898, 78.233))) * 43758.5453); }
@@ -424,7 +431,7 @@ vec3 with_pores(vec3 n, vec2 at, out float uneven) {
 #ifdef VERTEX_LIT
 void main() {
 #ifdef TEXTURED
-    vec4 texel = texel_of(PICTURE_HERE);
+    vec4 texel = texel_of(picture_here());
     CUT(texel.a)
     deliver_lit(albedo_here, texel, person, surface.z, length(eye_m.xyz - place));
 #else
@@ -442,7 +449,7 @@ void main() {
     vec3 albedo = albedo_here;
     float alpha = 1.0;
 #ifdef TEXTURED
-    vec4 texel = texel_of(PICTURE_HERE);
+    vec4 texel = texel_of(picture_here());
     albedo *= texel.rgb;
     alpha = texel.a;
     CUT(alpha)

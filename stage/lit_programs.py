@@ -1,6 +1,5 @@
 """The shaders of people and rooms, compiled for what is drawn: kind of surface, lamps, pass."""
 
-from math import log2
 from typing import Literal
 
 import moderngl
@@ -36,7 +35,7 @@ class LitPrograms:
             *(("SHADOWS",) if shadows else ()),
             *(("AREA_LAMPS",) if shadows and area else ()),
             *(("IN_LIGHT",) if in_light else ()),
-            *((f"SHRUNK {log2(shrunk):.3f}",) if shrunk > 1 else ()),
+            *((f"SHRUNK {shrunk:.1f}",) if shrunk > 1 else ()),
         )
         self._fast = fast
         self._in_samples = in_light and SAMPLE_SHADING <= context.extensions
