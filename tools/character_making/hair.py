@@ -59,7 +59,10 @@ STYLES = {
     "crop": Style(
         combing=Combing(0.018, 0.45, 0.007, fringe_m=0.012, sweep_rad=-0.25, ragged_m=0.024)
     ),
-    "receding": Style(receding=0.8, combing=Combing(0.007, 0.8, sweep_rad=0.2, ragged_m=0.026)),
+    "receding": Style(
+        receding=0.8,
+        combing=Combing(0.007, 0.8, sweep_rad=0.2, ragged_m=0.026, loose=20, at_edge=16),
+    ),
 }
 
 
