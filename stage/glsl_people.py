@@ -201,11 +201,13 @@ flat in uint person;
     + """
 #ifdef TEXTURED
 vec4 picture_here() {
-#if defined(KIND_CLOTH) && defined(SHRUNK)
+#if defined(KIND_CLOTH) && defined(SHRUNK) && !defined(MAPPED)
     // Stripes that pixels of the small picture cannot hold must be gone before it is made small.
+    // Where cloth turns away, what lies beside it in the picture must not come in.
     vec2 size = vec2(textureSize(picture, 0));
     vec2 right = dFdx(detail.xy) * size, up = dFdy(detail.xy) * size;
-    float span = 0.5 * SHRUNK * SHRUNK * (dot(right, right) + dot(up, up));
+    float wide = dot(right, right), high = dot(up, up);
+    float span = SHRUNK * SHRUNK * min(0.5 * (wide + high), 2.0 * min(wide, high));
     return textureLod(picture, detail, 0.5 * log2(max(span, 1e-8)));
 #else
     return texture(picture, detail);
