@@ -24,6 +24,7 @@ from stimuli.motion.people import PeopleMotion, Person
 from stimuli.picture import Block, Camera, Light, Picture, PosedPeople, Room
 from stimuli.rooms import furniture
 from stimuli.rooms.audience_room import audience_room
+from stimuli.rooms.gallery import gallery
 from stimuli.rooms.office import office
 from stimuli.rooms.solids import cylinder
 from stimuli.rooms.station import station
@@ -285,7 +286,7 @@ def nobody() -> PosedPeople:
 
 
 def test_everything_that_stands_in_a_room_has_its_shade() -> None:
-    for place in (audience_room(), station(), office(), room_from("place_3")):
+    for place in (audience_room(), station(), office(), room_from("place_3"), gallery()):
         blocks = [block for prop in place.props for block in prop.blocks]
         for prop in place.props:
             vertices = prop.mesh.vertices_m.astype(np.float64)
