@@ -123,6 +123,7 @@ void shade_of_block() {
         away = far - size.x;
         place = vec2(far, 0.0);
         size.y = size.x * sqrt((far - size.x) / (far + size.x));
+        low = 1e-5;
     }
     float fading = 1.0 - smoothstep(0.5, 1.0, away / kind.x);
     shade(1.0 - clamp(hidden_by_box(place, size, low, high), 0.0, 1.0) * fading);

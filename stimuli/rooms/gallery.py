@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from lab.geometry import unit
-from stimuli.picture import Light, Prop, Room
+from stimuli.picture import Block, Light, Prop, Room
 from stimuli.rooms import furniture, surfaces
 from stimuli.rooms.solids import Srgb, box, flat, joined
 
@@ -90,8 +90,32 @@ def _standing() -> list[Prop]:
         )
     )
     return [
-        furniture.placed("partitions", partitions, (0, 0, 0), 0.0, surfaces.plaster(6)),
-        furniture.placed("pillars", pillars, (0, 0, 0), 0.0, surfaces.plaster(7)),
+        furniture.placed(
+            "partitions",
+            partitions,
+            (0, 0, 0),
+            0.0,
+            surfaces.plaster(6),
+            blocks=tuple(
+                Block(
+                    ((x0 + x1) / 2, 0, (z0 + z1) / 2),
+                    (x1 - x0) / 2,
+                    (z1 - z0) / 2,
+                    PARTITION_HIGH_M,
+                )
+                for x0, z0, x1, z1 in PARTITIONS_M
+            ),
+        ),
+        furniture.placed(
+            "pillars",
+            pillars,
+            (0, 0, 0),
+            0.0,
+            surfaces.plaster(7),
+            blocks=tuple(
+                Block((x, 0, z), PILLAR_M / 2, PILLAR_M / 2, CEILING_M) for x, z in PILLARS_M
+            ),
+        ),
     ]
 
 

@@ -24,7 +24,9 @@ from stimuli.motion.people import PeopleMotion, Person
 from stimuli.picture import Block, Camera, Light, Picture, PosedPeople, Room
 from stimuli.rooms import furniture
 from stimuli.rooms.audience_room import audience_room
+from stimuli.rooms.gallery import gallery
 from stimuli.rooms.office import office
+from stimuli.rooms.solids import cylinder
 from stimuli.rooms.station import station
 from tests.stage import figures
 
@@ -241,12 +243,11 @@ def test_floors_at_furniture_are_as_dark_as_the_sky_it_hides(renderer: Renderer,
     pairs = zip(points, towards, strict=True)
     points = points[[not stopped(p[None], t[None], corners)[0, 0] for p, t in pairs]]
     traced = stopped(points, even_rays(), corners.astype(np.float64)).mean(axis=1)
-    empty = Picture(0, room(), (), PosedPeople(*(np.zeros((0, *s)) for s in SHAPES_OF_NOBODY)))
     grey = tuple(
         replace(p, material=Material(p.name, "other", 0.9), casts_shadow=False) for p in things
     )
-    furnished = replace(empty, room=replace(room(), props=(*room().props, *grey)))
-    images = (renderer.image(given, eye(), SIZE_PX) for given in (furnished, empty))
+    furnished = replace(empty(), room=replace(room(), props=(*room().props, *grey)))
+    images = (renderer.image(given, eye(), SIZE_PX) for given in (furnished, empty()))
     lit, open_lit = (light_at(image, points, eye()) for image in images)
     shade = 1.0 - lit / open_lit
     assert traced.max() > 0.15
@@ -254,8 +255,38 @@ def test_floors_at_furniture_are_as_dark_as_the_sky_it_hides(renderer: Renderer,
     assert (abs(shade - traced) < WITHIN * 2).mean() > 0.95
 
 
+def test_shade_grows_up_to_the_foot_of_what_is_round(renderer: Renderer) -> None:
+    near_m, radius, foot = 4.3, 0.15, 0.142  # round feet are narrower than their blocks
+    things = furniture.placed(
+        "column",
+        cylinder((0, 0, 0), (0, 0.3, 0), foot, (160, 160, 160), sides=64),
+        (0, 0, -near_m - radius),
+        0.0,
+        casts_shadow=False,
+        blocks=(Block((0, 0, 0), radius, radius, 0.3, round=True),),
+    )
+    given = Picture(0, replace(room(), props=(*room().props, things)), (), nobody())
+    away = np.array([-0.005, 0.004, 0.012, 0.025, 0.05, 0.1])
+    points = np.column_stack([0 * away, 0 * away, away - near_m])
+    wide = replace(eye(), left=-0.04, right=0.04, bottom=-0.03, top=0.03)
+    lit = light_at(renderer.image(given, wide, SIZE_PX), points, wide)
+    corners = things.mesh.vertices_m[things.mesh.triangles].astype(np.float64)
+    traced = stopped(points, even_rays(), corners).mean(axis=1)
+    shade = 1.0 - lit / light_at(renderer.image(empty(), wide, SIZE_PX), points, wide)
+    assert (np.diff(shade) < 0.01).all()
+    assert abs(shade - traced)[1:].max() < WITHIN
+
+
+def empty() -> Picture:
+    return Picture(0, room(), (), nobody())
+
+
+def nobody() -> PosedPeople:
+    return PosedPeople(*(np.zeros((0, *s)) for s in SHAPES_OF_NOBODY))
+
+
 def test_everything_that_stands_in_a_room_has_its_shade() -> None:
-    for place in (audience_room(), station(), office(), room_from("place_3")):
+    for place in (audience_room(), station(), office(), room_from("place_3"), gallery()):
         blocks = [block for prop in place.props for block in prop.blocks]
         for prop in place.props:
             vertices = prop.mesh.vertices_m.astype(np.float64)
