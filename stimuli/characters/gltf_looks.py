@@ -15,6 +15,8 @@ MAX_TEXTURE_PX = 4096
 """Larger pictures are halved; graphics cards of ten years ago take these."""
 CLOTH_ROUGHNESS_01 = 0.85
 """Of clothes that share one material, and so one roughness, with skin."""
+SKIN_ROUGHNESS_01 = 0.6
+"""Of that skin: what exporters write where nobody said anything shines white at temples."""
 UNCUT_01 = 0.5
 """Where the renderer cuts: alpha is scaled so that the file's own cutoff lies there."""
 Pixels = npt.NDArray[np.uint8]
@@ -126,8 +128,9 @@ class Looks:
         slots = _slots(entry)
         roughness = float(look.get("roughnessFactor", 1.0))
         metalness = float(look.get("metallicFactor", 1.0))
-        if "surface" not in slots and shared and kind == "cloth":
-            roughness = max(roughness, CLOTH_ROUGHNESS_01)
+        if "surface" not in slots and shared:
+            least = {"cloth": CLOTH_ROUGHNESS_01, "skin": SKIN_ROUGHNESS_01}
+            roughness = max(roughness, least.get(kind, 0.0))
         maps = self._maps(entry, slots, roughness, metalness)
         base = self._base(entry, slots)
         if base is None and maps is not None:
