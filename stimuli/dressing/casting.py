@@ -67,9 +67,9 @@ def members_of(entries: Sequence[str], folder: Path, library: Path) -> tuple[Mem
     missing = [n for n in names if n not in cast_names() and not _file(library, n).exists()]
     if missing:
         raise DesignError(
-            f"cast: nobody called {', '.join(missing)} has been imported into {library}, nor is that "
-            f"a folder; there are {', '.join([*_imported(library), *cast_names()])}; "
-            "run `visavis character import` with the files of others"
+            f"cast: nobody called {', '.join(missing)} has been imported into {library}; run "
+            "`visavis character import` with their files, or name a folder of figures or some of "
+            f"who is there: {', '.join([*_imported(library), *cast_names()])}"
         )
     return tuple(
         Member(name, "" if name in cast_names() else _sha256(_file(library, name)))
