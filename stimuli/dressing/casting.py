@@ -67,8 +67,9 @@ def members_of(entries: Sequence[str], folder: Path, library: Path) -> tuple[Mem
     missing = [n for n in names if n not in cast_names() and not _file(library, n).exists()]
     if missing:
         raise DesignError(
-            f"cast: nobody called {', '.join(missing)} has been imported into {library}; "
-            "run `visavis character import` with their files"
+            f"cast: nobody called {', '.join(missing)} has been imported into {library}; run "
+            "`visavis character import` with their files, or name a folder of figures or some of "
+            f"who is there: {', '.join([*_imported(library), *cast_names()])}"
         )
     return tuple(
         Member(name, "" if name in cast_names() else _sha256(_file(library, name)))
@@ -157,6 +158,10 @@ def _person(member: Member) -> Character:
             "put the file of that day back"
         )
     return read_character(path)
+
+
+def _imported(library: Path) -> list[str]:
+    return sorted(path.stem for path in library.glob("*.npz"))
 
 
 def _file(library: Path, name: str) -> Path:

@@ -50,6 +50,7 @@ def test_folder_stands_for_the_figures_in_it_beside_names(lab: Path) -> None:
     ("entries", "told"),
     [
         (["bob"], "nobody called bob has been imported"),
+        (["anna", "bob"], "who is there: one_F, three_F, two_M, anna, bela, "),
         (["one_F", "figures"], "one_F named twice"),
         (["characters"], r"holds no \.glb"),
     ],

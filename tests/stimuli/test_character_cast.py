@@ -5,7 +5,7 @@ from scipy.spatial import cKDTree
 from lab.geometry import quat_from_yaw_pitch_deg, rotate
 from stimuli.characters.body_parts import PART_INDEX, PARTS
 from stimuli.characters.capsules import OUTSIDE_SHARE, PIECES
-from stimuli.characters.cast import cast_names, load_cast, load_character
+from stimuli.characters.cast import DATA, cast_names, load_cast, load_character
 from stimuli.characters.character import MORPHS, Character
 from stimuli.characters.closing import closed_surface, collision_mesh, is_closed, volume_m3
 from stimuli.characters.coverage import seen_areas_m2, visible_area_m2
@@ -37,6 +37,12 @@ def test_cast_is_six_women_then_six_men_of_different_size_and_age() -> None:
     assert len({c.stature_m for c in cast}) == 12
     assert len({c.age_years for c in cast}) == 12
     assert max(c.stature_m for c in cast) - min(c.stature_m for c in cast) > 0.2
+
+
+def test_the_whole_cast_has_at_most_25_megabytes() -> None:
+    sizes = [(DATA / f"{name}.npz").stat().st_size for name in cast_names()]
+    assert 12 == len(sizes)
+    assert 25e6 >= sum(sizes)
 
 
 def test_every_call_gives_the_same_objects() -> None:
