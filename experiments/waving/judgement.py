@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (5.34, 0.355, 44.7, 2.89)
+    blur_deg: tuple[float, float, float, float] = (7.11, 0.669, 52.3, 4.61)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (0.369, 21.3, 11.8, 4.45)
-    sharpness: float = 0.378
-    reach_power: float = 53.8
-    least_reach_01: float = 0.307
-    self_bias: float = 4.19
+    looseness_deg: tuple[float, float, float, float] = (0.343, 60.7, 10.3, 5.95)
+    sharpness: float = 0.494
+    reach_power: float = 22.3
+    least_reach_01: float = 0.166
+    self_bias: float = 2.08
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.25
-    lapse_01: float = 0.00357
-    lapse_sd: float = 0.149
+    acuity_sd: float = 1.17
+    lapse_01: float = 0.00559
+    lapse_sd: float = 0.276
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
