@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from stage.renderer import Renderer
     from visavis.filmed import FilmSeen
 
-MADE: Final = "vp9 3"
+MADE: Final = "vp9 4"
 """How films are drawn and encoded: another one here makes every film anew."""
 QUALITY: Final[Mapping[str, str]] = {
     "crf": "18",
