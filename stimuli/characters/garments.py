@@ -13,9 +13,6 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
-from scipy import ndimage
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from lab.geometry import Vector
 from stimuli.characters.body_parts import PART_INDEX
@@ -260,6 +257,8 @@ def _srgb_of(tone: Weights) -> Vector:
 
 def _joined(share: Weights, tags: npt.NDArray[np.uint8], worn: Worn) -> Weights:
     """Leave out what hangs together with nothing where such a garment is worn: socks, nails."""
+    from scipy import ndimage  # late: the first picture of other people need not wait for it
+
     where = {"top": _TOP, "bottom": _BOTTOM, "whole": _TOP + _BOTTOM}[worn]
     label, n = ndimage.label(share > 0.5, structure=np.ones((3, 3)))
     worn_there = np.isin(tags, [PART_INDEX[name] for name in where])
@@ -272,6 +271,9 @@ def _joined(share: Weights, tags: npt.NDArray[np.uint8], worn: Worn) -> Weights:
 
 def _islands(triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     """Return on which piece of the picture triangles lie (t,): those that share vertices."""
+    from scipy.sparse import coo_matrix  # late, as above
+    from scipy.sparse.csgraph import connected_components
+
     n = int(triangles.max()) + 1 if len(triangles) else 0
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
     graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
@@ -287,6 +289,8 @@ def _laid(
     shape: tuple[int, int],
 ) -> npt.NDArray[np.uint8]:
     """Return which tag lies on each pixel (h, w), a few pixels beyond seams, too; 0 on none."""
+    from scipy import ndimage  # late, as above
+
     height, width = shape
     image = Image.new("L", (width, height))
     draw = ImageDraw.Draw(image)
