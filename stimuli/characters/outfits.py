@@ -63,9 +63,14 @@ def in_other_clothes(character: Character, outfit: int) -> Character:
     materials = list(character.materials)
     for i, material in enumerate(materials):
         if material.name in wear:
+            grey = _grey(material)
             own = _mean_colour(character, i)
-            factors[i] = np.asarray(wear[material.name]) / np.maximum(own, 12.0)
-            materials[i] = _grey(material)
+            if grey is not material:
+                own = _mean_tint(character, i) * _mean_of_picture(grey)
+            factor = np.asarray(wear[material.name]) / np.maximum(own, 12.0)
+            lightest = max(_lightest(mesh, i, factor) for mesh in character.levels)
+            materials[i] = _lightened(grey, lightest / 255)
+            factors[i] = factor * min(1.0, 255 / lightest)
         elif material.kind == "hair":
             factors[i] = np.full(3, HAIR_LIGHTER[(outfit - 1) % len(HAIR_LIGHTER)])
     return replace(
@@ -139,24 +144,56 @@ def _other(
 
 
 def _mean_colour(character: Character, material: int) -> Vector:
+    mean = _mean_tint(character, material)
+    of_picture = _mean_of_picture(character.materials[material])
+    # Where the picture bears the colour, what is worn is both together.
+    return mean * of_picture if np.ptp(of_picture) > 4 / 255 else mean
+
+
+def _mean_tint(character: Character, material: int) -> Vector:
     mesh = character.levels[0]
     used = np.unique(mesh.triangles[mesh.triangle_material == material])
     mean: Vector = mesh.colour_srgb[used].mean(axis=0) if len(used) else np.full(3, 128.0)
-    picture = character.materials[material].texture_srgb
-    if picture is not None and np.ptp(picture[..., :3].reshape(-1, 3).mean(axis=0)) > 4:
-        # The picture bears the colour: what is worn is both together.
-        mean = mean * picture[..., :3].reshape(-1, 3).mean(axis=0) / 255
+    return mean
+
+
+def _mean_of_picture(material: Material) -> Vector:
+    """Return the mean of a material's picture, 1 for white; 1 without a picture."""
+    if material.texture_srgb is None:
+        return np.ones(3)
+    mean: Vector = material.texture_srgb[..., :3].reshape(-1, 3).mean(axis=0) / 255
     return mean
 
 
 def _grey(material: Material) -> Material:
     """Return a material whose picture bears light and dark alone; grey ones as they are."""
     picture = material.texture_srgb
-    if picture is None or np.ptp(picture[..., :3].reshape(-1, 3).mean(axis=0)) <= 4:
+    if picture is None or np.ptp(_mean_of_picture(material)) <= 4 / 255:
         return material
     grey = np.repeat(picture[..., :3].mean(axis=2, keepdims=True), 3, axis=2)
     pixels: npt.NDArray[np.uint8] = np.round(grey).astype(np.uint8)
     return replace(material, texture_srgb=pixels)
+
+
+def _lightened(material: Material, factor: float) -> Material:
+    """Return a material with a lighter picture where vertices cannot bear all of a light colour.
+
+    Their shade would lose its hue where 255 cuts off lit places alone. The grain stays, too: the
+    picture's lightest hundredth is white at most.
+    """
+    picture = material.texture_srgb
+    if picture is None or factor <= 1:
+        return material
+    grain = picture.astype(np.float64)
+    grain[..., :3] *= min(factor, max(1.0, 255 / np.percentile(picture[..., :3], 99)))
+    pixels: npt.NDArray[np.uint8] = np.round(np.clip(grain, 0, 255)).astype(np.uint8)
+    return replace(material, texture_srgb=pixels)
+
+
+def _lightest(mesh: SkinnedMesh, material: int, factor: Vector) -> float:
+    """Return the greatest channel of a material's vertices in another colour, 1 at least."""
+    used = mesh.triangles[mesh.triangle_material == material]
+    return max(1.0, float((mesh.colour_srgb[used].reshape(-1, 3) * factor).max(initial=1.0)))
 
 
 def _recoloured(mesh: SkinnedMesh, factors: dict[int, Vector]) -> SkinnedMesh:

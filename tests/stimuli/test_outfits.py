@@ -7,10 +7,10 @@ import numpy.typing as npt
 import pytest
 
 from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import load_character
+from stimuli.characters.cast import cast_names, load_character
 from stimuli.characters.character import Character, Material, MaterialKind, SkinnedMesh
 from stimuli.characters.gltf import import_gltf
-from stimuli.characters.outfits import in_other_clothes
+from stimuli.characters.outfits import TOPS, in_other_clothes
 from tests.stimuli.valid_avatars import avatar_files, needs_avatars
 
 CELL_PX = 16
@@ -154,6 +154,41 @@ def test_plain_cloth_without_a_picture_changes_too() -> None:
     kind = np.repeat([kind for _, _, kind in WORN], 2)
 
     assert 3 > changed[kind != "cloth"].max()
+
+
+@pytest.mark.parametrize("name", ["elif", "gabriel"])
+def test_pattern_takes_the_hue_of_the_colour_it_is_given(name: str) -> None:
+    """What blue the checks had was taken out twice: beige came out orange."""
+    character = load_character(name)
+    top = [material.name for material in character.materials].index("top")
+    for outfit in range(1, 9):
+        other = in_other_clothes(character, outfit)
+        mesh = other.levels[0]
+        tint = mesh.colour_srgb[mesh.triangles[mesh.triangle_material == top]]
+        picture = other.materials[top].texture_srgb
+        assert picture is not None
+        seen = tint.reshape(-1, 3).mean(axis=0) * picture.reshape(-1, 3).mean(axis=0)
+        off = [np.ptp(seen / colour) / (seen / colour).mean() for colour in TOPS]
+        assert min(off) == pytest.approx(0, abs=0.08), outfit
+
+
+@pytest.mark.parametrize("name", cast_names())
+def test_shade_keeps_the_hue_of_cloth_in_other_clothes(name: str) -> None:
+    """A light colour cut off at 255 in lit places alone left brown stains below collars."""
+    character = load_character(name)
+    own = character.levels[0]
+    for outfit in range(1, 9):
+        other = in_other_clothes(character, outfit).levels[0]
+        for i, material in enumerate(character.materials):
+            if material.name not in {"top", "bottom", "shoe"}:
+                continue
+            used = np.unique(own.triangles[own.triangle_material == i])
+            bright = used[own.colour_srgb[used].min(axis=1) > 60]
+            if not len(bright) or other.colour_srgb[bright].min() < 40:
+                continue  # too dark: steps of one in 255 are much of it
+            share = other.colour_srgb[bright] / own.colour_srgb[bright]
+            hue = share / share[:, :1]
+            assert np.ptp(hue / hue.mean(axis=0), axis=0) == pytest.approx(0, abs=0.06), outfit
 
 
 @needs_avatars
