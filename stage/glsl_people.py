@@ -373,7 +373,7 @@ vec3 microfacets(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, flo
     float a = max(roughness * roughness, 0.02);
     // Normals that differ within a pixel widen its highlight (Kaplanyan and others 2016).
     vec3 leans_x = dFdx(n), leans_y = dFdy(n);
-    float a2 = min(a * a + min(0.32 * (dot(leans_x, leans_x) + dot(leans_y, leans_y)), 0.18), 1.0);
+    float a2 = min(a * a + min(0.7 * (dot(leans_x, leans_x) + dot(leans_y, leans_y)), 0.9), 1.0);
     vec3 f0 = mix(vec3(mirroring), albedo, metalness);
     float f90 = min(50.0 * f0.g, 1.0);
     vec3 matte = albedo * (1.0 - metalness);

@@ -24,6 +24,7 @@ from stimuli.characters.gltf_eyeballs import with_eyeballs
 from stimuli.characters.gltf_eyes import EyeFit, fitted_eye
 from stimuli.characters.gltf_figure import Figure, Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
+from stimuli.characters.gltf_islands import with_full_margins
 from stimuli.characters.gltf_kinds import canonical_weights, eyes_apart, face_look, worn_apart
 from stimuli.characters.gltf_looks import Looks, colour_factor, shine_as_roughness, srgb_of
 from stimuli.characters.gltf_marks import marks_of
@@ -129,7 +130,7 @@ def _imported(
         skeleton=rig.skeleton,
         levels=levels,
         measuring=measuring,
-        materials=tuple(materials),
+        materials=with_full_margins(materials, mesh),
         capsules=fitted_capsules(rig.skeleton, closed),
         eyeball=Eyeball(
             radius,

@@ -1,6 +1,7 @@
-"""A corner in which close-ups are taken: a grey backdrop, and lamps placed as in a seminar room.
+"""A corner in which close-ups are taken: a grey backdrop, and lamps before and above the person.
 
-A person stands at the origin and faces +z.
+A person stands at the origin and faces +z. Both sides of a face get the same light: where the white
+of one eye is brighter than that of the other, a look at the camera seems to go past it.
 """
 
 from functools import lru_cache
@@ -16,7 +17,7 @@ from stimuli.rooms.solids import flat
 @lru_cache(maxsize=1)
 def portrait_studio() -> Room:
     """Return the corner; the same object each time."""
-    key, rim = np.array([1.3, 2.7, 1.9]), np.array([-1.6, 2.6, -1.2])
+    key, rim = np.array([0.0, 2.7, 2.3]), np.array([0.0, 3.0, -1.8])
     face = np.array([0.0, 1.6, 0.0])
     backdrop = flat((-5.0, 0.0, -2.0), (10.0, 0, 0), (0, 5.0, 0), (128, 134, 140), uv_m=3.0)
     return Room(
@@ -29,12 +30,15 @@ def portrait_studio() -> Room:
         ),
         lights=(
             Light(
-                "spot", np.array([7.4, 7.1, 6.7]), key, unit(face - key), 40.0, casts_shadow=True
+                "spot", np.array([6.2, 6.0, 5.7]), key, unit(face - key), 40.0, casts_shadow=True
             ),
             Light(
                 "spot", np.array([3.4, 3.5, 3.7]), rim, unit(face - rim), 40.0, casts_shadow=True
             ),
-            Light("point", np.array([1.0, 1.03, 1.1]), np.array([-1.7, 1.7, 1.9])),
+            *(
+                Light("point", np.array([0.8, 0.82, 0.85]), np.array([side * 1.9, 1.7, 1.7]))
+                for side in (-1, 1)
+            ),
         ),
         sky=np.array([0.33, 0.33, 0.34]),
         ground=np.array([0.22, 0.20, 0.18]),
