@@ -229,6 +229,7 @@ float smooth_grain(float at) {
 const float UPPER_LID = 0.85, LOWER_LID = 1.0, CORNER = 2.2;
 const float UPPER_DEEP = 0.40, LOWER_DEEP = 0.20, CORNER_DEEP = 0.40;
 const float BESIDE_BROW_AND_NOSE = 0.80;  // of the light all round
+const float FARTHEST_GLINT = 0.70;  // a tangent, from the line of sight
 
 // The share of the light all round that an edge hides, so deep, at a place so far from it.
 float hidden_by(float deep, float away) {
@@ -269,11 +270,31 @@ float below_lid(vec3 towards, vec3 n, float up) {
     return (1.0 - 0.75 * lid) * (1.0 - 0.6 * smoothstep(0.8, 2.0, rise));
 }
 
+// Whither a cornea that mirrors the lamps must reflect the view: to the middle of those before the
+// face. Of lamps overhead the glint is seen at the lid's edge, so no farther than that.
+vec3 glint_towards(vec3 lamps, vec3 view) {
+    vec3 middle = normalize(lamps + 1e-4 * view);
+    vec3 aside = middle - view * dot(middle, view);
+    float far = length(aside) / max(dot(middle, view), 1e-3);
+    return normalize(view + aside * (min(far, FARTHEST_GLINT) / max(length(aside), 1e-4)));
+}
+
 vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
     float iris = float(surface.y) / 255.0, pupil = float(surface.w) / 255.0;
     float fair = smoothstep(0.05, 0.25, float(surface.x >> 3) / 31.0);  // the skin about it
-    vec3 side = normalize(cross(vec3(0.0, 1.0, 0.0), view) + vec3(1e-5));
-    vec3 box = normalize(view + 0.62 * vec3(0.0, 1.0, 0.0) - 0.34 * side);
+
+    vec3 arrived = ambient_at(n) * BESIDE_BROW_AND_NOSE;
+    vec3 lamps = vec3(0.0, 1e-3, 0.0);
+    float raised = normalize(detail).y / iris;
+    for (int i = 0; i < LAMPS; ++i) {
+        vec3 towards;
+        vec3 arriving = lamp_at(i, place, towards);
+        lamps += towards * (arriving.g * max(dot(view, towards), 0.0));
+        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, n);
+        arrived += arriving * (below_lid(towards, n, raised)
+                               * max((dot(n, towards) + 0.25) / 1.5625, 0.0));
+    }
+    vec3 box = glint_towards(lamps, view);
 
     // From afar an iris is smaller than two pixels: one point of each says little of where it is.
     vec3 right = ACROSS * dFdx(detail), up = ACROSS * dFdy(detail);
@@ -294,15 +315,6 @@ vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
     }
     float points = float(wide * wide);
 
-    vec3 arrived = ambient_at(n) * BESIDE_BROW_AND_NOSE;
-    float raised = normalize(detail).y / iris;
-    for (int i = 0; i < LAMPS; ++i) {
-        vec3 towards;
-        vec3 arriving = lamp_at(i, place, towards);
-        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, n);
-        arrived += arriving * (below_lid(towards, n, raised)
-                               * max((dot(n, towards) + 0.25) / 1.5625, 0.0));
-    }
     vec3 sky_light = sky.rgb + 0.25;
     vec3 result = arrived * seen.rgb / points;
     result += sky_light * (catch_light / points * tone.y);

@@ -1,7 +1,7 @@
 """Where the cast looks can be told from the pixels of a headset."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from stimuli.gaze.turning import Aimed
 from stimuli.motion.kinds import Idle
 from stimuli.motion.people import PeopleMotion, Person
 from stimuli.motion.skeleton import forward
-from stimuli.picture import Camera, Picture
+from stimuli.picture import Camera, Light, Picture
 from stimuli.rooms.portrait import portrait_studio
 
 AWAY_M, PX_PER_DEG, AVERTED_DEG = 3.5, 12.0, 10.0
@@ -58,14 +58,21 @@ straight ahead; with the lamp of the studio beside the camera it was up to 1.9.
 MAX_BELOW_LID_SHARE = 0.98
 
 
-def standing(person: Character, away_m: float, averted_deg: float) -> tuple[Picture, Vector]:
-    """Return somebody who faces +z and looks that far, and the places (2, 3) of their eyes."""
+def standing(
+    person: Character, away_m: float, averted_deg: float, lamp: Light | None = None
+) -> tuple[Picture, Vector]:
+    """Return somebody who faces +z and looks that far, and the places (2, 3) of their eyes.
+
+    The studio's lamps light them, or the one given.
+    """
     motion = PeopleMotion((Person(build_of(person), Idle(lively=0.0), 1, heading_deg=180.0),))
     gaze = rotate(quat_from_yaw_pitch_deg(averted_deg), TOWARDS)
     people = motion.at(1.0, Aimed(gaze[None], np.ones(1), np.array([away_m])))
     body = forward(person.skeleton, people.root_m[0], people.orientation_wxyz[0])
     rows = [person.skeleton.index(f"{side}_eye") for side in ("left", "right")]
-    return Picture(0, portrait_studio(), (person,), people), body.position_m[rows]
+    studio = portrait_studio()
+    room = studio if lamp is None else replace(studio, lights=(lamp,))
+    return Picture(0, room, (person,), people), body.position_m[rows]
 
 
 def light_of(image: npt.NDArray[np.uint8]) -> Vector:
@@ -99,11 +106,13 @@ class Eye:
     y: Vector
 
 
-def eye_at(renderer: Renderer, person: Character, away_m: float, side: int = 0) -> Eye:
+def eye_at(
+    renderer: Renderer, person: Character, away_m: float, side: int = 0, lamp: Light | None = None
+) -> Eye:
     """Draw the left eye (`side` 0) or the right one of somebody who looks at the camera at
     PX_PER_DEG, once in each place.
     """
-    picture, eyes_m = standing(person, away_m, 0.0)
+    picture, eyes_m = standing(person, away_m, 0.0, lamp)
     eye_m = eyes_m[side]
     px = np.radians(1.0 / PX_PER_DEG)
     iris_px = person.eyeball.iris_radius_m / away_m / px
@@ -130,9 +139,11 @@ def eye_at(renderer: Renderer, person: Character, away_m: float, side: int = 0) 
     return Eye(*(np.array(one) for one in zip(*seen, strict=True)))
 
 
-def close_up(renderer: Renderer, person: Character) -> tuple[Vector, Vector, Vector]:
+def close_up(
+    renderer: Renderer, person: Character, lamp: Light | None = None
+) -> tuple[Vector, Vector, Vector]:
     """Return the light (n, n) of a left eye from 1 m, and x and y as `Eye` has them."""
-    picture, (eye_m, _) = standing(person, 1.0, 0.0)
+    picture, (eye_m, _) = standing(person, 1.0, 0.0, lamp)
     camera = Camera(
         Pose(eye_m + TOWARDS, quat_from_yaw_pitch_deg(0.0)), -CLOSE, CLOSE, -CLOSE, CLOSE
     )
@@ -213,9 +224,10 @@ def test_a_catch_light_behind_the_lid_is_not_seen(renderer: Renderer) -> None:
     """Pixels at the lid's edge showed what lies behind it, too."""
     ike = load_character("ike")
     dull = WithoutCatchLight(renderer.context, quality=renderer.quality)
+    overhead = Light("point", np.full(3, 8.0), np.array([0.0, 3.5, 1.5]))
     found = {}
     for away_m in (2.0, AWAY_M):
-        shining, without = eye_at(renderer, ike, away_m), eye_at(dull, ike, away_m)
+        shining, without = (eye_at(one, ike, away_m, lamp=overhead) for one in (renderer, dull))
         assert MAX_HIDDEN_GLINT_01 > (shining.true - without.true).max()
         found[away_m] = float((shining.drawn - without.drawn).max())
     dull.close()
@@ -232,6 +244,18 @@ def test_a_pixel_of_an_iris_is_the_mean_of_what_lies_in_it(renderer: Renderer) -
         squares.append(((eye.drawn - eye.true)[about] ** 2).mean())
     single.close()
     assert MAX_IRIS_ERROR_01 > np.sqrt(np.mean(squares))
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_catch_lights_stand_on_the_side_of_the_lamp(renderer: Renderer, side: int) -> None:
+    """They stood on the same side whatever lit the face."""
+    lamp = Light("point", np.full(3, 5.0), np.array([side * 1.0, 2.0, 2.0]))
+    freya = load_character("freya")
+    dull = WithoutCatchLight(renderer.context, quality=renderer.quality)
+    light, x, y = close_up(renderer, freya, lamp)
+    glint = np.maximum(light - close_up(dull, freya, lamp)[0], 0.0)
+    assert side * (glint * x).sum() / glint.sum() > 0.1
+    assert (glint * y).sum() / glint.sum() > 0.1
 
 
 def test_irises_darken_towards_their_rims(renderer: Renderer) -> None:
