@@ -47,7 +47,7 @@ def with_full_margins(materials: Sequence[Material], mesh: SkinnedMesh) -> tuple
             filled[id(pixels)] = pixels if source is None else pixels[source]
 
     def of(pixels: Pixels | None) -> Pixels | None:
-        return None if pixels is None else filled[id(pixels)]
+        return None if pixels is None else filled.get(id(pixels), pixels)
 
     def of_maps(maps: Maps | None) -> Maps | None:
         if maps is None:

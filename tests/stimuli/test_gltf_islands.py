@@ -23,7 +23,7 @@ def squares(*corners_px: tuple[int, int, int, int]) -> SkinnedMesh:
         np.zeros((n, 3), np.float32),
         np.zeros((n, 3), np.float32),
         np.zeros((n, 3), np.uint8),
-        np.array(uv, np.float32) / SIDE_PX,
+        (np.array(uv) / SIDE_PX).astype(np.float32),
         np.zeros((n, 4), np.uint8),
         np.zeros((n, 4), np.float32),
         np.array(triangles, np.int32),
@@ -33,7 +33,9 @@ def squares(*corners_px: tuple[int, int, int, int]) -> SkinnedMesh:
     )
 
 
-def atlas(*painted: tuple[tuple[int, int, int, int], tuple[int, int, int]]) -> npt.NDArray:
+def atlas(
+    *painted: tuple[tuple[int, int, int, int], tuple[int, int, int]],
+) -> npt.NDArray[np.uint8]:
     """Return a bright picture with squares painted into it."""
     picture = np.full((SIDE_PX, SIDE_PX, 3), BESIDE, np.uint8)
     for (left, top, right, bottom), colour in painted:
@@ -44,7 +46,8 @@ def atlas(*painted: tuple[tuple[int, int, int, int], tuple[int, int, int]]) -> n
 def small(picture: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
     """Return a picture as it is read from afar: each pixel the mean of those it stands for."""
     n = SIDE_PX // SMALLER
-    return picture.reshape(n, SMALLER, n, SMALLER, 3).mean(axis=(1, 3))
+    found: npt.NDArray[np.float64] = picture.reshape(n, SMALLER, n, SMALLER, 3).mean(axis=(1, 3))
+    return found
 
 
 def test_a_dark_piece_stays_dark_to_its_edge_from_afar() -> None:
@@ -78,7 +81,8 @@ def test_each_piece_goes_on_until_it_meets_the_next() -> None:
 
     hair, skin = with_full_margins(worn, squares(dark, light))
 
-    assert hair.texture_srgb is skin.texture_srgb is not None
+    assert hair.texture_srgb is not None
+    assert hair.texture_srgb is skin.texture_srgb
     assert DARK == tuple(hair.texture_srgb[:, :58].max(axis=(0, 1)))
     assert LIGHT == tuple(hair.texture_srgb[:, 62:].min(axis=(0, 1)))
 
@@ -94,6 +98,15 @@ def test_maps_go_on_as_their_picture_does() -> None:
     assert coat.maps.surface is not None
     assert coat.maps.normal is None
     assert DARK == tuple(coat.maps.surface.max(axis=(0, 1)))
+
+
+def test_a_picture_of_one_colour_stays_the_same() -> None:
+    white = np.full((1, 1, 3), 255, np.uint8)
+    worn = Material("coat", "cloth", 0.7, white, maps=Maps(normal=atlas()))
+
+    (coat,) = with_full_margins([worn], squares((21, 37, 59, 90)))
+
+    assert coat.texture_srgb is white
 
 
 @pytest.mark.parametrize("place", [(0, 0, 128, 128), (0, 0, 1024, 512)])
