@@ -139,6 +139,70 @@ def test_necklines_below_a_cardigan_lie_on_the_skin(name: str) -> None:
     assert 0.004 > np.mean(edge_m)
 
 
+@pytest.mark.parametrize("name", ["bela", "jun"])
+def test_necklines_below_a_cardigan_are_smooth(name: str) -> None:
+    """Where parts of the cut met, bela's stood out of its band in flaps, 7.5 mm off its line."""
+    person = load_character(name)
+    neck = person.skeleton.rest_m[person.skeleton.index("neck")]
+    off = _points(person, _triangles(person, "under"), 12) - neck
+    away = np.hypot(off[:, 0], off[:, 2])
+    sides = np.digitize(np.arctan2(off[:, 0], -off[:, 2]), np.linspace(-np.pi, np.pi, 49)) - 1
+    edge_m = []
+    for side in range(48):
+        mine = sides == side
+        edge_m.append(off[mine & (away < away[mine].min() + 0.003), 1].mean())
+    waves = np.fft.rfft(edge_m)
+    waves[4:] = 0.0
+    assert 0.002 > np.std(np.array(edge_m) - np.fft.irfft(waves, 48))
+
+
+def _skin_below_eyes(person: Character) -> tuple[Vector, Vector]:
+    """Return points (n, 3) of face and throat, from between the eyes, and how light (n,) their
+    picture is.
+    """
+    rest_m, joints = person.skeleton.rest_m, person.skeleton
+    eye = (rest_m[joints.index("left_eye")] + rest_m[joints.index("right_eye")]) / 2
+    skin = _triangles(person, "skin")
+    middle = person.levels[0].vertices_m[skin].mean(axis=1) - eye
+    near = (np.abs(middle[:, 0]) < 0.06) & (middle[:, 2] < 0.085) & (middle[:, 1] < -0.03)
+    skin = skin[near & (middle[:, 1] > -0.2)]
+    points = _points(person, skin, 40) - eye
+    points[:, 0] = np.abs(points[:, 0])
+    return points, _pictured(person, "skin", skin, 40).mean(axis=1)
+
+
+def _light_at(points: Vector, light: Vector, x_m: float, y_m: float) -> float:
+    near = (np.abs(points[:, 0] - x_m) < 0.005) & (np.abs(points[:, 1] - y_m) < 0.0025)
+    return float(np.median(light[near]))
+
+
+BEARDED = [name for name in cast_names() if RECIPE[name].face.stubble > 0.6]
+
+
+@pytest.mark.parametrize("name", BEARDED)
+def test_beards_end_rounded_below_the_jaw(name: str) -> None:
+    """They ended along a level line, 3 cm down the throat, like bibs."""
+    points, light = _skin_below_eyes(load_character(name))
+    ends_m = []
+    for x_m in (0.005, 0.040):
+        levels_m = np.arange(-0.095, -0.170, -0.0025)
+        down = np.array([_light_at(points, light, x_m, float(y_m)) for y_m in levels_m])
+        half = (down[:3].mean() + down[-3:].mean()) / 2
+        ends_m.append(levels_m[np.flatnonzero(down < half)[-1]])
+    middle_m, side_m = ends_m
+    assert -0.145 < middle_m
+    assert 0.010 < side_m - middle_m
+
+
+@pytest.mark.parametrize("name", BEARDED)
+def test_beards_have_moustaches(name: str) -> None:
+    """Skin between nose and lip was as light as a bare cheek's: beards began at the mouth."""
+    points, light = _skin_below_eyes(load_character(name))
+    beard, bare = _light_at(points, light, 0.0, -0.100), _light_at(points, light, 0.030, -0.045)
+    lip = _light_at(points, light, 0.012, -0.0595)
+    assert 0.5 < (bare - lip) / (bare - beard)
+
+
 def _points_of(body: SkinnedMesh) -> Vector:
     shares = np.random.default_rng(0).dirichlet(np.ones(3), 40)
     corners = body.vertices_m[body.triangles].astype(np.float64)

@@ -22,6 +22,7 @@ from tools.character_making.clothes import (
     cut_of,
     finished,
     shirt_below,
+    shirt_field,
     top,
     top_field,
     trousers,
@@ -272,7 +273,7 @@ def clothed(
             in_m = depth_m * vertex_normals(shown.vertices_m, shown.triangles)
             shown = replace(shown, vertices_m=shown.vertices_m - in_m)
             some += [finished(figure, shown, rgb(upper.second), 0.002), *turnover]
-        fields.append(top_field(figure, lines, cut_of(inner), p, body.weights))
+        fields.append(shirt_field(figure, stuff, inner, p, body.weights, collared=collared))
     tone, _ = fabric(lower.pattern, rgb(lower.colour), rgb(lower.second), rng)
     down_to = lines.ankle - 0.015
     fields.append(np.maximum(p[:, 1] - waist, down_to - p[:, 1]))

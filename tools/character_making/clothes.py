@@ -192,7 +192,9 @@ def shirt_below(figure: Figure, stuff: Stuff, garment: Garment, *, collared: boo
     """
     cut = cut_of(garment)
     piece = stuff.piece
-    outside = top_field(figure, stuff.lines, cut, piece.vertices_m, piece.weights)
+    outside = shirt_field(
+        figure, stuff, garment, piece.vertices_m, piece.weights, collared=collared
+    )
     piece = replace(clipped(piece, outside), material="under")
     place = hanging(piece, cut.rounds, cut.clearance_m)
     if collared:
@@ -204,6 +206,62 @@ def shirt_below(figure: Figure, stuff: Stuff, garment: Garment, *, collared: boo
     free = np.clip(np.asarray(away_m) / _SETTLES_M, 0, 1)
     place = skin.held(place, np.where(free < 1, _RIM_OFF_M + 0.01 * free, np.inf))
     return replace(piece, vertices_m=place)
+
+
+def shirt_field(
+    figure: Figure,
+    stuff: Stuff,
+    garment: Garment,
+    points_m: Vector,
+    weights: Vector,
+    *,
+    collared: bool,
+) -> Vector:
+    """Return metres outside a shirt below a jacket (v,). Without a collar its neckline is round:
+    where the parts of a top's neckline meet it has corners, over which no band lies.
+    """
+    cut, piece = cut_of(garment), stuff.piece
+    outside = top_field(figure, stuff.lines, cut, points_m, weights)
+    if collared:
+        return outside
+    whole = top_field(figure, stuff.lines, cut, piece.vertices_m, piece.weights)
+    angular = clipped(piece, whole)
+    neck = figure.at("neck")
+    rim = angular.vertices_m[np.unique(border(angular.triangles))] - neck
+    angle, away, height = _round_neck(rim[np.linalg.norm(rim, axis=1) < _NECKLINE_M])
+    order = np.argsort(angle)
+    even = np.linspace(-np.pi, np.pi, _ROUND_AT, endpoint=False)
+    fading = np.exp(-((np.arange(_ROUND_AT // 2 + 1) / _ROUND_WAVES) ** 2))
+    d = points_m - neck
+    at, out, up = _round_neck(d)
+    edge_out, edge_up = (
+        np.interp(
+            at,
+            even,
+            np.fft.irfft(
+                fading * np.fft.rfft(np.interp(even, angle[order], line[order], period=2 * np.pi)),
+                _ROUND_AT,
+            ),
+            period=2 * np.pi,
+        )
+        for line in (away, height)
+    )
+    within = 0.7 * (up - edge_up) + 0.7 * (edge_out - out)
+    near = np.linalg.norm(d, axis=1) < _NECKLINE_M
+    return np.where(near, within, outside)
+
+
+def _round_neck(off_m: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return the angles (n,) of points off the neck's joint from the front, in radians, how far
+    from its axis they are, and how high.
+    """
+    x, y, z = off_m.T
+    return np.arctan2(x, -z), np.hypot(x, z), y
+
+
+_ROUND_AT, _ROUND_WAVES = 96, 3.2
+"""At how many angles a round neckline is known, and how many waves of it are left round the neck.
+"""
 
 
 def _spanning(

@@ -175,17 +175,32 @@ def _stubbled(
     colour: Vector, canvas: SkinCanvas, pixels: Indices, q: Vector, face: Face, seed: int
 ) -> Vector:
     x, y, z = np.abs(q[:, 0]), q[:, 1], q[:, 2]
+    ragged = 0.004 * noise(q, 160, seed + 41)
     # Upper lip, chin and jaw up to the ear; cheeks stay free above a sloping line.
-    line = np.interp(x, [0.0, 0.02, 0.035, 0.055, 0.075], [-0.058, -0.058, -0.066, -0.055, -0.02])
-    edge = line - y + 0.004 * noise(q, 160, seed + 41)
-    beard = np.clip(edge / 0.012, 0, 1) * np.clip((0.075 - z) / 0.015, 0, 1)
-    beard *= np.clip((y + 0.155) / 0.02, 0, 1)
+    line, over_m = (np.interp(x, _BEARD_AT_M, some) for some in (_BEARD_FROM_M, _BEARD_GROWS_M))
+    beard = np.clip((line - y + ragged) / over_m, 0, 1) * np.clip((0.08 - z) / 0.02, 0, 1)
+    # Below the jaw it thins out, less far at the sides.
+    chin_m = y[(x < 0.01) & (z < 0.0) & (y > -0.15)].min()
+    jaw = chin_m + np.interp(x, _JAW_AT_M, _JAW_RISES_M)
+    below = np.clip((jaw - y + ragged) / _BEARD_ENDS_M, 0, 1)
+    beard *= 1 - below**2 * (3 - 2 * below)
+    beard *= 1 - 0.3 * _bump(x, 0.003) * (y > -0.066)
     beard *= 1 - canvas.mask("mpfb_lips", pixels)
     hairs = 0.5 + 0.5 * noise(q, [1500, 600, 1500], seed + 42)
     full = np.clip(face.stubble - 0.6, 0, 1) / 0.4
     share = beard * (0.30 * face.stubble + (0.35 + 0.5 * full) * face.stubble * hairs)
     tone = np.array(face.brow) / 255 * 0.9 + 0.04 * (1 - full)
     return _mixed(colour, tone, share)
+
+
+_BEARD_AT_M = [0.0, 0.012, 0.02, 0.03, 0.04, 0.055, 0.075]
+_BEARD_FROM_M = [-0.0515, -0.052, -0.055, -0.062, -0.064, -0.053, -0.018]
+_BEARD_GROWS_M = [0.006, 0.006, 0.008, 0.010, 0.015, 0.018, 0.018]
+"""Below which height, at distances from the middle of the face, beards grow, and within how much
+they become dense."""
+_JAW_AT_M, _JAW_RISES_M = [0.0, 0.02, 0.04, 0.055, 0.065], [0.0, 0.002, 0.013, 0.029, 0.050]
+_BEARD_ENDS_M = 0.034
+"""How far below the jaw a beard ends."""
 
 
 def _scalp(
