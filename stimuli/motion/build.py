@@ -120,9 +120,9 @@ def _behind_thigh_m(thigh: Vector, hip: Vector, knee: Vector, first: float, last
     return float(np.quantile(behind, 0.99)) if len(behind) else 0.08
 
 
-ARM_CLEAR_M = 0.012
+ARM_CLEAR_M = 0.018
 """Between an arm that hangs and what is worn on the trunk, which leans and turns under it."""
-MAX_ELBOW_BESIDE_M = 0.225
+MAX_ELBOW_BESIDE_M = 0.215
 """Wider elbows would reach over the edge of a seat to who sits beside."""
 ALONG_ARM = np.linspace(0.8, 1.1, 4)
 """Shares of the upper arm; above them it belongs to the shoulder, trunk and sleeve are one."""

@@ -94,6 +94,6 @@ def test_arms_of_imported_sitters_are_clear_of_their_trunk_or_at_the_edge_of_the
 
 
 @pytest.mark.parametrize("person", CAST, ids=[c.name for c in CAST])
-def test_elbows_of_sitters_stay_over_the_seat(person: Character) -> None:
+def test_elbows_of_sitters_stay_within_a_centimetre_of_the_seat(person: Character) -> None:
     for seed in SEEDS:
-        assert MAX_ELBOW_BESIDE_M + 0.010 > max(x for _, x in _arms(person, seed))
+        assert 0.235 > max(x for _, x in _arms(person, seed))  # seats are 0.45 m wide, arms 9 cm
