@@ -96,6 +96,7 @@ def build_of_skeleton(skeleton: Skeleton) -> Build:
         b[p.B_HEAD_HALF], b[p.B_EAR_Y], size, b[p.B_HAND]
     )
     b[p.B_HAND_THICK] = PALM_M + BACK_M
+    b[p.B_ELBOW_BESIDE] = b[p.B_SHOULDER_X]
     return Build(skeleton, b)
 
 
@@ -117,6 +118,31 @@ def _behind_thigh_m(thigh: Vector, hip: Vector, knee: Vector, first: float, last
     bone_z = hip[2] + share * (knee[2] - hip[2])
     behind = (thigh[:, 2] - bone_z)[(share > first) & (share < last)]
     return float(np.quantile(behind, 0.99)) if len(behind) else 0.08
+
+
+ARM_CLEAR_M = 0.018
+"""Between an arm that hangs and what is worn on the trunk, which leans and turns under it."""
+MAX_ELBOW_BESIDE_M = 0.215
+"""Wider elbows would reach over the edge of a seat to who sits beside."""
+ALONG_ARM = np.linspace(0.8, 1.1, 4)
+"""Shares of the upper arm; above them it belongs to the shoulder, trunk and sleeve are one."""
+
+
+def _elbow_beside_m(trunk: Vector, arm: Vector, shoulder: Vector, elbow: Vector) -> float:
+    """Return how far from the middle an elbow is whose arm hangs just clear of the trunk."""
+    length_m = float(np.linalg.norm(elbow - shoulder))
+    out_m = abs(float(shoulder[0]))
+    share = (shoulder[0] - arm[:, 0]) / length_m
+    off_m = np.hypot(arm[:, 1] - shoulder[1], arm[:, 2] - shoulder[2])
+    found = out_m
+    for along in ALONG_ARM:
+        beside = trunk[np.abs(shoulder[1] - trunk[:, 1] - 0.95 * along * length_m) < 0.025]
+        around = off_m[np.abs(share - min(along, 0.95)) < 0.10]
+        if len(beside) and len(around):
+            side_m = float(np.quantile(np.abs(beside[:, 0]), 0.98))
+            clear_m = side_m + float(np.quantile(around, 0.9)) + ARM_CLEAR_M
+            found = max(found, out_m + (clear_m - out_m) / along)
+    return min(found, MAX_ELBOW_BESIDE_M)
 
 
 def build_of_character(character: Character) -> Build:
@@ -150,6 +176,9 @@ def build_of_character(character: Character) -> Build:
     belly = trunk[np.abs(trunk[:, 1] - 0.35 * b[p.B_TRUNK]) < 0.08]
     if len(belly):
         b[p.B_BELLY] = -np.quantile(belly[:, 2], 0.02)
+    b[p.B_ELBOW_BESIDE] = _elbow_beside_m(
+        trunk, _of_part(mesh, "left_upper_arm"), at("left_upper_arm"), at("left_lower_arm")
+    )
     b[p.B_HAND_THICK] = hand_thickness_m(character)
     b[p.B_AT_EAR : p.B_AT_EAR + 9] = at_ear_of_character(character)
     return replace(build, lengths_m=b)

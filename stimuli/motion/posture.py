@@ -39,7 +39,7 @@ KNEE_OUT: Final = 7
 
 ARM: Final = 28
 """Start of the left arm; the right one follows after `ARM_SIZE`."""
-ARM_SIZE: Final = 60
+ARM_SIZE: Final = 61
 SHOULDER_UP: Final = 0
 SHOULDER_FORWARD: Final = 1
 ARM_FLEX: Final = 2
@@ -63,7 +63,9 @@ OPPOSE: Final = 17
 SPREAD: Final = 18
 KNUCKLE: Final = 19
 """Of a curl this share is kept from the knuckles: fingers round the edge of something flat."""
-HOLD: Final = 20
+ELBOW_BESIDE: Final = 20
+"""The elbow of a held hand is at least so far from the middle of the chest, to its side."""
+HOLD: Final = 21
 """Start of the holds: weight, then place (3), finger direction (3) and palm direction (3), all
 already multiplied by the weight, in the axes of the held thing. The weights of an arm sum to at
 most one; the rest belongs to the joint angles above."""
@@ -153,4 +155,6 @@ B_AT_EAR: Final = 24
 """A left hand with a telephone at the ear, in the head's axes: wrist, ways of fingers and palm."""
 B_HAND_THICK: Final = 33
 """Palm to back, about the knuckles."""
-B_SIZE: Final = 34
+B_ELBOW_BESIDE: Final = 34
+"""Elbow from the middle of the trunk where the arm hangs just clear of it."""
+B_SIZE: Final = 35

@@ -36,6 +36,8 @@ from stimuli.motion.quaternion_kernels import (
 
 MAX_KNEE = np.radians(150.0)
 MAX_ELBOW = np.radians(146.0)
+EASY_REACH = 0.93
+"""Share of the arm's length that a hand at rest is away; straighter elbows cannot give way."""
 MAX_FOREARM_TWIST = np.radians(80.0)
 MIN_WRIST = (np.radians(-36.0), np.radians(-70.0))
 MAX_WRIST = (np.radians(42.0), np.radians(80.0))
@@ -222,6 +224,41 @@ def _possible_wrist(q: Quat) -> Quat:
 
 
 @compiled
+def _slid_back(to: Triple, way: Triple, upper: Triple, lower: Triple) -> float:
+    """Return how far a hand slides along `way` until the elbow is bent, at most to the nearest."""
+    most = EASY_REACH * (np.sqrt(dot(upper, upper)) + np.sqrt(dot(lower, lower)))
+    over, ahead = dot(to, to) - most * most, -dot(to, way)
+    if over <= 0.0 or ahead <= 0.0:
+        return 0.0
+    return float(ahead - np.sqrt(max(0.0, ahead * ahead - over)))
+
+
+@compiled
+def _beside(
+    pole: Triple, to: Triple, outward: Triple, beside: float, upper: Triple, lower: Triple
+) -> Triple:
+    """Return the pole, swivelled about the way to the wrist as little as brings the elbow so far
+    along `outward` from the shoulder, or as far as it gets.
+    """
+    there = unit_of(to, DOWN)
+    first, reach = np.sqrt(dot(upper, upper)), np.sqrt(dot(to, to))
+    at = (first * first + reach * reach - dot(lower, lower)) / (2.0 * max(reach, 1e-9))
+    radius = np.sqrt(max(first * first - at * at, 1e-12))
+    square = minus(outward, scaled(there, dot(outward, there)))
+    most = np.sqrt(dot(square, square))
+    if most < 1e-6:
+        return pole
+    aside = scaled(square, 1.0 / most)
+    back = cross(there, aside)
+    now = square_to(pole, there, back)
+    wanted = min(1.0, (beside - at * dot(outward, there)) / (radius * most))
+    if dot(now, aside) >= wanted:
+        return now
+    rest = np.sqrt(1.0 - wanted * wanted)
+    return plus(scaled(aside, wanted), scaled(back, rest if dot(now, back) >= 0.0 else -rest))
+
+
+@compiled
 def _arm(
     side: int,
     a: Vector,
@@ -285,6 +322,13 @@ def _arm(
             fingers = plus(fingers, turned(axes, _vector(h, 4)))
             palm = plus(palm, turned(axes, _vector(h, 7)))
         to = minus(goal, at)
+        if a[p.ELBOW_BESIDE] > 0.0:
+            to_hip = turned(thigh_turn, (0.0, 1.0, 0.0))
+            lies = a[p.HOLD + p.THIGH * p.HOLD_SIZE]
+            to = plus(to, scaled(to_hip, lies * _slid_back(to, to_hip, upper_bone, lower_bone)))
+            outward = turned(chest, LEFT_X)
+            beside = held * a[p.ELBOW_BESIDE] - dot(minus(at, chest_at), outward)
+            pole = _beside(pole, to, outward, beside, upper_bone, lower_bone)
         bend = bend_for(upper_bone, lower_bone, ELBOW_HINGE, np.sqrt(dot(to, to)), MAX_ELBOW)
         upper = limb_turn(upper_bone, lower_bone, ELBOW_HINGE, bend, to, pole)
         hinge = about(ELBOW_HINGE, bend)

@@ -139,10 +139,11 @@ def seated_rows(
         sit(c, t, b, numbers[r, 2], person, lively, numbers[r, 3])
         lap_arms(c, b, int(numbers[r, 1]), person)
         if int(numbers[r, 1]) == ON_THIGHS:
-            # Elbows stay within the width of the seat, clear of neighbours.
+            # Elbows stay within the width of the seat, clear of neighbours and of the own trunk.
             for side in range(2):
-                arm = p.ARM + side * p.ARM_SIZE
-                pole(c[arm : arm + p.ARM_SIZE], -0.15, -0.7, 0.85)
+                a = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
+                pole(a, -0.15, -0.7, 0.85)
+                a[p.ELBOW_BESIDE] = b[p.B_ELBOW_BESIDE]
         stir(c, t, person, 0.8 * lively)
         nod, size = bump(t, 11.0, 1.5, person, 131)
         beat = np.sin(2.0 * np.pi * 1.9 * t + 6.28 * size)
