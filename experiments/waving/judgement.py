@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (7.11, 0.669, 52.3, 4.61)
+    blur_deg: tuple[float, float, float, float] = (7.13, 0.652, 92.3, 5.14)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (0.343, 60.7, 10.3, 5.95)
-    sharpness: float = 0.494
-    reach_power: float = 22.3
-    least_reach_01: float = 0.166
-    self_bias: float = 2.08
+    looseness_deg: tuple[float, float, float, float] = (0.34, 79.6, 9.79, 5.66)
+    sharpness: float = 0.423
+    reach_power: float = 20.0
+    least_reach_01: float = 0.128
+    self_bias: float = 1.9
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.17
-    lapse_01: float = 0.00559
-    lapse_sd: float = 0.276
+    acuity_sd: float = 1.11
+    lapse_01: float = 0.00529
+    lapse_sd: float = 0.278
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
