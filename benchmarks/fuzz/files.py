@@ -43,8 +43,8 @@ from recording.sealed import read_sealed, seal
 from recording.stream_file import read_stream_file
 from recording.xdf import export_xdf
 from stimuli.characters.gltf import import_gltf
-from stimuli.characters.gltf_figure import read_figure
-from stimuli.characters.gltf_file import read_glb
+from stimuli.characters.gltf.figure import read_figure
+from stimuli.characters.gltf.file import read_glb
 from stimuli.characters.storage import read_character, write_character
 from stimuli.motion.bvh import parse_bvh
 from stimuli.motion.clip import Clip

@@ -17,11 +17,11 @@ from stimuli.characters.character import MORPHS, SkinnedMesh
 from stimuli.characters.closing import collision_mesh, is_closed
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf import import_gltf
-from stimuli.characters.gltf_eyes import fitted_eye, iris_colour
-from stimuli.characters.gltf_figure import Surface, read_figure
-from stimuli.characters.gltf_file import GltfFile, read_glb
-from stimuli.characters.gltf_looks import CLOTH_ROUGHNESS_01, SKIN_ROUGHNESS_01, linear_of, srgb_of
-from stimuli.characters.gltf_skin import like_the_face, look_of_face
+from stimuli.characters.gltf.eyes import fitted_eye, iris_colour
+from stimuli.characters.gltf.figure import Surface, read_figure
+from stimuli.characters.gltf.file import GltfFile, read_glb
+from stimuli.characters.gltf.looks import CLOTH_ROUGHNESS_01, SKIN_ROUGHNESS_01, linear_of, srgb_of
+from stimuli.characters.gltf.skin import like_the_face, look_of_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
 from tests.stimuli.glb_figure import (
@@ -227,7 +227,7 @@ def test_only_copies_for_measuring_are_bent_to_a_measure(
     def bent(thin: SkinnedMesh, full: SkinnedMesh) -> SkinnedMesh:
         return replace(thin, vertices_m=thin.vertices_m + np.float32(0.014))
 
-    monkeypatch.setattr("stimuli.characters.gltf.matched", bent)
+    monkeypatch.setattr("stimuli.characters.gltf.importing.matched", bent)
     person = import_gltf(glb)
     for level, as_before in zip(person.levels, expected.levels, strict=True):
         np.testing.assert_array_equal(level.vertices_m, as_before.vertices_m)

@@ -20,14 +20,14 @@ from stimuli.characters.character import (
 )
 from stimuli.characters.closing import closed_surface
 from stimuli.characters.errors import CharacterError
-from stimuli.characters.gltf_eyeballs import with_eyeballs
-from stimuli.characters.gltf_eyes import EyeFit, fitted_eye
-from stimuli.characters.gltf_figure import Figure, Surface, read_figure
-from stimuli.characters.gltf_file import GltfFile, read_glb
-from stimuli.characters.gltf_islands import with_full_margins
-from stimuli.characters.gltf_kinds import canonical_weights, eyes_apart, face_look, worn_apart
-from stimuli.characters.gltf_looks import Looks, colour_factor, shine_as_roughness, srgb_of
-from stimuli.characters.gltf_marks import marks_of
+from stimuli.characters.gltf.eyeballs import with_eyeballs
+from stimuli.characters.gltf.eyes import EyeFit, fitted_eye
+from stimuli.characters.gltf.figure import Figure, Surface, read_figure
+from stimuli.characters.gltf.file import GltfFile, read_glb
+from stimuli.characters.gltf.islands import with_full_margins
+from stimuli.characters.gltf.kinds import canonical_weights, eyes_apart, face_look, worn_apart
+from stimuli.characters.gltf.looks import Looks, colour_factor, shine_as_roughness, srgb_of
+from stimuli.characters.gltf.marks import marks_of
 from stimuli.characters.levels import LEVELS, joined, lighter, thinned
 from stimuli.characters.measuring import MEASURING_TRIANGLES, matched
 from stimuli.characters.rest_pose import Rig, heaviest, rig_of_marks, to_rest

@@ -9,10 +9,10 @@ import numpy.typing as npt
 from lab.geometry import Vector
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import MaterialKind
-from stimuli.characters.gltf_figure import Figure, Surface
-from stimuli.characters.gltf_file import GltfFile
-from stimuli.characters.gltf_looks import Looks
-from stimuli.characters.gltf_skin import (
+from stimuli.characters.gltf.figure import Figure, Surface
+from stimuli.characters.gltf.file import GltfFile
+from stimuli.characters.gltf.looks import Looks
+from stimuli.characters.gltf.skin import (
     MIN_FACE_TRIANGLES,
     darker_than_the_face,
     like_the_face,
@@ -106,7 +106,7 @@ def _has_face(lying: _Lying) -> bool:
 def face_look(
     file: GltfFile, figure: Figure, rig: Rig, surfaces: Sequence[Surface], looks: Looks
 ) -> Vector | None:
-    """Return how the face of a figure looks (`gltf_skin.look_of_face`); None without a picture."""
+    """Return how the face of a figure looks (`skin.look_of_face`); None without a picture."""
     for surface in surfaces:
         base = _base_texture(file, surface)
         if base is None or surface.uv is None or _kind(file, figure, surface) not in (None, "skin"):

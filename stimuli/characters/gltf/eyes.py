@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from lab.geometry import Vector, unit
 from stimuli.characters.errors import CharacterError
-from stimuli.characters.gltf_figure import Figure, Surface
-from stimuli.characters.gltf_file import GltfFile
-from stimuli.characters.gltf_looks import linear_of, srgb_of
+from stimuli.characters.gltf.figure import Figure, Surface
+from stimuli.characters.gltf.file import GltfFile
+from stimuli.characters.gltf.looks import linear_of, srgb_of
 
 MIN_RADIUS_M, MAX_RADIUS_M = 0.005, 0.03
 MAX_OFF_BONE_M = 0.02

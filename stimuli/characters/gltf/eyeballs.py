@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import connected_components
 
 from lab.geometry import Vector
 from stimuli.characters.errors import CharacterError
-from stimuli.characters.gltf_eyes import MAX_RADIUS_M, MIN_RADIUS_M, balls_on, fitted_sphere
-from stimuli.characters.gltf_figure import Figure, Surface
-from stimuli.characters.gltf_file import GltfFile
+from stimuli.characters.gltf.eyes import MAX_RADIUS_M, MIN_RADIUS_M, balls_on, fitted_sphere
+from stimuli.characters.gltf.figure import Figure, Surface
+from stimuli.characters.gltf.file import GltfFile
 
 MIN_POINTS = 24
 MAX_UNROUND = 0.03

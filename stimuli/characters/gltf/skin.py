@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
-from stimuli.characters.gltf_looks import linear_of
+from stimuli.characters.gltf.looks import linear_of
 
 MAX_HUE_DISTANCE = 0.30
 """How far skin's red over green and green over blue, as logarithms, lie from the face's."""

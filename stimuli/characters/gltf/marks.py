@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lab.geometry import Vector, rotate, unit
-from stimuli.characters.gltf_figure import Figure
+from stimuli.characters.gltf.figure import Figure
 from stimuli.characters.rest_pose import FINGERS, PHALANGES
 from stimuli.motion.rotations import quat_between
 from stimuli.motion.skeleton import canonical_skeleton

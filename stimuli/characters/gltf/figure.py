@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from lab.geometry import Vector, quat_conjugate, rotate, unit
 from stimuli.characters.errors import CharacterError
-from stimuli.characters.gltf_file import GltfFile
-from stimuli.characters.gltf_looks import coordinates_of
+from stimuli.characters.gltf.file import GltfFile
+from stimuli.characters.gltf.looks import coordinates_of
 from stimuli.motion.errors import MotionError, UnknownJointsError
 from stimuli.motion.joint_names import CANONICAL_NAMES, match_joints
 from stimuli.motion.rotations import matrix_of_quat, quat_from_axes

@@ -9,7 +9,7 @@ from PIL import Image
 
 from lab.geometry import Vector
 from stimuli.characters.character import Maps, Material, MaterialKind
-from stimuli.characters.gltf_file import GltfFile
+from stimuli.characters.gltf.file import GltfFile
 
 MAX_TEXTURE_PX = 4096
 """Larger pictures are halved; graphics cards of ten years ago take these."""
