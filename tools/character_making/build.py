@@ -1,6 +1,6 @@
 """Build one person of the default cast from a recipe."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from tools.character_making.collars import collar
 from tools.character_making.cutting import clipped
 from tools.character_making.eyes import eyeballs, lashes, mouth_pieces
 from tools.character_making.fabrics import fabric
+from tools.character_making.feet_seen import feet_hold
 from tools.character_making.figure import Figure, figure_of
 from tools.character_making.hair import STYLES, Locks, drawn, locks, seen_of, shell
 from tools.character_making.hair_texture import coils, streaks
@@ -288,6 +289,8 @@ def clothed(
 
 _HAIR = (0, 1, 2)
 """How coarse the hair of each level is."""
+_LIGHTER_BY = tuple(range(0, 240, 8))
+"""Levels are tried with so many triangles fewer, until what is seen of feet holds."""
 _FEWER = (0, 30, 60, 90, 120, 150)
 _TRIED = (
     *((fewer, 0) for fewer in _FEWER),
@@ -312,10 +315,15 @@ def levels_of(
     hair: Sequence[Locks | Sheet],
     materials: Sequence[Material],
     plain: Sequence[Piece],
+    holds: Callable[[tuple[SkinnedMesh, ...]], bool],
 ) -> tuple[tuple[SkinnedMesh, ...], tuple[SkinnedMesh, ...]]:
     """Return all levels and the copies for measuring: surfaces are thinned, of the hair fewer and
     wider locks are drawn. `plain` are the pieces from afar without shade, by which copies for
-    measuring are thinned: their outlines count, and shade must not.
+    measuring are thinned: their outlines count, and shade must not. Levels are tried with fewer
+    triangles until it `holds` with those so far.
+
+    Raises:
+        CharacterError: nothing that was tried holds.
     """
     whole = assembled(figure, pieces, materials)
     # Teeth and lashes are smaller than what thinning leaves: from afar they would poke out.
@@ -333,12 +341,22 @@ def levels_of(
     levels: list[SkinnedMesh] = []
     for budget, coarse in zip(LEVELS, _HAIR, strict=True):
         mine = locks_of[coarse]
-        n_rest = budget.triangles - len(mine.triangles)
-        if not levels:
-            surfaces = thinned(whole, n_rest)
+        for fewer in _LIGHTER_BY:
+            n_rest = budget.triangles - fewer - len(mine.triangles)
+            if not levels:
+                surfaces = thinned(whole, n_rest)
+            else:
+                surfaces = lighter(far if coarse else whole, LevelBudget(n_rest, budget.face))
+            level = joined([surfaces, mine])
+            if holds((*levels, level)):
+                break
         else:
-            surfaces = lighter(far if coarse else whole, LevelBudget(n_rest, budget.face))
-        levels.append(joined([surfaces, mine]))
+            raise CharacterError(
+                f"{figure.shape}: level {len(levels)} shows the inside of a shoe, or a shoe "
+                f"through trousers, with up to {_LIGHTER_BY[-1]} triangles fewer; add to what is "
+                "tried"
+            )
+        levels.append(level)
     copies = []
     for n, coarse in zip(MEASURING_TRIANGLES, (1, 2), strict=True):
         tried: list[tuple[float, SkinnedMesh]] = []
@@ -426,17 +444,14 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
     )
     locks_near = [drawn(figure, group, 0) for group in hair]
     near, far = (shaded([*own, *clothes], locks_near) for clothes in (worn, worn_far))
-    levels, measuring = levels_of(figure, near, far, hair, materials, own + worn_far)
-    mesh = levels[0]
-    stature = float(closed.vertices_m[:, 1].max() - mesh.vertices_m[:, 1].min())
-    whole = Character(
+    blank = Character(
         name=recipe.name,
         gender=recipe.shape.gender,
-        stature_m=round(stature, 4),
+        stature_m=0.0,
         age_years=recipe.shape.age_years,
         skeleton=figure.rig.skeleton,
-        levels=levels,
-        measuring=measuring,
+        levels=(),
+        measuring=(),
         materials=materials,
         capsules=fitted_capsules(figure.rig.skeleton, closed),
         eyeball=Eyeball(figure.eye_radius_m, 0.0062, 0.0022, recipe.face.iris),
@@ -444,4 +459,17 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         licence=LICENCE,
         closed=closed,
     )
-    return with_hems(whole, cut_of(upper).length)
+
+    def dressed(levels: Sequence[SkinnedMesh], copies: Sequence[SkinnedMesh]) -> Character:
+        stature = float(closed.vertices_m[:, 1].max() - levels[0].vertices_m[:, 1].min())
+        person = replace(
+            blank, stature_m=round(stature, 4), levels=tuple(levels), measuring=tuple(copies)
+        )
+        return with_hems(person, cut_of(upper).length)
+
+    def holds(levels: tuple[SkinnedMesh, ...]) -> bool:
+        missing = len(LEVELS) - len(levels)
+        return feet_hold(dressed((*levels, *levels[-1:] * missing), ()), len(levels) - 1)
+
+    levels, copies = levels_of(figure, near, far, hair, materials, own + worn_far, holds)
+    return dressed(levels, copies)
