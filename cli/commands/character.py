@@ -20,6 +20,7 @@ from cli.app import (
     say_written,
     verbatim,
 )
+from cli.telling import say_when_compiling
 from lab.config import LabConfig
 from lab.errors import UsageError
 from lab.yaml_lines import ProblemsError, read_document
@@ -107,11 +108,13 @@ def list_characters(
 def sheet_command(
     png: Annotated[Path, typer.Argument(help="Picture to write.")],
     names: Annotated[
-        list[str] | None, typer.Argument(help="Whom to draw; all imported ones when left out.")
+        list[str] | None,
+        typer.Argument(
+            help="Whom to draw; when left out all imported ones, or the people who come with "
+            "Visavis where nobody was imported."
+        ),
     ] = None,
-    at: Annotated[
-        str, typer.Option(help="Distances in metres, such as 1,2,3.5,5,8: a row of them each.")
-    ] = "",
+    at: Annotated[str, typer.Option(help="Distances in metres, such as 1,2,3.5,5,8.")] = "",
     px_per_deg: Annotated[
         float, typer.Option(help="Pixels a degree of the display, for --at.")
     ] = 12.0,
@@ -122,7 +125,7 @@ def sheet_command(
     config: ConfigOption = None,
     library: LibraryOption = None,
 ) -> None:
-    """Draw people's faces at conversation distance: look at whom you imported before you use them.
+    """Draw people's faces at conversation distance: look at people before you use them.
 
     With --gaze a simulated observer tells, from the pixels, eyes on it from eyes 10° aside; half of
     its answers are right by chance. That takes some seconds a face.
@@ -141,7 +144,7 @@ def sheet_command(
         raise UsageError("--px-per-deg goes from 1 to 120")
     folder = library or library_of(load_lab(config, only_simulates=True, with_cast=False))
     imported = library_names(folder)
-    wanted = tuple(names or imported)
+    wanted = tuple(names or imported or (() if library else cast_names()))
     if not wanted:
         raise UsageError(f"nobody has been imported into {folder}; see visavis character import")
     strangers = [n for n in wanted if n not in (*imported, *cast_names())]
@@ -149,6 +152,7 @@ def sheet_command(
         known = ", ".join((*imported, *cast_names()))
         raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {known}")
     people = [load_character(folder / f"{n}.npz" if n in imported else n) for n in wanted]
+    say_when_compiling()
     drawn = (
         distance_sheet(people, distances_m, px_per_deg)
         if distances_m

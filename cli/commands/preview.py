@@ -26,7 +26,7 @@ from cli.preview.pictures import (
     simulated_panel,
 )
 from cli.studies import study_here
-from cli.telling import TELLING, Forecast, say_when_compiling
+from cli.telling import TELLING, Forecast
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import UsageError
 from stimuli.picture import Camera, Picture
@@ -35,8 +35,6 @@ from stimuli.scene import SceneFrame
 if TYPE_CHECKING:
     from stage.renderer import Quality, Renderer
 
-PEOPLE = "people"
-"""Said instead of a study: everybody's face."""
 SHEET_COLUMNS, SHEET_ROWS = 4, 3
 USUAL_AT_S = 3.0
 FOLLOWING = 5
@@ -76,8 +74,6 @@ def preview(
 ) -> None:
     """Show a trial as its participant sees it: a simulated participant performs it.
 
-    `visavis preview people --sheet FILE` draws a close-up of everybody in the cast.
-
     Example: visavis preview stare --trial 5 --video trial5.mp4
     """
     asked = sum((png is not None, sheet is not None, video is not None, window))
@@ -96,15 +92,6 @@ def preview(
     if not (0 <= (at or 0) < inf and 0 < seconds < inf and 1 <= rate <= 240):
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
     size_px = picture_size(size)
-    if study == PEOPLE:
-        if sheet is None:
-            raise UsageError("preview people needs --sheet FILE")
-        from cli.preview.people import people_sheet
-
-        say_when_compiling()
-        people_sheet((size_px[0] // 2, size_px[1] // 2)).save(sheet)
-        say_written(sheet)
-        return
     from stimuli.dressing.picture_of import picture_of
 
     here = study_here(study, load_lab(config, only_simulates=True))

@@ -8,7 +8,6 @@ from PIL import Image
 from cli.preview.pictures import contact_sheet, face_camera, framed, labelled, looking
 from lab.geometry import Vector, unit
 from stage.stills import Stills
-from stimuli.characters.cast import load_cast
 from stimuli.characters.character import Character
 from stimuli.dressing.casting import build_of
 from stimuli.gaze.turning import Aimed
@@ -25,13 +24,11 @@ FRAME_M = 0.42
 TILE_PX = 240
 
 
-def people_sheet(size_px: tuple[int, int], people: Sequence[Character] = ()) -> Image.Image:
-    """Return faces from the front and turned, each `size_px`, with their names: of the cast when
-    nobody else is given.
-    """
+def people_sheet(size_px: tuple[int, int], people: Sequence[Character]) -> Image.Image:
+    """Return faces from the front and turned, each `size_px`, with their names."""
     tiles = []
     with Stills() as stills:
-        for character in people or load_cast():
+        for character in people:
             for yaw_deg in (0.0, TURNED_DEG):
                 picture, eyes_m = portrait(character, yaw_deg)
                 camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1])
@@ -43,7 +40,9 @@ def people_sheet(size_px: tuple[int, int], people: Sequence[Character] = ()) -> 
 def distance_sheet(
     people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
 ) -> Image.Image:
-    """Return faces as a display of so many pixels a degree shows them, a row each, enlarged."""
+    """Return faces as a display of so many pixels a degree shows them, enlarged: a row for each, or
+    several in a row where distances are few.
+    """
     tiles = []
     with Stills() as stills:
         for character in people:
@@ -60,7 +59,8 @@ def distance_sheet(
                 label = f"{character.name}  {distance_m:g} m"
                 tiles.append(labelled(np.asarray(shown), label))
     title = f"faces as {px_per_deg:g} pixels a degree show them"
-    return contact_sheet(tiles, title, len(distances_m))
+    in_a_row = max(COLUMNS // len(distances_m), 1)
+    return contact_sheet(tiles, title, in_a_row * len(distances_m))
 
 
 def portrait(character: Character, yaw_deg: float) -> tuple[Picture, Vector]:

@@ -24,6 +24,7 @@ ORBIT_DEG_PER_S = 12.0
 SIMULATED = "simulated"
 """What stands on every picture."""
 TITLE_PX = 40
+TITLE_LEFT_PX = 10
 CUT_AT_M = 2.75
 """Height above which a view from above shows nothing."""
 
@@ -104,11 +105,14 @@ def write_below(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
 
 
 def contact_sheet(tiles: Sequence[Image.Image], title: str, columns: int) -> Image.Image:
-    """Return pictures of one size in rows below a title."""
+    """Return pictures of one size in rows below a title, all of which can be read."""
     width, height = tiles[0].size
+    columns = min(columns, len(tiles))
     rows = -(-len(tiles) // columns)
-    sheet = Image.new("RGB", (columns * width, rows * height + TITLE_PX), (250, 250, 250))
-    ImageDraw.Draw(sheet).text((10, 9), title, (20, 20, 20), ImageFont.load_default(20))
+    font = ImageFont.load_default(20)
+    sheet_px = max(columns * width, round(font.getlength(title)) + 2 * TITLE_LEFT_PX)
+    sheet = Image.new("RGB", (sheet_px, rows * height + TITLE_PX), (250, 250, 250))
+    ImageDraw.Draw(sheet).text((TITLE_LEFT_PX, 9), title, (20, 20, 20), font)
     for k, tile in enumerate(tiles):
         sheet.paste(tile, ((k % columns) * width, TITLE_PX + (k // columns) * height))
     return sheet

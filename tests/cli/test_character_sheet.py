@@ -4,16 +4,17 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from PIL import Image
+from PIL import Image, ImageFont
 from typer.testing import CliRunner
 
 from cli.commands.character import SHEET_TILE_PX
 from cli.main import app
 from cli.preview.people import TILE_PX
-from cli.preview.pictures import TITLE_PX
+from cli.preview.pictures import TITLE_PX, contact_sheet
 from lab.errors import LabError, UsageError
 from stage.errors import StageError
 from stage.renderer import Renderer
+from stimuli.characters.cast import cast_names
 
 
 def sheet(*arguments: object) -> None:
@@ -36,6 +37,24 @@ def test_sheet_holds_two_faces_of_everybody_named(tmp_path: Path) -> None:
         assert left.tobytes() != right.tobytes()
 
 
+def test_sheet_without_names_shows_the_shipped_cast_where_nobody_was_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    try:
+        Renderer().close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    monkeypatch.chdir(tmp_path)
+    sheet("everybody.png")
+    with Image.open("everybody.png") as drawn:
+        assert TITLE_PX + len(cast_names()) / 3 * SHEET_TILE_PX[1] == drawn.height  # three in a row
+
+
+def test_a_library_without_anybody_is_said_not_replaced(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="nobody has been imported"):
+        sheet(tmp_path / "none.png", "--library", tmp_path / "mistyped")
+
+
 def test_faces_at_distances_are_shown_in_the_display_s_own_pixels(tmp_path: Path) -> None:
     try:
         Renderer().close()
@@ -49,6 +68,17 @@ def test_faces_at_distances_are_shown_in_the_display_s_own_pixels(tmp_path: Path
     changes = [sum(a != b for a, b in pairwise(tile)) for tile in (near, far)]
     # 0.42 m are 4.8° at 5 m, 58 pixels of 12 a degree; at 1 m more than the tile has.
     assert changes[1] <= 57 < changes[0]
+
+
+def test_a_title_is_wholly_on_its_sheet() -> None:
+    tile = Image.new("RGB", (240, 240))
+    narrow = contact_sheet([tile], "faces as 12 pixels a degree show them", 6)
+    wide = contact_sheet([tile] * 12, "faces", 6)
+
+    assert narrow.width > ImageFont.load_default(20).getlength(
+        "faces as 12 pixels a degree show them"
+    )
+    assert (6 * 240, 2 * 240 + TITLE_PX) == wide.size
 
 
 def test_whose_gaze_is_hardly_told_from_afar_is_said(

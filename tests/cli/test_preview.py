@@ -14,8 +14,6 @@ from typer.testing import CliRunner
 from cli.app import load_lab
 from cli.film.on_page import BACK
 from cli.main import app
-from cli.preview import people as preview_people
-from cli.preview import pictures as preview_pictures
 from cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
 from cli.preview.pictures import Viewpoint, camera_of, labelled
 from cli.telling import Forecast
@@ -24,7 +22,6 @@ from lab.errors import LabError, UsageError
 from lab.geometry import Pose, rotate
 from stage.errors import StageError
 from stage.renderer import Renderer
-from stimuli.characters.cast import load_cast
 from stimuli.picture import Camera
 from tests.stage import figures
 from tests.visavis.sessions import STUDIES
@@ -121,19 +118,6 @@ def test_film_has_as_many_pictures_as_its_seconds_say_all_marked_and_says_how_lo
     assert path.read_bytes().count(b"00dc") == 2 * 3  # each in the data and in the index
 
 
-def test_sheet_of_people_shows_everybody_from_two_sides(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    few = load_cast()[:2]
-    monkeypatch.setattr(preview_people, "load_cast", lambda: few)
-    path = tmp_path / "people.png"
-    preview("people", "--sheet", path, "--size", "200x200")
-
-    with Image.open(path) as sheet:
-        size = sheet.size
-    assert size == (preview_people.COLUMNS * 100, 100 + preview_pictures.TITLE_PX)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -146,7 +130,6 @@ def test_sheet_of_people_shows_everybody_from_two_sides(
         (("stare", "--png", "a.png", "--at", "nan"), "counts from 0"),
         (("stare", "--video", "a.avi", "--seconds", "inf"), "counts from 0"),
         (("stare", "--png", "a.png", "--participant", 0), "numbers go from 1"),
-        (("people",), "needs --sheet"),
         (("star", "--png", "a.png"), "did you mean 'stare'"),
     ],
 )
