@@ -27,13 +27,21 @@ from protocol.questionnaires import Questionnaire, score
 from stimuli.contact.body import ARM_JOINTS, capsule_body
 from stimuli.contact.figures import crowd_figures
 from stimuli.contact.touch import REACH_M, rows_touching
-from stimuli.scenes.station_crowd import CrowdScene, can_read, station_crowd, station_frame
+from stimuli.scenes.station_crowd import (
+    START_M,
+    CrowdScene,
+    can_read,
+    station_crowd,
+    station_frame,
+)
 from visavis.quick import answers_of
 
 STEP_NS: Final = 50 * NS_PER_MS
 LOOK_NS: Final = 250 * NS_PER_MS
 REST_NS: Final = 4 * NS_PER_S
 FELT: Final = "arms"
+_HEAD: Final = BODY_JOINTS.index("head")
+_FLOOR: Final = [0, 2]
 
 
 def quick_trials(
@@ -86,19 +94,28 @@ def quick_walk(
     turns: list[Vector] = []
     t_ns = start_ns
     touched = 0
-    x, z = 0.0, 0.0
-    while not participant.is_home and t_ns < limit_ns:
-        seen = "1" if positions and can_read(x, z) else None
+    head = np.array(START_M)
+    has_read = came_back = False
+    while not came_back and t_ns < limit_ns:
+        reads = can_read(*head.tolist())
+        has_read |= reads
+        seen = "1" if reads else None
         participant.see(station_frame(scene, t_ns, t_ns - start_ns, seen), t_ns)
         at, turn = participant.segments(BODY_JOINTS, t_ns + offsets)
+        if has_read:
+            home_m = np.hypot(*(at[:, _HEAD][:, _FLOOR] - START_M).T)
+            back = np.flatnonzero(home_m <= params.home_within_m)
+            if back.size:
+                came_back = True
+                at, turn = at[: back[0] + 1], turn[: back[0] + 1]
         positions.append(at)
         turns.append(turn)
-        x, _, z = at[-1, 0].tolist()
+        head = at[-1, _HEAD, _FLOOR]
         if vibrates:
             n = rows_touching(
                 at,
                 turn,
-                (t_ns - start_ns + offsets) / NS_PER_S,
+                (t_ns - start_ns + offsets[: len(at)]) / NS_PER_S,
                 arms.columns,
                 arms.start_m,
                 arms.end_m,
@@ -119,7 +136,7 @@ def quick_walk(
         position_m=position,
         orientation_wxyz=np.concatenate(turns),
         stature_m=participant.person.stature_m,
-        came_back=participant.is_home,
+        came_back=came_back,
         caution=participant.caution,
         touching_s=touched * STEP_NS / NS_PER_S,
     )

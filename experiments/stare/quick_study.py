@@ -21,6 +21,7 @@ from experiments.stare.design import (
     AVERTED,
     AVERTED_THEN_DIRECTED,
     DYNAMIC_CONDITIONS,
+    MAX_AGENTS,
     StareParameters,
 )
 from experiments.stare.scene import active_index_of
@@ -32,7 +33,6 @@ from stimuli.gaze.blinks import Blinks
 from stimuli.scene import Scene, SceneFrame
 from stimuli.scenes.audience import (
     PARTICIPANT_EYE_M,
-    PLACES,
     SPEAKER_EYE_M,
     audience_scene,
     black_scene,
@@ -52,9 +52,9 @@ CHUNK_SAMPLES = 240
 Times = npt.NDArray[np.int64]
 
 
-@lru_cache(maxsize=1)
-def _scenes() -> tuple[Scene, Scene, SceneGeometry, EyeBehaviour]:
-    characters = tuple(f"character_{i + 1:02d}" for i in range(len(PLACES)))
+@lru_cache(maxsize=MAX_AGENTS)
+def _scenes(agents: int) -> tuple[Scene, Scene, SceneGeometry, EyeBehaviour]:
+    characters = tuple(f"character_{i + 1:02d}" for i in range(agents))
     scene = audience_scene(characters)
     nothing = np.empty(0, np.int64)
     behaviour = EyeBehaviour.of_scene(
@@ -99,7 +99,7 @@ def _trial(
     trial: Trial,
     params: StareParameters,
 ) -> tuple[LookMeasures, float | None]:
-    _, _, geometry, behaviour = _scenes()
+    scene, _, geometry, behaviour = _scenes(params.agents)
     active = active_index_of(trial)
     condition = str(trial.factors["condition"])
     if condition not in (AVERTED, AVERTED_THEN_DIRECTED):
@@ -109,7 +109,7 @@ def _trial(
     end_ns = start_ns + round(params.trial_s * NS_PER_S)
     t_ns = _sample_times(start_ns, end_ns)
     first = int(t_ns[0] * TRACKER_HZ // NS_PER_S) + 1
-    _begin(participant, trial.number, start_ns, behaviour)
+    _begin(participant, trial.number, start_ns, params.agents, behaviour)
 
     def seen(part: slice) -> npt.NDArray[np.int16]:
         return _aoi(participant, tracker, geometry, t_ns[part], first + part.start, params.pad_deg)
@@ -135,36 +135,40 @@ def _trial(
             _frame_ns(turn_frame) - start_ns,
             to_observer=condition == AVERTED_THEN_DIRECTED,
         )
-        _begin(participant, trial.number, start_ns, behaviour)
+        _begin(participant, trial.number, start_ns, params.agents, behaviour)
         participant.head(int(t_ns[known - 1]))
         between = seen(slice(known, after)) if known < after else aoi[:0]
         moving = True
         while moving:
-            moving = _show(participant, turning, start_ns, turn_frame)
+            moving = _show(participant, scene, turning, start_ns, turn_frame)
             turn_frame += 1
         aoi = np.concatenate([aoi[:known], between, seen(slice(after, n))])
     measured = measure_trial(t_ns, aoi, active, start_ns, end_ns, switch_ns=switch_ns)
     return measured, (switch_ns - start_ns) / NS_PER_MS
 
 
-def _begin(participant: Observer, stretch: int, start_ns: int, behaviour: EyeBehaviour) -> None:
+def _begin(
+    participant: Observer, stretch: int, start_ns: int, agents: int, behaviour: EyeBehaviour
+) -> None:
     """Go through the dark before a trial and show its first picture."""
-    scene, dark, _, _ = _scenes()
+    scene, dark, _, _ = _scenes(agents)
     facing = np.array([a.facing for a in dark.agents])
     participant.prepare(stretch, 0)
     dark_ns = _frame_ns(FIRST_FRAME)
-    participant.see(SceneFrame(dark, dark_ns, facing, np.ones(len(PLACES))), dark_ns)
+    participant.see(SceneFrame(dark, dark_ns, facing, np.ones(agents)), dark_ns)
     gaze, openness, _ = behaviour.at(0, PARTICIPANT_EYE_M)
     participant.head(start_ns - 1)
     participant.see(SceneFrame(scene, start_ns, gaze, openness), start_ns)
 
 
-def _show(participant: Observer, behaviour: EyeBehaviour, start_ns: int, frame: int) -> bool:
+def _show(
+    participant: Observer, scene: Scene, behaviour: EyeBehaviour, start_ns: int, frame: int
+) -> bool:
     """Show what a frame holds, from the next on; tell whether eyes move."""
     elapsed_ns = _frame_ns(frame) - start_ns
     display_ns = _frame_ns(frame + 1)
     gaze, openness, moving = behaviour.at(elapsed_ns, PARTICIPANT_EYE_M)
-    participant.see(SceneFrame(_scenes()[0], display_ns, gaze, openness), display_ns)
+    participant.see(SceneFrame(scene, display_ns, gaze, openness), display_ns)
     return moving
 
 

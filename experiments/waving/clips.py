@@ -113,7 +113,8 @@ def study_wave(
         eye_m = eye_at(target_place, eye_height_m)
         waving, planned = _planned(waving, target_place, eye_m, making.increment)
     omega = np.zeros(0) if waving.warp is None else waving.warp.omega_rad
-    return StudyWave(waving, digest_of(clip.root_m, clip.orientation_wxyz, omega), planned)
+    poses = (clip.root_m, clip.orientation_wxyz, omega)
+    return StudyWave(waving, digest_of(*poses, said=f"turned by {heading:.6f} degrees"), planned)
 
 
 def wave_of(factors: Mapping[str, Any], making: Making, eye_height_m: float) -> StudyWave:

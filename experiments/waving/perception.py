@@ -88,7 +88,7 @@ def reach_of(waving: Waving, warp: WarpTrack | None = None) -> Vector:
     """Return the share (5,) of head and waving hand that somebody in each place sees."""
     poses = _poses(waving, warp)
     return np.array(
-        [_reach(waving.clerk, poses, _reach_view(waving.clerk, c.name)) for c in places.CUSTOMERS]
+        [_reach(waving.clerk, poses, reach_view(waving.clerk, c.name)) for c in places.CUSTOMERS]
     )
 
 
@@ -109,7 +109,8 @@ def _sharp_view(clerk: str, eye_m: Vector, viewer_place: str) -> Outlook:
 
 
 @cache
-def _reach_view(clerk: str, place: str) -> Outlook:
+def reach_view(clerk: str, place: str) -> Outlook:
+    """Return what a customer of the usual height sees a clerk through."""
     return view_of(clerk, eye_at(place), place, REACH_PX)
 
 

@@ -10,20 +10,14 @@ from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
+import experiments.waving
+import stimuli.motion.warping
 from experiments.waving.clips import DEFAULT_MAKING, KEPT_AS, TECHNIQUES, Making, study_wave
-from experiments.waving.perception import (
-    CUE_PARTS,
-    LOOKS,
-    PIXELS_PER_DEG,
-    REACH_PARTS,
-    REACH_PX,
-    Evidence,
-    evidence_of,
-)
+from experiments.waving.perception import Evidence, evidence_of, reach_view
 from experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, SCENE_SEED
 from lab.clock import NS_PER_S
 from lab.geometry import Vector
-from lab.kept import digest_of, keep, read_kept
+from lab.kept import digest_of, digest_of_code, keep, read_kept
 from protocol.plan import SessionPlan, Trial
 from stimuli.dressing.office import PARTS as ROLES
 from stimuli.dressing.office import office_eyes, office_scene, roles_of
@@ -78,7 +72,7 @@ def evidence_for(stimulus: Stimulus, making: Making = DEFAULT_MAKING) -> Evidenc
     technique, direction, clerk, place = stimulus
     target = neighbour(place, direction).name
     wave = study_wave(clerk, target, technique, making)
-    key = digest_of(said="|".join((wave.sha256, clerk, target, place, surroundings_sha256())))
+    key = digest_of(said=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
     kept = read_kept(KEPT_AS, key)
     if kept is not None:
         return Evidence(**kept)
@@ -101,11 +95,13 @@ def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector
 @cache
 def surroundings_sha256() -> str:
     """Return the hash of everything that decides what can be seen of a given wave."""
+    views = [reach_view(clerk.name, customer.name) for clerk in CLERKS for customer in CUSTOMERS]
     meshes = [p.mesh for p in office().props] + [body_mesh(role) for role in ROLES]
     bodies = [seen_body_of(c.name) for c in CLERKS]
+    code = map(digest_of_code, (experiments.waving, stimuli.motion.warping))
     return digest_of(
+        *(part for v in views for part in (v.eye, v.behind, v.lamps, v.maps, v.map_eyes)),
         *(m.vertices_m for m in meshes),
-        *(b.rest for b in bodies),
-        *(eye_at(c.name) for c in CUSTOMERS),
-        said="|".join(map(str, (PIXELS_PER_DEG, LOOKS, REACH_PX, CUE_PARTS, REACH_PARTS))),
+        *(part for b in bodies for part in (b.rest, b.joints, b.weights, b.triangles, b.labels)),
+        said=" ".join((*code, *(f"{v.ambient} {v.least_light}" for v in views))),
     )

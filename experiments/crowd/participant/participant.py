@@ -238,11 +238,6 @@ class CrowdParticipant:
         """How careful the participant has become, 0 to 1."""
         return float(self._states[self._row, CAUTION])
 
-    @property
-    def is_home(self) -> bool:
-        """Whether the way there and back is done."""
-        return self._doing == _HOME
-
     def form(self, stretch: int) -> Vector:
         """Return how the person is on a walk, (4,), standard normal between two of its turns."""
         turn, share = divmod(stretch / self.population.form_walks, 1.0)

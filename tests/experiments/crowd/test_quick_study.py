@@ -1,5 +1,7 @@
 """Walks simulated in memory: they repeat, answer vibration alone, and measure as recordings do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from experiments.crowd.quick_study import quick_walk, walked
 from experiments.crowd.study import plan_session
 from experiments.crowd.walks import STEP_NS, Walk
 from lab.body_joints import BODY_JOINTS
-from stimuli.scenes.station_crowd import BOARD_M
+from stimuli.scenes.station_crowd import BOARD_M, START_M
 from visavis.catalogue import find_study
 
 ONE = {"configuration": [1]}
@@ -67,6 +69,18 @@ def test_a_control_group_is_never_touched_by_vibration():
     control = rows(parameters=parameters, group_index=groups["control"])
     assert [row["group"] for row in control.values()] == ["control"] * 3
     assert [row["touching_s"] for row in control.values()] == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("within_m", [CrowdParameters().home_within_m, 1.5])
+def test_a_walk_ends_as_near_the_mark_as_was_set(within_m):
+    trial = plan_session(1, 5).blocks[1].trials[0]
+    walk = quick_walk(
+        CrowdParticipant(1, 5), trial, 0, replace(CrowdParameters(), home_within_m=within_m)
+    )
+    head = walk.position_m[:, BODY_JOINTS.index("head")][:, [0, 2]]
+    to_mark_m = np.hypot(*(head - START_M).T)
+    assert walk.came_back
+    assert to_mark_m[-1] <= within_m < to_mark_m[-2]
 
 
 def test_quick_measures_are_those_of_the_full_measurement():

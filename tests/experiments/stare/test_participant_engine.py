@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.simulated_tracker import tracker_of
+from experiments.stare.design import MAX_AGENTS, MIN_AGENTS
 from experiments.stare.study import study
 from lab.config import load_config
 from lab.config_files import EXAMPLE
@@ -16,13 +17,17 @@ SEED, INDEX = 7, 2
 
 
 @pytest.mark.slow
-def test_the_short_path_measures_what_the_full_engine_measures(tmp_path: Path) -> None:
+@pytest.mark.parametrize("agents", [MAX_AGENTS, MIN_AGENTS])
+def test_the_short_path_measures_what_the_full_engine_measures(tmp_path: Path, agents: int) -> None:
+    parameters = {**SHORT, "agents": agents}
     config = load_config(EXAMPLE).model_copy(update={"data_root": tmp_path})
-    session = simulate_one(SimulationTask("stare", config, "P1", INDEX, "", SEED, True, SHORT))
+    session = simulate_one(SimulationTask("stare", config, "P1", INDEX, "", SEED, True, parameters))
     rows = measure_one(("stare", session, {})).rows
     full = rows[~rows["is_practice"].astype(bool)].sort_values("number").reset_index(drop=True)
     opened = OpenedStudy(study)
-    quick = quick_study(opened, opened.experiment(SHORT), tracker_of, [INDEX], seed=SEED).trials
+    quick = quick_study(
+        opened, opened.experiment(parameters), tracker_of, [INDEX], seed=SEED
+    ).trials
 
     assert list(full["trial_id"]) == list(quick["trial_id"])
     assert list(full["condition"]) == list(quick["condition"])

@@ -4,10 +4,17 @@ import numpy as np
 import pytest
 
 from benchmarks.simulated_tracker import tracker_of
-from experiments.stare.design import CONDITIONS, DEFAULT_PARAMETERS
+from experiments.stare.design import (
+    CONDITIONS,
+    DEFAULT_PARAMETERS,
+    MAX_AGENTS,
+    MIN_AGENTS,
+    StareParameters,
+)
 from experiments.stare.quick_study import quick_trials
 from experiments.stare.study import experiment_of
 from experiments.stare.study import study as stare
+from stimuli.scene import SceneFrame
 from visavis.looks import MAIN_MEASURES
 from visavis.observer import Observer
 from visavis.opened import OpenedStudy
@@ -49,6 +56,24 @@ def test_gaze_changes_in_the_dynamic_conditions_only_and_by_half_time(study) -> 
     assert changes.count().to_dict() == {"A": 0, "AD": 54, "D": 0, "DA": 54}
     assert study.trials["switch_ms"].max() <= 8000 + 2 * 1000 / 90
     assert study.trials["switch_ms"].min() > 0
+
+
+@pytest.mark.parametrize("agents", [MIN_AGENTS, MAX_AGENTS])
+def test_the_audience_has_as_many_agents_as_were_set(agents: int) -> None:
+    person = Watching(0, 3)
+    plan = experiment_of(StareParameters(agents=agents, repetitions=1)).plan(0, 3)
+    params = replace(DEFAULT_PARAMETERS, agents=agents)
+    next(quick_trials(person, tracker_of(3, 0), plan, params=params))
+    assert {agents} == person.seen
+
+
+class Watching(Observer):
+    """Somebody who counts the agents of what they see, and the eyes that they are told of."""
+
+    def see(self, view: SceneFrame, t_display_ns: int) -> None:
+        self.__dict__.setdefault("seen", set())
+        self.seen |= {len(view.scene.agents), len(view.gaze_direction), len(view.eye_openness_01)}
+        super().see(view, t_display_ns)
 
 
 def test_blinks_cost_some_gaze_but_not_much(study) -> None:

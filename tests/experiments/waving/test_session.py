@@ -75,7 +75,9 @@ def test_the_quick_path_answers_as_a_session_does(intake):
     quick = {r["trial_id"]: r for r in quick_session(pilot, 0, SEED)}
     rows = intake.rows[~intake.rows["is_practice"].astype(bool)]
     same = [quick[r["trial_id"]]["who"] == r["who"] for r in rows.to_dict("records")]
-    assert np.mean(same) >= 0.6  # of 18; 13, 12 and 13 for three people
+    # 18, 18, 17, 18, 18, 17, 17 and 17 for eight people: heads of other heights and a swaying one
+    # see a few pixels more or less, so that a near tie may fall the other way.
+    assert np.sum(same) >= 16
     gaps = [quick[r["trial_id"]]["realism"] - r["realism"] for r in rows.to_dict("records")]
     assert np.abs(gaps).max() <= 1
 

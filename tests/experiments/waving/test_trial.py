@@ -153,11 +153,16 @@ def test_the_whole_body_is_turned_towards_the_addressee():
     )
 
 
-def test_both_techniques_are_the_same_wave_without_an_increment():
+@pytest.mark.parametrize(("warp_from", "is_same"), [("oriented", True), ("front", False)])
+def test_a_wave_already_turned_is_the_same_with_both_techniques_without_an_increment(
+    warp_from, is_same
+):
+    making = replace(MAKING, warp_from=warp_from)
     one, other = (
-        study_wave("clerk_left", "place_2", t, MAKING) for t in ("orientation", "warping")
+        study_wave("clerk_left", "place_2", t, making) for t in ("orientation", "warping")
     )
-    assert one.sha256 == other.sha256
+    assert is_same == (one.waving.heading_deg == other.waving.heading_deg)
+    assert is_same == (one.sha256 == other.sha256)
 
 
 def test_the_planned_eye_height_of_a_row_is_the_one_that_was_set():
