@@ -113,7 +113,12 @@ class Renderer(Closing):
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
         self._lit_before: tuple[object, Room, tuple[ShadowView, ...], bytes] | None = None
         self._overlays = Overlays(ctx, in_light=self._in_light)
-        self._contacts = Contacts(ctx, in_light=self._in_light, with_maps=self._with_maps())
+        self._contacts = Contacts(
+            ctx,
+            in_light=self._in_light,
+            with_maps=self._with_maps(),
+            apart=self.quality.fast,
+        )
         self._shadow_maps = ShadowMaps(
             ctx, self.quality.shadow_map_px, area=self.quality.shadows == "area"
         )
