@@ -8,6 +8,7 @@ import hashlib
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final, TypeVar, cast
@@ -16,6 +17,7 @@ import numba
 import numpy as np
 from numba.core.event import Listener, register
 from numba.core.registry import CPUDispatcher
+from numba.np import linalg
 from platformdirs import user_cache_path
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -27,6 +29,25 @@ _config: Any = numba.config  # whose names are made at run time
 if not _config.CACHE_DIR:
     _versions = f"py{sys.version_info.major}{sys.version_info.minor}-numba{numba.__version__}"
     _config.CACHE_DIR = str(KERNELS / _versions)
+
+
+def _put_off_scipy() -> None:
+    """Have numba look whether there is SciPy without importing all of its linear algebra, 0.1 s of
+    every command that uses a kernel. Kernels that multiply matrices import it as ever.
+    """
+    ensure: Any = getattr(linalg, "ensure_blas", None)
+
+    def found() -> None:
+        linalg.ensure_blas = ensure  # only the first to ask asks in vain
+        if find_spec("scipy") is None:
+            ensure()
+
+    # numba asks as it loads this module, before the first kernel runs.
+    if ensure is not None and "numba.np.arraymath" not in sys.modules:
+        linalg.ensure_blas = found
+
+
+_put_off_scipy()
 
 
 def compiled(function: F) -> F:

@@ -16,7 +16,8 @@ from stage.errors import StageError
 GL_TRIANGLES, GL_UNSIGNED_BYTE, GL_UNSIGNED_INT = 0x0004, 0x1401, 0x1405
 GL_TEXTURE_2D_ARRAY, GL_UNPACK_ALIGNMENT = 0x8C1A, 0x0CF5
 GL_READ_FRAMEBUFFER, GL_DEPTH_BUFFER_BIT, GL_NEAREST = 0x8CA8, 0x0100, 0x2600
-GL_RGB, GL_RGBA, GL_SRGB8, GL_SRGB8_ALPHA8 = 0x1907, 0x1908, 0x8C41, 0x8C43
+GL_RGB, GL_RGBA = 0x1907, 0x1908
+GL_RGB8, GL_RGBA8, GL_SRGB8, GL_SRGB8_ALPHA8 = 0x8051, 0x8058, 0x8C41, 0x8C43
 
 _u, _i, _p = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
 Told = ctypes.c_int | ctypes.c_uint | ctypes.c_uint64 | ctypes.Array[ctypes.c_uint]
@@ -99,18 +100,25 @@ class GlCalls:
 
     def fill_srgb(self, array: moderngl.TextureArray, pixels: bytes) -> None:
         """Give an array of 3 or 4 channels its pixels as sRGB, which is decoded when read."""
-        with_alpha = array.components == 4
+        kept_as = GL_SRGB8_ALPHA8 if array.components == 4 else GL_SRGB8
+        self._fill(array, pixels, 0, kept_as)
+
+    def fill_smaller(self, array: moderngl.TextureArray, level: int, pixels: bytes) -> None:
+        """Give an array of 3 or 4 channels the pixels of a copy, halved `level` times."""
+        self._fill(array, pixels, level, GL_RGBA8 if array.components == 4 else GL_RGB8)
+
+    def _fill(self, array: moderngl.TextureArray, pixels: bytes, level: int, kept_as: int) -> None:
         array.use(0)
         self._functions["glPixelStorei"](GL_UNPACK_ALIGNMENT, 1)
         self._functions["glTexImage3D"](
             GL_TEXTURE_2D_ARRAY,
-            0,
-            GL_SRGB8_ALPHA8 if with_alpha else GL_SRGB8,
-            array.width,
-            array.height,
+            level,
+            kept_as,
+            max(array.width >> level, 1),
+            max(array.height >> level, 1),
             array.layers,
             0,
-            GL_RGBA if with_alpha else GL_RGB,
+            GL_RGBA if array.components == 4 else GL_RGB,
             GL_UNSIGNED_BYTE,
             pixels,
         )

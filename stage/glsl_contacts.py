@@ -102,7 +102,10 @@ const float HEEL_HIGH_M = 0.09, TOES_HIGH_M = 0.055, LEG_RADIUS_M = 0.055;
 float edge(float ahead, float left, float right, float low, float high) {
     float up = ahead > 0.0 ? low : high;
     float nearness = inversesqrt(ahead * ahead + up * up);
-    return ahead * nearness * (atan(right * nearness) - atan(left * nearness));
+    vec2 ends = vec2(left, right) * nearness;
+    // atan(ends.y) - atan(ends.x), by one of them.
+    float angle = 1.570796 - atan((1.0 + ends.x * ends.y) / (ends.y - ends.x));
+    return ahead * nearness * angle;
 }
 
 // Share of the light of an even sky that an upright box hides from `place`, from its middle.
@@ -129,11 +132,7 @@ void shade_of_block() {
     shade(1.0 - clamp(hidden_by_box(place, size, low, high), 0.0, 1.0) * fading);
 }
 
-void main() {
-    if (kind.y > 0.5) {
-        shade_of_block();
-        return;
-    }
+void shade_of_sole() {
     vec2 along = ball.xy - heel.xy;
     float share = dot(at - heel.xy, along) / max(dot(along, along), 1e-8);
     float t = clamp(share, 0.0, 1.0);
@@ -158,6 +157,17 @@ void main() {
     open *= 1.0 - 0.45 * (away < 0.0 ? 1.0 : near * near);
 #endif
     shade(open);
+}
+
+void main() {
+#if defined(SOLES) && defined(BLOCKS)
+    if (kind.y > 0.5) shade_of_block();
+    else shade_of_sole();
+#elif defined(SOLES)
+    shade_of_sole();
+#else
+    shade_of_block();
+#endif
 }
 """
 )

@@ -4,7 +4,7 @@ One buffer holds everybody and a few calls draw them, nearest first, so that who
 rejected before it is shaded.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
@@ -28,16 +28,19 @@ from stage.processor_models import (
     model,
 )
 from stage.programs import UNITS
+from stage.projection import projection, view
 from stage.textures import Layers
 from stage.vertex_light import (
     CODES_OF_ROOT,
     FACTORS_OF_ROOT,
     Floats,
     gather_front,
-    pose_and_light,
+    light_drawn,
+    pose,
 )
 from stage.vertices import Run
 from stimuli.characters.character import Character
+from stimuli.picture import Camera
 
 POSED_BYTES = 24
 MAX_EYES_CULLED = 4
@@ -47,15 +50,43 @@ SPARE_01 = 0.25
 """Share of rows kept free for people who come nearer."""
 
 
+@dataclass(frozen=True, eq=False)
+class PixelGrid:
+    """The pixels of e pictures: `pixels_from_world` (e, 3, 4) gives pixels times depth, and depth;
+    `size_px` is (e, 2). What lies between the middles of pixels is seen unless `between`.
+    """
+
+    pixels_from_world: Floats
+    size_px: Floats
+    between: bool
+
+    @staticmethod
+    def of(
+        cameras: Sequence[Camera], sizes_px: Sequence[tuple[int, int]], *, between: bool
+    ) -> "PixelGrid":
+        """Return the pixels of cameras whose pictures have these sizes."""
+        rows = np.zeros((len(cameras), 3, 4), np.float32)
+        for row, camera, size in zip(rows, cameras, sizes_px, strict=True):
+            clip = projection(camera) @ view(camera.pose)
+            row[:2] = 0.5 * np.array(size)[:, None] * (clip[:2] + clip[3])
+            row[2] = clip[3]
+        return PixelGrid(rows, np.array(sizes_px, np.float32).reshape(-1, 2), between)
+
+
+NO_GRID = PixelGrid.of((), (), between=False)
+
+
 @dataclass(eq=False)
 class _Room:
     """Rows for everybody's vertices and triangles, with some to spare, here and on the card."""
 
     free: FreeRows
     posed: Floats
+    drawn: npt.NDArray[np.bool_]
     still: moderngl.Buffer
     moving: moderngl.Buffer
     corners: npt.NDArray[np.int32]
+    farther_corners: npt.NDArray[np.int32]
     indices: moderngl.Buffer
     vertex_arrays: dict[int, moderngl.VertexArray] = field(default_factory=dict)
 
@@ -113,6 +144,7 @@ class ProcessorCrowd:
         self._plain_of = np.repeat([False, True], len(cast))
         self._drawn = np.zeros(0, np.int64)
         self._count = np.zeros(0, np.int64)
+        self._pixel: Floats = np.zeros((0, 0, 2), np.float32)
         self._second = ThreadPoolExecutor(1, "skin")
 
     def upload(self) -> None:
@@ -137,11 +169,13 @@ class ProcessorCrowd:
         textured_to_m: float,
         *,
         encode: bool,
+        grid: PixelGrid | None = None,
     ) -> None:
-        """Pose, light and sort everyone drawn, the nearest first; send it.
+        """Pose, sort and light everyone drawn, the nearest first; send it.
 
         Whoever is farther than `textured_to_m` is drawn coarser and without textures. `encode`
-        gives the display's codes, otherwise linear light.
+        gives the display's codes, otherwise linear light. What falls on no pixel of a `grid`, one
+        picture an eye, is left out.
         """
         room, drawing, joined = self._room, self._drawing, self._joined
         if room is None or drawing is None:
@@ -151,13 +185,15 @@ class ProcessorCrowd:
         people = nearest_first + np.where(is_far, len(self.cast), 0)
         a = joined.arrays
         vertices_of = joined.vertices_of[self._model_of]
+        eyes = eyes_m if len(eyes_m) <= MAX_EYES_CULLED else eyes_m[:0]
+        grid = NO_GRID if grid is None or not len(eyes) else grid
+        pixel = self._pixels(len(room.posed), len(grid.size_px))
 
-        def pose(some: Counts) -> None:
-            pose_and_light(
+        def posed(some: Counts) -> None:
+            pose(
                 some,
                 vertices_of,
                 self._slot_of,
-                self._plain_of,
                 self.joints.rows,
                 a["rest"],
                 a["normal"],
@@ -165,6 +201,40 @@ class ProcessorCrowd:
                 a["weight"],
                 a["morph"],
                 a["deltas"],
+                grid.pixels_from_world,
+                room.posed,
+                pixel,
+            )
+
+        def gathered(some: Counts, into: npt.NDArray[np.int32]) -> Counts:
+            count = np.zeros(len(joined.groups), np.int64)
+            gather_front(
+                some,
+                self._model_of,
+                self._slot_of,
+                self._plain_of,
+                drawing.group_of,
+                joined.stretches,
+                a["triangles"],
+                drawing.single_sided,
+                room.posed,
+                np.ascontiguousarray(eyes, np.float32),
+                pixel,
+                grid.size_px,
+                grid.between,
+                room.drawn,
+                drawing.first,
+                count,
+                into,
+            )
+            return count
+
+        def lit(some: Counts) -> None:
+            light_drawn(
+                some,
+                vertices_of,
+                self._slot_of,
+                self._plain_of,
                 a["albedo"],
                 a["plain_albedo"],
                 a["wrap"],
@@ -174,35 +244,41 @@ class ProcessorCrowd:
                 CODES_OF_ROOT,
                 FACTORS_OF_ROOT,
                 encode,
+                room.drawn,
                 room.posed,
             )
 
-        other_half = self._second.submit(pose, people[1::2])
-        pose(people[::2])
-        other_half.result()
-        eyes = eyes_m if len(eyes_m) <= MAX_EYES_CULLED else eyes_m[:0]
-        self._count = np.zeros(len(joined.groups), np.int64)
-        gather_front(
-            people,
-            self._model_of,
-            self._slot_of,
-            self._plain_of,
-            drawing.group_of,
-            joined.stretches,
-            a["triangles"],
-            drawing.single_sided,
-            room.posed,
-            np.ascontiguousarray(eyes, np.float32),
-            drawing.first,
-            self._count,
-            room.corners,
-        )
+        self._by_two(posed, people[::2], people[1::2])
+        # The first half in triangles is nearer than the other.
+        sizes = np.diff(joined.stretches, axis=2)[..., 0].sum(axis=1)[self._model_of[people]]
+        half = int(np.searchsorted(np.cumsum(sizes), sizes.sum() / 2))
+        farther = self._second.submit(gathered, people[half:], room.farther_corners)
+        self._count = gathered(people[:half], room.corners)
+        for first, before, more in zip(
+            drawing.first[:-1], self._count.copy(), farther.result(), strict=True
+        ):
+            start = first + before
+            room.corners[start : start + more] = room.farther_corners[first : first + more]
+        self._count += farther.result()
+        self._by_two(lit, people[::2], people[1::2])
         size = np.diff(vertices_of, axis=1)[:, 0]
         for first, last in _stretches(self._slot_of[people], size[people]):
             room.moving.write(room.posed[first:last], offset=POSED_BYTES * first)
         for first, count in zip(drawing.first[:-1].tolist(), self._count.tolist(), strict=True):
             if count:
                 room.indices.write(room.corners[first : first + count], offset=12 * first)
+
+    def _by_two(self, work: Callable[[Counts], None], some: Counts, others: Counts) -> None:
+        """Do work for some people here and for others in the second thread."""
+        beside = self._second.submit(work, others)
+        work(some)
+        beside.result()
+
+    def _pixels(self, rows: int, pictures: int) -> Floats:
+        """Return where the pixels of so many rows are kept."""
+        if self._pixel.shape != (rows, pictures, 2):
+            self._pixel = np.zeros((rows, pictures, 2), np.float32)
+        return self._pixel
 
     def draw(self, program_of: Callable[[Run], moderngl.Program]) -> None:
         """Draw everyone skinned."""
@@ -267,7 +343,7 @@ class ProcessorCrowd:
         elif self._triangles() > len(room.corners):
             room.release_arrays()
             room.indices.release()
-            room.corners, room.indices = self._room_for_triangles()
+            room.corners, room.farther_corners, room.indices = self._room_for_triangles()
 
     def _sizes(self, entries: Counts) -> Counts:
         """Return how many vertices people have."""
@@ -309,15 +385,18 @@ class ProcessorCrowd:
         self._room = _Room(
             free,
             np.zeros((rows, 6), np.float32),
+            np.zeros(rows, np.bool_),
             self._context.buffer(still.view(np.uint8)),
             self._context.buffer(reserve=rows * POSED_BYTES, dynamic=True),
             *self._room_for_triangles(),
         )
 
-    def _room_for_triangles(self) -> tuple[npt.NDArray[np.int32], moderngl.Buffer]:
+    def _room_for_triangles(
+        self,
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], moderngl.Buffer]:
         rows = int(self._triangles() * (1 + SPARE_01))
         indices = self._context.buffer(reserve=12 * rows, dynamic=True)
-        return np.zeros((rows, 3), np.int32), indices
+        return np.zeros((rows, 3), np.int32), np.zeros((rows, 3), np.int32), indices
 
     def _triangles(self) -> int:
         """Return how many triangles there are at most, were none turned away."""

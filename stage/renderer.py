@@ -18,7 +18,7 @@ from stage.lamps import KIND_NUMBERS, LIGHTING_BYTES, ShadowView, lighting_block
 from stage.levels import BODY_RADIUS_M, DetailRule, choose_levels, faces_px, in_view
 from stage.lit_programs import Family, LitPrograms
 from stage.overlays import Overlays
-from stage.processor_crowd import ProcessorCrowd
+from stage.processor_crowd import PixelGrid, ProcessorCrowd
 from stage.projection import projection, view, world_from
 from stage.scene_buffers import Crowd, SceneBuffers
 from stage.shadow_maps import ShadowMaps
@@ -113,7 +113,12 @@ class Renderer(Closing):
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
         self._lit_before: tuple[object, Room, tuple[ShadowView, ...], bytes] | None = None
         self._overlays = Overlays(ctx, in_light=self._in_light)
-        self._contacts = Contacts(ctx, in_light=self._in_light, with_maps=self._with_maps())
+        self._contacts = Contacts(
+            ctx,
+            in_light=self._in_light,
+            with_maps=self._with_maps(),
+            apart=self.quality.fast,
+        )
         self._shadow_maps = ShadowMaps(
             ctx, self.quality.shadow_map_px, area=self.quality.shadows == "area"
         )
@@ -225,7 +230,9 @@ class Renderer(Closing):
                 for px, camera in zip(widths, cameras, strict=True)
             ]
             drawn = self.pose(picture, crowd, cameras, levels, max(spans, default=1.0))
-            self.light(picture, crowd, drawn, cameras, max(widths, default=1))
+            # A head asked for once more sees other pixels.
+            seen = None if late is not None else _grid(cameras, targets)
+            self.light(picture, crowd, drawn, cameras, max(widths, default=1), seen)
         if late is not None:
             cameras = late()
         for camera, target in zip(cameras, targets, strict=True):
@@ -290,11 +297,12 @@ class Renderer(Closing):
         drawn: Drawn,
         cameras: Sequence[Camera],
         width_px: int | None,
+        grid: PixelGrid | None = None,
     ) -> None:
         """Send the lamps, move people into their poses, draw the shadow maps.
 
         `width_px` of the pictures says who can do without textures; None is for buffers, whose
-        light is linear.
+        light is linear. Nothing is looked at but the pixels of a `grid`.
         """
         views, block = self._lit(picture, crowd)
         self._lighting.write(block)
@@ -311,6 +319,7 @@ class Renderer(Closing):
                 drawn.distance_m,
                 textured_to_m,
                 encode=width_px is not None,
+                grid=grid,
             )
             return
         if crowd.cast:
@@ -453,6 +462,12 @@ class Renderer(Closing):
         if size_px not in self._targets:
             self._targets[size_px] = EyeTarget(self.context, size_px, self.quality.samples)
         return self._targets[size_px]
+
+
+def _grid(cameras: Sequence[Camera], targets: Sequence[EyeTarget]) -> PixelGrid:
+    """Return the pixels that pictures have; samples lie between the middles of theirs."""
+    sampled = any(target.samples for target in targets)
+    return PixelGrid.of(cameras, [target.size_px for target in targets], between=not sampled)
 
 
 def _background(picture: Picture) -> tuple[float, float, float]:

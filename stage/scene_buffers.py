@@ -25,11 +25,10 @@ class SceneBuffers:
     def __init__(self, context: moderngl.Context, *, fast: bool) -> None:
         self._context, self._fast = context, fast
         self._calls = GlCalls(context)
-        self._layered = (
-            partial(code_layers, context) if fast else partial(srgb_layers, context, self._calls)
-        )
+        in_codes = partial(code_layers, context, self._calls)
+        self._layered = in_codes if fast else partial(srgb_layers, context, self._calls)
         self._meshes = CharacterMeshes()
-        self._layers = SharedLayers(context)
+        self._layers = SharedLayers(in_codes)
         self._looks = Looks(context, self._calls)
         self._models = ModelsOnCard(context, self._meshes, self._looks)
         self._crowds: dict[tuple[int, ...], Crowd] = {}

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import partial
 
 import moderngl
 import numpy as np
@@ -107,8 +106,7 @@ def srgb_layers(
 ) -> moderngl.TextureArray:
     """Return pictures of one shape as layers for a card; colours are decoded when read."""
     height, width, channels = stack[0].shape
-    pixels = b"".join(np.ascontiguousarray(layer).tobytes() for layer in stack)
-    size = (width, height, len(stack))
+    pixels, size = _joined(stack), (width, height, len(stack))
     if is_colour:
         array = context.texture_array(size, channels)
         calls.fill_srgb(array, pixels)
@@ -181,8 +179,8 @@ class SharedLayers:
     A cast within a larger one that is there takes its layers; of those nobody uses the latest stay.
     """
 
-    def __init__(self, context: moderngl.Context) -> None:
-        self._context = context
+    def __init__(self, layered: Callable[[list[TextureArray]], moderngl.TextureArray]) -> None:
+        self._layered = layered
         self._made: dict[frozenset[int], Layers] = {}
 
     def of(self, cast: Iterable[Character], in_use: Iterable[Layers]) -> Layers:
@@ -197,7 +195,7 @@ class SharedLayers:
         spare = [there for there, layers in self._made.items() if id(layers) not in used]
         for there in spare[: max(0, len(self._made) + 1 - MAX_SHARED)]:
             self._made.pop(there).release()
-        made = Layers(pictures, partial(code_layers, self._context), MAX_LAYER_PX)
+        made = Layers(pictures, self._layered, MAX_LAYER_PX)
         return self._made.setdefault(key, made)
 
     def release(self) -> None:
@@ -216,13 +214,42 @@ def _at_most(picture: TextureArray, side_px: int) -> TextureArray:
     return np.asarray(Image.fromarray(picture).reduce(factor))
 
 
-def code_layers(context: moderngl.Context, stack: list[TextureArray]) -> moderngl.TextureArray:
+def code_layers(
+    context: moderngl.Context, calls: GlCalls, stack: list[TextureArray]
+) -> moderngl.TextureArray:
     """Return pictures of one shape as layers for a processor: codes that no tap decodes, read from
     one size.
     """
     height, width, channels = stack[0].shape
-    pixels = b"".join(np.ascontiguousarray(layer).tobytes() for layer in stack)
-    array = context.texture_array((width, height, len(stack)), channels, pixels, alignment=1)
-    array.build_mipmaps()
+    array = context.texture_array(
+        (width, height, len(stack)), channels, _joined(stack), alignment=1
+    )
+    smaller = _halved(stack)
+    for level, layers in enumerate(smaller, start=1):
+        calls.fill_smaller(array, level, _joined(layers))
+    if not smaller:
+        array.build_mipmaps()
     array.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
     return array
+
+
+def _halved(stack: list[TextureArray]) -> list[list[TextureArray]]:
+    """Return the pictures halved time and again until one pixel is left; none at all where a side
+    is no power of 2. Mesa compiles its own way of doing this anew in every process.
+    """
+    height, width, channels = stack[0].shape
+    if height & height - 1 or width & width - 1:
+        return []
+    # Of RGBA, Pillow would weigh colours by how opaque they are.
+    mode = "RGB" if channels == 3 else "CMYK"
+    images = [Image.frombytes(mode, (width, height), layer.tobytes()) for layer in stack]
+    out: list[list[TextureArray]] = []
+    while images[0].size != (1, 1):
+        wide, high = (min(side, 2) for side in images[0].size)
+        images = [image.reduce((wide, high)) for image in images]
+        out.append([np.asarray(image) for image in images])
+    return out
+
+
+def _joined(stack: list[TextureArray]) -> bytes:
+    return b"".join(np.ascontiguousarray(layer).tobytes() for layer in stack)

@@ -1,7 +1,7 @@
 """Light at vertices, computed on the processor: Lambert's law of `glsl_lighting`, without shine.
 
-Processors that draw have no shader units to spare: one compiled loop moves, lights and encodes
-every vertex once, whatever the number of eyes.
+Processors that draw have no shader units to spare: compiled loops move every vertex once, whatever
+the number of eyes, pick the triangles that show, and light and encode the vertices of those.
 """
 
 import numpy as np
@@ -14,6 +14,10 @@ from stimuli.picture import Room
 Floats = npt.NDArray[np.float32]
 EYE_KIND = 1
 """Kind of the vertices whose light pixels compute: they get their normal instead."""
+LEAST_DEPTH_M = 0.02
+"""What is not so far before an eye counts as seen."""
+NEAR_PX = 0.03
+"""How finely a driver may place corners between pixels."""
 _ROOT_STEPS = 1024
 _roots = np.arange(4 * _ROOT_STEPS) / _ROOT_STEPS
 _linear = np.minimum(_roots, 1.0) ** 2
@@ -163,11 +167,10 @@ def light_points(
 
 
 @compiled
-def pose_and_light(
+def pose(
     people: npt.NDArray[np.int64],
     vertices_of: npt.NDArray[np.int64],
     slot_of: npt.NDArray[np.int64],
-    plain_of: npt.NDArray[np.bool_],
     rows: Floats,
     rest: Floats,
     normal: Floats,
@@ -175,28 +178,21 @@ def pose_and_light(
     weight: Floats,
     morph: npt.NDArray[np.int32],
     deltas: Floats,
-    albedo: Floats,
-    plain_albedo: Floats,
-    wrap: Floats,
-    kind: npt.NDArray[np.uint8],
-    textured: npt.NDArray[np.bool_],
-    lamps: Floats,
-    ambient: Floats,
-    codes: Floats,
-    factors: Floats,
-    encode: bool,
+    pixels_from_world: Floats,
     out: Floats,
+    pixel: Floats,
 ) -> None:
-    """Write place and light (slot, 6) of everyone in `people`, as linear light or in codes.
+    """Write place and normal (slot, 6) of everyone in `people`, and the pixel (slot, e, 2) of each
+    of e pictures it falls on; what lies beside or behind an eye falls on none, NaN.
 
     `vertices_of` (2 n, 2) is each person's stretch of the model arrays, of n seen from near, then
-    of the same from far; `slot_of` (2 n,) is where it is written; `plain_of` says whose textures
-    are left out for the colours in `plain_albedo`.
+    of the same from far; `slot_of` (2 n,) is where it is written. Pixels times depth, and depth,
+    are `pixels_from_world` (e, 3, 4) times places.
     """
     face = rows.shape[1] - 2
     one = np.float32(1.0)
     for person in people:
-        row, slot, plain = rows[person % rows.shape[0]], slot_of[person], plain_of[person]
+        row, slot = rows[person % rows.shape[0]], slot_of[person]
         for v in range(vertices_of[person, 0], vertices_of[person, 1]):
             x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
             m = morph[v]
@@ -241,31 +237,104 @@ def pose_and_light(
             share = one / np.sqrt(max(nx * nx + ny * ny + nz * nz, np.float32(1e-12)))
             nx, ny, nz = nx * share, ny * share, nz * share
             out[slot, 0], out[slot, 1], out[slot, 2] = px, py, pz
-            if kind[v] == EYE_KIND:
-                out[slot, 3], out[slot, 4], out[slot, 5] = nx, ny, nz
-            else:
-                r, g, b = _lit(
-                    px,
-                    py,
-                    pz,
-                    nx,
-                    ny,
-                    nz,
-                    wrap[v, 0],
-                    wrap[v, 1],
-                    wrap[v, 2],
-                    wrap[v, 3],
-                    wrap[v, 4],
-                    wrap[v, 5],
-                    lamps,
-                    ambient,
-                )
-                own = plain_albedo if plain else albedo
-                r, g, b = r * own[v, 0], g * own[v, 1], b * own[v, 2]
-                if encode:
-                    r, g, b = _in_codes(r, g, b, textured[v] and not plain, codes, factors)
-                out[slot, 3], out[slot, 4], out[slot, 5] = r, g, b
+            out[slot, 3], out[slot, 4], out[slot, 5] = nx, ny, nz
+            for e in range(pixels_from_world.shape[0]):
+                m = pixels_from_world[e]
+                deep = m[2, 0] * px + m[2, 1] * py + m[2, 2] * pz + m[2, 3]
+                if deep > LEAST_DEPTH_M:
+                    share = one / deep
+                    across = m[0, 0] * px + m[0, 1] * py + m[0, 2] * pz + m[0, 3]
+                    up = m[1, 0] * px + m[1, 1] * py + m[1, 2] * pz + m[1, 3]
+                    pixel[slot, e, 0], pixel[slot, e, 1] = across * share, up * share
+                else:
+                    pixel[slot, e, 0] = pixel[slot, e, 1] = np.nan
             slot += 1
+
+
+@compiled
+def light_drawn(
+    people: npt.NDArray[np.int64],
+    vertices_of: npt.NDArray[np.int64],
+    slot_of: npt.NDArray[np.int64],
+    plain_of: npt.NDArray[np.bool_],
+    albedo: Floats,
+    plain_albedo: Floats,
+    wrap: Floats,
+    kind: npt.NDArray[np.uint8],
+    textured: npt.NDArray[np.bool_],
+    lamps: Floats,
+    ambient: Floats,
+    codes: Floats,
+    factors: Floats,
+    encode: bool,
+    drawn: npt.NDArray[np.bool_],
+    out: Floats,
+) -> None:
+    """Write light over normals in `out` (slot, 6), as linear light or in codes, where `drawn`
+    (slot,) says so, which it then says no more. Normals of eyes, which pixels light, stay.
+
+    `plain_of` says whose textures are left out for the colours in `plain_albedo`.
+    """
+    for person in people:
+        slot, plain = slot_of[person], plain_of[person]
+        own = plain_albedo if plain else albedo
+        for v in range(vertices_of[person, 0], vertices_of[person, 1]):
+            if drawn[slot]:
+                drawn[slot] = False
+                if kind[v] != EYE_KIND:
+                    r, g, b = _lit(
+                        out[slot, 0],
+                        out[slot, 1],
+                        out[slot, 2],
+                        out[slot, 3],
+                        out[slot, 4],
+                        out[slot, 5],
+                        wrap[v, 0],
+                        wrap[v, 1],
+                        wrap[v, 2],
+                        wrap[v, 3],
+                        wrap[v, 4],
+                        wrap[v, 5],
+                        lamps,
+                        ambient,
+                    )
+                    r, g, b = r * own[v, 0], g * own[v, 1], b * own[v, 2]
+                    if encode:
+                        r, g, b = _in_codes(r, g, b, textured[v] and not plain, codes, factors)
+                    out[slot, 3], out[slot, 4], out[slot, 5] = r, g, b
+            slot += 1
+
+
+@compiled
+def _on_no_pixel(
+    a: np.int64,
+    b: np.int64,
+    c: np.int64,
+    pixel: Floats,
+    size_px: Floats,
+    between: bool,
+) -> bool:
+    """Tell whether a triangle is beside every picture or, where `between` counts, between the
+    middles of pixels.
+    """
+    near, half = np.float32(NEAR_PX), np.float32(0.5)
+    for e in range(size_px.shape[0]):
+        ax, ay = pixel[a, e, 0], pixel[a, e, 1]
+        bx, by = pixel[b, e, 0], pixel[b, e, 1]
+        cx, cy = pixel[c, e, 0], pixel[c, e, 1]
+        if np.isnan(ax + bx + cx):
+            return False
+        left, right = min(ax, min(bx, cx)) - near, max(ax, max(bx, cx)) + near
+        low, high = min(ay, min(by, cy)) - near, max(ay, max(by, cy)) + near
+        if right < 0 or high < 0 or left > size_px[e, 0] or low > size_px[e, 1]:
+            continue
+        if between and (
+            np.floor(right - half) < np.ceil(left - half)
+            or np.floor(high - half) < np.ceil(low - half)
+        ):
+            continue
+        return False
+    return True
 
 
 @compiled
@@ -280,16 +349,22 @@ def gather_front(
     single_sided: npt.NDArray[np.bool_],
     posed: Floats,
     eyes_m: Floats,
+    pixel: Floats,
+    size_px: Floats,
+    between: bool,
+    drawn: npt.NDArray[np.bool_],
     first: npt.NDArray[np.int64],
     count: npt.NDArray[np.int64],
     out: npt.NDArray[np.int32],
 ) -> None:
-    """Write the triangles that face any eye, person after person as listed, group by group.
+    """Write the triangles that face any eye and fall on any pixel, person after person as listed,
+    group by group; `drawn` (slot,) becomes true where they have a corner.
 
     `stretches` (models, groups, 2) are rows of `triangles` (t, 3), `slot_of` (n,) is added to
     their vertices, `group_of` (n, groups) says in which group a person's are drawn. Group g is
     written from row `first[g]` of `out` on; `count` (groups,) is how many it has. Of plain people
-    sheets have one side, too. With no eyes every triangle is kept.
+    sheets have one side, too. With no eyes every triangle faces one; with no pictures, whose sizes
+    are `size_px` (e, 2), every triangle falls on a pixel, and see `_on_no_pixel`.
     """
     count[:] = 0
     for person in people:
@@ -317,7 +392,10 @@ def gather_front(
                             + nz * (eyes_m[e, 2] - az)
                         )
                         kept = kept or towards > 0
+                if kept and size_px.shape[0] > 0:
+                    kept = not _on_no_pixel(a, b, c, pixel, size_px, between)
                 if kept:
+                    drawn[a] = drawn[b] = drawn[c] = True
                     out[at, 0], out[at, 1], out[at, 2] = a, b, c
                     at += 1
             count[target] = at - first[target]

@@ -70,6 +70,41 @@ def test_cached_code_is_used_until_a_kernel_or_number_it_takes_in_changes(tmp_pa
     assert {tmp_path / "cache" / "visavis" / "kernels"} == machine_code  # nothing beside modules
 
 
+MATRICES = """
+import sys
+
+import numpy as np
+from lab.compiled import compiled
+
+
+@compiled
+def plus(x):
+    return x + 1
+
+
+@compiled
+def times(a):
+    return np.dot(a, a)
+
+
+print(plus(1), "scipy.linalg" in sys.modules, times(2 * np.eye(2)).trace())
+"""
+
+
+def test_scipy_is_not_loaded_for_kernels_that_multiply_no_matrices(tmp_path: Path) -> None:
+    (tmp_path / "matrices.py").write_text(MATRICES)
+    path_line = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]"
+    for _ in "compiled", "kept":
+        done = subprocess.run(
+            [sys.executable, "-c", f"{path_line}; import matrices"],
+            env=without_numbas_own(tmp_path / "cache"),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert ["2", "False", "8.0"] == done.stdout.split()
+
+
 def test_of_kept_machine_code_the_oldest_modules_are_forgotten_whole(tmp_path: Path) -> None:
     for age, module in enumerate(("oldest", "older", "newest")):
         folder = tmp_path / "py311-numba1" / module

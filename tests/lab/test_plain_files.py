@@ -3,14 +3,18 @@
 import gzip
 import os
 import tracemalloc
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import pytest
 import yaml
 
 from lab.errors import ConfigError
-from lab.plain_files import open_plain, parse_json, read_packed, read_plain
+from lab.plain_files import open_plain, parse_json, read_arrays, read_packed, read_plain
 from lab.yaml_lines import parse_document, read_document
 
 
@@ -107,3 +111,47 @@ def test_yaml_of_brackets_is_refused_at_the_first_that_is_too_deep(monkeypatch) 
     with pytest.raises(ConfigError, match="nested deeper than 50 levels"):
         parse_document("[" * 3000, given)
     assert 51 == len(begun)
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.arange(12, dtype=np.int16).reshape(3, 4),
+        np.asfortranarray(np.arange(12.0).reshape(3, 4)),
+        np.arange(4, dtype=">i4"),
+        np.array(["hips", "head"]),
+        np.array([("a", 1.5)], dtype=[("name", "<U4"), ("value", "<f8")]),
+        np.array(True),
+        np.zeros((0, 3)),
+        np.array(["", ""]),
+    ],
+)
+def test_an_array_is_read_as_it_was_written_and_may_be_changed(
+    array: npt.NDArray[Any], tmp_path: Path
+) -> None:
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, first=array, second=array)
+    found = read_arrays(path)
+    assert ["first", "second"] == list(found)
+    for read in found.values():
+        assert (array.dtype, array.shape) == (read.dtype, read.shape)
+        assert array.tobytes() == read.tobytes()
+        assert read.flags.writeable
+
+
+@pytest.mark.parametrize("member", [b"no array", b"\x93NUMPY\x01\x00", b""])
+def test_an_npz_file_that_holds_anything_but_arrays_is_refused(
+    member: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("note.txt", member)
+    with pytest.raises(ValueError, match=r"magic|EOF"):
+        read_arrays(path)
+
+
+def test_pickled_objects_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, names=np.array([{}], dtype=object))
+    with pytest.raises(ValueError, match="pickle"):
+        read_arrays(path)

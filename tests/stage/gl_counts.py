@@ -45,6 +45,7 @@ COUNTED: dict[str, tuple[tuple[type, str], ...]] = {
         (moderngl.Texture, "write"),
         (moderngl.TextureArray, "write"),
         (GlCalls, "fill_srgb"),
+        (GlCalls, "fill_smaller"),
     ),
     "made": tuple(
         (moderngl.Context, name)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from stage import processor_crowd
 from stage.baked_room import baked_room
 from stage.errors import StageError
@@ -301,12 +302,16 @@ def test_rows_taken_never_overlap_and_join_when_given_back(steps: list[tuple[boo
 # ---- kernels --------------------------------------------------------------------------------
 
 
-@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
-def test_only_triangles_that_face_an_eye_are_kept(x: float, y: float, z: float) -> None:
-    eye = np.array([[3 * x, 3 * y, 3 * z + 0.5]], np.float32)
-    posed = np.zeros((3, 6), np.float32)
-    posed[1, 0] = posed[2, 1] = 1.0  # faces +z
+FACING_Z = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+NO_PICTURE = np.zeros((3, 0, 2), np.float32)
+
+
+def _kept(
+    eye_m: npt.ArrayLike, pixel: npt.NDArray[np.float32] = NO_PICTURE, *, between: bool = True
+) -> bool:
+    """Tell whether a triangle is kept whose corners fall on `pixel` (3, e, 2) of 20 by 10."""
     count, out = np.zeros(1, np.int64), np.zeros((1, 3), np.int32)
+    drawn = np.zeros(3, np.bool_)
     gather_front(
         np.array([0]),
         np.array([0]),
@@ -316,13 +321,74 @@ def test_only_triangles_that_face_an_eye_are_kept(x: float, y: float, z: float) 
         np.array([[[0, 1]]]),
         np.array([[0, 1, 2]], np.int32),
         np.array([True]),
-        posed,
-        eye,
+        np.concatenate([FACING_Z, np.zeros((3, 3), np.float32)], axis=1),
+        np.asarray(eye_m, np.float32).reshape(1, 3),
+        pixel,
+        np.tile(np.array([20, 10], np.float32), (pixel.shape[1], 1)),
+        between,
+        drawn,
         np.array([0]),
         count,
         out,
     )
-    assert count[0] == int(eye[0, 2] > 0)
+    assert drawn.all() == drawn.any() == (count[0] == 1)
+    return bool(count[0])
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
+def test_only_triangles_that_face_an_eye_are_kept(x: float, y: float, z: float) -> None:
+    eye_m = np.array([3 * x, 3 * y, 3 * z + 0.5], np.float32)
+    assert _kept(eye_m) == (eye_m[2] > 0)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "kept"),
+    [
+        ([[[3.1, 3.1], [3.9, 3.1], [3.1, 3.9]]], True),
+        ([[[2.6, 3.1], [3.4, 3.1], [2.6, 3.9]]], False),  # between the middles of two columns
+        ([[[3.1, 2.6], [3.9, 2.6], [3.1, 3.4]]], False),  # and of two rows
+        ([[[2.6, 3.1], [3.4, 3.1], [2.6, 3.9]], [[2.4, 3.1], [3.2, 3.1], [2.4, 3.9]]], True),
+        ([[[-9, 1], [-1, 1], [-9, 9]]], False),
+        ([[[21, 1], [29, 1], [21, 9]]], False),
+        ([[[1, -9], [9, -1], [1, -1]]], False),
+        ([[[1, 11], [9, 11], [1, 19]]], False),
+        ([[[-9, -9], [40, -9], [-9, 40]]], True),
+        ([[[np.nan, np.nan], [-9, 1], [-9, 9]]], True),  # in part beside the eye
+    ],
+)
+def test_triangles_that_fall_on_no_pixel_of_any_eye_are_left_out(
+    pixels: list[list[list[float]]], kept: bool
+) -> None:
+    eye_m = (0.2, 0.2, 1.0)
+    on = np.ascontiguousarray(np.array(pixels, np.float32).transpose(1, 0, 2))
+    assert kept == _kept(eye_m, on)
+    if np.nanmin(on) > 0 and np.nanmax(on[..., 0]) < 20 and np.nanmax(on[..., 1]) < 10:
+        assert _kept(eye_m, on, between=False)
+
+
+def test_pictures_are_the_same_without_what_falls_on_no_pixel(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture, camera = figures.picture(5), figures.camera(aspect=1.5)
+    sizes = (48, 32), (150, 100)
+    without = [renderer.image(picture, camera, size) for size in sizes]
+    monkeypatch.setattr("stage.renderer._grid", lambda *_: None)
+    for expected, image in zip(
+        [renderer.image(picture, camera, size) for size in sizes], without, strict=True
+    ):
+        assert np.array_equal(expected, image)
+
+
+def test_a_head_asked_for_once_more_sees_what_fell_on_no_pixel_before(renderer: Renderer) -> None:
+    picture, before = figures.picture(5), figures.camera(aspect=1.0)
+    turned = Pose(before.pose.position_m, quat_from_yaw_pitch_deg(8.0))
+    camera = replace(before, pose=turned)
+    target = EyeTarget(renderer.context, (120, 120), 0)
+    renderer.draw(picture, [camera], [target])
+    expected = target.read()
+    renderer.draw(picture, [before], [target], late=lambda: [camera])
+    assert np.array_equal(expected, target.read())
+    target.release()
 
 
 def _lit(place_m: npt.ArrayLike, light: Light, *, textured: bool) -> npt.NDArray[np.float32]:
