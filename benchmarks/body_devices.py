@@ -11,12 +11,13 @@ import argparse
 import socket
 import struct
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from benchmarks.table import Row, show
+from devices.body_contract import OneStretch
 from devices.datagrams import UdpTransport
 from devices.drivers.natnet import codec as natnet_codec
 from devices.drivers.natnet.driver import NatNet
@@ -47,7 +48,7 @@ DRIFT_PPM, DELAY_MS, JITTER_MS = 50.0, 2.0, 5.0
 CLOCK_SECONDS = 120
 
 
-class NoddingBody:
+class NoddingBody(OneStretch):
     """Stand still and turn the head slowly; costs next to nothing to ask."""
 
     def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
@@ -58,18 +59,6 @@ class NoddingBody:
         """Return a head that turns."""
         half = 0.1 * np.sin(t_ns * 1e-9)
         return np.array([0.0, 1.6, 0.0]), np.array([np.cos(half), 0.0, np.sin(half), 0.0])
-
-    def stretch(self) -> int:
-        """Return the only stretch."""
-        return 0
-
-    def fit(self) -> int:
-        """Return the only fit."""
-        return 0
-
-    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Press nothing."""
-        return iter(())
 
     def segments(self, names: Sequence[str], t_ns: npt.NDArray[np.int64]) -> tuple[Vector, Vector]:
         """Return segments at rest."""

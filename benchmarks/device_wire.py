@@ -9,14 +9,13 @@ so it contains the simulator's own loop of 1 ms.
 
 import argparse
 import sys
-from collections.abc import Iterator
 
 import msgpack
 import numpy as np
 import numpy.typing as npt
 
 from benchmarks.table import Row, show
-from devices.contracts import EYES_DTYPE, ClockPair
+from devices.contracts import EYES_DTYPE, ClockPair, OneStretch
 from devices.drivers.pupil.codec import CONFIDENCE_THRESHOLD_01, decode_gaze
 from devices.drivers.pupil.driver import PupilCore
 from devices.pump import Pump
@@ -38,7 +37,7 @@ OFFSET_LIMIT_MS = 0.2
 LAG_LIMIT_MS = 8.3
 
 
-class StillBody:
+class StillBody(OneStretch):
     """Look straight ahead at 2 m; costs next to nothing to ask."""
 
     def __init__(self) -> None:
@@ -56,18 +55,6 @@ class StillBody:
     def head(self, t_ns: int) -> tuple[Vector, Vector]:
         """Return a head that does not move."""
         return np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-
-    def stretch(self) -> int:
-        """Return the only stretch."""
-        return 0
-
-    def fit(self) -> int:
-        """Return the only fit."""
-        return 0
-
-    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Press nothing."""
-        return iter(())
 
 
 def codec_rows() -> list[Row]:

@@ -90,3 +90,23 @@ class MovingBody(Body, Protocol):
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Take in what the motors of the band worn as `role` do from `t_ns` on."""
         ...
+
+
+class PressesNothing:
+    """The hands of a body whose response devices stay as they are."""
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield nothing."""
+        return iter(())
+
+
+class OneStretch(PressesNothing):
+    """What a body that does one thing all the time answers; the headset stays on."""
+
+    def stretch(self) -> int:
+        """Return 0, the only stretch."""
+        return 0
+
+    def fit(self) -> int:
+        """Return 0, the only fit."""
+        return 0

@@ -15,6 +15,8 @@ from devices.body_contract import EYES_DTYPE as EYES_DTYPE
 from devices.body_contract import Body as Body
 from devices.body_contract import ForeseeableHand as ForeseeableHand
 from devices.body_contract import MovingBody as MovingBody
+from devices.body_contract import OneStretch as OneStretch
+from devices.body_contract import PressesNothing as PressesNothing
 from devices.body_contract import RecallingBody as RecallingBody
 from devices.streams import BAND as BAND
 from devices.streams import BAND_EVENTS as BAND_EVENTS

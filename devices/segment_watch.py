@@ -50,17 +50,23 @@ class SegmentWatch:
         n = len(segments)
         self.segments = tuple(segments)
         self.frozen_ns = np.zeros(n, np.int64)
-        self._limit_ns = limit_ns
-        self._hips = self.segments.index("hips") if "hips" in segments else -1
-        self._floor = np.array([name in HELD_BY_FLOOR for name in segments], bool)
-        self._last = np.full((n, 7), np.nan)
-        self._changed_ns, self._still_ns = np.zeros((n, 2), np.int64), np.zeros((n, 2), np.int64)
-        self._moved = np.zeros((n, 2), bool)
+        self._still_ns = np.zeros((n, 2), np.int64)
+        self._moved, self._frozen = np.zeros((n, 2), bool), np.zeros((n, 2), bool)
         for name, channel in moved:
             if name in self.segments:
                 self._moved[self.segments.index(name), channel] = True
-        self._hips_m = np.full((n, 2, 2), np.nan)
-        self._how, self._frozen = np.zeros((n, 2), np.int8), np.zeros((n, 2), bool)
+        self._state = (  # of `_look`, by its parameters
+            limit_ns,
+            self.segments.index("hips") if "hips" in segments else -1,
+            np.array([name in HELD_BY_FLOOR for name in segments], bool),
+            np.full((n, 7), np.nan),
+            np.zeros((n, 2), np.int64),
+            self._still_ns,
+            self._moved,
+            np.full((n, 2, 2), np.nan),
+            np.zeros((n, 2), np.int8),
+            self._frozen,
+        )
         # loads the compiled code: the first sample of a session must not wait for it
         self.look(np.full((n, 3), np.nan), np.full((n, 4), np.nan), 0)
 
@@ -94,21 +100,7 @@ class SegmentWatch:
         """
         at = np.ascontiguousarray(position_m, np.float64)
         turn = np.ascontiguousarray(orientation_wxyz, np.float64)
-        if not _look(
-            at,
-            turn,
-            gap_ns,
-            self._limit_ns,
-            self._hips,
-            self._floor,
-            self._last,
-            self._changed_ns,
-            self._still_ns,
-            self._moved,
-            self._hips_m,
-            self._how,
-            self._frozen,
-        ):
+        if not _look(at, turn, gap_ns, *self._state):
             return False
         self.frozen_ns[self.frozen] += gap_ns
         return True
@@ -135,22 +127,7 @@ class SegmentWatch:
         Those in which it could not be known yet are among them; the first, true one is not.
         """
         found = np.zeros(position_m.shape[:2], bool)
-        _look_at_all(
-            t_ns,
-            position_m,
-            orientation_wxyz,
-            self._limit_ns,
-            self._hips,
-            self._floor,
-            self._last,
-            self._changed_ns,
-            self._still_ns,
-            self._moved,
-            self._hips_m,
-            self._how,
-            self._frozen,
-            found,
-        )
+        _look_at_all(t_ns, position_m, orientation_wxyz, found, *self._state)
         return found
 
 
@@ -224,6 +201,7 @@ def _look_at_all(
     t_ns: npt.NDArray[np.int64],
     position: Vector,
     turn: Vector,
+    found: Flags,
     limit_ns: int,
     hips: int,
     floor: Flags,
@@ -234,7 +212,6 @@ def _look_at_all(
     hips_m: Vector,
     how: npt.NDArray[np.int8],
     frozen: Flags,
-    found: Flags,
 ) -> None:
     """Mark the samples (n, s) of all samples that repeat a frozen pose."""
     n_segments = position.shape[1]

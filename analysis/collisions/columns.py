@@ -124,13 +124,12 @@ def columns_in_both(
     low_w: float,
     high_w: float,
     room: int,
-) -> tuple[npt.NDArray[np.int32], Vector, int, Vector]:
-    """Return columns (k,) and stretches (k, 2) inside both bodies, crossings met, and a box.
+) -> tuple[npt.NDArray[np.int32], Vector, Vector]:
+    """Return columns (k,) and stretches (k, 2) inside both bodies, and a box.
 
     The box (2, 3) as (u, v in columns, w) holds all that the bodies can share, surfaces that cross
     between columns included; it is inverted when they can share nothing.
-    Column number is row * n_u + i. When the crossings met exceed `room` nothing was measured;
-    call again with that much room.
+    Column number is row * n_u + i. Where more crossings than `room` are met, all is cast once more.
     """
     cells = n_u * n_v
     across = tiles_across(n_u)
@@ -158,53 +157,55 @@ def columns_in_both(
         live[0, 1], live[1, 1] = min(live[0, 1], v - 1.0), max(live[1, 1], v + MARGIN + 0.0)
         live[0, 2], live[1, 2] = min(live[0, 2], low_a[k]), max(live[1, 2], high_a[k])
     if not live[0, 0] < live[1, 0]:
-        return np.empty(0, np.int32), np.empty((0, 2)), 0, live
-    below_a = np.zeros(cells, np.int32)
-    below_b = np.zeros(cells, np.int32)
-    count = np.zeros(cells, np.int32)
-    column = np.empty(room, np.int32)
-    height = np.empty(room)
-    change = np.empty(room, np.int8)
+        return np.empty(0, np.int32), np.empty((0, 2)), live
     over_a = over(place_a, first_a, n_u, high_a, far_a)
     over_b = over(place_b, first_b, n_u, high_a, far_b)
-    n = cast(
-        place_a,
-        first_a,
-        faces_a,
-        met_a,
-        over_a,
-        n_u,
-        n_v,
-        low_a,
-        high_a,
-        below_a,
-        count,
-        column,
-        height,
-        change,
-        0,
-        0,
-    )
-    n = cast(
-        place_b,
-        first_b,
-        faces_b,
-        met_b,
-        over_b,
-        n_u,
-        n_v,
-        low_a,
-        high_a,
-        below_b,
-        count,
-        column,
-        height,
-        change,
-        n,
-        1,
-    )
-    if n > room:
-        return np.empty(0, np.int32), np.empty((0, 2)), n, live
+    while True:
+        below_a = np.zeros(cells, np.int32)
+        below_b = np.zeros(cells, np.int32)
+        count = np.zeros(cells, np.int32)
+        column = np.empty(room, np.int32)
+        height = np.empty(room)
+        change = np.empty(room, np.int8)
+        n = cast(
+            place_a,
+            first_a,
+            faces_a,
+            met_a,
+            over_a,
+            n_u,
+            n_v,
+            low_a,
+            high_a,
+            below_a,
+            count,
+            column,
+            height,
+            change,
+            0,
+            0,
+        )
+        n = cast(
+            place_b,
+            first_b,
+            faces_b,
+            met_b,
+            over_b,
+            n_u,
+            n_v,
+            low_a,
+            high_a,
+            below_b,
+            count,
+            column,
+            height,
+            change,
+            n,
+            1,
+        )
+        if n <= room:
+            break
+        room = n
     begin = np.empty(cells + 1, np.int32)
     total = 0
     longest = 0
@@ -243,4 +244,4 @@ def columns_in_both(
             found_column[n_found] = k
             found[n_found, 0], found[n_found, 1] = intervals[i, 0], intervals[i, 1]
             n_found += 1
-    return found_column[:n_found], found[:n_found], n, live
+    return found_column[:n_found], found[:n_found], live

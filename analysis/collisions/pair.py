@@ -137,25 +137,10 @@ def measure_box(
     step = np.ones(3)
     step[iu] = (high_m[iu] - low_m[iu]) / n_u
     step[iv] = (high_m[iv] - low_m[iv]) / n_v
-    room = _ROOM
-    while True:
-        column, stretch, met, live = columns_in_both(
-            vertices_a,
-            faces_a,
-            vertices_b,
-            faces_b,
-            axis,
-            low_m,
-            step,
-            n_u,
-            n_v,
-            low_m[axis],
-            high_m[axis],
-            room,
-        )
-        if met <= room:
-            break
-        room = met
+    low_w, high_w = low_m[axis], high_m[axis]
+    column, stretch, live = columns_in_both(
+        vertices_a, faces_a, vertices_b, faces_b, axis, low_m, step, n_u, n_v, low_w, high_w, _ROOM
+    )
     length = 0.0
     moment = np.zeros(3)
     box = np.empty((2, 3))

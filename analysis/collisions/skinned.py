@@ -17,6 +17,7 @@ from analysis.collisions.errors import MalformedMesh
 from analysis.collisions.meshes import ClosedMesh, Faces
 from lab.compiled import compiled
 from lab.geometry import Vector
+from stimuli.motion.quaternion_kernels import write_matrix
 
 Bones = npt.NDArray[np.int16]
 Index = npt.NDArray[np.int64]
@@ -166,23 +167,8 @@ def joint_moves(
 ) -> None:
     """Write what takes points at rest to world, (j, 3, 4), from joints (j, 3) and (j, 4)."""
     for j in range(position.shape[0]):
-        w, x, y, z = world[j, 0], world[j, 1], world[j, 2], world[j, 3]
         m = moves[j]
-        m[0, 0], m[0, 1], m[0, 2] = (
-            1 - 2 * (y * y + z * z),
-            2 * (x * y - w * z),
-            2 * (x * z + w * y),
-        )
-        m[1, 0], m[1, 1], m[1, 2] = (
-            2 * (x * y + w * z),
-            1 - 2 * (x * x + z * z),
-            2 * (y * z - w * x),
-        )
-        m[2, 0], m[2, 1], m[2, 2] = (
-            2 * (x * z - w * y),
-            2 * (y * z + w * x),
-            1 - 2 * (x * x + y * y),
-        )
+        write_matrix((world[j, 0], world[j, 1], world[j, 2], world[j, 3]), m)
         for r in range(3):
             for c in range(3):
                 m[r, c] *= scale

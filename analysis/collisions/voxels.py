@@ -41,25 +41,10 @@ def cubes_centred_in(
     low = first.astype(np.float64) * cell_m
     step = np.full(3, cell_m)
     top = low[1] + shape[1] * cell_m
-    room = _ROOM
-    while True:
-        column, stretch, met, _ = columns_in_both(
-            vertices_a,
-            faces_a,
-            vertices_b,
-            faces_b,
-            1,
-            low,
-            step,
-            shape[2],
-            shape[0],
-            low[1],
-            top,
-            room,
-        )
-        if met <= room:
-            break
-        room = met
+    nx, nz = shape[0], shape[2]
+    column, stretch, _ = columns_in_both(
+        vertices_a, faces_a, vertices_b, faces_b, 1, low, step, nz, nx, low[1], top, _ROOM
+    )
     count = 0
     total = np.zeros(3)
     for k in range(column.size):
@@ -117,25 +102,10 @@ def _fill(
     low = first.astype(np.float64) * cell_m
     step = np.full(3, cell_m)
     top = low[1] + shape[1] * cell_m
-    room = _ROOM
-    while True:
-        column, stretch, met, _ = columns_in_both(
-            vertices_m,
-            faces,
-            vertices_m,
-            faces,
-            1,
-            low,
-            step,
-            shape[2],
-            shape[0],
-            low[1],
-            top,
-            room,
-        )
-        if met <= room:
-            break
-        room = met
+    nx, nz = shape[0], shape[2]
+    column, stretch, _ = columns_in_both(
+        vertices_m, faces, vertices_m, faces, 1, low, step, nz, nx, low[1], top, _ROOM
+    )
     for k in range(column.size):
         z, x = column[k] % shape[2], column[k] // shape[2]
         begin = int(np.ceil(stretch[k, 0] / cell_m - 0.5)) - first[1]

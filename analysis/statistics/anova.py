@@ -5,12 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
+import numpy as np
 from scipy import special
 
 from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
 from analysis.statistics.effect_table import EffectTable
 from analysis.statistics.effects import partial_eta_squared
 from analysis.statistics.errors import ConstantResponse, UnknownMethod
+from analysis.statistics.linear import model_matrix, residual_ss
 from analysis.statistics.results import Effect, Provenance, Result, Row, f_text, p_text
 from analysis.statistics.sphericity import Sphericity, sphericity
 from analysis.statistics.strata import Strata, Stratum
@@ -134,13 +136,33 @@ def between_anova(
     table = anova_of_design(design, subject=subject or "row", correction="none")
     if ss_type == 3:
         return table
-    from analysis.statistics.between import type_two_effects
-
     return replace(
         table,
-        effects=type_two_effects(design, table.effects),
+        effects=_type_two_effects(design, table.effects),
         provenance=replace(table.provenance, notes=("type II sums of squares",)),
     )
+
+
+def _type_two_effects(design: Design, effects: tuple[AnovaEffect, ...]) -> tuple[AnovaEffect, ...]:
+    """Replace sums of squares by type II: each term after all that do not contain it."""
+    names = [f.name for f in design.factors]
+    X, place = model_matrix(
+        [f.codes for f in design.factors], [f.k for f in design.factors], design.y.size
+    )
+    replaced = []
+    for effect in effects:
+        term = tuple(names.index(n) for n in effect.term)
+        others = [t for t in place if not set(term) <= set(t)]
+        smaller = np.hstack([X[:, place[t]] for t in others])
+        ss = residual_ss(smaller, design.y) - residual_ss(
+            np.hstack([smaller, X[:, place[term]]]), design.y
+        )
+        mse = (effect.ss_error or 0.0) / effect.df2
+        F = ss / effect.df1 / mse
+        p = float(special.fdtrc(effect.df1, effect.df2, F))
+        eta = partial_eta_squared(F, effect.df1, effect.df2)
+        replaced.append(replace(effect, F=F, p=p, p_used=p, ss=ss, eta=eta, ges=None))
+    return tuple(replaced)
 
 
 def anova_of_design(design: Design, *, subject: str, correction: Correction = "mauchly") -> Anova:

@@ -17,8 +17,7 @@ SKEW_LIMIT = 1.0
 
 def residual_skewness(design: Design) -> float:
     """Return the skewness of the responses around the means of their cells."""
-    shape = tuple(f.k for f in design.factors)
-    cells = np.ravel_multi_index(tuple(f.codes for f in design.factors), shape)
+    cells = design.cells
     means = np.bincount(cells, design.y) / np.maximum(np.bincount(cells), 1)
     return skewness(design.y - means[cells])
 

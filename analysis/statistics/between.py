@@ -1,4 +1,4 @@
-"""Between-subject designs: one-way ANOVA and its relatives, post-hocs, type II sums of squares."""
+"""Between-subject designs: one-way ANOVA and its relatives, and their post-hocs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,6 @@ import numpy as np
 from scipy import special
 
 from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
-from analysis.statistics.anova import AnovaEffect
 from analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
@@ -16,11 +15,10 @@ from analysis.statistics.contrasts import (
     pair_labels,
     pair_matrix,
 )
-from analysis.statistics.design import Design, Frame, read_design
+from analysis.statistics.design import Frame, read_design
 from analysis.statistics.effects import partial_eta_squared, rank_effect
 from analysis.statistics.errors import ConstantResponse
 from analysis.statistics.inputs import is_constant
-from analysis.statistics.linear import model_matrix, residual_ss
 from analysis.statistics.rank_sum import mann_whitney
 from analysis.statistics.ranks import average_ranks, tie_sizes
 from analysis.statistics.results import (
@@ -385,28 +383,6 @@ def group_means(
         names,
         means,
     )
-
-
-def type_two_effects(design: Design, effects: tuple[AnovaEffect, ...]) -> tuple[AnovaEffect, ...]:
-    """Replace sums of squares by type II: each term after all that do not contain it."""
-    names = [f.name for f in design.factors]
-    X, place = model_matrix(
-        [f.codes for f in design.factors], [f.k for f in design.factors], design.y.size
-    )
-    replaced = []
-    for effect in effects:
-        term = tuple(names.index(n) for n in effect.term)
-        others = [t for t in place if not set(term) <= set(t)]
-        smaller = np.hstack([X[:, place[t]] for t in others])
-        ss = residual_ss(smaller, design.y) - residual_ss(
-            np.hstack([smaller, X[:, place[term]]]), design.y
-        )
-        mse = (effect.ss_error or 0.0) / effect.df2
-        F = ss / effect.df1 / mse
-        p = float(special.fdtrc(effect.df1, effect.df2, F))
-        eta = partial_eta_squared(F, effect.df1, effect.df2)
-        replaced.append(replace(effect, F=F, p=p, p_used=p, ss=ss, eta=eta, ges=None))
-    return tuple(replaced)
 
 
 def _groups(

@@ -274,15 +274,10 @@ def _refuse_answers(design: Design, categories: Array) -> None:
             f"{design.dv} takes {categories.size} values, more than a rating has "
             f"({MAX_CATEGORIES}); take the test lmm for a measure"
         )
-    shape = tuple(f.k for f in design.factors)
-    cells = np.ravel_multi_index(tuple(f.codes for f in design.factors), shape)
-    for cell in np.unique(cells):
-        values = np.unique(design.y[cells == cell])
+    for cell in np.unique(design.cells):
+        values = np.unique(design.y[design.cells == cell])
         if values.size == 1 and values[0] in (categories[0], categories[-1]):
-            places = np.unravel_index(cell, shape)
-            where = ", ".join(
-                f"{f.name} {f.levels[int(i)]}" for f, i in zip(design.factors, places, strict=True)
-            )
+            where = design.cell_text(cell)
             raise ConstantResponse(
                 f"{design.dv} is {values[0]:g} in all rows of {where}, the end of the scale, so "
                 "its log odds are infinite; leave the condition out, or compare subject means"

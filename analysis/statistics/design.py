@@ -104,6 +104,16 @@ class Design:
         return np.bincount(cells, minlength=int(np.prod(shape)))
 
     @cached_property
+    def cells(self) -> Codes:
+        """Cell of all factors in which each row lies; the last factor's levels are neighbours."""
+        shape = tuple(f.k for f in self.factors)
+        return np.ravel_multi_index(tuple(f.codes for f in self.factors), shape)
+
+    def cell_text(self, cell: int) -> str:
+        """Return one of `cells` in words: 'A low, B 2'."""
+        return _cell_text(cell, self.factors)
+
+    @cached_property
     def is_balanced(self) -> bool:
         """Tell whether every subject has every cell and the groups are of equal size."""
         return self.is_complete and bool((self.group_sizes == self.group_sizes[0]).all())
@@ -359,18 +369,17 @@ def _refuse_too_little(design: Design) -> None:
         )
     sizes = design.group_sizes
     for group in np.flatnonzero(sizes < 2):
-        cell = _cell_text(int(group), list(design.between))
+        cell = _cell_text(int(group), design.between)
         text = f"the group {cell} has too few subjects ({sizes[group]}); it needs at least two"
         raise MissingCell(text) if sizes[group] == 0 else TooFewSubjects(text)
     if is_constant(design.y):
         raise ConstantResponse(
             f"{design.dv} is {design.y[0]:g} in all {design.y.size} rows; there is nothing to test"
         )
-    shape = tuple(f.k for f in design.factors)
-    cells = np.ravel_multi_index(tuple(f.codes for f in design.factors), shape)
-    empty = np.flatnonzero(np.bincount(cells, minlength=int(np.prod(shape))) == 0)
+    possible = int(np.prod([f.k for f in design.factors]))
+    empty = np.flatnonzero(np.bincount(design.cells, minlength=possible) == 0)
     if empty.size:
-        cell = _cell_text(int(empty[0]), list(design.factors))
+        cell = design.cell_text(int(empty[0]))
         raise MissingCell(f"no row is left with {cell}; the effects cannot be told apart")
 
 
@@ -379,7 +388,7 @@ def _where(row: int, ids: tuple[object, ...], codes: Codes, factors: tuple[Facto
     return f"subject {ids[codes[row]]}{cell}"
 
 
-def _cell_text(cell: int, factors: list[Factor]) -> str:
+def _cell_text(cell: int, factors: Sequence[Factor]) -> str:
     places = np.unravel_index(cell, tuple(f.k for f in factors))
     return ", ".join(f"{f.name} {f.levels[int(i)]}" for f, i in zip(factors, places, strict=True))
 

@@ -251,15 +251,10 @@ def _refuse_responses(design: Design, family: Family) -> None:
         )
     if family == "gaussian":
         return
-    shape = tuple(f.k for f in design.factors)
-    cells = np.ravel_multi_index(tuple(f.codes for f in design.factors), shape)
-    for cell in np.unique(cells):
-        values = y[cells == cell]
+    for cell in np.unique(design.cells):
+        values = y[design.cells == cell]
         if (values == 0).all() or (family == "binomial" and (values == 1).all()):
-            places = np.unravel_index(cell, shape)
-            where = ", ".join(
-                f"{f.name} {f.levels[int(i)]}" for f, i in zip(design.factors, places, strict=True)
-            )
+            where = design.cell_text(cell)
             raise ConstantResponse(
                 f"{design.dv} is {values[0]:g} in all {values.size} rows of {where}, so its "
                 f"{LINK[family]} is infinite and the model cannot be estimated; leave the "

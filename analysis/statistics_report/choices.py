@@ -13,8 +13,8 @@ from analysis.statistics.contrasts import ContrastAdjustment
 from analysis.statistics.errors import DuplicateCell, NotNumeric
 from analysis.statistics_report.factorial import CONTRAST_WAYS, TestRun
 from analysis.statistics_report.outcome import Outcome, Question
-from analysis.statistics_report.prepare import prepare, read
-from analysis.statistics_report.simple import columns_of, family, known, outcome_of
+from analysis.statistics_report.prepare import outcome_of, prepare, read
+from analysis.statistics_report.simple import columns_of, family, known
 from analysis.statistics_report.table_file import DataTable
 from lab.errors import DataError, UsageError
 

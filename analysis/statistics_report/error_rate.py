@@ -140,9 +140,8 @@ class _People:
         scores = normal_scores(design.y)
         self._design = design
         shape = tuple(f.k for f in design.factors)
-        cells = np.ravel_multi_index(tuple(f.codes for f in design.factors), shape)
-        sums = np.bincount(cells, scores, minlength=int(np.prod(shape)))
-        means = sums / np.bincount(cells, minlength=sums.size)
+        sums = np.bincount(design.cells, scores, minlength=int(np.prod(shape)))
+        means = sums / np.bincount(design.cells, minlength=sums.size)
         self._means = means.reshape(shape)
         inside = tuple(f.k for f in design.within)
         n_cells = int(np.prod(inside))
@@ -150,7 +149,7 @@ class _People:
         if inside:
             place = np.ravel_multi_index(tuple(f.codes for f in design.within), inside)
         deviations = np.full((design.n, n_cells), np.nan)
-        deviations[design.subject, place] = scores - means[cells]
+        deviations[design.subject, place] = scores - means[design.cells]
         outside = tuple(f.k for f in design.between)
         group = np.zeros(design.n, dtype=np.intp)
         if outside:

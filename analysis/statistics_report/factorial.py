@@ -46,12 +46,9 @@ from analysis.statistics.results import Row, number, p_text, threshold_text
 from analysis.statistics_report.outcome import Outcome, Question
 from analysis.statistics_report.prepare import (
     Prepared,
-    cell_rows,
-    left_out,
+    outcome_of,
     prepare,
     read,
-    samples_of,
-    tested_rows,
     uneven_changes,
     uneven_groups,
 )
@@ -461,14 +458,17 @@ def _anova_outcome(
     families: _Families,
     path: list[str],
 ) -> Outcome:
-    notes = [*prepared.notes, *left_out(made.design), *made.provenance.notes, *families.notes]
+    notes = [*made.provenance.notes, *families.notes]
     if isinstance(made, Anova):
         notes += bent_interactions(made.design, made.effects, q.alpha)
-    return Outcome(
-        question=q,
-        title=made.provenance.test,
-        rows=made.rows(),
-        sentences=(
+    return outcome_of(
+        table,
+        q,
+        made.provenance.test,
+        prepared,
+        made.design,
+        made.rows(),
+        (
             f"{made.provenance.test}, n = {made.provenance.n} {made.provenance.unit}, "
             f"error: {made.provenance.error_term}.",
             *(e.sentence() + "." for e in made.effects),
@@ -476,11 +476,7 @@ def _anova_outcome(
         path=(*path, *families.path),
         contrasts=tuple(families.rows),
         contrast_sentences=tuple(families.sentences),
-        cells=cell_rows(made.design),
-        notes=tuple(dict.fromkeys(notes)),
-        samples=samples_of(made.design),
-        data=tested_rows(made.design, q.subject),
-        is_simulated=table.is_simulated,
+        notes=notes,
     )
 
 
@@ -507,19 +503,18 @@ def _friedman(table: DataTable, q: Question) -> Outcome:
             levels=levels,
             adjust=cast(Adjustment, adjust),
         )
-    return Outcome(
-        question=q,
-        title="Friedman's test",
-        rows=(made.row(),),
-        sentences=(f"Friedman's test of {within} on {q.dv}: {made.sentence()}.",),
+    return outcome_of(
+        table,
+        q,
+        "Friedman's test",
+        prepared,
+        design,
+        (made.row(),),
+        (f"Friedman's test of {within} on {q.dv}: {made.sentence()}.",),
         path=tuple(path),
         contrasts=tuple({"family": within, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
-        cells=cell_rows(design),
-        notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
-        samples=samples_of(design),
-        is_simulated=table.is_simulated,
-        data=tested_rows(design, q.subject),
+        notes=made.provenance.notes,
     )
 
 
@@ -540,19 +535,18 @@ def _conditions(table: DataTable, q: Question) -> Outcome:
         always_posthoc=q.always_posthoc,
     )
     pairs: Any = made.pairs.contrasts if isinstance(made.pairs, Contrasts) else made.pairs
-    return Outcome(
-        question=q,
-        title="Repeated-measures ANOVA" if made.is_parametric else "Friedman's test",
-        rows=(made.row(),),
-        sentences=(made.sentence(),),
+    return outcome_of(
+        table,
+        q,
+        "Repeated-measures ANOVA" if made.is_parametric else "Friedman's test",
+        prepared,
+        design,
+        (made.row(),),
+        (made.sentence(),),
         path=tuple(str(s) for s in made.steps),
         contrasts=tuple({"family": within, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
-        cells=cell_rows(design),
-        notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
-        samples=samples_of(design),
-        is_simulated=table.is_simulated,
-        data=tested_rows(design, q.subject),
+        notes=made.provenance.notes,
     )
 
 
@@ -567,24 +561,18 @@ def _kruskal(table: DataTable, q: Question) -> Outcome:
     pairs: tuple[DunnPair, ...] = ()
     if adjust != "none" and (significant or q.always_posthoc):
         pairs = dunn(frame, q.dv, factor=factor, levels=levels, adjust=cast(Adjustment, adjust))
-    return Outcome(
-        question=q,
-        title="Kruskal-Wallis test",
-        rows=(made.row(),),
-        sentences=(f"Kruskal-Wallis test of {factor} on {q.dv}: {made.sentence()}.",),
+    return outcome_of(
+        table,
+        q,
+        "Kruskal-Wallis test",
+        prepared,
+        design,
+        (made.row(),),
+        (f"Kruskal-Wallis test of {factor} on {q.dv}: {made.sentence()}.",),
         path=(f"{made.sentence()}, α = {threshold_text(q.alpha)} → {_verdict(significant)}",),
         contrasts=tuple({"family": factor, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
-        cells=cell_rows(design),
-        notes=(
-            *prepared.notes,
-            *left_out(design),
-            *made.provenance.notes,
-            *uneven_groups(design, "the test welch"),
-        ),
-        samples=samples_of(design),
-        is_simulated=table.is_simulated,
-        data=tested_rows(design, q.subject),
+        notes=(*made.provenance.notes, *uneven_groups(design, "the test welch")),
     )
 
 
@@ -602,21 +590,20 @@ def _welch(table: DataTable, q: Question) -> Outcome:
         families.add(
             factor, lambda: games_howell(frame, q.dv, factor=factor, levels=levels, adjust=way)
         )
-    return Outcome(
-        question=q,
-        title=made.provenance.test,
-        rows=({"term": factor, **made.row()},),
-        sentences=(f"{factor} on {q.dv}: {made.sentence()}.",),
+    return outcome_of(
+        table,
+        q,
+        made.provenance.test,
+        prepared,
+        design,
+        ({"term": factor, **made.row()},),
+        (f"{factor} on {q.dv}: {made.sentence()}.",),
         path=(
             f"{factor}: {p_text(made.p)}, α = {threshold_text(q.alpha)} → {_verdict(significant)}",
         ),
         contrasts=tuple(families.rows),
         contrast_sentences=tuple(families.sentences),
-        cells=cell_rows(design),
-        notes=(*prepared.notes, *left_out(design), *made.provenance.notes, *families.notes),
-        samples=samples_of(design),
-        is_simulated=table.is_simulated,
-        data=tested_rows(design, q.subject),
+        notes=(*made.provenance.notes, *families.notes),
     )
 
 

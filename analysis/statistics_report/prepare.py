@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ import pandas as pd
 from analysis.statistics import Design, cell_means, describe, read_design
 from analysis.statistics.errors import MissingCell, MissingValue, SubjectInTwoGroups
 from analysis.statistics.results import Array, Row, number
-from analysis.statistics_report.outcome import Question, Samples
+from analysis.statistics_report.outcome import Outcome, Question, Samples
 from analysis.statistics_report.table_file import DataTable, natural_order
 from lab.errors import UsageError
 
@@ -75,6 +76,33 @@ def read(prepared: Prepared, question: Question) -> Design:
         between=q.between,
         levels=prepared.levels,
         missing=q.missing,
+    )
+
+
+def outcome_of(
+    table: DataTable,
+    q: Question,
+    title: str,
+    prepared: Prepared,
+    design: Design | None,
+    rows: tuple[Row, ...],
+    sentences: tuple[str, ...],
+    *,
+    notes: Sequence[str] = (),
+    **more: Any,
+) -> Outcome:
+    """Return an outcome with the cells, notes, samples and rows that its design gives."""
+    gone = () if design is None else left_out(design)
+    return Outcome(
+        question=q,
+        title=title,
+        rows=rows,
+        sentences=sentences,
+        cells=() if design is None else cell_rows(design),
+        notes=tuple(dict.fromkeys((*prepared.notes, *gone, *notes))),
+        samples=() if design is None else samples_of(design),
+        is_simulated=table.is_simulated,
+        **{"data": None if design is None else tested_rows(design, q.subject), **more},
     )
 
 

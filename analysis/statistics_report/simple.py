@@ -36,12 +36,9 @@ from analysis.statistics_report.factorial import RANK_WAYS, TestRun
 from analysis.statistics_report.outcome import Outcome, Question, Samples
 from analysis.statistics_report.prepare import (
     Prepared,
-    cell_rows,
-    left_out,
+    outcome_of,
     prepare,
     read,
-    samples_of,
-    tested_rows,
     uneven_groups,
 )
 from analysis.statistics_report.table_file import DataTable
@@ -55,31 +52,6 @@ def columns_of(design: Design) -> dict[str, Array]:
         table = design.table(design.y)
         return {str(v): table[:, i] for i, v in enumerate(factor.levels)}
     return {str(v): design.y[factor.codes == i] for i, v in enumerate(factor.levels)}
-
-
-def outcome_of(
-    table: DataTable,
-    q: Question,
-    title: str,
-    prepared: Prepared,
-    design: Design | None,
-    rows: tuple[Row, ...],
-    sentences: tuple[str, ...],
-    **more: Any,
-) -> Outcome:
-    """Return an outcome with the cells, notes, samples and rows that its design gives."""
-    notes = (*prepared.notes, *(() if design is None else left_out(design)), *more.pop("notes", ()))
-    return Outcome(
-        question=q,
-        title=title,
-        rows=rows,
-        sentences=sentences,
-        cells=() if design is None else cell_rows(design),
-        notes=tuple(dict.fromkeys(notes)),
-        samples=() if design is None else samples_of(design),
-        is_simulated=table.is_simulated,
-        **{"data": None if design is None else tested_rows(design, q.subject), **more},
-    )
 
 
 def _paired(table: DataTable, q: Question) -> Outcome:

@@ -1,12 +1,11 @@
 """preview: any trial of any study as pictures, a film, or in a window, before anyone is invited."""
 
 import bisect
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ from rich.progress import Progress
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab, new_file, say_written
 from cli.commands.session import LanguageOption, SeedOption, SetOption, who_is_shown
+from cli.film.renderer import film_renderer
 from cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
 from cli.preview.pictures import (
     SIMULATED,
@@ -31,9 +31,6 @@ from lab.clock import NS_PER_S, SystemClock
 from lab.errors import UsageError
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
-
-if TYPE_CHECKING:
-    from stage.renderer import Quality, Renderer
 
 SHEET_COLUMNS, SHEET_ROWS = 4, 3
 USUAL_AT_S = 3.0
@@ -227,24 +224,6 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
             if said := forecast.told(done, len(frames)):
                 TELLING.say(said)
     say_written(path, f", {len(frames) / rate_hz:.1f} s")
-
-
-@contextmanager
-def film_renderer(on_processor: "Quality | None" = None) -> "Iterator[Renderer]":
-    """Open a renderer; where a processor draws, of that quality, or without the smoothing that
-    takes it so long.
-    """
-    from stage.context import draws_on_processor, offscreen_context
-    from stage.renderer import Quality, Renderer
-
-    context = offscreen_context()
-    try:
-        lighter = Quality(samples=0) if on_processor is None else on_processor
-        quality = lighter if draws_on_processor(context) else Quality()
-        with Renderer(context, quality=quality) as renderer:
-            yield renderer
-    finally:
-        context.release()
 
 
 def _play(showing: _Showing) -> None:

@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from cli.commands.preview import film_renderer
 from cli.film.cameras import (
     AsDecided,
     Behind,
@@ -31,6 +30,7 @@ from cli.film.cameras import (
     style_of,
 )
 from cli.film.on_page import write_page_film
+from cli.film.renderer import film_renderer
 from cli.film.stand_in import StandIn
 from cli.preview.pictures import SIMULATED, Viewpoint, labelled
 from cli.recorded_trial import RecordedTrial, factors_of, recorded_trial

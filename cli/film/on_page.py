@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from cli.commands.preview import film_renderer
+from cli.film.renderer import film_renderer
 from cli.preview.pictures import SIMULATED, labelled
 from cli.recorded_trial import factors_of, trial_row
 from lab.clock import NS_PER_S

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from PIL import Image
 
-from cli.commands.preview import film_renderer
 from cli.film.on_page import FilmPictures
+from cli.film.renderer import film_renderer
 from cli.recorded_trial import trial_row
 from cli.viewer.bundle import Bundle
 from recording.kept import KeptRecording

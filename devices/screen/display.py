@@ -5,17 +5,12 @@ before. There is no wire: a window of this computer, its `Surface`, is attached 
 without one (nobody looks: rehearsals on a virtual clock, pictures for tests) the clock paces.
 """
 
-import struct
-from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from devices.contracts import (
-    FRAME_TIMING,
-    HEAD,
     ClockPair,
     DeviceInfo,
     DeviceState,
@@ -23,8 +18,8 @@ from devices.contracts import (
     Health,
     Sink,
 )
+from devices.frame_streams import HEAD_ROW, FrameStreams
 from devices.lifecycle import Lifecycle
-from devices.meter import StreamMeter
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.frame import FrameInfo
 from lab.geometry import Pose, Vector
@@ -41,8 +36,6 @@ MAX_EYES_AGE_NS = NS_PER_S // 2
 MAX_EYES_OFF_M = 1.0
 """A tracked eye farther than this from the viewing place is a tracker's mistake."""
 REMEDY = "resume the session; it opens the window anew"
-
-_HEAD_ROW = struct.Struct("<3f4f?")
 
 
 class Surface(Protocol):
@@ -88,8 +81,7 @@ class ScreenDisplay:
         self._clock = clock
         self._surface: Surface | None = None
         self._life = Lifecycle(ROLE)
-        self._head_schema = replace(HEAD, nominal_rate_hz=self.display_rate_hz)
-        self._timing_schema = replace(FRAME_TIMING, nominal_rate_hz=self.display_rate_hz)
+        self._streams = FrameStreams(self.display_rate_hz)
         self.info = DeviceInfo(
             role=ROLE,
             driver="screen",
@@ -107,7 +99,6 @@ class ScreenDisplay:
         self._sink: Sink | None = None
         self._frame: FrameInfo | None = None
         self._image: object | None = None
-        self._pending: deque[SampleBatch] = deque()
         self._begin()
 
     @property
@@ -126,7 +117,7 @@ class ScreenDisplay:
 
     def describe(self) -> tuple[StreamSchema, ...]:
         """Return the head stream and the frame timing, at the display's rate."""
-        return (self._head_schema, self._timing_schema)
+        return (self._streams.head, self._streams.timing)
 
     def start(self, sink: Sink) -> None:
         """Begin counting frames anew."""
@@ -138,16 +129,7 @@ class ScreenDisplay:
     def poll(self, timeout_s: float) -> int:
         """Hand over poses and timing of the frames waited for since the last call."""
         self._life.require("poll", DeviceState.STREAMING)
-        delivered = 0
-        while self._pending and self._sink is not None:
-            batch = self._pending.popleft()
-            if batch.schema is self._head_schema:
-                self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
-            else:
-                self._timing_rows += 1
-            self._sink(batch)
-            delivered += 1
-        return delivered
+        return self._streams.deliver(self._sink)
 
     def wait_frame(self) -> FrameInfo:
         """Show the picture handed over last and return the frame that begins with its light."""
@@ -201,13 +183,12 @@ class ScreenDisplay:
         """Let the window go; whoever draws closes it. Idempotent."""
         self._sink = None
         self._surface = None
-        self._pending.clear()
+        self._streams.held.clear()
         self._life.state = DeviceState.CLOSED
 
     def health(self) -> Health:
         """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""
-        health = self._meter.health(self.state, self._clock.now_ns())
-        return replace(health, received=health.received + self._timing_rows)
+        return self._streams.health(self.state, self._clock.now_ns())
 
     def check(self) -> tuple[Fault, ...]:
         """Tell that the participant's window was closed."""
@@ -224,9 +205,7 @@ class ScreenDisplay:
     def _begin(self) -> None:
         self._sink = self._frame = self._image = None
         self._submitted_ns = -1
-        self._head_seq = self._timing_seq = self._timing_rows = 0
-        self._pending.clear()
-        self._meter = StreamMeter(self.display_rate_hz)
+        self._streams.begin()
 
     def _due_ns(self, now_ns: int) -> int:
         """Return the refresh that is next, one period after the last that was kept."""
@@ -256,30 +235,14 @@ class ScreenDisplay:
             is_found = self._eyes is not None and t_ns - self._eyes[0] <= MAX_EYES_AGE_NS
             offset = offset if self._eyes is None else self._eyes[1]
         position = self.place.position_m + offset
-        row = _HEAD_ROW.pack(*position.tolist(), *self.place.orientation_wxyz.tolist(), is_found)
-        self._queue(self._head_schema, self._head_seq, t_ns, t_ns, row)
-        self._head_seq += 1
+        row = HEAD_ROW.pack(*position.tolist(), *self.place.orientation_wxyz.tolist(), is_found)
+        self._streams.add_head(row, t_ns, t_ns)
 
     def _tell_timing(self, frame: FrameInfo, shown_ns: int, *, late_by: int) -> None:
-        values = np.zeros(1, self._timing_schema.dtype)
+        values = self._streams.timing_of(frame, self._submitted_ns)
         row = values[0]
-        row["frame"] = frame.index
-        row["pose_seq"] = self._head_seq - 1
-        row["predicted_display_ns"] = frame.predicted_display_ns
-        row["t_submitted_ns"] = self._submitted_ns
-        row["skipped"] = frame.dropped
         row["timing_known"] = self._surface is not None
         row["presents"], row["mispresented"] = 1, int(late_by > 0)
         row["runtime_dropped"] = late_by
-        row["render_gpu_ms"] = np.nan
-        told_ns = max(shown_ns, self._clock.now_ns())
-        self._queue(self._timing_schema, self._timing_seq, shown_ns, told_ns, values.tobytes())
-        self._timing_seq += 1
+        self._streams.add_timing(values, shown_ns, max(shown_ns, self._clock.now_ns()))
         self._submitted_ns = -1
-
-    def _queue(
-        self, schema: StreamSchema, seq: int, t_device_ns: int, t_host_ns: int, row: bytes
-    ) -> None:
-        stamps = np.array([seq, t_device_ns, t_host_ns], np.int64)
-        values = np.frombuffer(row, schema.dtype)
-        self._pending.append(SampleBatch(schema, stamps[0:1], stamps[1:2], stamps[2:3], values))

@@ -8,14 +8,14 @@ Not modelled: how a panel's light rises and fades within a frame, echoes, what a
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from devices.byte_links import Chunk
-from devices.contracts import EYES_DTYPE
+from devices.contracts import EYES_DTYPE, OneStretch
 from devices.drivers.armband.codec import FrameReader
 from devices.sync.board_codec import ASK, BLOCK, Samples, Told, encode_samples, encode_told
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -47,7 +47,7 @@ class Planted:
 
 
 @dataclass
-class SimulatedRoom:
+class SimulatedRoom(OneStretch):
     """What a participant's place would be; times are the session's."""
 
     clock: Clock
@@ -125,18 +125,6 @@ class SimulatedRoom:
         turn = np.zeros((t_ns.size, len(names), 4))
         turn[..., 0] = 1.0
         return np.zeros((t_ns.size, len(names), 3)), turn
-
-    def stretch(self) -> int:
-        """Return the one stretch there is."""
-        return 0
-
-    def fit(self) -> int:
-        """Return the one fit there is."""
-        return 0
-
-    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Yield nothing."""
-        return iter(())
 
 
 class SyncBoardSimulator:

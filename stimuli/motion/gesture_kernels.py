@@ -46,6 +46,25 @@ def speak(c: Vector, t_s: float, person: int, loud: float) -> None:
 
 
 @compiled
+def _at_ease(
+    c: Vector, t_s: float, b: Vector, seat_m: float, person: int, lively: float, hand: int
+) -> None:
+    """Write the posture of somebody who stands, or sits at `seat_m`, a hand or both off the lap."""
+    c[:] = 0.0
+    if seat_m > 0.0:
+        sit(c, t_s, b, seat_m, person, lively, 0.0)
+        lap_arms(c, b, 0, person)
+        for side in range(2):
+            if hand == BOTH or hand == side:
+                arm_of(c, side)[p.HOLD : p.HOLD + p.HOLDS * p.HOLD_SIZE] = 0.0
+    else:
+        stand(c, t_s, b, person, lively)
+        hang_arms(c, person)
+    stir(c, t_s, person, lively)
+    breathe(c, t_s, person, 1.0)
+
+
+@compiled
 def wave_rows(
     rows: npt.NDArray[np.int64],
     t_s: Vector,
@@ -63,7 +82,6 @@ def wave_rows(
     for i in range(rows.shape[0]):
         r = rows[i]
         c, b, person, t = controls[r], builds[r], persons[r], t_s[r]
-        c[:] = 0.0
         lively, hand, rate, swing, height = (
             numbers[r, 0],
             int(numbers[r, 1]),
@@ -71,17 +89,7 @@ def wave_rows(
             numbers[r, 3],
             numbers[r, 4],
         )
-        if numbers[r, 5] > 0.0:
-            sit(c, t, b, numbers[r, 5], person, lively, 0.0)
-            lap_arms(c, b, 0, person)
-            for side in range(2):
-                if hand == BOTH or hand == side:
-                    arm_of(c, side)[p.HOLD : p.HOLD + p.HOLDS * p.HOLD_SIZE] = 0.0
-        else:
-            stand(c, t, b, person, lively)
-            hang_arms(c, person)
-        stir(c, t, person, lively)
-        breathe(c, t, person, 1.0)
+        _at_ease(c, t, b, numbers[r, 5], person, lively, hand)
         for side in range(2):
             if hand != BOTH and hand != side:
                 continue
@@ -311,18 +319,8 @@ def talk_rows(
     for i in range(rows.shape[0]):
         r = rows[i]
         c, b, person, t = controls[r], builds[r], persons[r], t_s[r]
-        c[:] = 0.0
         lively, size = numbers[r, 0], numbers[r, 1]
-        if numbers[r, 3] > 0.0:
-            sit(c, t, b, numbers[r, 3], person, lively, 0.0)
-            lap_arms(c, b, 0, person)
-            for side in range(2):
-                arm_of(c, side)[p.HOLD : p.HOLD + p.HOLDS * p.HOLD_SIZE] = 0.0
-        else:
-            stand(c, t, b, person, lively)
-            hang_arms(c, person)
-        stir(c, t, person, lively)
-        breathe(c, t, person, 1.0)
+        _at_ease(c, t, b, numbers[r, 3], person, lively, BOTH)
         speak(c, t, person, numbers[r, 2])
         beat = 0.0
         for side in range(2):

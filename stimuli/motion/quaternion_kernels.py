@@ -6,6 +6,7 @@ Nothing here allocates: a rotation is a tuple (w, x, y, z), a vector a tuple (x,
 import numpy as np
 
 from lab.compiled import compiled
+from lab.geometry import Vector
 
 Quat = tuple[float, float, float, float]
 Triple = tuple[float, float, float]
@@ -133,6 +134,15 @@ def of_axes(x: Triple, y: Triple, z: Triple) -> Quat:
         return (z[0] - x[2]) / s, (y[0] + x[1]) / s, 0.25 * s, (z[1] + y[2]) / s
     s = 2.0 * np.sqrt(1.0 + z[2] - x[0] - y[1])
     return (x[1] - y[0]) / s, (z[0] + x[2]) / s, (z[1] + y[2]) / s, 0.25 * s
+
+
+@compiled
+def write_matrix(q: Quat, m: Vector) -> None:
+    """Write a rotation as a matrix into the first three columns of m (3, 3 or more)."""
+    w, x, y, z = q
+    m[0, 0], m[0, 1], m[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    m[1, 0], m[1, 1], m[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    m[2, 0], m[2, 1], m[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
 @compiled

@@ -6,12 +6,12 @@ attraction by an agent's blink, torsion of the eyes, standing or walking.
 """
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import EYES_DTYPE
+from devices.contracts import EYES_DTYPE, PressesNothing
 from lab.clock import NS_PER_S
 from lab.geometry import Vector, direction_from_yaw_pitch_deg
 from stimuli.scene import Scene, SceneFrame
@@ -48,7 +48,7 @@ N_BEHAVIOUR_STREAM = 2
 N_ANSWER_STREAM = 3
 
 
-class Observer:
+class Observer(PressesNothing):
     """Implement `protocol.participants.SimulatedParticipant` for one seated observer.
 
     `index` and `seed` make the person; `effect=False` makes them blind to gaze contact, so that
@@ -213,10 +213,6 @@ class Observer:
     def fit(self) -> int:
         """Return how the headset sits."""
         return self._fit
-
-    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Yield nothing: the study asks for no button."""
-        return iter(())
 
     def next_press_ns(self) -> int | None:
         """Return None: nothing is pressed."""

@@ -8,14 +8,14 @@ to a `.wire` log and replayed without the library.
 import ctypes
 import struct
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from devices.arrivals import Arrivals
 from devices.drivers.fove.codec import EYE_FRAME, GONE, NO_UPDATE, OK, TIMED_OUT, error_text
 from devices.transports import Exchange, Frames, Message
 from lab.clock import Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound, ProtocolViolation
+from lab.errors import DeviceNotFound, ProtocolViolation
 
 CAPABILITIES = 8 | 32 | 1 << 14
 """Eye tracking, presence of a user, pupil radius."""
@@ -64,9 +64,7 @@ class FoveLibrary:
         self._library: Any = None
         self._headset = ctypes.c_void_p()
         self._calls = threading.Lock()
-        self._arrived = threading.Condition()
-        self._frames: deque[Message] = deque()
-        self._gone: int | None = None
+        self._arrivals = Arrivals()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -95,8 +93,7 @@ class FoveLibrary:
         self._must(create(CAPABILITIES, ctypes.byref(headset)))
         self._headset = headset
         self._must(self._call("registerCapabilities", ctypes.c_int(CAPABILITIES)))
-        self._gone = None
-        self._frames.clear()
+        self._arrivals = Arrivals()
         self._stopping.clear()
         self._thread = threading.Thread(target=self._wait, name="fove-frames", daemon=True)
         self._thread.start()
@@ -110,24 +107,14 @@ class FoveLibrary:
     def post(self, frames: Frames) -> None:
         """Call now and hand the answer over with the next frames."""
         exchange = self.request(frames, 0.0)
-        message = Message(exchange.t_receive_ns, exchange.frames, exchange.t_send_ns)
-        with self._arrived:
-            self._frames.append(message)
+        self._arrivals.add(Message(exchange.t_receive_ns, exchange.frames, exchange.t_send_ns))
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
         """Do nothing: frames come since open."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return what the waiting thread fetched; raises DeviceDisconnected when it cannot."""
-        with self._arrived:
-            if not self._frames and timeout_s > 0 and self._gone is None:
-                self._arrived.wait(timeout_s)
-            messages = list(self._frames)
-            self._frames.clear()
-            gone = self._gone
-        if gone is not None and not messages:
-            raise DeviceDisconnected(error_text(gone), remedy=SERVICE_REMEDY)
-        return messages
+        return self._arrivals.take(timeout_s, SERVICE_REMEDY)
 
     def send(self, port: int, frames: Frames) -> None:
         """Do nothing: the library takes no messages."""
@@ -154,15 +141,13 @@ class FoveLibrary:
             if code == OK:
                 with self._calls:
                     code, frame = self._fetch()
-            with self._arrived:
-                if frame is not None:
-                    self._frames.append(Message(now_ns, (frame,)))
-                elif code in GONE:
-                    self._gone = code
-                self._arrived.notify_all()
-            if code in GONE:
+            if frame is not None:
+                self._arrivals.add(Message(now_ns, (frame,)))
+            elif code in GONE:
+                self._arrivals.end(error_text(code))
                 return
-            if frame is None:  # refused at once: do not spin
+            else:  # refused at once: do not spin
+                self._arrivals.add()
                 self._stopping.wait(0.005)
 
     def _fetch(self) -> tuple[int, bytes | None]:

@@ -9,11 +9,11 @@ import json
 import logging
 import struct
 import threading
-from collections import deque
 from collections.abc import Coroutine, Sequence
 from concurrent.futures import TimeoutError as NotInTime
 from typing import Any
 
+from devices.arrivals import Arrivals
 from devices.drivers.neon.codec import STAMP
 from devices.transports import Exchange, Frames, Message
 from lab.clock import NS_PER_MS, Clock
@@ -42,9 +42,7 @@ class NeonNetwork:
         self._port = port
         self._clock = clock
         self._remedy = remedy
-        self._arrived = threading.Condition()
-        self._messages: deque[Message] = deque()
-        self._gone: str | None = None
+        self._arrivals = Arrivals()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._tasks: list[asyncio.Task[None]] = []
@@ -70,8 +68,7 @@ class NeonNetwork:
             ) from cause
         for name in WIRE_LOGGERS:
             logging.getLogger(name).setLevel(logging.CRITICAL)
-        self._gone = None
-        self._messages.clear()
+        self._arrivals = Arrivals()
         loop = self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=loop.run_forever, name="neon-network", daemon=True)
         self._thread.start()
@@ -100,15 +97,7 @@ class NeonNetwork:
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return what came; raises DeviceDisconnected once the stream has ended."""
-        with self._arrived:
-            if not self._messages and self._gone is None and timeout_s > 0:
-                self._arrived.wait(timeout_s)
-            messages = list(self._messages)
-            self._messages.clear()
-            gone = self._gone
-        if gone is not None and not messages:
-            raise DeviceDisconnected(gone, remedy=self._remedy)
-        return messages
+        return self._arrivals.take(timeout_s, self._remedy)
 
     def send(self, port: int, frames: Frames) -> None:
         """Send an event: name and the phone's time in ns."""
@@ -151,17 +140,17 @@ class NeonNetwork:
                     except base._UnknownClockoffsetError:  # noqa: SLF001 - raised by a public call
                         continue  # before the first sender report no packet has a time
                     stamp = STAMP.pack(round(seconds * 1e9), packet.seq)
-                    self._hand_over(Message(now_ns, (b"gaze", stamp, bytes(packet.data))))
+                    self._arrivals.add(Message(now_ns, (b"gaze", stamp, bytes(packet.data))))
         except (OSError, ValueError, RuntimeError, KeyError) as problem:
-            self._lose(f"the gaze stream broke: {problem}")
+            self._arrivals.end(f"the gaze stream broke: {problem}")
             return
-        self._lose("the gaze stream ended")
+        self._arrivals.end("the gaze stream ended")
 
     async def _updates(self) -> None:
         async for component in self._device.status_updates():
             part = {"model": type(component).__name__, "data": component._asdict()}
             frame = json.dumps([part], default=str).encode()
-            self._hand_over(Message(self._clock.now_ns(), (b"status", frame)))
+            self._arrivals.add(Message(self._clock.now_ns(), (b"status", frame)))
 
     async def _answer(self, frames: Frames) -> Frames:
         path = {b"status": "/api/status", b"calibration": "/calibration.bin"}[frames[0]]
@@ -194,7 +183,7 @@ class NeonNetwork:
 
     async def _post_time(self) -> None:
         try:
-            self._hand_over(await self._exchange_time())
+            self._arrivals.add(await self._exchange_time())
         except (OSError, EOFError, TimeoutError):
             return  # the driver counts unanswered requests
 
@@ -218,16 +207,6 @@ class NeonNetwork:
         if self._echo is not None:
             self._echo[1].close()
             self._echo = None
-
-    def _hand_over(self, message: Message) -> None:
-        with self._arrived:
-            self._messages.append(message)
-            self._arrived.notify_all()
-
-    def _lose(self, reason: str) -> None:
-        with self._arrived:
-            self._gone = reason
-            self._arrived.notify_all()
 
     # ---- across threads ---------------------------------------------------------------------
 

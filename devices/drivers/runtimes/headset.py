@@ -1,29 +1,25 @@
 """The life that headsets of both runtimes share: frames, their timing, a runtime that is gone."""
 
 import math
-import struct
 from abc import abstractmethod
-from collections import deque
-from dataclasses import replace
 
 import numpy as np
 
-from devices.contracts import FRAME_TIMING, HEAD, DeviceState, Health
+from devices.contracts import DeviceState, Health
 from devices.drivers.streaming.message_device import MessageDevice, legible
-from devices.meter import StreamMeter
+from devices.frame_streams import HEAD_ROW, FrameStreams
 from devices.plausible import is_place
 from devices.spec import AnySpec
 from devices.transports import MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
 from lab.frame import EyeView, FrameInfo
-from lab.schema import SampleBatch, StreamSchema
+from lab.schema import StreamSchema
 
 CALL_TIMEOUT_S = 5.0
 RECONNECT_S = 0.2
 
-_HEAD_ROW = struct.Struct("<3f4f?")
-_LOST_ROW = _HEAD_ROW.pack(*[math.nan] * 7, False)
+_LOST_ROW = HEAD_ROW.pack(*[math.nan] * 7, False)
 
 HeadPose = tuple[tuple[float, float, float], tuple[float, float, float, float]] | None
 """Position (m) and orientation (w, x, y, z) in the world; None: not tracked."""
@@ -53,7 +49,6 @@ class RuntimeHeadset(MessageDevice):
         self.display_rate_hz = display_rate_hz
         self.render_size_px = render_size_px
         self._views: tuple[EyeView, EyeView] | None = None
-        self._pending: deque[SampleBatch] = deque()
         self._gone = ""
         self._frame: FrameInfo | None = None
         self._reset(clock.now_ns())
@@ -77,7 +72,7 @@ class RuntimeHeadset(MessageDevice):
 
     def describe(self) -> tuple[StreamSchema, ...]:
         """Return the head stream and the frame timing, at the display's rate."""
-        return (self._head_schema, self._timing_schema)
+        return (self._streams.head, self._streams.timing)
 
     def eye_views(self) -> tuple[EyeView, EyeView]:
         """Return how the left and the right eye look through the display; known once open."""
@@ -94,7 +89,7 @@ class RuntimeHeadset(MessageDevice):
         """
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
-        delivered = self._hand_over()
+        delivered = self._streams.deliver(self._sink)
         if self.state is DeviceState.FAULT and self._attempt_is_due():
             self._reconnect()
         self._take_events()
@@ -104,13 +99,12 @@ class RuntimeHeadset(MessageDevice):
 
     def close(self) -> None:
         """Leave the runtime; idempotent."""
-        self._pending.clear()
+        self._streams.held.clear()
         super().close()
 
     def health(self) -> Health:
         """Report the rows of both streams; rate and gaps are the head's."""
-        health = self._meter.health(self.state, self._clock.now_ns())
-        return replace(health, received=health.received + self._timing_rows)
+        return self._streams.health(self.state, self._clock.now_ns())
 
     # ---- for drivers ------------------------------------------------------------------------
 
@@ -153,13 +147,12 @@ class RuntimeHeadset(MessageDevice):
         if pose is None or not is_place(*pose[0]):
             row, self._untracked = _LOST_ROW, True
         else:
-            row, self._untracked = _HEAD_ROW.pack(*pose[0], *pose[1], True), False
+            row, self._untracked = HEAD_ROW.pack(*pose[0], *pose[1], True), False
         self._index += 1 + skipped
         self._last_t_ns = t_ns
         self._submitted_ns = -1
-        self._queue(self._head_schema, self._seq, predicted_ns, t_ns, row)
+        self._streams.add_head(row, predicted_ns, t_ns)
         self._frame = FrameInfo(self._index, t_ns, predicted_ns, skipped)
-        self._seq += 1
         return self._frame
 
     def _close_frame(self) -> None:
@@ -167,19 +160,9 @@ class RuntimeHeadset(MessageDevice):
         frame = self._frame
         if frame is None:
             return
-        values = np.zeros(1, FRAME_TIMING.dtype)
-        row = values[0]
-        row["frame"] = frame.index
-        row["pose_seq"] = self._seq - 1
-        row["predicted_display_ns"] = frame.predicted_display_ns
-        row["t_submitted_ns"] = self._submitted_ns
-        row["skipped"] = frame.dropped
-        row["render_gpu_ms"] = math.nan
-        self._add_timing(row)
-        told_ns = self._clock.now_ns()
-        predicted_ns, schema = frame.predicted_display_ns, self._timing_schema
-        self._queue(schema, self._timing_seq, predicted_ns, told_ns, values.tobytes())
-        self._timing_seq += 1
+        values = self._streams.timing_of(frame, self._submitted_ns)
+        self._add_timing(values[0])
+        self._streams.add_timing(values, frame.predicted_display_ns, self._clock.now_ns())
 
     def _add_timing(self, row: np.void) -> None:
         """Write the runtime's own account of the frame into its row, where it gives one."""
@@ -197,42 +180,12 @@ class RuntimeHeadset(MessageDevice):
 
     def _reset(self, now_ns: int) -> None:
         self._set_rate(self.display_rate_hz)
-        self._head_schema = replace(HEAD, nominal_rate_hz=self.display_rate_hz)
-        self._timing_schema = replace(FRAME_TIMING, nominal_rate_hz=self.display_rate_hz)
-        self._meter = StreamMeter(self.display_rate_hz)
-        self._timing_rows = 0
-        self._pending.clear()
+        self._streams = FrameStreams(self.display_rate_hz)
         self._index = -1
-        self._seq = self._timing_seq = 0
         self._last_t_ns = now_ns - 1
         self._frame = None
         self._submitted_ns = -1
         self._untracked = False
-
-    def _queue(
-        self, schema: StreamSchema, seq: int, t_device_ns: int, t_host_ns: int, row: bytes
-    ) -> None:
-        self._pending.append(
-            SampleBatch(
-                schema,
-                np.array((seq,), np.int64),
-                np.array((t_device_ns,), np.int64),
-                np.array((t_host_ns,), np.int64),
-                np.frombuffer(row, schema.dtype),
-            )
-        )
-
-    def _hand_over(self) -> int:
-        delivered = 0
-        while self._pending and self._sink is not None:
-            batch = self._pending.popleft()
-            if batch.schema is self._head_schema:
-                self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
-            else:
-                self._timing_rows += 1
-            self._sink(batch)
-            delivered += 1
-        return delivered
 
     def _reconnect(self) -> None:
         try:

@@ -7,14 +7,14 @@ headset is a Vive Pro Eye.
 
 import ctypes
 import threading
-from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
+from devices.arrivals import Arrivals
 from devices.drivers.sranipal.codec import EYE_DATA
 from devices.transports import Exchange, Frames, Message
 from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound
+from lab.errors import DeviceNotFound
 
 EYE_V2 = 2
 """The kind of module: eyes, second version of the data."""
@@ -39,9 +39,7 @@ class SranipalLibrary:
         self._clock = clock
         self._library: Any = None
         self._data = ctypes.create_string_buffer(EYE_DATA.size + SPARE_BYTES)
-        self._arrived = threading.Condition()
-        self._frames: deque[Message] = deque(maxlen=HELD_FRAMES)
-        self._error = WORK
+        self._arrivals = Arrivals(HELD_FRAMES)
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -68,8 +66,7 @@ class SranipalLibrary:
             text = f"SRanipal does not start its eye module (error {error})"
             raise DeviceNotFound(text, remedy=RUNTIME_REMEDY)
         self._library = library
-        self._error = WORK
-        self._frames.clear()
+        self._arrivals = Arrivals(HELD_FRAMES)
         self._stopping.clear()
         self._thread = threading.Thread(target=self._watch, name="sranipal", daemon=True)
         self._thread.start()
@@ -88,16 +85,7 @@ class SranipalLibrary:
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the frames that came; raises DeviceDisconnected while the library gives none."""
-        with self._arrived:
-            if not self._frames and timeout_s > 0 and self._error == WORK:
-                self._arrived.wait(timeout_s)
-            messages = list(self._frames)
-            self._frames.clear()
-            error = self._error
-        if error != WORK and not messages:
-            text = f"SRanipal gives no eye data (error {error})"
-            raise DeviceDisconnected(text, remedy=RUNTIME_REMEDY)
-        return messages
+        return self._arrivals.take(timeout_s, RUNTIME_REMEDY)
 
     def send(self, port: int, frames: Frames) -> None:
         """Do nothing: the library takes no messages."""
@@ -113,16 +101,17 @@ class SranipalLibrary:
             library.Release(ctypes.c_int(EYE_V2))
 
     def _watch(self) -> None:
-        last: bytes | None = None
+        last, before = b"", WORK
         while not self._stopping.is_set():
             error = self._library.GetEyeData_v2(self._data)
             now_ns = self._clock.now_ns()
             raw = self._data.raw[: EYE_DATA.size]
             number = raw[NUMBER]
-            with self._arrived:
-                self._error = error
-                if error == WORK and number != last:
-                    last = number
-                    self._frames.append(Message(now_ns, (raw,)))
-                self._arrived.notify_all()
+            if error != before:
+                before = error
+                gone = "" if error == WORK else f"SRanipal gives no eye data (error {error})"
+                self._arrivals.end(gone)
+            if error == WORK and number != last:
+                last = number
+                self._arrivals.add(Message(now_ns, (raw,)))
             self._clock.sleep_until_ns(now_ns + ASK_EVERY_NS)

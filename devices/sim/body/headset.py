@@ -24,6 +24,7 @@ from devices.contracts import (
     Sink,
 )
 from devices.faults import FaultSchedule
+from devices.frame_streams import HEAD_ROW
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.sim.body.spec import SIMULATED_HEADSET
@@ -35,13 +36,10 @@ from lab.schema import SampleBatch, StreamSchema
 
 MILLI_HZ = 1000
 
-_ROW = struct.Struct("<3f4f?")
-"""A row of `HEAD.dtype`."""
-
 MAX_FRAMES_HELD = 64
 """Frames whose poses and timing may be put off."""
 
-_LOST_ROW = _ROW.pack(*[np.nan] * 7, False)
+_LOST_ROW = HEAD_ROW.pack(*[np.nan] * 7, False)
 _TIMING_ROW = struct.Struct("<4qI?4If")
 """A row of `FRAME_TIMING.dtype`."""
 
@@ -262,7 +260,7 @@ class SimulatedHeadset:
         self._valid = not faults.faults or faults.active("standby", t_ns - self._origin_ns) is None
         if self._valid:
             position_m, orientation_wxyz = self._body.head(t_ns)
-            row = _ROW.pack(*position_m.tolist(), *orientation_wxyz.tolist(), True)
+            row = HEAD_ROW.pack(*position_m.tolist(), *orientation_wxyz.tolist(), True)
             told = np.frombuffer(row, np.float32, 7).astype(np.float64)
             self._pose = Pose(told[:3], told[3:])
         else:

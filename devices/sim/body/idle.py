@@ -3,12 +3,12 @@
 Not modelled: walking, presses, saccades, and any answer to what it feels.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import EYES_DTYPE
+from devices.contracts import EYES_DTYPE, OneStretch
 from lab.geometry import Vector, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
 from stimuli.motion.skeleton import canonical_skeleton
 
@@ -23,7 +23,7 @@ GAZE_YAW_DEG, GAZE_PITCH_DEG = 12.0, 6.0
 PUPIL_MM = 3.5
 
 
-class IdleBody:
+class IdleBody(OneStretch):
     """Follow the `MovingBody` contract as plain functions of time; remembers what it last felt."""
 
     def __init__(self) -> None:
@@ -50,18 +50,6 @@ class IdleBody:
         """Return a head that sways by a centimetre."""
         sway_m = float(self._sway_m(np.array([t_ns]))[0])
         return np.array([sway_m, EYE_HEIGHT_M, 0.0]), quat_from_yaw_pitch_deg(100 * sway_m)
-
-    def stretch(self) -> int:
-        """Return 0: it does one thing."""
-        return 0
-
-    def fit(self) -> int:
-        """Return 0: the headset stays on."""
-        return 0
-
-    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Press nothing."""
-        return iter(())
 
     def segments(
         self, names: Sequence[str], t_ns: npt.NDArray[np.int64]

@@ -7,13 +7,13 @@ trial to trial, and is recorded with each, so that a resumed session goes on wit
 """
 
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import EYES_DTYPE
+from devices.contracts import EYES_DTYPE, PressesNothing
 from experiments.crowd.participant.answers import answer_question
 from experiments.crowd.participant.route import STEP_M, Way, choose_gaps, gap_graph, way_through
 from experiments.crowd.participant.traits import (
@@ -56,7 +56,7 @@ _STANDING, _OUT, _READING, _BACK, _HOME = range(5)
 _ARRIVED_M = 0.06
 
 
-class CrowdParticipant:
+class CrowdParticipant(PressesNothing):
     """Implement `protocol.participants.SimulatedParticipant` with limbs and a skin.
 
     `index` and `seed` make the person; `effect=False` disconnects the vibration from them.
@@ -222,10 +222,6 @@ class CrowdParticipant:
     def fit(self) -> int:
         """Return how the headset sits."""
         return self._fit
-
-    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Yield nothing: the study asks for no button."""
-        return iter(())
 
     def next_press_ns(self) -> int | None:
         """Return None: nothing is pressed."""

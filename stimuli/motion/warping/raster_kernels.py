@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lab.compiled import compiled
 from lab.geometry import Vector
+from stimuli.motion.quaternion_kernels import write_matrix
 
 Bytes = npt.NDArray[np.uint8]
 Ints = npt.NDArray[np.int32]
@@ -405,21 +406,7 @@ def joint_matrices(
                 z = aw * bz + ax * by - ay * bx + az * bw
             world[j, 0], world[j, 1], world[j, 2], world[j, 3] = w, x, y, z
             m = out[r, j]
-            m[0, 0], m[0, 1], m[0, 2] = (
-                1 - 2 * (y * y + z * z),
-                2 * (x * y - w * z),
-                2 * (x * z + w * y),
-            )
-            m[1, 0], m[1, 1], m[1, 2] = (
-                2 * (x * y + w * z),
-                1 - 2 * (x * x + z * z),
-                2 * (y * z - w * x),
-            )
-            m[2, 0], m[2, 1], m[2, 2] = (
-                2 * (x * z - w * y),
-                2 * (y * z + w * x),
-                1 - 2 * (x * x + y * y),
-            )
+            write_matrix((w, x, y, z), m)
             for a in range(3):
                 m[a, 3] = position[j, a] - (
                     m[a, 0] * rest[j, 0] + m[a, 1] * rest[j, 1] + m[a, 2] * rest[j, 2]

@@ -1,0 +1,80 @@
+"""The two streams of what shows frames: where the head was, and what became of each frame."""
+
+import math
+import struct
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import FRAME_TIMING, HEAD, DeviceState, Health, Sink
+from devices.meter import StreamMeter
+from lab.frame import FrameInfo
+from lab.schema import SampleBatch, StreamSchema
+
+HEAD_ROW = struct.Struct("<3f4f?")
+"""A row of `HEAD.dtype`."""
+
+
+class FrameStreams:
+    """Rows of `HEAD` and `FRAME_TIMING` at a display's rate, `held` until they are delivered."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self.head = replace(HEAD, nominal_rate_hz=rate_hz)
+        self.timing = replace(FRAME_TIMING, nominal_rate_hz=rate_hz)
+        self.held: deque[SampleBatch] = deque()
+        self.begin()
+
+    def begin(self) -> None:
+        """Count rows anew, and forget those held."""
+        self.held.clear()
+        self._meter = StreamMeter(self.head.nominal_rate_hz)
+        self._head_seq = self._timing_seq = self._timing_rows = 0
+
+    def add_head(self, row: bytes, t_device_ns: int, t_host_ns: int) -> None:
+        """Hold a row of `HEAD`, packed by `HEAD_ROW`."""
+        self._hold(self.head, self._head_seq, t_device_ns, t_host_ns, row)
+        self._head_seq += 1
+
+    def timing_of(self, frame: FrameInfo, submitted_ns: int) -> npt.NDArray[np.void]:
+        """Return the row (1,) of a frame, drawn for the head added last: what is known of any."""
+        values = np.zeros(1, self.timing.dtype)
+        row = values[0]
+        row["frame"] = frame.index
+        row["pose_seq"] = self._head_seq - 1
+        row["predicted_display_ns"] = frame.predicted_display_ns
+        row["t_submitted_ns"] = submitted_ns
+        row["skipped"] = frame.dropped
+        row["render_gpu_ms"] = math.nan
+        return values
+
+    def add_timing(self, values: npt.NDArray[np.void], t_device_ns: int, t_host_ns: int) -> None:
+        """Hold a row (1,) of `FRAME_TIMING`."""
+        self._hold(self.timing, self._timing_seq, t_device_ns, t_host_ns, values.tobytes())
+        self._timing_seq += 1
+
+    def deliver(self, sink: Sink | None) -> int:
+        """Hand over what is held where somebody takes it; return the number of rows."""
+        delivered = 0
+        while self.held and sink is not None:
+            batch = self.held.popleft()
+            if batch.schema is self.head:
+                self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
+            else:
+                self._timing_rows += 1
+            sink(batch)
+            delivered += 1
+        return delivered
+
+    def health(self, state: DeviceState, now_ns: int) -> Health:
+        """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""
+        health = self._meter.health(state, now_ns)
+        return replace(health, received=health.received + self._timing_rows)
+
+    def _hold(
+        self, schema: StreamSchema, seq: int, t_device_ns: int, t_host_ns: int, row: bytes
+    ) -> None:
+        stamps = np.array([seq, t_device_ns, t_host_ns], np.int64)
+        values = np.frombuffer(row, schema.dtype)
+        self.held.append(SampleBatch(schema, stamps[0:1], stamps[1:2], stamps[2:3], values))
