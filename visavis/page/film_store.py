@@ -1,9 +1,9 @@
 """Films as files: drawn once from people, camera and seed, and kept under what they show.
 
 A film's name is the SHA-256 of everything its pictures are made of: how everybody looks, their
-pose in every frame, the camera (in every frame where it moves), size and rate, and how it is drawn
-and encoded. So a film that was built before is found again, and anything that changes what it
-shows makes another one.
+pose in every frame, the room, its lamps and what moves in it, the camera (in every frame where it
+moves), size and rate, and how it is drawn and encoded. So a film that was built before is found
+again, and anything that changes what it shows makes another one.
 """
 
 import hashlib
@@ -11,12 +11,13 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import platformdirs
 
 from lab.clock import NS_PER_S
@@ -27,7 +28,7 @@ from lab.plain_files import parse_json, read_plain
 from lab.version import version
 from stimuli.characters.character import Character
 from stimuli.dressing.picture_of import picture_of
-from stimuli.picture import Camera, Picture
+from stimuli.picture import Camera, Picture, Prop, Room
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.films import MIME, Film, Lens
@@ -53,6 +54,7 @@ QUALITY: Final[Mapping[str, str]] = {
 """One thread, so that the same pictures give the same bytes."""
 TOLD_EVERY: Final = 10
 POSE_DECIMALS: Final = 6
+NO_POSE: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 @dataclass(frozen=True)
@@ -216,13 +218,56 @@ def _name_of(store: FilmStore, film: Film) -> str:
     known = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
     digest.update(repr(known).encode())
     if not isinstance(film.lens, Lens):
-        digest.update((np.round(store.seen(film).poses, POSE_DECIMALS) + 0.0).tobytes())
+        digest.update(_rounded(store.seen(film).poses))
     for picture in store.pictures(film):
-        digest.update(",".join(map(_look_of, picture.cast)).encode())
-        digest.update(picture.room.name.encode())
+        said = [*map(_look_of, picture.cast), _place_of(picture.room)]
+        said += [_thing_of(placed.prop) for placed in picture.moving]
+        said += [repr(replace(panel, pose=NO_POSE)) for panel in picture.panels]
+        said += [f"{picture.brightness_01:.6f}", "" if picture.mark_m is None else "marked"]
+        digest.update(",".join(said).encode())
         people = picture.people
         for values in (people.root_m, people.orientation_wxyz, people.morphs_01):
-            digest.update((np.round(values, POSE_DECIMALS) + 0.0).tobytes())
+            digest.update(_rounded(values))
+        poses = [placed.pose for placed in picture.moving] + [p.pose for p in picture.panels]
+        for pose in poses:
+            digest.update(_rounded(pose.position_m) + _rounded(pose.orientation_wxyz))
+        if picture.mark_m is not None:
+            digest.update(_rounded(picture.mark_m))
+    return digest.hexdigest()
+
+
+def _rounded(values: npt.ArrayLike) -> bytes:
+    """Return numbers as bytes that do not hang on the last bits of a processor's arithmetic."""
+    return (np.round(np.asarray(values, np.float64), POSE_DECIMALS) + 0.0).tobytes()
+
+
+@lru_cache(maxsize=64)
+def _place_of(room: Room) -> str:
+    """Return the hash of how a room looks."""
+    digest = hashlib.sha256(f"{room.name} {room.background_srgb}".encode())
+    for prop in room.props:
+        digest.update(_thing_of(prop).encode())
+    for lamp in room.lights:
+        digest.update(f"{lamp.kind} {lamp.half_angle_deg:.6f} {lamp.casts_shadow}".encode())
+        for vector in (lamp.intensity, lamp.position_m, lamp.direction):
+            digest.update(b"none" if vector is None else _rounded(vector))
+    digest.update(_rounded(room.sky) + _rounded(room.ground))
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=512)
+def _thing_of(prop: Prop) -> str:
+    """Return the hash of how a thing looks, wherever it stands."""
+    mesh, made_of = prop.mesh, prop.material
+    said = f"{prop.name} {made_of.kind} {made_of.roughness_01:.6f} {made_of.double_sided} "
+    said += f"{prop.emission_01:.6f} {prop.casts_shadow}"
+    digest = hashlib.sha256(said.encode())
+    for block in prop.blocks:
+        digest.update(_rounded(np.hstack(astuple(block))))
+    maps = () if made_of.maps is None else vars(made_of.maps).values()
+    for array in (*vars(mesh).values(), made_of.texture_srgb, *maps):
+        if isinstance(array, np.ndarray):
+            digest.update(_rounded(array) if array.dtype.kind == "f" else array.tobytes())
     return digest.hexdigest()
 
 

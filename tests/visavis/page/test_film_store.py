@@ -1,12 +1,19 @@
 """A film is named by what it shows, built once, and the same whenever it is built."""
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from lab.errors import DesignError
+from lab.geometry import Pose
 from stage.errors import StageError
+from stimuli.characters.character import Material
+from stimuli.dressing.picture_of import NOBODY
+from stimuli.picture import Light, Panel, Picture, PlacedProp, Prop, Room, StaticMesh
 from visavis.catalogue import find_study
 from visavis.films import Film, Following, Lens, Placed
 from visavis.page.film_store import FilmStore, film_store
@@ -36,6 +43,69 @@ def test_whatever_changes_what_is_seen_changes_the_name(other: Film, tmp_path: P
     made = store(tmp_path)
     assert made.name_of(SHORT) == store(tmp_path).name_of(replace(SHORT))
     assert made.name_of(SHORT) != made.name_of(other)
+
+
+def block(side_m: float) -> Prop:
+    """Return a white triangle."""
+    corners = np.array([[0, 0, 0], [side_m, 0, 0], [0, side_m, 0]], np.float32)
+    normals = np.tile(np.array([0, 0, 1], np.float32), (3, 1))
+    white = np.full((3, 3), 255, np.uint8)
+    mesh = StaticMesh(corners, normals, white, np.array([[0, 1, 2]], np.int32))
+    return Prop("block", mesh, Material("plaster", "cloth"))
+
+
+AHEAD = Pose(np.array([0.0, 1.0, -2.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+LAMP = Light("point", np.ones(3), np.array([0.0, 2.5, 0.0]))
+ROOM = Room("bare", (block(1.0),), (LAMP,), np.full(3, 0.2), np.full(3, 0.1))
+BARE = Picture(
+    0,
+    ROOM,
+    (),
+    NOBODY,
+    moving=(PlacedProp(block(0.5), AHEAD),),
+    panels=(Panel("Who?", ("a", "b"), AHEAD, (1.0, 0.5)),),
+)
+ASIDE = replace(AHEAD, position_m=np.array([0.5, 1.0, -2.0]))
+
+
+@dataclass(frozen=True, eq=False)
+class Showing(FilmStore):
+    """Films of one picture."""
+
+    picture: Picture = BARE
+
+    def pictures(self, film: Film) -> Iterator[Picture]:
+        """Yield the picture."""
+        yield self.picture
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"brightness_01": 0.5},
+        {"mark_m": np.array([0.0, 1.5, -2.0])},
+        {"moving": ()},
+        {"moving": (PlacedProp(block(0.6), AHEAD),)},
+        {"moving": (PlacedProp(BARE.moving[0].prop, ASIDE),)},
+        {"panels": (replace(BARE.panels[0], text="How?"),)},
+        {"panels": (replace(BARE.panels[0], pose=ASIDE),)},
+        {"room": replace(ROOM, props=(block(1.1),))},
+        {"room": replace(ROOM, props=(replace(ROOM.props[0], emission_01=0.5),))},
+        {"room": replace(ROOM, lights=(replace(LAMP, intensity=np.full(3, 0.5)),))},
+        {"room": replace(ROOM, sky=np.full(3, 0.3))},
+        {"room": replace(ROOM, background_srgb=(9, 9, 9))},
+    ],
+    ids=lambda other: next(iter(other)),
+)
+def test_whatever_stands_in_the_picture_changes_the_name(
+    other: dict[str, Any], tmp_path: Path
+) -> None:
+    one, same, changed = (
+        Showing({}, tmp_path, tmp_path, picture)
+        for picture in (BARE, replace(BARE, room=replace(ROOM)), replace(BARE, **other))
+    )
+    assert one.name_of(SHORT) == same.name_of(SHORT)
+    assert one.name_of(SHORT) != changed.name_of(SHORT)
 
 
 def test_a_film_built_again_is_equal_to_the_byte(tmp_path: Path) -> None:
