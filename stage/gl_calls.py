@@ -5,6 +5,7 @@ draws goes through moderngl.
 
 import ctypes
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import moderngl
@@ -49,6 +50,11 @@ class Stretches:
     first_byte: npt.NDArray[np.intp]
     base: npt.NDArray[np.int32]
 
+    @cached_property
+    def addresses(self) -> tuple[int, int, int]:
+        """Where count, first and base lie, for the driver."""
+        return self.count.ctypes.data, self.first_byte.ctypes.data, self.base.ctypes.data
+
     @staticmethod
     def of(
         first: npt.NDArray[np.int64], count: npt.NDArray[np.int64], base: npt.NDArray[np.int64]
@@ -82,15 +88,11 @@ class GlCalls:
     def draw(self, array: moderngl.VertexArray, stretches: Stretches) -> None:
         """Draw stretches of triangles of an array's index buffer by one call."""
         call = self._functions
+        count, first_byte, base = stretches.addresses
         call["glUseProgram"](array.program.glo)
         call["glBindVertexArray"](array.glo)
         call["glMultiDrawElementsBaseVertex"](
-            GL_TRIANGLES,
-            stretches.count.ctypes.data,
-            GL_UNSIGNED_INT,
-            stretches.first_byte.ctypes.data,
-            len(stretches.count),
-            stretches.base.ctypes.data,
+            GL_TRIANGLES, count, GL_UNSIGNED_INT, first_byte, len(stretches.count), base
         )
 
     def query(self, name: str, *arguments: int | Told) -> None:

@@ -59,9 +59,11 @@ def choose_levels(
         # The largest faces stay at level 0 as long as all others fit in at level 1.
         everyone = np.arange(len(chosen))
         least = triangles[everyone, np.maximum(chosen, min(1, triangles.shape[1] - 1))]
+        more = np.where(chosen == 0, triangles[:, 0] - least, 0)
+        if least.sum() + more.sum() <= rule.budget_triangles:
+            return chosen
         order = np.argsort(-face_px, kind="stable")
-        more = np.where(chosen == 0, triangles[:, 0] - least, 0)[order]
-        too_much = least.sum() + np.cumsum(more) > rule.budget_triangles
+        too_much = least.sum() + np.cumsum(more[order]) > rule.budget_triangles
         chosen[order[too_much & (chosen[order] == 0)]] = 1
     return chosen
 

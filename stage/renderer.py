@@ -112,6 +112,7 @@ class Renderer(Closing):
         self._targets: dict[tuple[int, int], EyeTarget] = {}
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
         self._lit_before: tuple[object, Room, tuple[ShadowView, ...], bytes] | None = None
+        self._constants_of: tuple[Room, str] | None = None
         self._overlays = Overlays(ctx, in_light=self._in_light)
         self._contacts = Contacts(
             ctx,
@@ -230,9 +231,11 @@ class Renderer(Closing):
                 for px, camera in zip(widths, cameras, strict=True)
             ]
             drawn = self.pose(picture, crowd, cameras, levels, max(spans, default=1.0))
+            grid = None
             # A head asked for once more sees other pixels.
-            seen = None if late is not None else _grid(cameras, targets)
-            self.light(picture, crowd, drawn, cameras, max(widths, default=1), seen)
+            if late is None and isinstance(crowd, ProcessorCrowd):
+                grid = _grid(cameras, targets)
+            self.light(picture, crowd, drawn, cameras, max(widths, default=1), grid)
         if late is not None:
             cameras = late()
         for camera, target in zip(cameras, targets, strict=True):
@@ -374,13 +377,16 @@ class Renderer(Closing):
 
     def _light_constants(self, room: Room) -> str:
         """Return the lamps of a room as the shaders are compiled for them."""
+        if self._constants_of is not None and self._constants_of[0] is room:
+            return self._constants_of[1]
         kinds, maps, used = [], [], 0
         for lamp in room.lights:
             kinds.append(int(KIND_NUMBERS[lamp.kind]))
             casts = self._with_maps() and lamp.casts_shadow and used < MAX_SHADOWS
             maps.append(used if casts else -1)
             used += casts
-        return lamp_constants(kinds, maps)
+        self._constants_of = room, lamp_constants(kinds, maps)
+        return self._constants_of[1]
 
     def _casts(self, room: Room) -> bool:
         return self._with_maps() and any(lamp.casts_shadow for lamp in room.lights)

@@ -306,38 +306,6 @@ def light_drawn(
 
 
 @compiled
-def _on_no_pixel(
-    a: np.int64,
-    b: np.int64,
-    c: np.int64,
-    pixel: Floats,
-    size_px: Floats,
-    between: bool,
-) -> bool:
-    """Tell whether a triangle is beside every picture or, where `between` counts, between the
-    middles of pixels.
-    """
-    near, half = np.float32(NEAR_PX), np.float32(0.5)
-    for e in range(size_px.shape[0]):
-        ax, ay = pixel[a, e, 0], pixel[a, e, 1]
-        bx, by = pixel[b, e, 0], pixel[b, e, 1]
-        cx, cy = pixel[c, e, 0], pixel[c, e, 1]
-        if np.isnan(ax + bx + cx):
-            return False
-        left, right = min(ax, min(bx, cx)) - near, max(ax, max(bx, cx)) + near
-        low, high = min(ay, min(by, cy)) - near, max(ay, max(by, cy)) + near
-        if right < 0 or high < 0 or left > size_px[e, 0] or low > size_px[e, 1]:
-            continue
-        if between and (
-            np.floor(right - half) < np.ceil(left - half)
-            or np.floor(high - half) < np.ceil(low - half)
-        ):
-            continue
-        return False
-    return True
-
-
-@compiled
 def gather_front(
     people: npt.NDArray[np.int64],
     model_of: npt.NDArray[np.int64],
@@ -357,30 +325,56 @@ def gather_front(
     count: npt.NDArray[np.int64],
     out: npt.NDArray[np.int32],
 ) -> None:
-    """Write the triangles that face any eye and fall on any pixel, person after person as listed,
+    """Write the triangles that face an eye and fall on a pixel, person after person as listed,
     group by group; `drawn` (slot,) becomes true where they have a corner.
 
     `stretches` (models, groups, 2) are rows of `triangles` (t, 3), `slot_of` (n,) is added to
     their vertices, `group_of` (n, groups) says in which group a person's are drawn. Group g is
     written from row `first[g]` of `out` on; `count` (groups,) is how many it has. Of plain people
     sheets have one side, too. With no eyes every triangle faces one; with no pictures, whose sizes
-    are `size_px` (e, 2), every triangle falls on a pixel, and see `_on_no_pixel`.
+    are `size_px` (e, 2), every triangle falls on a pixel. Those between the middles of pixels fall
+    on none where `between` says so.
     """
     count[:] = 0
+    near, half = np.float32(NEAR_PX), np.float32(0.5)
+    pictures = size_px.shape[0]
     for person in people:
         model, shift = model_of[person], slot_of[person]
         for g in range(stretches.shape[1]):
             target = group_of[person, g]
             at = first[target] + count[target]
-            keep_all = eyes_m.shape[0] == 0 or not (single_sided[g] or plain_of[person])
+            two_sided = eyes_m.shape[0] == 0 or not (single_sided[g] or plain_of[person])
             for t in range(stretches[model, g, 0], stretches[model, g, 1]):
+                # Indices without a sign are not looked at for counting from the end.
                 a, b, c = (
-                    triangles[t, 0] + shift,
-                    triangles[t, 1] + shift,
-                    triangles[t, 2] + shift,
+                    np.uint64(triangles[t, 0] + shift),
+                    np.uint64(triangles[t, 1] + shift),
+                    np.uint64(triangles[t, 2] + shift),
                 )
-                kept = keep_all
-                if not kept:
+                kept = two_sided and pictures == 0
+                for e in range(pictures):
+                    ax, ay = pixel[a, e, 0], pixel[a, e, 1]
+                    bx, by = pixel[b, e, 0], pixel[b, e, 1]
+                    cx, cy = pixel[c, e, 0], pixel[c, e, 1]
+                    if np.isnan(ax + bx + cx):
+                        kept = True
+                        break
+                    left, right = min(ax, min(bx, cx)) - near, max(ax, max(bx, cx)) + near
+                    double_area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+                    if not two_sided and double_area < -near * (right - left):
+                        continue
+                    if right < 0 or left > size_px[e, 0]:
+                        continue
+                    if between and np.floor(right - half) < np.ceil(left - half):
+                        continue
+                    low, high = min(ay, min(by, cy)) - near, max(ay, max(by, cy)) + near
+                    if high < 0 or low > size_px[e, 1]:
+                        continue
+                    if between and np.floor(high - half) < np.ceil(low - half):
+                        continue
+                    kept = True
+                    break
+                if pictures == 0 and not kept:
                     ax, ay, az = posed[a, 0], posed[a, 1], posed[a, 2]
                     ux, uy, uz = posed[b, 0] - ax, posed[b, 1] - ay, posed[b, 2] - az
                     wx, wy, wz = posed[c, 0] - ax, posed[c, 1] - ay, posed[c, 2] - az
@@ -392,8 +386,6 @@ def gather_front(
                             + nz * (eyes_m[e, 2] - az)
                         )
                         kept = kept or towards > 0
-                if kept and size_px.shape[0] > 0:
-                    kept = not _on_no_pixel(a, b, c, pixel, size_px, between)
                 if kept:
                     drawn[a] = drawn[b] = drawn[c] = True
                     out[at, 0], out[at, 1], out[at, 2] = a, b, c

@@ -348,6 +348,7 @@ def test_only_triangles_that_face_an_eye_are_kept(x: float, y: float, z: float) 
         ([[[2.6, 3.1], [3.4, 3.1], [2.6, 3.9]]], False),  # between the middles of two columns
         ([[[3.1, 2.6], [3.9, 2.6], [3.1, 3.4]]], False),  # and of two rows
         ([[[2.6, 3.1], [3.4, 3.1], [2.6, 3.9]], [[2.4, 3.1], [3.2, 3.1], [2.4, 3.9]]], True),
+        ([[[3.1, 3.1], [3.1, 3.9], [3.9, 3.1]]], False),  # turned away
         ([[[-9, 1], [-1, 1], [-9, 9]]], False),
         ([[[21, 1], [29, 1], [21, 9]]], False),
         ([[[1, -9], [9, -1], [1, -1]]], False),
@@ -362,8 +363,11 @@ def test_triangles_that_fall_on_no_pixel_of_any_eye_are_left_out(
     eye_m = (0.2, 0.2, 1.0)
     on = np.ascontiguousarray(np.array(pixels, np.float32).transpose(1, 0, 2))
     assert kept == _kept(eye_m, on)
-    if np.nanmin(on) > 0 and np.nanmax(on[..., 0]) < 20 and np.nanmax(on[..., 1]) < 10:
-        assert _kept(eye_m, on, between=False)
+
+
+def test_samples_lie_between_the_middles_of_pixels() -> None:
+    on = np.array([[[2.6, 3.1]], [[3.4, 3.1]], [[2.6, 3.9]]], np.float32)
+    assert _kept((0.2, 0.2, 1.0), on, between=False)
 
 
 def test_pictures_are_the_same_without_what_falls_on_no_pixel(
