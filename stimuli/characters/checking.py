@@ -9,6 +9,7 @@ from lab.geometry import Vector
 from stimuli.characters.body_parts import PART_INDEX, PARTS
 from stimuli.characters.character import Character
 from stimuli.characters.closing import collision_mesh, is_closed, volume_m3
+from stimuli.characters.rest_pose import FINGERS, PHALANGES
 
 STATURE_M: Final = (1.40, 2.15)
 """Of nearly all adults, with shoes and hair."""
@@ -21,6 +22,8 @@ LID_M: Final = 0.004
 NEAR_EYE_M: Final = 0.03
 WORN: Final = ("none", "held_object")
 """What nobody's body has."""
+FIRM: Final = 0.3
+"""A joint that nothing is weighted more to moves no skin."""
 SIDES: Final = ("left", "right")
 LIMBS: Final = {
     "upper arm": ("upper_arm", "lower_arm"),
@@ -44,6 +47,7 @@ def _findings(character: Character) -> Iterator[str]:
     yield from _limbs(character)
     yield from _eyes(character)
     yield from _lids(character)
+    yield from _fingers(character)
     yield from _body(character)
 
 
@@ -87,6 +91,16 @@ def _lids(character: Character) -> Iterator[str]:
             )
     if not {"lids_up", "lids_down"} & set(mesh.morphs):
         yield "its lids do not follow its eyes: give the file shapes such as eyeLookDownLeft"
+
+
+def _fingers(character: Character) -> Iterator[str]:
+    mesh = character.levels[0]
+    moves = {character.skeleton.names[j] for j in np.unique(mesh.joints[mesh.weights > FIRM])}
+    if not all(f"{side}_{f}_{k}" in moves for side in SIDES for f in FINGERS for k in PHALANGES):
+        yield (
+            "its fingers have no bones, or not three each: hands stay flat, and do not close round "
+            "a telephone"
+        )
 
 
 def _body(character: Character) -> Iterator[str]:

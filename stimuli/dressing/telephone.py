@@ -9,13 +9,7 @@ import numpy as np
 from lab.geometry import Vector
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import Character, Material, SkinnedMesh
-from stimuli.motion.telephoning import (
-    ALONG,
-    FROM_FINGERS_DEG,
-    TELEPHONE_M,
-    hand_axes,
-    off_palm_m,
-)
+from stimuli.motion.telephoning import TELEPHONE_M, case_in_hand, hand_axes
 from stimuli.picture import StaticMesh
 from stimuli.rooms.solids import box
 
@@ -59,13 +53,14 @@ def _grip(character: Character, side: str, use: Use) -> tuple[Vector, Vector]:
     between fingers and thumb, its width, out of the palm.
     """
     wrist, fingers, thumb, out = hand_axes(character.skeleton, side)
-    angle = np.radians(FROM_FINGERS_DEG if use == "listening" else TYPING_FROM_FINGERS_DEG)
+    if use == "listening":
+        case = case_in_hand(character, side)
+        return wrist + case.middle_m, case.axes
+    angle = np.radians(TYPING_FROM_FINGERS_DEG)
     c, s = np.cos(angle), np.sin(angle)
     axes = np.stack([c * fingers + s * thumb, s * fingers - c * thumb, out])
     knuckle = character.skeleton.rest_m[character.skeleton.index(f"{side}_middle_proximal")]
     hand_m = float(np.linalg.norm(knuckle - wrist))
-    if use == "listening":
-        return wrist + ALONG * hand_m * fingers + off_palm_m(character) * out, axes
     along, off_m, to_thumb_m = TYPING_AT
     return wrist + along * hand_m * fingers + off_m * out + to_thumb_m * thumb, axes
 

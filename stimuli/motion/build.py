@@ -1,6 +1,7 @@
 """The lengths of a person that a posture is planned with, from a skeleton or a whole character."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from stimuli.motion.telephoning import (
     PALM_M,
     at_ear_of_character,
     at_ear_of_head,
+    grip_at_ear,
     hand_thickness_m,
 )
 
@@ -23,10 +25,22 @@ CANONICAL_NAMES = canonical_skeleton().names
 
 @dataclass(frozen=True, eq=False)
 class Build:
-    """A skeleton with canonical joints and the lengths (B_SIZE,) that follow from it."""
+    """A skeleton with canonical joints and the lengths (B_SIZE,) that follow from it.
+
+    `hand` is whose hand closes round a telephone; None of a skeleton without flesh.
+    """
 
     skeleton: Skeleton
     lengths_m: Vector
+    hand: Character | None = None
+
+    @cached_property
+    def telephoning_m(self) -> Vector:
+        """The lengths, with the grip (`posture.B_GRIP`) that only who telephones needs."""
+        b = self.lengths_m.copy()
+        if self.hand is not None:
+            b[p.B_GRIP : p.B_GRIP + p.GRIP_SIZE] = grip_at_ear(self.hand)
+        return b
 
     @property
     def ankle_m(self) -> float:
@@ -181,4 +195,4 @@ def build_of_character(character: Character) -> Build:
     )
     b[p.B_HAND_THICK] = hand_thickness_m(character)
     b[p.B_AT_EAR : p.B_AT_EAR + 9] = at_ear_of_character(character)
-    return replace(build, lengths_m=b)
+    return replace(build, lengths_m=b, hand=character)

@@ -146,6 +146,15 @@ def listen(a: Vector, b: Vector) -> None:
 
 
 @compiled
+def grip(a: Vector, b: Vector) -> None:
+    """Close a hand round the telephone in it, as `gripping` says."""
+    g = b[p.B_GRIP : p.B_GRIP + p.GRIP_SIZE]
+    for finger in range(4):
+        a[p.CURL + finger], a[p.KNUCKLE + finger] = g[finger], g[4 + finger]
+    a[p.SPREAD], a[p.THUMB], a[p.OPPOSE], a[p.THUMB_IN] = g[8], g[9], g[10], g[11]
+
+
+@compiled
 def phone_but_fingers(
     c: Vector, t_s: float, b: Vector, person: int, lively: float, side: int
 ) -> None:
@@ -171,7 +180,9 @@ def phone_but_fingers(
     a = arm_of(c, side)
     listen(a, b)
     pole(a, -0.60, -1.0, 0.15)
-    a[p.SHOULDER_UP] -= np.radians(4.0)
+    # Drawn down and back: elbows do not bend so far that a hand gets nearer to its shoulder.
+    a[p.SHOULDER_UP] -= np.radians(6.0)
+    a[p.SHOULDER_FORWARD] -= np.radians(7.0)
 
 
 @compiled
@@ -191,10 +202,7 @@ def phone_rows(
         phone_but_fingers(c, t, builds[r], person, lively, side)
         stir_fingers(c, t, person, lively)
         a = arm_of(c, side)
-        curl(a, 0.08, 0.20, 0.46, 0.58, 0.10)
-        a[p.KNUCKLE] = 0.85
-        a[p.SPREAD] = np.radians(2.0)
-        a[p.OPPOSE] = np.radians(10.0)
+        grip(a, builds[r])
         speak(c, t, person, numbers[r, 2])
 
 

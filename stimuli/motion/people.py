@@ -19,7 +19,7 @@ from stimuli.motion.blending import CrossFade
 from stimuli.motion.build import Build
 from stimuli.motion.clip import Frames, Motion
 from stimuli.motion.errors import MotionError
-from stimuli.motion.kinds import NUMBERS, Kind, Recorded, Run, Walk, code_of, kernel_of
+from stimuli.motion.kinds import NUMBERS, Kind, Phone, Recorded, Run, Walk, code_of, kernel_of
 from stimuli.motion.placing_kernels import mix_rows, placed_rows
 from stimuli.motion.posture_kernels import look_from, pose_rows
 from stimuli.motion.skeleton import Skeleton
@@ -95,7 +95,7 @@ class PeopleMotion:
         distinct = {id(person.build.skeleton): person.build.skeleton for person in self.people}
         order = {key: i for i, key in enumerate(distinct)}
         return (
-            np.array([q.build.lengths_m for q in self.people]).reshape(-1, p.B_SIZE),
+            np.array([_lengths_of(q) for q in self.people]).reshape(-1, p.B_SIZE),
             np.array([s.offsets_m for s in distinct.values()]).reshape(-1, p.JOINTS, 3),
             np.array([order[id(q.build.skeleton)] for q in self.people], dtype=np.int64),
             np.array([q.seed for q in self.people], dtype=np.int64),
@@ -221,6 +221,12 @@ class _Plan:
     numbers: Vector
     place_m: Vector
     heading_rad: Vector
+
+
+def _lengths_of(person: Person) -> Vector:
+    if any(isinstance(doing.kind, Phone) for doing in person.plan):
+        return person.build.telephoning_m
+    return person.build.lengths_m
 
 
 def _places_of(person: Person) -> list[tuple[Vector, float]]:

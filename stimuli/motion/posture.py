@@ -39,7 +39,7 @@ KNEE_OUT: Final = 7
 
 ARM: Final = 28
 """Start of the left arm; the right one follows after `ARM_SIZE`."""
-ARM_SIZE: Final = 61
+ARM_SIZE: Final = 65
 SHOULDER_UP: Final = 0
 SHOULDER_FORWARD: Final = 1
 ARM_FLEX: Final = 2
@@ -62,10 +62,12 @@ THUMB: Final = 16
 OPPOSE: Final = 17
 SPREAD: Final = 18
 KNUCKLE: Final = 19
-"""Of a curl this share is kept from the knuckles: fingers round the edge of something flat."""
-ELBOW_BESIDE: Final = 20
+"""Index, middle, ring, little: how much farther a knuckle bends than its finger's curl says."""
+THUMB_IN: Final = 23
+"""The whole thumb towards the fingers, in the plane of the palm."""
+ELBOW_BESIDE: Final = 24
 """The elbow of a held hand is at least so far from the middle of the chest, to its side."""
-HOLD: Final = 21
+HOLD: Final = 25
 """Start of the holds: weight, then place (3), finger direction (3) and palm direction (3), all
 already multiplied by the weight, in the axes of the held thing. The weights of an arm sum to at
 most one; the rest belongs to the joint angles above."""
@@ -157,4 +159,7 @@ B_HAND_THICK: Final = 33
 """Palm to back, about the knuckles."""
 B_ELBOW_BESIDE: Final = 34
 """Elbow from the middle of the trunk where the arm hangs just clear of it."""
-B_SIZE: Final = 35
+B_GRIP: Final = 35
+"""Fingers about a telephone: curls and knuckles (4 each), spread; thumb: bent, opposed, in."""
+GRIP_SIZE: Final = 12
+B_SIZE: Final = B_GRIP + GRIP_SIZE

@@ -172,25 +172,46 @@ def _leg(
 
 
 @compiled
-def _fingers(a: Vector, first: int, side: int, turns: Vector) -> None:
-    for finger in range(4):
-        curl = a[p.CURL + finger]
-        spread = a[p.SPREAD] * (finger - 1.2) * 0.5
-        knuckle = times(about_y(spread), about_z(1.25 * (1.0 - a[p.KNUCKLE]) * curl))
-        middle, end = about_z(1.55 * curl), about_z(0.95 * curl)
-        if side == 1:
-            knuckle, middle, end = mirrored(knuckle), mirrored(middle), mirrored(end)
-        row = first + p.S_FINGERS + 3 * finger
-        _put(turns, row, knuckle)
-        _put(turns, row + 1, middle)
-        _put(turns, row + 2, end)
-    base = times(about_x(-a[p.OPPOSE]), about(THUMB_AXIS, 0.35 * a[p.THUMB]))
-    middle, end = about(THUMB_AXIS, 0.7 * a[p.THUMB]), about(THUMB_AXIS, 0.9 * a[p.THUMB])
+def spread_of(spread: float, finger: int) -> float:
+    """Return by how much a finger turns towards the little finger."""
+    return spread * (finger - 1.2) * 0.5
+
+
+@compiled
+def finger_turns(curl: float, knuckle: float, spread: float) -> tuple[Quat, Quat, Quat]:
+    """Return the turns of a left finger's joints: its curl, how much farther the knuckle bends,
+    and how far it is turned towards the little finger, in radians.
+    """
+    base = times(about_y(spread), about_z(1.25 * curl + knuckle))
+    return base, about_z(1.55 * curl), about_z(0.95 * curl)
+
+
+@compiled
+def thumb_turns(bend: float, oppose: float, inward: float) -> tuple[Quat, Quat, Quat]:
+    """Return the turns of a left thumb's joints, see `posture.THUMB` and what follows it."""
+    base = times(about_x(-oppose), about(THUMB_AXIS, 0.35 * bend))
+    base = times(about_y(inward), base)
+    return base, about(THUMB_AXIS, 0.7 * bend), about(THUMB_AXIS, 0.9 * bend)
+
+
+@compiled
+def _put_digit(turns: Vector, row: int, side: int, bent: tuple[Quat, Quat, Quat]) -> None:
+    base, middle, end = bent
     if side == 1:
         base, middle, end = mirrored(base), mirrored(middle), mirrored(end)
-    _put(turns, first + p.S_THUMB, base)
-    _put(turns, first + p.S_THUMB + 1, middle)
-    _put(turns, first + p.S_THUMB + 2, end)
+    _put(turns, row, base)
+    _put(turns, row + 1, middle)
+    _put(turns, row + 2, end)
+
+
+@compiled
+def _fingers(a: Vector, first: int, side: int, turns: Vector) -> None:
+    for finger in range(4):
+        spread = spread_of(a[p.SPREAD], finger)
+        bent = finger_turns(a[p.CURL + finger], a[p.KNUCKLE + finger], spread)
+        _put_digit(turns, first + p.S_FINGERS + 3 * finger, side, bent)
+    bent = thumb_turns(a[p.THUMB], a[p.OPPOSE], a[p.THUMB_IN])
+    _put_digit(turns, first + p.S_THUMB, side, bent)
 
 
 @compiled

@@ -1,7 +1,8 @@
 """Where a telephone is at somebody's ear, and how a hand holds it there.
 
 The telephone leans against ear and cheek, its length along the line from the ear to the corner of
-the mouth; the palm is at its back, thumb at the edge behind, fingers round the edge before.
+the mouth; the hollow palm is at its back, thumb at the edge behind, fingers round the edge before,
+as `gripping` bends them.
 """
 
 from typing import Final
@@ -11,20 +12,30 @@ import numpy as np
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import Character
+from stimuli.motion.gripping import FINGERS, Case, grip_of_character, skin_of_hand
+from stimuli.motion.posture_kernels import DOWN, LEFT_X
 from stimuli.motion.skeleton import Skeleton
 
 TELEPHONE_M: Final = (0.145, 0.071, 0.009)
 """Length, width and thickness."""
 EARPIECE_M: Final = 0.060
 """From the middle of a telephone to what lies at the ear."""
-FROM_FINGERS_DEG: Final = 43.0
-"""Between fingers and length: fingers then reach round an edge, and the forearm hangs down."""
+FROM_FINGERS_DEG: Final = 36.0
+"""Between fingers and length: fingers then reach over an edge, the forearm hangs down, and elbows
+bend no farther than they can."""
+BEYOND_JOINT: Final = 0.4
+"""Share of the middle finger's middle phalanx at which that edge is."""
+HOLLOW_M: Final = 0.0125
+"""Between it and the palm: fingers and thumb hold it by its edges."""
 ALONG: Final = 1.05
-"""Middle of the telephone from the wrist, as a share of the hand to its knuckles."""
+"""Middle of the telephone from the wrist, as a share of the hand to its knuckles, where there is
+no flesh."""
 PALM_M: Final = 0.017
 """Palm off the axis of a hand, where nothing is measured."""
 BACK_M: Final = 0.012
 """Its back, likewise."""
+PALM_RANGE_M: Final = (0.008, 0.030)
+PALM_JOINTS: Final = ("hand", *(f"{name}_proximal" for name in FINGERS))
 TRAGUS_M: Final = (-0.008, -0.019)
 """Where the ear opens: above and behind where the ear stands out most."""
 MOUTH_M: Final = (0.026, -0.070)
@@ -40,6 +51,13 @@ MAX_OFF_EAR_M: Final = 0.027
 MIN_POINTS: Final = 20
 CLEAR_M: Final = 0.004
 """Between skin and what lies at it."""
+SQUARE: Final = np.array([LEFT_X, (0.0, 0.0, -1.0), DOWN])
+"""Ways of the fingers, to the thumb and out of the palm of a left hand with square knuckles."""
+ROOM_ALONG_M: Final = np.linspace(-TELEPHONE_M[0] / 2, TELEPHONE_M[0] / 2, 9)
+"""Where it is measured how far the cheek is from the telephone's face, at the edge before."""
+MAX_ROOM_M: Final = 0.025
+FINGER_CLEAR_M: Final = 0.0015
+"""Between finger and cheek."""
 
 
 def head_skin_m(character: Character) -> tuple[Vector, Vector]:
@@ -112,39 +130,54 @@ def leaning(
     return at_ear, -unit(down - (down @ inward) * inward), inward
 
 
-def off_palm_m(character: Character) -> float:
-    """Return how far the middle of a telephone is off the axis of the hand that holds it."""
-    return palm_m(character) + TELEPHONE_M[2] / 2
+def case_in_hand(character: Character, side: str) -> Case:
+    """Return the telephone that a hand holds at the ear: its edge lies across the fingers, its
+    back on the palm. The right hand holds it as the left one does.
+    """
+    middle, askew = _case_of_left(character)
+    _, fingers, thumb, out = hand_axes(character.skeleton, side)
+    axes = np.stack([fingers, thumb, out])
+    return Case(middle @ axes, askew @ axes, np.array(TELEPHONE_M) / 2)
 
 
-def palm_m(character: Character) -> float:
-    """Return how far the skin of the left palm is off the axis of the hand."""
-    return _flesh_m(character)[0]
+def _case_of_left(character: Character) -> tuple[Vector, Vector]:
+    """Return middle (3,) and axes (3, 3) of a telephone in the left hand, along `hand_axes`."""
+    skeleton, skin = character.skeleton, skin_of_hand(character)
+    wrist, *ways = hand_axes(skeleton, "left")
+    axes = np.stack(ways)
+    joint, end = (
+        axes @ (skeleton.rest_m[skeleton.index(f"left_middle_{name}")] - wrist)
+        for name in ("middle", "distal")
+    )
+    angle = np.radians(FROM_FINGERS_DEG)
+    c, s = np.cos(angle), np.sin(angle)
+    askew = np.array([[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, 1.0]])
+    length, width, thickness = TELEPHONE_M
+    middle = joint + BEYOND_JOINT * (end - joint) - np.array([0.5 * width / s, 0.0, 0.0])
+    fleshy = [skeleton.index(f"left_{name}") for name in PALM_JOINTS]
+    palm = skin.points_m[skin.weights[:, fleshy].sum(axis=1) > 0.8] @ axes.T
+    along, across = (palm - middle) @ askew[0], (palm - middle) @ askew[1]
+    under = (np.abs(along) < length / 2) & (np.abs(across) < width / 2)
+    back_m = palm[under, 2].max() if under.any() else PALM_M
+    middle[2] = np.clip(back_m, *PALM_RANGE_M) + HOLLOW_M + thickness / 2
+    return middle, askew
 
 
 def hand_thickness_m(character: Character) -> float:
     """Return how thick the left hand is about its knuckles, palm to back."""
-    palm, back = _flesh_m(character)
-    return palm + back
-
-
-def _flesh_m(character: Character) -> tuple[float, float]:
     mesh, skeleton = character.levels[1], character.skeleton
     wrist, fingers, thumb, out = hand_axes(skeleton, "left")
     hand_m = float(np.linalg.norm(skeleton.rest_m[skeleton.index("left_middle_proximal")] - wrist))
     heaviest = np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
-    fleshy = [
-        skeleton.index("left_hand"),
-        *(skeleton.index(f"left_{f}_proximal") for f in ("index", "middle", "ring", "little")),
-    ]
+    fleshy = [skeleton.index(f"left_{name}") for name in PALM_JOINTS]
     points = mesh.vertices_m[np.isin(heaviest, fleshy)] - wrist
     along, aside = points @ fingers, points @ thumb
     held = (along > 0.45 * hand_m) & (along < 1.25 * hand_m) & (np.abs(aside) < 0.03)
     if not held.any():
-        return PALM_M, BACK_M
+        return PALM_M + BACK_M
     off = (points @ out)[held]
     palm, back = np.quantile(off, 0.9), -np.quantile(off, 0.02)
-    return float(np.clip(palm, 0.008, 0.030)), float(np.clip(back, 0.004, 0.025))
+    return float(np.clip(palm, *PALM_RANGE_M) + np.clip(back, 0.004, 0.025))
 
 
 def hand_axes(skeleton: Skeleton, side: str) -> tuple[Vector, Vector, Vector, Vector]:
@@ -163,35 +196,73 @@ def hand_axes(skeleton: Skeleton, side: str) -> tuple[Vector, Vector, Vector, Ve
 
 def at_ear_of_head(head_half_m: float, ear_y_m: float, size: float, hand_m: float) -> Vector:
     """Return what `at_ear_of_character` does (9,), of somebody without flesh."""
+    middle = np.array([ALONG * hand_m, 0.0, PALM_M + HOLLOW_M + TELEPHONE_M[2] / 2])
+    return _hand_at(*_lies_at_head(head_half_m, ear_y_m, size), middle)
+
+
+def _lies_at_head(head_half_m: float, ear_y_m: float, size: float) -> tuple[Vector, Vector, Vector]:
+    """Return what `leaning` does, of a head whose skin is not known."""
     at = np.array([-1.1 * head_half_m, ear_y_m, -0.010 * size])
     length = unit(np.array([-0.28, 0.67, 0.68]))
     inward = np.array([1.0, 0.1, 0.0])
-    inward = unit(inward - (inward @ length) * length)
-    return _hand_at(at, length, inward, hand_m, PALM_M + TELEPHONE_M[2] / 2)
+    return at, length, unit(inward - (inward @ length) * length)
 
 
 def at_ear_of_character(character: Character) -> Vector:
     """Return where a left hand is that holds a telephone at the ear (9,): its wrist and the ways
     of its fingers and palm, in the head's axes.
     """
-    rest, index = character.skeleton.rest_m, character.skeleton.index
     skin, worn = head_skin_m(character)
+    axes = np.stack(hand_axes(character.skeleton, "left")[1:])
+    return _hand_at(*_lies_at_ear(character, skin, worn), _case_of_left(character)[0], axes)
+
+
+def _lies_at_ear(character: Character, skin: Vector, worn: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return what `leaning` does, also of a head without skin at the ear."""
+    rest, index = character.skeleton.rest_m, character.skeleton.index
     eye = rest[index("left_eye")] - rest[index("head")]
-    hand_m = float(np.linalg.norm(rest[index("left_middle_proximal")] - rest[index("left_hand")]))
-    size = character.stature_m / 1.75
     ear = tragus_m(skin, eye)
     if ear is None:
-        return at_ear_of_head(0.078 * size, eye[1] - 0.014 * size, size, hand_m)
-    mouth = mouth_corner_m(skin, eye, character.stature_m)
-    at, length, inward = leaning(skin, worn, ear, mouth)
-    return _hand_at(at, length, inward, hand_m, off_palm_m(character))
+        size = character.stature_m / 1.75
+        return _lies_at_head(0.078 * size, eye[1] - 0.014 * size, size)
+    return leaning(skin, worn, ear, mouth_corner_m(skin, eye, character.stature_m))
+
+
+def grip_at_ear(character: Character) -> Vector:
+    """Return how the fingers of the left hand lie about the telephone at the ear (GRIP_SIZE,), see
+    `gripping.grip_of_character`.
+    """
+    skin, worn = head_skin_m(character)
+    room_m = _room_m(skin, *_lies_at_ear(character, skin, worn))
+    return grip_of_character(character, case_in_hand(character, "left"), room_m)
+
+
+def _room_m(skin: Vector, at: Vector, length: Vector, inward: Vector) -> Vector:
+    """Return how far fingers may reach beyond the face of a telephone at the left ear, along the
+    edge that is before; see `ROOM_ALONG_M`.
+    """
+    off = skin - at
+    along, above = off @ length + EARPIECE_M, off @ inward
+    before = -off @ np.cross(inward, length) - TELEPHONE_M[1] / 2
+    near = (before > -0.005) & (before < 0.015) & (np.abs(above) < 0.06)
+    room_m = np.full(len(ROOM_ALONG_M), MAX_ROOM_M)
+    for k, place in enumerate(ROOM_ALONG_M):
+        heights = above[near & (np.abs(along - place) < 0.016)]
+        if len(heights):
+            room_m[k] = np.clip(heights.min() - FINGER_CLEAR_M, 0.0, MAX_ROOM_M)
+    return room_m
 
 
 def _hand_at(
-    at: Vector, length: Vector, inward: Vector, hand_m: float, middle_off_palm_m: float
+    at: Vector, length: Vector, inward: Vector, middle: Vector, axes: Vector = SQUARE
 ) -> Vector:
+    """Return wrist and ways (9,) of a hand; `middle` is the telephone's along the rows of `axes`,
+    which `hand_axes` returns.
+    """
     c, s = np.cos(np.radians(FROM_FINGERS_DEG)), np.sin(np.radians(FROM_FINGERS_DEG))
-    fingers = c * length - s * np.cross(inward, length)
-    middle = at - TELEPHONE_M[2] / 2 * inward - EARPIECE_M * length
-    wrist = middle - ALONG * hand_m * fingers - middle_off_palm_m * inward
-    return np.concatenate([wrist, fingers, inward])
+    before = -np.cross(inward, length)
+    turned = np.stack([c * length + s * before, s * length - c * before, inward])
+    there = at - TELEPHONE_M[2] / 2 * inward - EARPIECE_M * length
+    # Hands are turned by their own axes, which knuckles are a little askew to.
+    ways = [turned.T @ (axes @ way) for way in (LEFT_X, DOWN)]
+    return np.concatenate([there - turned.T @ middle, *ways])
