@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from lab.geometry import Vector
 from stimuli.characters.capsules import fitted_capsules
 from stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
-from stimuli.characters.coverage import seen_tags, view_from, visible_area_m2
+from stimuli.characters.coverage import seen_tags, view_from
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.levels import LEVELS, LevelBudget, joined, lighter, thinned
 from stimuli.characters.measuring import MEASURING_TRIANGLES, matched, worst_area_error
@@ -36,6 +36,7 @@ from tools.character_making.figure import Figure, figure_of
 from tools.character_making.hair import STYLES, Locks, drawn, locks, seen_of, shell
 from tools.character_making.hair_texture import coils, streaks
 from tools.character_making.hems import with_hems
+from tools.character_making.lids import with_neutral_lids
 from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
 from tools.character_making.mantle import Sheet
 from tools.character_making.occlusion import shaded
@@ -77,28 +78,6 @@ def face_morphs(figure: Figure) -> dict[str, Vector]:
             delta[target.vertices] += amount * target.delta_m * (eye_gap / base_gap)
         morphs[name] = delta
     return morphs
-
-
-def with_open_eyes(figure: Figure, morphs: dict[str, Vector]) -> tuple[Figure, dict[str, Vector]]:
-    """Return the figure with lids apart by so much that `EYES_M2` are seen of each eye, and shapes
-    whose blinks close them from there.
-    """
-    blinks = ("left_blink", "right_blink")
-    opening = sum((morphs[name] for name in blinks), np.zeros_like(figure.vertices_m))
-
-    def seen_m2(share: float) -> float:
-        wider = replace(figure, vertices_m=figure.vertices_m - share * opening)
-        pieces = [body_piece(wider, np.ones(3), {}), *eyeballs(wider)]
-        kinds = (Material("skin", "skin"), Material("eye", "eye"))
-        bare = [replace(piece, corner_uv=None) for piece in pieces]
-        mesh = assembled(wider, bare, kinds)
-        area = visible_area_m2(mesh, mesh.vertices_m, step_m=0.0007)
-        return (area["left_eye"] + area["right_eye"]) / 2
-
-    shares = np.array([0.0, MOST_OPENED / 2, MOST_OPENED])
-    share = float(np.interp(EYES_M2, [seen_m2(s) for s in shares.tolist()], shares))
-    wider = replace(figure, vertices_m=figure.vertices_m - share * opening)
-    return wider, {n: (1 + share) * d if n in blinks else d for n, d in morphs.items()}
 
 
 def with_closed_lips(figure: Figure, morphs: dict[str, Vector]) -> tuple[Figure, dict[str, Vector]]:
@@ -151,10 +130,6 @@ MAX_TEETH_M2, _LIGHT_TEETH, _TEETH_STEP_M = 0.5e-6, 0.25, 0.0003
 _RAISED = np.arange(0.0, 0.16, 0.005).tolist()
 """By which share of its way open the jaw is raised, tried in turn."""
 _LIPS_MEET = 0.02
-
-EYES_M2, MOST_OPENED = 1.68e-4, 0.25
-"""What is seen of an eye from the front, as of people at rest, and by how much of a blink at most
-the lids of the base mesh, which hang, are raised."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -402,7 +377,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
     morphs = face_morphs(figure)
     body = body_piece(figure, base_colour(recipe.face), morphs)
     closed = closed_body(figure, body)
-    figure, morphs = with_closed_lips(*with_open_eyes(figure, morphs))
+    figure, morphs = with_closed_lips(*with_neutral_lids(figure, morphs))
     body = body_piece(figure, base_colour(recipe.face), morphs)
     worn, worn_far, covered = clothed(figure, stuff, recipe, body, seed)
     bare = np.asarray((covered >= -0.02)[body.triangles].any(axis=1))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import numpy.typing as npt
+from numpy.random import Generator
 from scipy.spatial import cKDTree
 
 from lab.geometry import Vector
@@ -243,27 +244,73 @@ _FINEST, _FINEST_M = 0.85, 0.0065
 
 
 def _browed(colour: Vector, figure: Figure, p: Vector, face: Face, k: float, seed: int) -> Vector:
+    female = figure.shape.gender == "female"
+    nose = (figure.at("left_eye")[0] + figure.at("right_eye")[0]) / 2
     for side, _ in SIDES:
         centre = figure.at(f"{side}_eye")
         sign = -1.0 if side == "left" else 1.0
+        start_m = _BROW_FROM_M - sign * (centre[0] - nose) / k
         x = sign * (p[:, 0] - centre[0]) / k
-        y = (p[:, 1] - centre[1]) / k
-        along = (x + 0.021) / 0.045
-        female = figure.shape.gender == "female"
-        arch = 0.0052 if female else 0.0028
-        lift = 0.0195 if female else 0.0172
-        curve = lift + arch * np.sin(np.clip(along, 0, 1.1) * 2.1 - 0.25) - 0.004 * along**2
-        # Higher at the nose than at the temple, brows look sad.
-        curve += (0.0008 if female else 0.0046) * (along - 0.45)
-        half = np.interp(along, [-0.05, 0.1, 0.6, 1.05], [0.0030, 0.0038, 0.0027, 0.0008])
-        half = half * (0.75 + 0.55 * face.brow_weight)
-        v = (y - curve) / half
-        inside = (along > -0.08) & (along < 1.1) & (np.abs(v) < 2) & (p[:, 2] < centre[2] + 0.03)
-        # Hairs lean outwards: upright near the nose, lying along the curve at the temple.
-        lean = np.interp(along, [0, 0.3, 1], [0.35, 1.3, 2.2])
-        stroke = np.stack([x * 1500 - lean * y * 1100, y * 260, np.full_like(x, seed)], axis=1)
-        hairs = 0.70 + 0.40 * noise(stroke, 1.0, seed + 51)
-        ends = np.clip((along + 0.06) / 0.12, 0, 1) * np.clip((1.08 - along) / 0.12, 0, 1)
-        density = np.clip(1.25 - np.abs(v), 0, 1) * ends * hairs * (0.55 + 0.5 * face.brow_weight)
-        colour = _mixed(colour, np.array(face.brow) / 255, np.where(inside, density * 1.15, 0))
+        y = (p[:, 1] - centre[1]) / k - (_BROW_WOMEN_M if female else _BROW_MEN_M)
+        near = np.flatnonzero(
+            (x > start_m - 0.006)
+            & (x < _BROW_TO_M + 0.006)
+            & (np.abs(y) < 0.012)
+            & (p[:, 2] < centre[2] + 0.03)
+        )
+        at = np.stack([x, y], axis=1)[near]
+        rng = np.random.default_rng(seed)
+        amount = _brow(at, start_m, _BROW_TO_M, face.brow_weight, rng)
+        colour[near] = _mixed(colour[near], np.array(face.brow) / 255, amount)
     return colour
+
+
+def _brow(at: Vector, start_m: float, end_m: float, weight: float, rng: Generator) -> Vector:
+    """Return how much of brow covers places `at` (n, 2), metres outwards from the eye's middle and
+    up from the brow's inner end: single hairs, fewer and finer towards both ends, over their shade.
+    """
+    share = np.linspace(0, 1, 41)
+    line = np.interp(share, _BROW_AT, _BROW_RISES_M)
+    line = np.convolve(np.pad(line, 4, mode="edge"), np.full(9, 1 / 9), "valid")
+    broad = (0.75 + 0.4 * weight) * np.interp(share, _BROW_AT, _BROW_HALF_M)
+    dense = np.interp(share, _BROW_AT, _BROW_DENSE)
+
+    along = (at[:, 0] - start_m) / (end_m - start_m)
+    off = (at[:, 1] - np.interp(along, share, line)) / np.interp(along, share, broad)
+    within = np.interp(along, [-0.08, 0, 1, 1.05], [0, 1, 1, 0])
+    shade = _BROW_SHADE * np.interp(along, share, dense) * within * _bump(off, 0.85)
+
+    n = round(_HAIRS * (0.7 + 0.5 * weight))
+    root = rng.choice(share, n, p=dense / dense.sum()) + rng.uniform(-0.5, 0.5, n) / 40
+    across = rng.uniform(-1, 1, n)
+    # Hairs lean outwards: upright near the nose, along the line farther out, and from above and
+    # below the line towards it.
+    lean = np.interp(root, [0, 0.15, 0.45, 1], [1.25, 0.85, 0.35, -0.25])
+    lean = lean - 0.45 * across * np.interp(root, [0.1, 0.5], [0.2, 1]) + rng.normal(0, 0.12, n)
+    long_m = np.interp(root, [0, 0.3, 0.8, 1], [0.0042, 0.0068, 0.0062, 0.0040])
+    long_m = long_m * rng.uniform(0.7, 1.15, n)
+    height = np.interp(root, share, line) + 0.9 * across * np.interp(root, share, broad)
+    roots = np.stack([start_m + root * (end_m - start_m), height], axis=1)
+    way = np.stack([np.cos(lean), np.sin(lean)], axis=1)
+    # Half of a hair lies on each side of the place it is drawn for.
+    roots = roots - 0.5 * long_m[:, None] * way
+    bare = 1 - shade
+    for k in range(n):
+        from_root = at - roots[k]
+        s = np.clip(from_root @ way[k] / long_m[k], 0, 1)
+        away = np.linalg.norm(from_root - (s * long_m[k])[:, None] * way[k], axis=1)
+        bare *= 1 - _HAIR_DARK * (1 - 0.7 * s) * _bump(away, _HAIR_M)
+    amount: Vector = np.clip(1 - bare, 0, 1) * (0.62 + 0.3 * weight)
+    return amount
+
+
+_BROW_FROM_M, _BROW_TO_M = 0.0135, 0.0255
+"""Brows begin so far from the middle of the face and end so far outwards from the eye's."""
+_BROW_MEN_M, _BROW_WOMEN_M = 0.0172, 0.0190
+"""How high above the eye's middle they begin."""
+_BROW_AT = [0.0, 0.12, 0.3, 0.62, 0.82, 1.0]
+_BROW_RISES_M = [0.0, 0.0004, 0.0013, 0.0026, 0.0022, 0.0002]
+_BROW_HALF_M = [0.0018, 0.0024, 0.0027, 0.0021, 0.0013, 0.0005]
+_BROW_DENSE = [0.12, 0.5, 0.95, 1.0, 0.75, 0.2]
+"""A brow's line at rest, its half breadth and how dense it is, at shares of its length."""
+_HAIRS, _HAIR_M, _HAIR_DARK, _BROW_SHADE = 210, 0.0003, 0.5, 0.42
