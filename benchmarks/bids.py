@@ -10,7 +10,6 @@ seconds by the clock stand beside them. "Ratio" is limit / value.
 
 import argparse
 import os
-import resource
 import shutil
 import statistics
 import subprocess
@@ -18,6 +17,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from benchmarks.command_start import children_cpu_s
 from benchmarks.table import Row, show
 from lab.clock import StopWatch
 from lab.config_files import EXAMPLE
@@ -28,7 +28,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 def visavis(root: Path, *arguments: str) -> tuple[float, float]:
     """Run a command in a lab's folder; return its CPU seconds and those by the clock."""
-    before, watch = _children_cpu_s(), StopWatch()
+    before, watch = children_cpu_s(), StopWatch()
     done = subprocess.run(
         [sys.executable, "-m", "visavis", *arguments],
         cwd=root,
@@ -39,12 +39,7 @@ def visavis(root: Path, *arguments: str) -> tuple[float, float]:
     )
     if done.returncode:
         raise SystemExit(f"visavis {' '.join(arguments)} failed:\n{done.stdout}{done.stderr}")
-    return _children_cpu_s() - before, watch.elapsed_s()
-
-
-def _children_cpu_s() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+    return children_cpu_s() - before, watch.elapsed_s()
 
 
 def exports(root: Path, study: str, rounds: int) -> list[Row]:

@@ -46,7 +46,7 @@ def measure(name: str, repeats: int) -> Row:
     arguments, more = ANSWERS[name]
     walls, cpus = [], []
     for _ in range(repeats + 1):
-        before, watch = _children_cpu_s(), StopWatch()
+        before, watch = children_cpu_s(), StopWatch()
         done = subprocess.run(
             [sys.executable, "-c", PROGRAM, *arguments],
             env={**os.environ, **more},
@@ -55,13 +55,14 @@ def measure(name: str, repeats: int) -> Row:
             check=True,
         )
         walls.append(watch.elapsed_s())
-        cpus.append(_children_cpu_s() - before)
+        cpus.append(children_cpu_s() - before)
         assert done.stdout, f"{name} answered nothing"
     quickest = min(walls[1:])
     return Row(name, quickest, statistics.median(cpus[1:]), LIMIT_S, LIMIT_S / quickest)
 
 
-def _children_cpu_s() -> float:
+def children_cpu_s() -> float:
+    """Return the CPU seconds that ended children have used so far."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

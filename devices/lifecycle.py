@@ -1,6 +1,8 @@
 """Hold a device's state and refuse calls that do not fit it, naming both."""
 
-from devices.contracts import DeviceState
+from collections.abc import Sequence
+
+from devices.contracts import ClockPair, DeviceState
 from lab.errors import DeviceError
 
 
@@ -20,3 +22,27 @@ class Lifecycle:
                 role=self._role,
                 remedy="call open() and start() in this order",
             )
+
+
+class HasLife:
+    """A device that tells where its `Lifecycle` has come to."""
+
+    _life: Lifecycle
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life; FAULT while what it drives is gone."""
+        return self._life.state
+
+
+class OnSessionClock(HasLife):
+    """A device with nothing to connect to and no clock of its own."""
+
+    def open(self, deadline_s: float) -> None:
+        """Become ready."""
+        self._life.require("open", DeviceState.CLOSED)
+        self._life.state = DeviceState.OPEN
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return nothing: it runs on the session clock."""
+        return ()

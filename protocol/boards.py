@@ -132,8 +132,8 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
     nothing changes: it is called in every frame, with the choice pointed at highlighted. Once keys
     have gone to a choice, neither gaze nor rays take another.
     """
-    yield from _shown(first)
-    view = yield from _frame()
+    yield from shown(first)
+    view = yield from frame()
     asked_ns = view.t_ns
     until_ns = asked_ns + round(ways.limit_s * NS_PER_S)
     ray: Ray | None = None
@@ -163,8 +163,8 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
             lit = stepped
         elif looked is not None and gaze_counts:
             return Chosen(looked, "gaze", asked_ns, view)
-        yield from _shown(show(view, replace(panel, highlighted=lit)))
-        view = yield from _frame()
+        yield from shown(show(view, replace(panel, highlighted=lit)))
+        view = yield from frame()
     return Chosen(None, "nothing in time", asked_ns, view)
 
 
@@ -229,13 +229,15 @@ def _of_digit(key: str, n: int, can_leave_out: bool) -> int | None:
     return number - 1 if 1 <= number <= n - can_leave_out else None
 
 
-def _frame() -> Generator[Step, FrameView | Answered | None, FrameView]:
+def frame() -> Generator[Step, FrameView | Answered | None, FrameView]:
+    """Wait for the next frame."""
     view = yield NEXT
     if not isinstance(view, FrameView):
         raise TypeError(f"a plan that asked for a frame was sent {view!r}")
     return view
 
 
-def _shown(step: Show | None) -> Generator[Step, FrameView | Answered | None, None]:
+def shown(step: Show | None) -> Generator[Step, FrameView | Answered | None, None]:
+    """Show what there is to show."""
     if step is not None:
         yield step

@@ -11,11 +11,11 @@ import numpy as np
 
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.geometry import Pose, Vector, rotate, yaw_pitch_deg_of
-from protocol.boards import AHEAD, CONFIRM, NEXT, Ray, Showing, Ways, ask_on_board, newer_ray
+from protocol.boards import AHEAD, CONFIRM, Ray, Showing, Ways, ask_on_board, newer_ray, shown
+from protocol.boards import frame as frame
 from protocol.steps import Answered, Ask, FrameView, Scalar, Show, Step
 from stimuli.picture import Panel
 
-Frames: TypeAlias = Generator[Step, FrameView | Answered | None, FrameView]
 Asking: TypeAlias = Generator[Step, FrameView | Answered | None, "Answer"]
 
 
@@ -38,14 +38,6 @@ class Answer:
     def ms(self) -> float:
         """Time from the frame that showed the question to the answer."""
         return (self.answered_ns - self.asked_ns) / NS_PER_MS
-
-
-def frame() -> Frames:
-    """Wait for the next frame."""
-    view = yield NEXT
-    if not isinstance(view, FrameView):
-        raise TypeError(f"a plan that asked for a frame was sent {view!r}")
-    return view
 
 
 def asked_on_board(
@@ -110,7 +102,7 @@ def pressed(
                 return Answer(control, "keys", from_ns, t_ns, view)
         if view.t_ns >= until_ns:
             return Answer(None, "nothing in time", from_ns, view.t_ns, view)
-        yield from _shown(each_frame(view))
+        yield from shown(each_frame(view))
         view = yield from frame()
 
 
@@ -125,7 +117,7 @@ def pointed(
         ray = newer_ray(ray, view)
         if ray is not None and any(c in CONFIRM for c in view.pressed) and view.t_ns > asked_ns:
             return Answer("", "ray", asked_ns, view.t_ns, view, ray.pose)
-        yield from _shown(each_frame(view))
+        yield from shown(each_frame(view))
         view = yield from frame()
     return Answer(None, "nothing in time", asked_ns, view.t_ns, view)
 
@@ -151,8 +143,3 @@ def direction_columns(
         f"{name}_yaw_deg": round(float(yaw_deg), 3),
         f"{name}_pitch_deg": round(float(pitch_deg), 3),
     }
-
-
-def _shown(step: Show | None) -> Generator[Step, FrameView | Answered | None, None]:
-    if step is not None:
-        yield step

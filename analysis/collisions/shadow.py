@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from analysis.collisions.columns import faces_near
 from analysis.collisions.meshes import Faces
 from lab.compiled import compiled
 from lab.geometry import Vector
@@ -17,13 +18,8 @@ def in_shadow(
     Columns run along `axis`; only how the box lies across it matters, so what is below the box
     still tells on which side of the surface a column begins.
     """
-    beyond = _sides_across(vertices_m, axis, low_m, high_m)
-    near = np.empty(faces.shape[0] + 1, np.int32)
-    n = 0
-    for f in range(faces.shape[0]):
-        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
-        near[n] = f
-        n += (beyond[a] & beyond[b] & beyond[c]) == 0
+    near = faces_near(faces, _sides_across(vertices_m, axis, low_m, high_m))
+    n = near.shape[0]
     number = np.full(vertices_m.shape[0], -1, np.int32)
     corners = np.empty((min(3 * n, vertices_m.shape[0]), 3))
     kept = np.empty((n, 3), np.int32)

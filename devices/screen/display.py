@@ -11,7 +11,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from devices.contracts import (
-    ClockPair,
     DeviceInfo,
     DeviceState,
     Fault,
@@ -19,7 +18,7 @@ from devices.contracts import (
     Sink,
 )
 from devices.frame_streams import HEAD_ROW, FrameStreams
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import Lifecycle, OnSessionClock
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.frame import FrameInfo
 from lab.geometry import Pose, Vector
@@ -55,7 +54,7 @@ class Surface(Protocol):
         ...
 
 
-class ScreenDisplay:
+class ScreenDisplay(OnSessionClock):
     """Follow the `Headset` contract on a monitor.
 
     `place` is the viewing place in the world, facing the screen. With `is_tracked` the head is
@@ -101,19 +100,9 @@ class ScreenDisplay:
         self._image: object | None = None
         self._begin()
 
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life."""
-        return self._life.state
-
     def attach(self, surface: Surface) -> None:
         """Show pictures on this from now on, and keep its pace."""
         self._surface = surface
-
-    def open(self, deadline_s: float) -> None:
-        """Become ready; the window comes later, with whoever draws."""
-        self._life.require("open", DeviceState.CLOSED)
-        self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[StreamSchema, ...]:
         """Return the head stream and the frame timing, at the display's rate."""
@@ -194,10 +183,6 @@ class ScreenDisplay:
         """Tell that the participant's window was closed."""
         if self._surface is not None and self._surface.closed:
             return (Fault(ROLE, "blocking", "the participant's window was closed", REMEDY),)
-        return ()
-
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: it runs on the session clock."""
         return ()
 
     # ---- inside -----------------------------------------------------------------------------

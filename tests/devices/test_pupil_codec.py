@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.drivers.pupil import codec
-from devices.drivers.streaming.gaze_rays import diameter_mm
+from devices.drivers.streaming.gaze_rays import diameter_mm, rows_to_values
 from devices.sim.pupil.wire import (
     BINOCULAR_TOPIC,
     COLUMN,
@@ -40,7 +40,7 @@ def binocular(**changes):
 
 def decoded(datum, threshold_01=0.6):
     stamp_ns, row = codec.decode_gaze(msgpack.packb(datum), threshold_01)
-    return stamp_ns, codec.rows_to_values([row])[0]
+    return stamp_ns, rows_to_values([row])[0]
 
 
 def test_camera_frame_turns_into_head_frame_in_metres():

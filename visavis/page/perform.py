@@ -10,10 +10,8 @@ from lab.errors import ConfigError, SessionAborted
 from protocol.experiment import untold
 from protocol.key_file import KeyFile
 from protocol.operator import SessionStatus
-from protocol.plan import SessionPlan
 from protocol.states import SessionState
 from recording.folder import SessionFolder, create_session, open_session, study_dir
-from recording.journal import as_json
 from recording.manifest import Manifest
 from recording.provenance import provenance
 from recording.reader import Recording
@@ -44,6 +42,7 @@ from visavis.sessions.perform import (
     behaviour_seed,
     recorded_part,
     recorder_of,
+    refuse_other_plan,
 )
 from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rig import is_simulated
@@ -124,20 +123,6 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         port = port_before(recording)
         _perform_part(request, experiment, store, folder, past_of(recording), port)
         return folder.path
-
-
-def refuse_other_plan(recording: Recording, plan: SessionPlan) -> None:
-    """Refuse to go on with a session whose plan this version would not make.
-
-    Raises:
-        ConfigError: naming the session.
-    """
-    if as_json(plan) != recording.manifest.plan:
-        raise ConfigError(
-            f"{recording.path}: the plan recorded with this session differs from the plan this "
-            "version of Visavis makes; check out the version named in manifest.json "
-            "(provenance) and resume with that"
-        )
 
 
 def prepared_films(request: Request, told: Callable[[int, int], None] = untold) -> FilmStore:

@@ -37,10 +37,9 @@ from visavis.page.perform import (
     key_of,
     manifest_of,
     past_of,
-    refuse_other_plan,
 )
 from visavis.page.server import Ended, Held, PageServer
-from visavis.sessions.perform import Request, end_part, recorder_of
+from visavis.sessions.perform import Request, end_part, recorder_of, refuse_other_plan
 from visavis.sessions.rig import is_simulated
 
 IDLE_NS: Final = 30 * 60 * NS_PER_S

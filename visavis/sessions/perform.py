@@ -195,14 +195,23 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         stack.enter_context(folder)
         recording = Recording(session_path)
         plan = request.experiment.plan(request.participant_index, request.seed, request.group)
-        if as_json(plan) != recording.manifest.plan:
-            raise ConfigError(
-                f"{session_path}: the plan recorded with this session differs from the plan this "
-                "version of Visavis makes; check out the version named in manifest.json "
-                "(provenance) and resume with that"
-            )
+        refuse_other_plan(recording, plan)
         _perform_part(request, devices, folder, plan, progress_of_recording(recording))
         return folder.path
+
+
+def refuse_other_plan(recording: Recording, plan: SessionPlan) -> None:
+    """Refuse to go on with a session whose plan this version would not make.
+
+    Raises:
+        ConfigError: naming the session.
+    """
+    if as_json(plan) != recording.manifest.plan:
+        raise ConfigError(
+            f"{recording.path}: the plan recorded with this session differs from the plan this "
+            "version of Visavis makes; check out the version named in manifest.json "
+            "(provenance) and resume with that"
+        )
 
 
 def _pages() -> Any:

@@ -26,7 +26,7 @@ from devices.drivers.armband.spec import SERIAL_ARMBAND
 from devices.drivers.armband.status import BandStatus
 from devices.drivers.armband.traffic import GIVE_UP_NS, STOP_TRIES, TRY_NS, Traffic
 from devices.drivers.bands.limits import Limits
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import HasLife, Lifecycle
 from devices.meter import StreamMeter
 from devices.spec import AnySpec
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -45,7 +45,7 @@ UNKNOWN_RANGE_HZ = (math.nan, math.nan)
 REMEDY = "check that the band is switched on, charged and plugged in or paired"
 
 
-class ArmbandDriver:
+class ArmbandDriver(HasLife):
     """Follow the `Armband` contract; see the module.
 
     At most `max_rate_hz` settings leave per second: a sooner one waits, and a newer one takes
@@ -75,11 +75,6 @@ class ArmbandDriver:
         self._sink: Sink | None = None
         self._attempt_ends_ns: int | None = None
         self._begin_account()
-
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life; FAULT while the band is gone."""
-        return self._life.state
 
     @property
     def motor_count(self) -> int:

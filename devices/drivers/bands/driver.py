@@ -34,7 +34,7 @@ from devices.drivers.bands.language import BandLanguage, Condition, Notice, Read
 from devices.drivers.bands.limits import MAX_TTL_MS, Limits
 from devices.drivers.bands.open_bands import open_bands
 from devices.drivers.bands.traffic import BandTraffic
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import HasLife, Lifecycle
 from devices.meter import StreamMeter
 from devices.spec import AnySpec
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -53,7 +53,7 @@ HOST_SIDE_ONLY = "host_side_safety_only"
 """Capability of a band that goes on vibrating when this computer fails; see `check`."""
 
 
-class HostTimedBand:
+class HostTimedBand(HasLife):
     """Follow the `Armband` contract; see the module.
 
     At most `max_rate_hz` settings leave per second: a sooner one waits, and a newer one takes
@@ -92,11 +92,6 @@ class HostTimedBand:
         self._condition = Condition()
         self._refusals: dict[str, str] = {}
         self._reset()
-
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life; FAULT while the band is gone."""
-        return self._life.state
 
     @property
     def motor_count(self) -> int:

@@ -17,7 +17,7 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import HasLife, Lifecycle
 from devices.meter import StreamMeter
 from devices.spec import AnySpec
 from lab.clock import NS_PER_S, Clock
@@ -36,7 +36,7 @@ class Press(NamedTuple):
     t_device_ns: int | None = None
 
 
-class ButtonDevice:
+class ButtonDevice(HasLife):
     """Follow the `ResponseInput` contract over a byte link; a driver says what bytes mean.
 
     `buttons` are the device's own names; `keys` calls some of them otherwise, as studies ask for
@@ -86,11 +86,6 @@ class ButtonDevice:
         """Find out who is there; raises DeviceError. Most devices with buttons say nothing."""
 
     # ---- the contract -----------------------------------------------------------------------
-
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life."""
-        return self._life.state
 
     def open(self, deadline_s: float) -> None:
         """Connect, and ask who is there where the device answers."""

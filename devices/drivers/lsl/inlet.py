@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from devices.contracts import ClockPair
+from devices.drivers.lsl.outlet import lsl_library
 from devices.transports import Exchange, Frames, Message
 from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+from lab.errors import DeviceDisconnected, DeviceTimeout
 
 OFFSET = struct.Struct("<dd")
 """Seconds: local minus remote clock, and the round trip it was measured with."""
@@ -74,13 +75,7 @@ class LslInlet:
     def open(self, deadline_s: float) -> None:
         """Resolve the stream and subscribe to it."""
         self.close()
-        try:
-            import pylsl
-        except (ImportError, RuntimeError) as cause:
-            raise DeviceNotFound(
-                "the library pylsl cannot be loaded", remedy="run: pip install pylsl"
-            ) from cause
-        self._lsl = pylsl
+        pylsl = self._lsl = lsl_library()
         if self._configuration:
             pylsl.set_config_content(self._configuration)
             self._configuration = ""

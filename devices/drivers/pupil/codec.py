@@ -11,8 +11,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgpack
-import numpy as np
-import numpy.typing as npt
 
 from devices.contracts import GAZE
 from devices.drivers.streaming.gaze_rays import diameter_mm
@@ -40,7 +38,7 @@ Triple = tuple[float, float, float]
 def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None:
     """Return device time (ns) and one packed row of `GAZE.dtype`; None when malformed.
 
-    Join rows and read them with `rows_to_values`. An eye is valid when its own confidence
+    `gaze_rays.rows_to_values` reads joined rows. An eye is valid when its own confidence
     reaches the threshold; the combined ray is the mean of the valid eyes' lines, or of both
     (flagged invalid) when neither is.
     """
@@ -114,12 +112,6 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
     except AttributeError:  # a list or number where a map belongs
         return None
     return stamp_ns, row
-
-
-def rows_to_values(rows: Sequence[bytes]) -> npt.NDArray[np.void]:
-    """Return the joined rows of `decode_gaze` as samples, shape (n,), read-only."""
-    values: npt.NDArray[np.void] = np.frombuffer(b"".join(rows), GAZE.dtype)
-    return values
 
 
 def decode_notification(payload: bytes) -> Mapping[str, Any] | None:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
 from devices.drivers.sound.mixing import Mixer, Voice
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import HasLife, Lifecycle
 from devices.meter import StreamMeter
 from devices.spec import AnySpec
 from devices.streams import SOUND, SOUND_EVENTS
@@ -39,7 +39,7 @@ AGAIN_NS: Final = NS_PER_S
 MAX_GAIN_DB: Final = 20.0
 
 
-class SoundCard:
+class SoundCard(HasLife):
     """Follow the `SoundOutput` contract over PortAudio's output stream.
 
     `load` returns sounddevice, or what stands for it; it is called when the device is opened.
@@ -77,11 +77,6 @@ class SoundCard:
             transport="memory" if is_simulated else "sound card",
             serial="simulated" if is_simulated else "",
         )
-
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life; FAULT while the card is gone."""
-        return self._life.state
 
     def open(self, deadline_s: float) -> None:
         """Open the card's output; it is silent until something is played."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 import msgpack
 
 from devices.contracts import ClockPair, DeviceState, Fault, Sink
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import HasLife, Lifecycle
 from devices.spec import AnySpec
 from devices.transports import Exchange, Frames, Message, MessageTransport
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -47,7 +47,7 @@ def named(problem: DeviceError, role: str, remedy: str) -> DeviceError:
     return type(problem)(message, role=role, remedy=problem.remedy or remedy)
 
 
-class MessageDevice(ABC):
+class MessageDevice(HasLife, ABC):
     """Open a wire, say hello, deliver to a sink, close; a driver says what crosses the wire."""
 
     def __init__(self, role: str, transport: MessageTransport, clock: Clock, spec: AnySpec) -> None:
@@ -83,11 +83,6 @@ class MessageDevice(ABC):
         """Begin counting anew; for `start`."""
 
     # ---- the contract -----------------------------------------------------------------------
-
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life; FAULT while the peer is gone."""
-        return self._life.state
 
     def open(self, deadline_s: float) -> None:
         """Open the wire and say hello; raises DeviceError with a remedy."""

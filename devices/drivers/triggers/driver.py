@@ -15,7 +15,7 @@ from devices.byte_links import ByteLink
 from devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
 from devices.drivers.triggers.labjack_codec import AnswerReader, lines_out, set_lines
 from devices.drivers.triggers.pulses import Pulse, PulseTrain, Step
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import HasLife, Lifecycle
 from devices.meter import StreamMeter
 from devices.spec import AnySpec
 from lab.clock import NS_PER_S, Clock
@@ -36,7 +36,7 @@ PULSES = (
 `t_after_ns`, but for a delay of the device itself."""
 
 
-class TriggerOut:
+class TriggerOut(HasLife):
     """Follow the `Device` and `TriggerOutput` contracts on a wire where a byte sets the lines.
 
     `codes` gives the code, 1 to 255, of every mark that is sent; other marks are not.
@@ -72,11 +72,6 @@ class TriggerOut:
         self._gone: DeviceError | None = None
         self._begin()
         self.info = spec.info(role, link)
-
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life; FAULT while the device is gone."""
-        return self._life.state
 
     def open(self, deadline_s: float) -> None:
         """Open the wire and bring every line low."""

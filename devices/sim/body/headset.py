@@ -17,7 +17,6 @@ from devices.contracts import (
     FRAME_TIMING,
     HEAD,
     Body,
-    ClockPair,
     DeviceState,
     Fault,
     Health,
@@ -25,7 +24,7 @@ from devices.contracts import (
 )
 from devices.faults import FaultSchedule
 from devices.frame_streams import HEAD_ROW
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import Lifecycle, OnSessionClock
 from devices.meter import StreamMeter
 from devices.sim.body.spec import SIMULATED_HEADSET
 from lab.clock import NS_PER_S, Clock
@@ -44,7 +43,7 @@ _TIMING_ROW = struct.Struct("<4qI?4If")
 """A row of `FRAME_TIMING.dtype`."""
 
 
-class SimulatedHeadset:
+class SimulatedHeadset(OnSessionClock):
     """Follow the `Headset` contract over a simulated body.
 
     Frame k begins at `k * 10**9 // display_rate_hz` ns on the session clock; a frame whose
@@ -93,16 +92,6 @@ class SimulatedHeadset:
         self._timing_rows = 0
         self._valid = True
         self.submitted_images = 0
-
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life."""
-        return self._life.state
-
-    def open(self, deadline_s: float) -> None:
-        """Become ready; there is nothing to connect to."""
-        self._life.require("open", DeviceState.CLOSED)
-        self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[StreamSchema, ...]:
         """Return the head stream and the frame timing, at the display's rate."""
@@ -192,10 +181,6 @@ class SimulatedHeadset:
             return ()
         remedy = "ask the participant to put the headset on; wake it by moving it"
         return (Fault(self.info.role, "blocking", "no head tracking: in standby", remedy),)
-
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: it runs on the session clock."""
-        return ()
 
     def _frame_ns(self, index: int) -> int:
         return index * NS_PER_S * MILLI_HZ // self._rate_milli_hz

@@ -13,7 +13,6 @@ import numpy as np
 from devices.contracts import (
     RESPONSES,
     Body,
-    ClockPair,
     DeviceState,
     Fault,
     ForeseeableHand,
@@ -21,7 +20,7 @@ from devices.contracts import (
     Sink,
 )
 from devices.faults import FaultSchedule
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import Lifecycle, OnSessionClock
 from devices.meter import StreamMeter
 from devices.sim.body.spec import SIMULATED_RESPONSES
 from devices.sim.wire_noise import WireNoise
@@ -37,7 +36,7 @@ Press: TypeAlias = tuple[int, str, float]
 """Session time, control, value from 0 to 1."""
 
 
-class SimulatedResponses:
+class SimulatedResponses(OnSessionClock):
     """Follow the `ResponseInput` contract over a simulated body's presses."""
 
     def __init__(
@@ -63,11 +62,6 @@ class SimulatedResponses:
         self._held: list[Press] = []
         self._hand = body if isinstance(body, ForeseeableHand) and _foresees(type(body)) else None
         self.info = SIMULATED_RESPONSES.info(role, None)
-
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life."""
-        return self._life.state
 
     def open(self, deadline_s: float) -> None:
         """Become ready; there is nothing to connect to, but it may be away."""
@@ -138,10 +132,6 @@ class SimulatedResponses:
 
     def check(self) -> tuple[Fault, ...]:
         """Find nothing: there is no hardware."""
-        return ()
-
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: it runs on the session clock."""
         return ()
 
     def _is_away(self) -> bool:

@@ -6,14 +6,12 @@ its driver on its simulator. Faults: silence (no samples), frozen (poses stand s
 invalid), disconnect.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import (
-    ClockPair,
     DeviceState,
     Fault,
     Health,
@@ -22,7 +20,7 @@ from devices.contracts import (
     body_schema,
 )
 from devices.faults import FaultSchedule
-from devices.lifecycle import Lifecycle
+from devices.lifecycle import Lifecycle, OnSessionClock
 from devices.meter import StreamMeter
 from devices.segment_watch import SegmentWatch
 from devices.sim.body.spec import SIMULATED_BODY
@@ -34,7 +32,7 @@ from lab.schema import SampleBatch, StreamSchema, empty_values
 MAX_BACKLOG_NS = NS_PER_S
 
 
-class SimulatedBodyTracker:
+class SimulatedBodyTracker(OnSessionClock):
     """Follow the `BodyTracker` contract over a simulated body."""
 
     segments = BODY_JOINTS
@@ -64,16 +62,6 @@ class SimulatedBodyTracker:
         self._looked_ns = -1
         self._last = empty_values(self._schema, 1)
         self.info = SIMULATED_BODY.info(role, None)
-
-    @property
-    def state(self) -> DeviceState:
-        """Where it is in its life."""
-        return self._life.state
-
-    def open(self, deadline_s: float) -> None:
-        """Become ready; there is nothing to connect to."""
-        self._life.require("open", DeviceState.CLOSED)
-        self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[StreamSchema, ...]:
         """Return the body stream."""
@@ -153,10 +141,6 @@ class SimulatedBodyTracker:
         if frozen is not None:
             faults.append(frozen)
         return tuple(faults)
-
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: it runs on the session clock."""
-        return ()
 
     def _spoil(
         self, values: npt.NDArray[np.void], since_ns: npt.NDArray[np.int64]
