@@ -185,11 +185,12 @@ class ProcessorCrowd:
         people = nearest_first + np.where(is_far, len(self.cast), 0)
         a = joined.arrays
         vertices_of = joined.vertices_of[self._model_of]
-        eyes = eyes_m if len(eyes_m) <= MAX_EYES_CULLED else eyes_m[:0]
+        few = len(eyes_m) <= MAX_EYES_CULLED
+        eyes = np.ascontiguousarray(eyes_m if few else eyes_m[:0], np.float32)
         grid = NO_GRID if grid is None or not len(eyes) else grid
         pixel = self._pixels(len(room.posed), len(grid.size_px))
 
-        def posed(some: Counts) -> None:
+        def shown(some: Counts, corners: npt.NDArray[np.int32]) -> Counts:
             pose(
                 some,
                 vertices_of,
@@ -205,8 +206,6 @@ class ProcessorCrowd:
                 room.posed,
                 pixel,
             )
-
-        def gathered(some: Counts, into: npt.NDArray[np.int32]) -> Counts:
             count = np.zeros(len(joined.groups), np.int64)
             gather_front(
                 some,
@@ -218,18 +217,15 @@ class ProcessorCrowd:
                 a["triangles"],
                 drawing.single_sided,
                 room.posed,
-                np.ascontiguousarray(eyes, np.float32),
+                eyes,
                 pixel,
                 grid.size_px,
                 grid.between,
                 room.drawn,
                 drawing.first,
                 count,
-                into,
+                corners,
             )
-            return count
-
-        def lit(some: Counts) -> None:
             light_drawn(
                 some,
                 vertices_of,
@@ -247,32 +243,24 @@ class ProcessorCrowd:
                 room.drawn,
                 room.posed,
             )
+            return count
 
-        self._by_two(posed, people[::2], people[1::2])
-        # The first half in triangles is nearer than the other.
-        sizes = np.diff(joined.stretches, axis=2)[..., 0].sum(axis=1)[self._model_of[people]]
-        half = int(np.searchsorted(np.cumsum(sizes), sizes.sum() / 2))
-        farther = self._second.submit(gathered, people[half:], room.farther_corners)
-        self._count = gathered(people[:half], room.corners)
-        for first, before, more in zip(
-            drawing.first[:-1], self._count.copy(), farther.result(), strict=True
-        ):
-            start = first + before
-            room.corners[start : start + more] = room.farther_corners[first : first + more]
-        self._count += farther.result()
-        self._by_two(lit, people[::2], people[1::2])
+        # Those before the half of the vertices are nearer than the others.
         size = np.diff(vertices_of, axis=1)[:, 0]
+        half = int(np.searchsorted(np.cumsum(size[people]), size[people].sum() / 2))
+        others = self._second.submit(shown, people[half:], room.farther_corners)
+        nearer = shown(people[:half], room.corners)
+        farther = others.result()
+        self._count = nearer + farther
         for first, last in _stretches(self._slot_of[people], size[people]):
             room.moving.write(room.posed[first:last], offset=POSED_BYTES * first)
-        for first, count in zip(drawing.first[:-1].tolist(), self._count.tolist(), strict=True):
-            if count:
-                room.indices.write(room.corners[first : first + count], offset=12 * first)
-
-    def _by_two(self, work: Callable[[Counts], None], some: Counts, others: Counts) -> None:
-        """Do work for some people here and for others in the second thread."""
-        beside = self._second.submit(work, others)
-        work(some)
-        beside.result()
+        starts = drawing.first[:-1].tolist()
+        for first, n, more in zip(starts, nearer.tolist(), farther.tolist(), strict=True):
+            if n:
+                room.indices.write(room.corners[first : first + n], offset=12 * first)
+            if more:
+                behind = room.farther_corners[first : first + more]
+                room.indices.write(behind, offset=12 * (first + n))
 
     def _pixels(self, rows: int, pictures: int) -> Floats:
         """Return where the pixels of so many rows are kept."""
