@@ -33,7 +33,7 @@ def arm_of(c: Vector, side: int) -> Vector:
 def curl(a: Vector, index: float, middle: float, ring: float, little: float, thumb: float) -> None:
     """Bend the fingers of one hand."""
     a[p.CURL], a[p.CURL + 1], a[p.CURL + 2], a[p.CURL + 3] = index, middle, ring, little
-    a[p.THUMB] = thumb
+    a[p.THUMB], a[p.THUMB_IN] = thumb, 0.0
 
 
 @compiled

@@ -109,6 +109,8 @@ def lap_arms(c: Vector, b: Vector, way: int, person: int) -> None:
             a = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
             hand = a[p.HOLD + p.PELVIS * p.HOLD_SIZE : p.HOLD + (p.PELVIS + 1) * p.HOLD_SIZE]
             hand[3] -= 0.055
+            # Seen from above hands in a lap show their thumbs, which lie along them.
+            a[p.THUMB_IN] = np.radians(11.0)
     elif way == ARMS_FOLDED:
         fold_arms(c, b, 1.0, person)
     else:

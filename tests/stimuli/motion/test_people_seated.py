@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.cast import load_cast
 from stimuli.characters.character import Character
 from stimuli.characters.skinning import skin_of
@@ -32,6 +33,24 @@ def test_no_body_and_no_hem_goes_a_centimetre_into_the_seat(character: Character
         above_seat &= body[:, 1] > 0.25
         assert -0.010 < body[above_seat, 1].min() - SEAT_M < 0.035
         assert -0.0105 < body[:, 1].min() < 0.02
+
+
+@pytest.mark.parametrize("character", CAST, ids=[c.name for c in CAST])
+def test_thumbs_of_hands_in_a_lap_lie_along_them_and_do_not_stick_up(character: Character) -> None:
+    mesh, names = character.levels[0], character.skeleton.names
+    heaviest = np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+    parts = [PART_INDEX[f"{side}_hand"] for side in ("left", "right")]
+    rows = np.unique(mesh.triangles[np.isin(mesh.triangle_part, parts)])
+    moved_by = np.array(names)[heaviest[rows]]
+    is_thumb = np.char.find(moved_by, "thumb") >= 0
+    for seed in (1, 3):
+        hands = surface_m(character, Sit(SEAT_M, "lap"), seed)[rows]
+        for side in ("left", "right"):
+            end = hands[moved_by == f"{side}_thumb_distal"]
+            tip = end[end[:, 1].argmax()]
+            beside = hands[~is_thumb & (np.abs(hands[:, 0] - tip[0]) < 0.015)]
+
+            assert 0.022 > tip[1] - beside[:, 1].max()
 
 
 @pytest.mark.parametrize(
