@@ -262,6 +262,8 @@ def clothed(
     return pieces, far, np.asarray(np.minimum.reduce(fields))
 
 
+_TRIM = 1200
+"""Triangles of a neckline's band or a collar in the finest level at most."""
 _HAIR = (0, 1, 2)
 """How coarse the hair of each level is."""
 _LIGHTER_BY = tuple(range(0, 240, 8))
@@ -300,7 +302,9 @@ def levels_of(
     Raises:
         CharacterError: nothing that was tried holds.
     """
-    whole = assembled(figure, pieces, materials)
+    # Among large surfaces the folds of a collar would be thinned to rags.
+    whole = assembled(figure, [p for p in pieces if not p.is_trim], materials)
+    trim = [thinned(assembled(figure, [p], materials), _TRIM) for p in pieces if p.is_trim]
     # Teeth and lashes are smaller than what thinning leaves: from afar they would poke out.
     far, unshaded = (
         assembled(figure, [p for p in some if p.material not in ("teeth", "lash")], materials)
@@ -319,9 +323,10 @@ def levels_of(
         for fewer in _LIGHTER_BY:
             n_rest = budget.triangles - fewer - len(mine.triangles)
             if not levels:
-                surfaces = thinned(whole, n_rest)
+                n_trim = sum(len(mesh.triangles) for mesh in trim)
+                surfaces = joined([thinned(whole, n_rest - n_trim), *trim])
             else:
-                surfaces = lighter(far if coarse else whole, LevelBudget(n_rest, budget.face))
+                surfaces = lighter(far, LevelBudget(n_rest, budget.face))
             level = joined([surfaces, mine])
             if holds((*levels, level)):
                 break

@@ -22,9 +22,11 @@ def collar(figure: Figure, cloth: Piece, garment: Garment, tone: Vector) -> list
     ring = _neck_ring(figure, cloth)
     if garment.kind in ("tee", "jumper"):
         height_m, thick_m = _BANDS_M[garment.kind]
-        return [_band(figure, cloth, ring, tone * 0.95, height_m, thick_m)]
+        band = _band(figure, cloth, ring, tone * 0.95, height_m, thick_m)
+        return [replace(band, is_trim=True)]
     if garment.kind in ("shirt", "polo"):
-        pieces = [_folded_collar(figure, cloth, ring, tone, cut_of(garment).collar)]
+        fold = _folded_collar(figure, cloth, ring, tone, cut_of(garment).collar)
+        pieces = [replace(fold, is_trim=True)]
         depth = 0.13 if garment.kind == "polo" else 0.6
         pieces += _placket(figure, cloth, tone, depth)
         return pieces

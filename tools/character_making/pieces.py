@@ -16,7 +16,8 @@ Indices = npt.NDArray[np.int64]
 class Piece:
     """A surface: `triangles` (t, 3) of `vertices_m` (v, 3), `weights` (v, 55), `colour` (v, 3)
     sRGB 0…1, `corner_uv` (t, 3, 2) or None, `part` (t,), `material` by name, `morphs` as
-    displacements (v, 3). `normals` (v, 3) replace those of the surface.
+    displacements (v, 3). `normals` (v, 3) replace those of the surface. Small folds that are
+    looked at, `is_trim`, are thinned by themselves.
     """
 
     vertices_m: Vector
@@ -28,6 +29,7 @@ class Piece:
     corner_uv: Vector | None = None
     morphs: Mapping[str, Vector] = field(default_factory=dict)
     normals: Vector | None = None
+    is_trim: bool = False
 
 
 def triangulated(quads: Indices) -> Indices:
