@@ -135,7 +135,7 @@ def status_cost(status: SessionStatus, root: Path) -> list[Row]:
 
 def picture_cost() -> list[Row]:
     """Return what the participant's view takes of the thread that draws; nothing undrawn."""
-    from stage.context import draws_on_processor, offscreen_context
+    from stage.context import draws_on_processor, offscreen_context, release_offscreen
     from stage.errors import StageError
     from stage.small_picture import SmallPicture
 
@@ -156,7 +156,7 @@ def picture_cost() -> list[Row]:
         small.take()
         taken_ms.append(timed.elapsed_s() * 1e3)
     by = "processor" if draws_on_processor(context) else "card"
-    context.release()
+    release_offscreen(context)
     return [
         Row(f"picture {words} ({by} draws), median", float(np.median(ms)), "ms", LIMIT_MS)
         for words, ms in (("asked for", asked_ms), ("taken", taken_ms))

@@ -142,7 +142,7 @@ def perform_real(
         StageError: there is nothing that draws, or not the monitor that is described.
         DeviceError: a device fails, or somebody closed the window.
     """
-    from stage.context import offscreen_context
+    from stage.context import offscreen_context, release_offscreen
 
     screen = lab.display.on_screen
     if screen is None and "headset" not in lab.devices:
@@ -167,6 +167,7 @@ def perform_real(
             headset = cast("Headset", build_device(lab.devices["headset"], clock, None, 0, stack))
             getattr(headset, "show_images", lambda: None)()
             context = offscreen_context()
+            stack.callback(release_offscreen, context)
         opened(stack, headset)
         if band is not None:
             opened(stack, band)
@@ -215,7 +216,7 @@ def perform_simulated(
 
     The display is a simulated headset, or the screen that `lab` describes, on a simulated monitor.
     """
-    from stage.context import offscreen_context
+    from stage.context import offscreen_context, release_offscreen
 
     clock = SimClock()
     room_rng, board_rng, order_rng = np.random.default_rng(seed).spawn(3)
@@ -223,7 +224,7 @@ def perform_simulated(
     role = "armband_left_forearm"
     with ExitStack() as stack:
         context = offscreen_context()
-        stack.callback(context.release)
+        stack.callback(release_offscreen, context)
 
         def device(name: str, driver: str, **options: object) -> Any:
             config = DeviceConfig(role=name, driver=driver, simulated=True, options=options)

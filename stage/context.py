@@ -1,5 +1,7 @@
 """Open the graphics library: without a screen, or in a context that something else made."""
 
+import threading
+import weakref
 from typing import Any
 
 import moderngl
@@ -11,12 +13,38 @@ GL_FRAMEBUFFER_SRGB = 0x8DB9
 EGL: dict[str, Any] = {"backend": "egl"}
 
 
+class _Open(threading.local):
+    """The off-screen contexts of a thread that are not released, the current one last."""
+
+    def __init__(self) -> None:
+        self.contexts: list[weakref.ref[moderngl.Context]] = []
+
+
+_OPEN = _Open()
+
+
 def offscreen_context() -> moderngl.Context:
-    """Return a context that needs neither screen nor graphics card.
+    """Return a context that needs neither screen nor graphics card, current in this thread until
+    another one is made; `release_offscreen` gives it back.
 
     Raises:
         StageError: there is no EGL, or no driver behind it, that knows OpenGL 3.3.
     """
+    made = _made_offscreen()
+    _OPEN.contexts.append(weakref.ref(made))
+    return made
+
+
+def release_offscreen(context: moderngl.Context) -> None:
+    """Give an off-screen context back; of those made before, the latest is current again."""
+    context.release()
+    _OPEN.contexts = [ref for ref in _OPEN.contexts if ref() not in (None, context)]
+    before = _OPEN.contexts[-1]() if _OPEN.contexts else None
+    if before is not None:
+        before.__enter__()  # type: ignore[no-untyped-call]  # moderngl has no types for it
+
+
+def _made_offscreen() -> moderngl.Context:
     try:
         return moderngl.create_context(standalone=True, require=GL_VERSION, **EGL)
     except Exception as egl_problem:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lab.closing import Closing
 from lab.geometry import Vector
 from stage.contacts import Contacts
-from stage.context import GL_FRAMEBUFFER_SRGB, offscreen_context
+from stage.context import GL_FRAMEBUFFER_SRGB, offscreen_context, release_offscreen
 from stage.errors import StageError
 from stage.glsl_lighting import MAX_SHADOWS, lamp_constants
 from stage.lamps import KIND_NUMBERS, LIGHTING_BYTES, ShadowView, lighting_block, shadow_views
@@ -204,7 +204,7 @@ class Renderer(Closing):
         self._frame.release()
         self._lighting.release()
         if self._owns_context:
-            self.context.release()
+            release_offscreen(self.context)
 
     # ---- one picture -----------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.closing import Closing
-from stage.context import draws_on_processor, offscreen_context
+from stage.context import draws_on_processor, offscreen_context, release_offscreen
 from stage.processor_models import LINEAR_OF_CODE
 from stage.renderer import Quality, Renderer
 from stimuli.picture import Camera, Picture
@@ -26,7 +26,7 @@ def still_quality() -> tuple[int, Quality]:
             return TIMES, Quality(samples=0, shrunk=TIMES)
         return 1, Quality()
     finally:
-        context.release()
+        release_offscreen(context)
 
 
 _STEPS = 1 << 14

@@ -9,7 +9,7 @@ from cli.doctor.findings import Finding
 from lab.clock import Clock
 from lab.config import LabConfig
 from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stage.context import draws_on_processor, offscreen_context
+from stage.context import draws_on_processor, offscreen_context, release_offscreen
 from stage.frame_cost import CHOICES, Choice, best_choice, fits, stereo_frame_ms
 from stage.renderer import Renderer
 from stimuli.dressing.station import station_picture
@@ -50,7 +50,7 @@ def measured(lab: LabConfig, clock: Clock) -> Finding:
 
             return advice(lab, card, rate_hz, cost_ms, with_area_ms)
     finally:
-        context.release()
+        release_offscreen(context)
 
 
 def advice(

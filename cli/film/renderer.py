@@ -13,7 +13,7 @@ def film_renderer(on_processor: "Quality | None" = None) -> "Iterator[Renderer]"
     """Open a renderer; where a processor draws, of that quality, or without the smoothing that
     takes it so long.
     """
-    from stage.context import draws_on_processor, offscreen_context
+    from stage.context import draws_on_processor, offscreen_context, release_offscreen
     from stage.renderer import Quality, Renderer
 
     context = offscreen_context()
@@ -23,4 +23,4 @@ def film_renderer(on_processor: "Quality | None" = None) -> "Iterator[Renderer]"
         with Renderer(context, quality=quality) as renderer:
             yield renderer
     finally:
-        context.release()
+        release_offscreen(context)

@@ -22,14 +22,14 @@ from lab.clock import SimClock, SystemClock
 from lab.config import load_config, parse_config
 from lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from lab.errors import UsageError
-from stage.context import offscreen_context
+from stage.context import offscreen_context, release_offscreen
 from stage.errors import StageError
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _something_draws():
     try:
-        offscreen_context().release()
+        release_offscreen(offscreen_context())
     except StageError as missing:
         pytest.skip(str(missing))
 

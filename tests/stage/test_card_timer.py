@@ -12,7 +12,7 @@ from lab.clock import Clock, SimClock, SystemClock
 from lab.frame import FrameInfo
 from lab.schema import SampleBatch
 from stage.card_timer import GL_QUERY_RESULT_AVAILABLE, MAX_OPEN, CardTimer
-from stage.context import offscreen_context
+from stage.context import offscreen_context, release_offscreen
 from stage.drawn_stage import Display, DrawnStage, default_views
 from stage.errors import StageError
 from stage.frame_truth import DRAWN_GPU
@@ -31,7 +31,7 @@ def context() -> Iterator[moderngl.Context]:
     except StageError as problem:
         pytest.skip(str(problem))
     yield made
-    made.release()
+    release_offscreen(made)
 
 
 def _draw(context: moderngl.Context, timer: CardTimer, index: int) -> None:

@@ -56,6 +56,17 @@ def test_another_cast_is_drawn_after_targets_were_released(renderer: Renderer) -
         target.release()
 
 
+def test_a_renderer_draws_on_after_one_with_its_own_context_was_closed(renderer: Renderer) -> None:
+    camera, picture = figures.camera(), figures.picture(1)
+    before = renderer.image(picture, camera, (64, 48))
+    with Renderer() as passing:
+        passing.image(picture, camera, (64, 48))
+    assert np.array_equal(before, renderer.image(picture, camera, (64, 48)))
+    target = EyeTarget(renderer.context, (64, 48), 4)
+    renderer.draw(figures.picture(2), [camera], [target])
+    target.release()
+
+
 def test_black_scene_shows_only_the_mark(renderer: Renderer) -> None:
     camera = figures.camera()
     black = replace(figures.picture(3), brightness_01=0.0)

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stage.context import offscreen_context
+from stage.context import offscreen_context, release_offscreen
 from stage.errors import StageError
 from stage.gl_calls import GlCalls
 from stage.programs import UNITS, compile_program
@@ -33,7 +33,7 @@ def context() -> Iterator[moderngl.Context]:
     except StageError as problem:
         pytest.skip(str(problem))
     yield made
-    made.release()
+    release_offscreen(made)
 
 
 def _read(

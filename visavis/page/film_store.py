@@ -312,7 +312,7 @@ def _renderer() -> "Iterator[Renderer]":
     A processor draws people moved and lit by compiled loops, all in full detail: with shadow maps
     and light at every pixel one person alone takes it seventeen times as long.
     """
-    from stage.context import draws_on_processor, offscreen_context
+    from stage.context import draws_on_processor, offscreen_context, release_offscreen
     from stage.levels import DetailRule
     from stage.renderer import ON_PROCESSOR, Quality, Renderer
 
@@ -324,4 +324,4 @@ def _renderer() -> "Iterator[Renderer]":
         with Renderer(context, quality=quality) as renderer:
             yield renderer
     finally:
-        context.release()
+        release_offscreen(context)
