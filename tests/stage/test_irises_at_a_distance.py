@@ -46,7 +46,7 @@ of the pixels; as white as in fair skin it was 0.52 to 0.54, and differed by 0.0
 """
 MAX_HIDDEN_GLINT_01 = 0.02
 """Light that the catch-light may add to a pixel where the lid hides it; it was 0.06 to 0.09."""
-JUST_COVERED_01 = 0.92
+JUST_COVERED_01 = 0.9
 """How far open lids are that hide what eyes mirror of a lamp overhead, and little more."""
 CATCH_LIGHT_BYTE = 84
 MAX_IRIS_ERROR_01 = 0.05
