@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (7.13, 0.652, 92.3, 5.14)
+    blur_deg: tuple[float, float, float, float] = (11.8, 0.413, 50.2, 6.31)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (0.34, 79.6, 9.79, 5.66)
-    sharpness: float = 0.423
-    reach_power: float = 20.0
-    least_reach_01: float = 0.128
-    self_bias: float = 1.9
+    looseness_deg: tuple[float, float, float, float] = (0.496, 83.5, 3.61, 5.43)
+    sharpness: float = 1.67
+    reach_power: float = 9.42
+    least_reach_01: float = 0.273
+    self_bias: float = 0.974
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.11
-    lapse_01: float = 0.00529
-    lapse_sd: float = 0.278
+    acuity_sd: float = 1.35
+    lapse_01: float = 0.00431
+    lapse_sd: float = 0.232
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
