@@ -16,7 +16,7 @@ from stimuli.picture import Camera, Panel, Picture
 EYES_TANGENT = 0.84
 """Half of 80° from top to bottom, for a picture seen on a screen."""
 AROUND_TANGENT = 0.45
-FACE_TANGENT = 0.155
+FACE_TANGENT = 0.17
 FACE_AWAY_M = 1.1
 """Conversation distance, from which close-ups are taken."""
 ORBIT_START_DEG = 40.0
@@ -65,7 +65,7 @@ def face_camera(eyes_m: Vector, yaw_deg: float, aspect: float) -> Camera:
     """Return a camera at conversation distance before a face whose eyes' middle is given."""
     angle = np.radians(yaw_deg)
     place = eyes_m + FACE_AWAY_M * np.array([np.sin(angle), 0.04, np.cos(angle)])
-    aim = eyes_m - np.array([0.0, 0.03, 0.0])
+    aim = eyes_m + np.array([0.0, 0.01, 0.0])  # with all of a tall head of hair
     return framed(looking(place, aim - place), FACE_TANGENT, aspect)
 
 
