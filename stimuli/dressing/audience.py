@@ -1,10 +1,12 @@
 """The audience of the stare study as a picture: seated people whose eyes are the study's."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
+from lab.geometry import Vector
 from stimuli.characters.character import Character
 from stimuli.dressing.casting import Casting, build_of, default_casting
 from stimuli.gaze.turning import Aimed
@@ -15,12 +17,21 @@ from stimuli.motion.people import HeldHeads, PeopleMotion, Person
 from stimuli.motion.seating import seated_under_eyes
 from stimuli.motion.skeleton import forward
 from stimuli.picture import Picture, Room
-from stimuli.rooms.audience_room import audience_room, room_before_m, step_height_m
+from stimuli.rooms.audience_room import (
+    HIP_BEHIND_EYES_M,
+    HIPS_BEHIND_MIDDLE_M,
+    Chair,
+    audience_room,
+    room_before_m,
+    step_height_m,
+)
 from stimuli.scene import Agent, SceneFrame
 from stimuli.scenes import audience
 
 HABITS = 12
 """How many ways of sitting are tried for the one that keeps the feet on the step."""
+TUCKED_01 = (0.0, 0.3, 0.6, 1.0)
+"""How far feet are drawn back, tried one after the other."""
 ATTENTIVE = Sit(lively=0.25)
 """Who listens hardly stirs; breathing is as deep as ever."""
 TOE_M = 0.07
@@ -40,10 +51,9 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
     agents = audience.audience_scene(characters).agents
     cast = tuple(casting(agent.character) for agent in agents)
     people: list[Person] = []
-    seats: dict[str, float] = {}
+    chairs: dict[str, Chair] = {}
     for i, (agent, character) in enumerate(zip(agents, cast, strict=True)):
-        hip = agent.eye_centre_m - 0.16 * agent.facing
-        floor = step_height_m(hip)
+        floor = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
         try:
             person = _seated(build_of(character), agent, i, floor)
         except MotionError as error:
@@ -53,7 +63,10 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
             ) from error
         people.append(person)
         if isinstance(person.does, Sit):
-            seats[agent.place] = floor + person.does.seat_m
+            hips_m = _joints_m([person], "upper_leg")[0].mean(axis=0)
+            behind_m = float((agent.eye_centre_m - hips_m) @ agent.facing)
+            top_m = floor + person.does.seat_m
+            chairs[agent.place] = Chair(top_m, behind_m - HIPS_BEHIND_MIDDLE_M)
     speaker = _speaker(cast, casting)
     feet = audience.SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0])
     heading = float(np.degrees(np.arctan2(-FACING_OF_SPEAKER[0], -FACING_OF_SPEAKER[2])))
@@ -63,7 +76,9 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
     eyes = np.array([*(a.eye_centre_m for a in agents), np.full(3, np.nan)])
     facing = np.array([*(a.facing for a in agents), np.full(3, np.nan)])
     return _Set(
-        audience_room(seats), (*cast, speaker), PeopleMotion(tuple(people), HeldHeads(eyes, facing))
+        audience_room(chairs),
+        (*cast, speaker),
+        PeopleMotion(tuple(people), HeldHeads(eyes, facing)),
     )
 
 
@@ -78,10 +93,11 @@ def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
 
 
 def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
-    """Return a sitter of the habits that keep the feet best on their step."""
-    found: list[tuple[float, Person]] = []
-    for habit in range(HABITS):
-        person = seated_under_eyes(
+    """Return a sitter of the habits that keep the feet best on their step, drawn back as little as
+    that takes.
+    """
+    habits = [
+        seated_under_eyes(
             build,
             agent.eye_centre_m,
             facing=agent.facing,
@@ -89,12 +105,35 @@ def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
             sit=ATTENTIVE,
             floor_m=floor_m,
         )
-        people = PeopleMotion((person,)).at(0.0)
-        at = forward(build.skeleton, people.root_m[0], people.orientation_wxyz[0]).position_m
-        toes = at[[build.skeleton.index(f"{side}_toes") for side in ("left", "right")]]
-        ahead = TOE_M * agent.facing * np.array([1.0, 0.0, 1.0])
-        found.append((min(room_before_m(toe + ahead, floor_m) for toe in toes), person))
-    return max(found, key=lambda one: one[0])[1]
+        for habit in range(HABITS)
+    ]
+    ahead = TOE_M * agent.facing * np.array([1.0, 0.0, 1.0])
+    for tucked_01 in TUCKED_01:
+        sitters = [_tucked(person, tucked_01) for person in habits]
+        toes_m = _joints_m(sitters, "toes") + ahead
+        room_m = [min(room_before_m(toe, floor_m) for toe in toes) for toes in toes_m]
+        best = int(np.argmax(room_m))
+        if room_m[best] >= 0.0:
+            break
+    return sitters[best]
+
+
+def _tucked(person: Person, tucked_01: float) -> Person:
+    sit = person.does
+    return (
+        replace(person, does=replace(sit, tucked_01=tucked_01)) if isinstance(sit, Sit) else person
+    )
+
+
+def _joints_m(people: Sequence[Person], name: str) -> Vector:
+    """Return where people's left and right joints (n, 2, 3) of a name are, kept still."""
+    posed = PeopleMotion(tuple(people)).at(0.0)
+    found = []
+    for person, root_m, turns in zip(people, posed.root_m, posed.orientation_wxyz, strict=True):
+        skeleton = person.build.skeleton
+        rows = [skeleton.index(f"{side}_{name}") for side in ("left", "right")]
+        found.append(forward(skeleton, root_m, turns).position_m[rows])
+    return np.array(found)
 
 
 def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:

@@ -52,7 +52,7 @@ def _at_ease(
     """Write the posture of somebody who stands, or sits at `seat_m`, a hand or both off the lap."""
     c[:] = 0.0
     if seat_m > 0.0:
-        sit(c, t_s, b, seat_m, person, lively, 0.0)
+        sit(c, t_s, b, seat_m, person, lively, 0.0, 0.0)
         lap_arms(c, b, 0, person)
         for side in range(2):
             if hand == BOTH or hand == side:

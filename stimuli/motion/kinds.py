@@ -72,24 +72,29 @@ class Idle:
 
 @dataclass(frozen=True)
 class Sit:
-    """Sit and listen on a seat `seat_m` above the floor, leaning back by an angle."""
+    """Sit and listen on a seat `seat_m` above the floor, leaning back by an angle; `tucked_01` is
+    how far the feet are drawn back, 0 where they are by habit, 1 below the seat.
+    """
 
     seat_m: float = 0.45
     hands: SittingHands = "any"
     lean_back_deg: float = 6.0
     lively: float = 1.0
     nods: float = 1.0
+    tucked_01: float = 0.0
 
     def __post_init__(self) -> None:
         _check("seat_m", self.seat_m, MIN_SEAT_M, MAX_SEAT_M)
         _check("lean_back_deg", self.lean_back_deg, -25.0, 30.0)
         _check("lively", self.lively, 0.0, 2.0)
         _check("nods", self.nods, 0.0, 2.0)
+        _check("tucked_01", self.tucked_01, 0.0, 1.0)
 
     def numbers(self, seed: int) -> tuple[float, ...]:
         """Return what the kernel is given."""
         hands = _one_of(self.hands, _SITTING, (0.55, 0.3, 0.15), seed)
-        return self.lively, hands, self.seat_m, float(np.radians(self.lean_back_deg)), self.nods
+        back_rad = float(np.radians(self.lean_back_deg))
+        return self.lively, hands, self.seat_m, back_rad, self.nods, self.tucked_01
 
 
 Hand = Literal["left", "right", "both", "any"]

@@ -19,13 +19,24 @@ from stimuli.motion.standing_kernels import (
 
 ON_THIGHS, IN_LAP, ARMS_FOLDED, MIXED = 0, 1, 2, 3
 """Where the hands of a sitter are; MIXED has one hand on a thigh and the other one over it."""
+MAX_TUCKED = 0.34
+"""How far an ankle is drawn back behind the knee at most, in lengths of the shin: 20°, which heels
+on the floor allow.
+"""
 
 
 @compiled
 def sit(
-    c: Vector, t_s: float, b: Vector, seat_m: float, person: int, lively: float, back_rad: float
+    c: Vector,
+    t_s: float,
+    b: Vector,
+    seat_m: float,
+    person: int,
+    lively: float,
+    back_rad: float,
+    tucked_01: float,
 ) -> None:
-    """Sit on a seat `seat_m` above the floor, leaning back by an angle.
+    """Sit on a seat `seat_m` above the floor, leaning back by an angle, feet drawn back so far.
 
     The origin is on the floor below the hips.
     """
@@ -59,7 +70,7 @@ def sit(
     apart = b[p.B_HIP_X] * (0.75 + 0.85 * chance(person, 108, 0))
     aside = b[p.B_HIP_X] + 0.10 * scale
     # Crossing the ankles takes shins that can lean.
-    crossed = chance(person, 109, 0) < 0.22 and tilt > 1.05 * aside
+    crossed = tucked_01 == 0.0 and chance(person, 109, 0) < 0.22 and tilt > 1.05 * aside
     front = 0 if chance(person, 109, 1) < 0.5 else 1
     for side in range(2):
         sign = -1.0 if side == 0 else 1.0
@@ -68,7 +79,10 @@ def sit(
         leg[p.ANKLE + 1] = ankle_m
         leg[p.FOOT_PITCH], leg[p.TOE_BEND] = heel_up, heel_up
         ahead = 0.9 * tilt - (0.7 * tilt + 0.05) * chance(person, 110, side)
-        leg[p.ANKLE + 2] = knee_z - min(0.2 * scale, ahead)
+        ahead = min(0.2 * scale, ahead)
+        if tucked_01 > 0.0:
+            ahead += tucked_01 * (-min(0.9 * tilt, MAX_TUCKED * b[p.B_SHIN]) - ahead)
+        leg[p.ANKLE + 2] = knee_z - ahead
         leg[p.FOOT_YAW] = -sign * np.radians(4.0 + 10.0 * chance(person, 111, side))
         leg[p.KNEE_OUT] = np.radians(3.0)
         if crossed:
@@ -131,14 +145,14 @@ def seated_rows(
     """Write the posture of those who sit and listen.
 
     `numbers` (n, …): how lively, the way of the hands, height of the seat in metres, lean back in
-    radians, nods (1 usual, 0 none).
+    radians, nods (1 usual, 0 none), how far the feet are drawn back (0 to 1).
     """
     for i in range(rows.shape[0]):
         r = rows[i]
         c, b, person, t = controls[r], builds[r], persons[r], t_s[r]
         c[:] = 0.0
         lively = numbers[r, 0]
-        sit(c, t, b, numbers[r, 2], person, lively, numbers[r, 3])
+        sit(c, t, b, numbers[r, 2], person, lively, numbers[r, 3], numbers[r, 5])
         lap_arms(c, b, int(numbers[r, 1]), person)
         if int(numbers[r, 1]) == ON_THIGHS:
             # Elbows stay within the width of the seat, clear of neighbours and of the own trunk.

@@ -1,11 +1,11 @@
 """The seminar room of the stare study: audience on a stepped wooden stage, speaker behind.
 
 Steps and chairs follow from where the heads of `stimuli.scenes.audience` are: the people who sit
-there decide how high each chair must be.
+there decide how high each chair must be, and how far before their eyes.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Final
@@ -20,7 +20,7 @@ from stimuli.scenes import audience
 
 STEPS_TURN_DEG: Final = audience.PARTICIPANT_TURN_DEG - audience.AUDIENCE_TURN_DEG
 """The steps run across this direction, left of the participant's view axis."""
-STEP_EDGES_M: Final = (1.0, 1.77, 2.70, 3.54, 5.2)
+STEP_EDGES_M: Final = (1.0, 1.66, 2.66, 3.46, 5.2)
 """Where the steps begin along that direction, from below the participant's eyes."""
 STEP_HEIGHTS_M: Final = (0.0, 0.32, 0.64, 0.91)
 """So high that the feet of the smallest of the cast come flat on a step, to 4 cm."""
@@ -30,6 +30,8 @@ CEILING_M: Final = 3.6
 DESK_DEPTH_M: Final = 0.30
 """How far the desk before the first row reaches from its far edge towards the participant."""
 SEAT_M: Final = 0.45
+HIPS_BEHIND_MIDDLE_M: Final = 0.04
+"""How far the joints of somebody's hips are behind the middle of their chair, against its back."""
 SEAT_CLOTHS: Final = ((74, 88, 112), (96, 84, 92), (82, 98, 88))
 
 
@@ -49,21 +51,32 @@ def step_height_m(point_m: Vector) -> float:
     return STEP_HEIGHTS_M[step] if 0 <= step < len(STEP_HEIGHTS_M) else 0.0
 
 
+@dataclass(frozen=True)
+class Chair:
+    """The height of its seat's `top_m`, and how far behind the middle of the sitter's eyes
+    its middle is.
+    """
+
+    top_m: float
+    behind_eyes_m: float
+
+
 @lru_cache(maxsize=16)
-def _room(seats_m: tuple[tuple[str, float], ...]) -> Room:
+def _room(chairs: tuple[tuple[str, Chair], ...]) -> Room:
     turn = audience.PARTICIPANT_TURN_DEG
     props: list[Prop] = [*_shell(turn), *_steps(STEPS_TURN_DEG), *_front(), *_speaker_place()]
-    heights = dict(seats_m)
+    taken = dict(chairs)
     scene = audience.audience_scene([str(i) for i in range(len(audience.PLACES))])
     for i, agent in enumerate(scene.agents):
-        hip = agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing
-        floor = step_height_m(hip)
+        floor = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
+        chair = taken.get(agent.place, Chair(floor + SEAT_M, HIP_BEHIND_EYES_M))
+        middle = agent.eye_centre_m - chair.behind_eyes_m * agent.facing
         yaw = float(yaw_pitch_deg_of(agent.facing)[0])
         props += furniture.chair(
             f"chair_{agent.place}",
-            (hip[0], floor, hip[2]),
+            (middle[0], floor, middle[2]),
             yaw,
-            seat_m=heights.get(agent.place, floor + SEAT_M) - floor,
+            seat_m=chair.top_m - floor,
             cloth=SEAT_CLOTHS[i % len(SEAT_CLOTHS)],
         )
     return Room(
@@ -76,12 +89,12 @@ def _room(seats_m: tuple[tuple[str, float], ...]) -> Room:
     )
 
 
-def audience_room(seat_tops_m: Mapping[str, float] | None = None) -> Room:
-    """Return the room; `seat_tops_m` is the height of each chair's seat in world, by place.
+def audience_room(chairs: Mapping[str, Chair] | None = None) -> Room:
+    """Return the room; `chairs` are by place.
 
-    The same object comes back for the same heights.
+    The same object comes back for the same chairs.
     """
-    return _room(tuple(sorted((seat_tops_m or {}).items())))
+    return _room(tuple(sorted((chairs or {}).items(), key=lambda taken: taken[0])))
 
 
 def _place(mesh: StaticMesh, turn_deg: float) -> StaticMesh:

@@ -1,17 +1,21 @@
 """The audience stands as the study describes it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from lab.errors import DesignError
 from lab.geometry import angle_deg, unit, yaw_pitch_deg_of
+from stimuli.characters.body_parts import PARTS
 from stimuli.characters.cast import load_character
 from stimuli.characters.sizing import sized
+from stimuli.characters.skinning import skin_vertices
 from stimuli.dressing.audience import audience_picture
 from stimuli.motion.errors import MotionError
 from stimuli.motion.joint_limits import beyond_deg
+from stimuli.motion.skeleton import forward
+from stimuli.rooms.audience_room import STEP_HEIGHTS_M, room_before_m
 from stimuli.scene import SceneFrame
 from stimuli.scenes.audience import (
     ACTIVE_PLACES,
@@ -226,3 +230,82 @@ def test_a_tall_man_sits_on_a_low_chair_at_every_place_of_the_audience() -> None
     speaker = load_character("gabriel")
     posed = audience_picture(frame, casting=lambda c: tall if c in CHARACTERS else speaker).people
     assert beyond_deg(posed.orientation_wxyz).max() < 1.0
+
+
+@dataclass(frozen=True)
+class Seated:
+    """Somebody of the audience: vertices (n, 3), which of them are of the feet, and their chair:
+    the middle of its seat's top and the ways aside and ahead.
+    """
+
+    place: str
+    points_m: np.ndarray
+    feet: np.ndarray
+    seat_m: np.ndarray
+    aside: np.ndarray
+    ahead: np.ndarray
+
+    def from_seat(self, points_m: np.ndarray) -> np.ndarray:
+        """Return points (n, 3) as aside, above the seat, and before its middle."""
+        from_m = points_m - self.seat_m
+        return np.stack([from_m @ self.aside, from_m[:, 1], from_m @ self.ahead], axis=1)
+
+
+@pytest.fixture(scope="module", params=[0, 4])
+def seated(request: pytest.FixtureRequest) -> list[Seated]:
+    names = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
+    scene = audience_scene(np.random.default_rng(request.param).permutation(names).tolist())
+    frame = SceneFrame(scene, 0, np.tile([0.0, 0.0, 1.0], (11, 1)), np.ones(11))
+    picture = audience_picture(frame)
+    found = []
+    for i, agent in enumerate(scene.agents):
+        person, people = picture.cast[i], picture.people
+        mesh, body = (
+            person.levels[0],
+            forward(person.skeleton, people.root_m[i], people.orientation_wxyz[i]),
+        )
+        of_feet = np.isin(mesh.triangle_part, [PARTS.index(f"{s}_foot") for s in ("left", "right")])
+        feet = np.unique(mesh.triangles[of_feet])
+        chair = next(p for p in picture.room.props if p.name == f"chair_{agent.place}_frame")
+        seat = chair.blocks[0]
+        ahead = agent.facing
+        middle = np.array(seat.at_m) + [0.0, seat.high_m, 0.0] + 0.02 * ahead
+        aside = np.array([ahead[2], 0.0, -ahead[0]])
+        points = skin_vertices(mesh, person.skeleton, body)
+        found.append(Seated(agent.place, points, feet, middle, aside, ahead))
+    return found
+
+
+def test_everybody_sits_back_in_their_chair(seated: list[Seated]) -> None:
+    """They were perched 12 to 23 cm before its back."""
+    back_m = -0.225
+    gap_m = {}
+    for one in seated:
+        aside, above, before = one.from_seat(one.points_m).T
+        by_back = (np.abs(aside) < 0.215) & (above > 0.16) & (above < 0.50)
+        gap_m[one.place] = float(before[by_back].min() - back_m)
+    assert {} == {place: gap for place, gap in gap_m.items() if not -0.03 < gap < 0.07}
+
+
+def test_feet_of_the_audience_are_on_their_own_step(seated: list[Seated]) -> None:
+    """Toes of most hung over its edge, by up to 35 cm."""
+    over_m = {}
+    for one in seated:
+        lowest_m = one.points_m[:, 1].min()
+        step_m = min(STEP_HEIGHTS_M, key=lambda height: abs(height - lowest_m))
+        room_m = min(room_before_m(point, step_m) for point in one.points_m[one.feet])
+        over_m[one.place] = -room_m
+    assert {} == {place: over for place, over in over_m.items() if over > 0.03}
+
+
+def test_no_shoe_is_in_the_seat_of_somebody_else(seated: list[Seated]) -> None:
+    """In every audience some were, by up to 20 cm."""
+    deepest_m = {}
+    for one in seated:
+        for other in seated:
+            aside, above, before = one.from_seat(other.points_m[other.feet]).T
+            within = (np.abs(aside) < 0.225) & (above < 0.0) & (above > -0.05) & (before < 0.2)
+            deep_m = np.max(before[within] + 0.24, initial=0.0)
+            if other is not one and deep_m > 0.02:
+                deepest_m[other.place, one.place] = float(deep_m)
+    assert {} == deepest_m

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from lab.errors import DesignError
 from lab.geometry import rotate
 from stimuli.rooms import surfaces
-from stimuli.rooms.audience_room import audience_room, step_height_m
+from stimuli.rooms.audience_room import Chair, audience_room, step_height_m
 from stimuli.rooms.office import office
 from stimuli.rooms.solids import box, cylinder, flat, joined, moved, turned, volume_m3
 from stimuli.rooms.station import board_face, board_pose, station
@@ -88,13 +88,18 @@ def test_a_room_is_built_once(make):
     assert make() is make()
 
 
-def test_chairs_of_the_audience_follow_the_heights_given():
-    tops = {"left_close": 0.47, "back_centre": 1.40}
-    room = audience_room(tops)
-    for place, top in tops.items():
+def test_chairs_of_the_audience_are_as_high_and_as_far_back_as_is_given():
+    agents = audience.audience_scene([str(i) for i in range(11)]).agents
+    chairs = {"left_close": Chair(0.47, 0.05), "back_centre": Chair(1.40, -0.10)}
+    room = audience_room(chairs)
+    for place, chair in chairs.items():
         cushion = next(p for p in room.props if p.name == f"chair_{place}_cushion")
         seat = cushion.mesh.vertices_m[:24, 1].max()
-        assert top == pytest.approx(seat, abs=1e-6)
+        assert chair.top_m == pytest.approx(seat, abs=1e-6)
+        agent = next(a for a in agents if a.place == place)
+        back_m = (agent.eye_centre_m - cushion.mesh.vertices_m) @ agent.facing
+        behind_middle_m = 0.265
+        assert chair.behind_eyes_m + behind_middle_m == pytest.approx(back_m.max(), abs=1e-6)
 
 
 def test_every_seat_of_the_audience_is_of_a_usable_height():
