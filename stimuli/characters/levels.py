@@ -136,6 +136,14 @@ def lighter(mesh: SkinnedMesh, budget: LevelBudget) -> SkinnedMesh:
     return _compacted(apart, np.concatenate(thin))
 
 
+def kept(mesh: SkinnedMesh, chosen: npt.NDArray[np.bool_]) -> SkinnedMesh:
+    """Return the mesh with the triangles `chosen` (t,) and the vertices they use, as they were."""
+    some = _of_triangles(mesh, chosen)
+    used, corners = np.unique(some.triangles, return_inverse=True)
+    triangles = corners.reshape(-1, 3).astype(np.int32)
+    return replace(_copies(some, used.astype(np.int64)), triangles=triangles)
+
+
 def _of_triangles(mesh: SkinnedMesh, chosen: npt.NDArray[np.bool_]) -> SkinnedMesh:
     return replace(
         mesh,

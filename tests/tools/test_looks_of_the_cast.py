@@ -591,3 +591,16 @@ def _tail_sway_m(person: Character) -> float:
     levels = np.arange(-0.19, 0.02, 0.02)
     middle = [tail[np.abs(tail[:, 1] - y) < 0.01, 0].mean() for y in levels]
     return float(np.ptp(middle))
+
+
+@pytest.mark.parametrize("name", cast_names())
+def test_no_skin_is_left_between_waist_and_thighs(name: str) -> None:
+    """Below a hem that parts up to 17 triangles of it were seen between trousers and jacket."""
+    person = load_character(name)
+    skin = [m.name for m in person.materials].index("skin")
+    left = []
+    for mesh in person.levels:
+        middle = mesh.vertices_m[mesh.triangles].mean(axis=1)
+        trunk = (np.abs(middle[:, 0]) < 0.25) & (middle[:, 1] < 0.1) & (middle[:, 1] > -0.35)
+        left.append(int((trunk & (mesh.triangle_material == skin)).sum()))
+    assert [0, 0, 0] == left

@@ -5,10 +5,12 @@ that keep shoes below them.
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from lab.geometry import Vector
 from stimuli.characters.character import Character, SkinnedMesh
+from stimuli.characters.levels import kept
 from stimuli.characters.rest_pose import heaviest
 from tools.character_making.cloth_places import TILE_M
 from tools.character_making.figure import SIDES
@@ -41,7 +43,8 @@ _ROWS = round(2 * _LEG_M / _ROW_M)
 def with_hems(character: Character, length: float = LENGTH) -> Character:
     """Return a person whose top ends above the seat of a chair, at most `length` statures below the
     joints of the thighs, whose front goes with the thighs
-    below it instead of letting them through, and whose shoes stay below the trousers.
+    below it instead of letting them through, and whose shoes stay below the trousers. No skin is
+    left about the hips, but in copies for measuring.
     """
     meshes = []
     n = len(character.levels)
@@ -52,7 +55,8 @@ def with_hems(character: Character, length: float = LENGTH) -> Character:
             # Copies for measuring have shoes of the size they are seen in, and nobody sees them.
             _trouser_leg(cloth, side, drawn_in=i < n)
             _stiff_if_coarse(cloth, side)
-        meshes.append(cloth.mesh())
+        # All of it is below clothes; an open front would show what is left where one sits.
+        meshes.append(kept(cloth.mesh(), ~cloth.bare_hips()) if i < n else cloth.mesh())
     return replace(character, levels=tuple(meshes[:n]), measuring=tuple(meshes[n:]))
 
 
@@ -87,6 +91,14 @@ class _Cloth:
         height_m = self.vertices_m[some, 1]
         near: Indices = some[(height_m < _SHORTENED_FROM_M) & (height_m > _KNEES_M)]
         return near
+
+    def bare_hips(self) -> npt.NDArray[np.bool_]:
+        """Tell which triangles (t,) are skin about the hips, down to the knees."""
+        bare = self._mesh.triangle_material == self._names.index("skin")
+        found: npt.NDArray[np.bool_] = bare & np.isin(
+            self._mesh.triangles, self.before_hips("skin")
+        ).any(axis=1)
+        return found
 
     def joint_m(self, name: str) -> Vector:
         """Return where a joint is at rest."""
@@ -131,7 +143,7 @@ def _top(cloth: _Cloth, length: float) -> None:
     if len(buttons):
         _, sewn_on = cKDTree(cloth.vertices_m[worn]).query(cloth.vertices_m[buttons])
         cloth.weigh(buttons, cloth.weights[worn[sewn_on]])
-    # Skin that an open front would show does not come out where one sits.
+    # Copies for measuring keep their skin, inside where one sits.
     cloth.vertices_m[skin, 2] = 0.0
 
 
