@@ -1,9 +1,12 @@
 """The serial link: found by what is plugged in, bounded writes, unplugging, URLs."""
 
+import gc
 import os
 import socket
+import struct
 import sys
 import threading
+import warnings
 from types import SimpleNamespace
 
 import pytest
@@ -143,3 +146,24 @@ def test_band_behind_a_socket_url_is_driven_and_its_end_is_noticed():
     commands = [batch for batch in rows if batch.schema.name == "haptics"]
     assert commands[0].values["acknowledged"][0]
     assert armband_serial.BAUD == 38_400
+
+
+def test_close_leaves_no_socket_open_when_the_other_end_was_reset():
+    server = socket.create_server(("127.0.0.1", 0))
+    link = SerialLink(SystemClock(), port=f"socket://127.0.0.1:{server.getsockname()[1]}")
+    link.open(5.0)
+    connection, _ = server.accept()
+    server.close()
+    reset_at_close = struct.pack("hh" if os.name == "nt" else "ii", 1, 0)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset_at_close)
+    connection.close()
+    with pytest.raises(DeviceDisconnected):
+        while True:
+            link.read(0.1)
+
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        link.close()
+        gc.collect()
+
+    assert [] == [str(one.message) for one in told]

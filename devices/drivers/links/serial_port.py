@@ -129,8 +129,12 @@ class SerialLink:
         """Close the port; idempotent."""
         port, self._serial = self._serial, None
         if port is not None:
+            # The library forgets the socket of a URL unclosed when the other end was reset.
+            held = getattr(port, "_socket", None)
             with contextlib.suppress(OSError, self._library.SerialException):
                 port.close()
+            if held is not None:
+                held.close()
 
 
 def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
