@@ -604,3 +604,27 @@ def test_no_skin_is_left_between_waist_and_thighs(name: str) -> None:
         trunk = (np.abs(middle[:, 0]) < 0.25) & (middle[:, 1] < 0.1) & (middle[:, 1] > -0.35)
         left.append(int((trunk & (mesh.triangle_material == skin)).sum()))
     assert [0, 0, 0] == left
+
+
+PLAIN = {"chloe": "top", "dai": "under", "henrik": "under"}
+"""Whose buttons are on plain cloth."""
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_plain_shirts_have_buttons_and_no_strip_below_them(name: str) -> None:
+    """Thinned cloth came through the strip in one piece of it: it was torn, and as grey as a tie."""
+    person = load_character(name)
+    materials = [m.name for m in person.materials]
+    for mesh in person.levels:
+        cloth = mesh.triangles[mesh.triangle_material == materials.index(PLAIN[name])]
+        edges = np.concatenate([cloth[:, :2], cloth[:, 1:]])
+        joined = coo_array((np.ones(len(edges)), edges.T), shape=(len(mesh.vertices_m),) * 2)
+        _, piece = connected_components(joined, directed=False)
+        narrow = [
+            size_m
+            for k in np.unique(piece[cloth])
+            if (size_m := np.ptp(mesh.vertices_m[piece == k], axis=0))[0] < 0.04 and size_m[1] > 0.1
+        ]
+        assert [] == narrow
+    before_m = person.levels[0].vertices_m[np.unique(_triangles(person, "shoe"))]
+    assert (np.abs(before_m[before_m[:, 1] > 0.2][:, 0]) < 0.01).any()

@@ -210,7 +210,14 @@ def closed_body(figure: Figure, body: Piece) -> SkinnedMesh:
 
 
 _SHOE_HEM_M = 0.004
-_BELOW_JACKET = {"sleeve": 0.2, "hem": 0.5, "neck": -0.004, "collar": 0.75}
+_BELOW_JACKET = {
+    "sleeve": 0.2,
+    "hem": 0.5,
+    "neck": -0.004,
+    "collar": 0.75,
+    "buttoned_m": 0.27,
+    "placket": False,
+}
 
 
 def clothed(

@@ -41,7 +41,9 @@ class Cut:
     `v_neck` how deep it dips; `clearance_m` from the skin; `rounds` of hanging; `open_m` half
     width of an open front; `flare_m` what sleeves are wider by; `inward` how much the cloth turns
     in below the chest, metres a metre; `collar` how large a folded collar is;
-    `length` how far below the joints of the thighs it ends at most, in statures.
+    `length` how far below the joints of the thighs it ends at most, in statures;
+    `buttoned_m` how far down a front with buttons goes at most. Without a `placket` they are on the
+    cloth itself: on plain cloth, which comes through it where thinned, the strip looks torn.
     """
 
     sleeve: float = 1.93
@@ -56,12 +58,14 @@ class Cut:
     inward: float = 0.06
     collar: float = 1.0
     length: float = LENGTH
+    buttoned_m: float = 0.6
+    placket: bool = True
     fabric: Fabric = KNIT
 
 
 TOPS: Mapping[str, Cut] = {
     "tee": Cut(sleeve=0.62, hem=0.55, neck=0.010, flare_m=0.012, fabric=LOOSE),
-    "polo": Cut(sleeve=0.66, hem=0.55, neck=0.004, flare_m=0.012, fabric=LOOSE),
+    "polo": Cut(sleeve=0.66, hem=0.55, neck=0.004, flare_m=0.012, buttoned_m=0.13, fabric=LOOSE),
     "jumper": Cut(sleeve=1.95, hem=0.6, neck=0.007, clearance_m=0.011, rounds=22,
                   flare_m=0.010, thickness_m=0.005),
     "shirt": Cut(sleeve=1.93, hem=0.75, neck=0.002, clearance_m=0.007, rounds=18, flare_m=0.010,

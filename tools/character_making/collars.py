@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.cloth_places import wrapped_uv
-from tools.character_making.clothes import cut_of
+from tools.character_making.clothes import Cut, cut_of
 from tools.character_making.cutting import border
 from tools.character_making.drape import Outside
 from tools.character_making.figure import Figure
@@ -25,11 +25,9 @@ def collar(figure: Figure, cloth: Piece, garment: Garment, tone: Vector) -> list
         band = _band(figure, cloth, ring, tone * 0.95, height_m, thick_m)
         return [replace(band, is_trim=True)]
     if garment.kind in ("shirt", "polo"):
-        fold = _folded_collar(figure, cloth, ring, tone, cut_of(garment).collar)
-        pieces = [replace(fold, is_trim=True)]
-        depth = 0.13 if garment.kind == "polo" else 0.6
-        pieces += _placket(figure, cloth, tone, depth)
-        return pieces
+        cut = cut_of(garment)
+        fold = replace(_folded_collar(figure, cloth, ring, tone, cut.collar), is_trim=True)
+        return [fold, *_closed_front(figure, cloth, tone, cut)]
     return _lapel_band(figure, cloth, tone, garment)
 
 
@@ -271,30 +269,35 @@ def _front_line(cloth: Piece, x: float, heights: Vector) -> tuple[Vector, Vector
     return np.array(points), unit(np.array(outs)), np.array(weights)
 
 
-def _placket(figure: Figure, cloth: Piece, tone: Vector, depth_m: float) -> list[Piece]:
-    """Return the strip down the front with its buttons."""
+_STRIP_M = 0.0022
+"""How far a placket is off the cloth it is sewn to."""
+
+
+def _closed_front(figure: Figure, cloth: Piece, tone: Vector, cut: Cut) -> list[Piece]:
+    """Return the buttons down the front, and the strip they are on if there is one."""
     neck = figure.at("neck")
     rim = cloth.vertices_m[np.unique(border(cloth.triangles))]
     middle = rim[(np.abs(rim[:, 0]) < 0.02) & (rim[:, 2] < neck[2])]
     top_m = float(middle[:, 1].max()) - 0.002
-    low_m = max(float(middle[:, 1].min()) + 0.004, top_m - depth_m)
-    heights = np.linspace(top_m, low_m, 26)
-    rows, row_weights = [], None
-    for x, lift in ((-0.0165, 0.000), (-0.016, 0.0022), (0.016, 0.0022), (0.0165, 0.000)):
-        points, out, weights = _front_line(cloth, x, heights)
-        smooth = points.copy()
-        for _ in range(6):
-            smooth[1:-1] = 0.5 * smooth[1:-1] + 0.25 * (smooth[:-2] + smooth[2:])
-        rows.append(smooth + (lift + 0.0026) * out)
-        row_weights = weights
-    if row_weights is None:
-        return []
-    strip = _sheet(rows, row_weights, tone * 0.97, cloth.material, closed=False)
-    behind = np.array([0.0, 0.0, 10.0])
-    strip = _textured(figure, _outwards(strip, behind))
+    low_m = max(float(middle[:, 1].min()) + 0.004, top_m - cut.buttoned_m)
     points, out, weights = _front_line(cloth, 0.0, np.arange(top_m - 0.035, low_m + 0.02, -0.085))
-    buttons = _discs(points + 0.0062 * out, out, weights, tone)
-    return [strip, replace(buttons, material="shoe")]
+    off_m = 0.0040 + _STRIP_M * cut.placket
+    buttons = replace(_discs(points + off_m * out, out, weights, tone), material="shoe")
+    if not cut.placket:
+        return [buttons]
+    return [_placket(figure, cloth, tone, np.linspace(top_m, low_m, 26)), buttons]
+
+
+def _placket(figure: Figure, cloth: Piece, tone: Vector, heights_m: Vector) -> Piece:
+    rows, weights = [], np.zeros(0)
+    for x, lift_m in ((-0.0165, 0.0), (-0.016, _STRIP_M), (0.016, _STRIP_M), (0.0165, 0.0)):
+        points, out, weights = _front_line(cloth, x, heights_m)
+        for _ in range(6):
+            points[1:-1] = 0.5 * points[1:-1] + 0.25 * (points[:-2] + points[2:])
+        rows.append(points + (lift_m + 0.0026) * out)
+    strip = _sheet(rows, weights, tone * 0.97, cloth.material, closed=False)
+    behind = np.array([0.0, 0.0, 10.0])
+    return _textured(figure, _outwards(strip, behind))
 
 
 def _discs(points: Vector, out: Vector, weights: Vector, tone: Vector) -> Piece:

@@ -106,7 +106,8 @@ CAST: tuple[Recipe, ...] = (
         Face((112, 72, 52), (128, 66, 62), (58, 36, 22), (26, 20, 18), (24, 18, 16),
              brow_weight=0.7, flush=0.2, make_up=0.2),
         "curly",
-        (Garment("shirt", (236, 226, 208), "plain"), Garment("chinos", (150, 88, 44), "twill")),
+        (Garment("shirt", (236, 226, 208), "plain", cut={"placket": False}),
+         Garment("chinos", (150, 88, 44), "twill")),
         "loafer", (70, 44, 32),
     ),
     Recipe(
