@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (11.8, 0.413, 50.2, 6.31)
+    blur_deg: tuple[float, float, float, float] = (12.1, 0.402, 29.9, 7.97)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (0.496, 83.5, 3.61, 5.43)
-    sharpness: float = 1.67
-    reach_power: float = 9.42
-    least_reach_01: float = 0.273
-    self_bias: float = 0.974
+    looseness_deg: tuple[float, float, float, float] = (0.492, 106.0, 3.23, 4.91)
+    sharpness: float = 1.4
+    reach_power: float = 8.12
+    least_reach_01: float = 0.23
+    self_bias: float = 0.798
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.35
-    lapse_01: float = 0.00431
-    lapse_sd: float = 0.232
+    acuity_sd: float = 1.37
+    lapse_01: float = 0.00455
+    lapse_sd: float = 0.296
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
