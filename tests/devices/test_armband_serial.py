@@ -148,6 +148,11 @@ def test_band_behind_a_socket_url_is_driven_and_its_end_is_noticed():
     assert armband_serial.BAUD == 38_400
 
 
+def read_for_ever(link):
+    while True:
+        link.read(0.1)
+
+
 def test_close_leaves_no_socket_open_when_the_other_end_was_reset():
     server = socket.create_server(("127.0.0.1", 0))
     link = SerialLink(SystemClock(), port=f"socket://127.0.0.1:{server.getsockname()[1]}")
@@ -158,8 +163,7 @@ def test_close_leaves_no_socket_open_when_the_other_end_was_reset():
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset_at_close)
     connection.close()
     with pytest.raises(DeviceDisconnected):
-        while True:
-            link.read(0.1)
+        read_for_ever(link)
 
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")

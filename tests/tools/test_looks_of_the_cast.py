@@ -612,7 +612,7 @@ PLAIN = {"chloe": "top", "dai": "under", "henrik": "under"}
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_plain_shirts_have_buttons_and_no_strip_below_them(name: str) -> None:
-    """Thinned cloth came through the strip in one piece of it: it was torn, and as grey as a tie."""
+    """Thinned cloth came through the strip: it was torn, and below jackets as grey as a tie."""
     person = load_character(name)
     materials = [m.name for m in person.materials]
     for mesh in person.levels:
