@@ -34,6 +34,8 @@ TUCKED_01 = (0.0, 0.3, 0.6, 1.0)
 """How far feet are drawn back, tried one after the other."""
 ATTENTIVE = Sit(lively=0.25)
 """Who listens hardly stirs; breathing is as deep as ever."""
+ARMS_ASIDE_M = 0.24
+"""How far elbows and wrists may be beside the middle of their own seat, for neighbours' sake."""
 TOE_M = 0.07
 MEN_TRIED = 24
 FACING_OF_SPEAKER = np.array([0.0, 1.2, -2.5]) - audience.SPEAKER_EYE_M * np.array([1.0, 0.74, 1.0])
@@ -93,8 +95,8 @@ def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
 
 
 def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
-    """Return a sitter of the habits that keep the feet best on their step, drawn back as little as
-    that takes.
+    """Return a sitter of the habits that keep arms within the seat and the feet best on their step,
+    drawn back as little as that takes.
     """
     habits = [
         seated_under_eyes(
@@ -107,6 +109,11 @@ def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
         )
         for habit in range(HABITS)
     ]
+    across = np.cross(agent.facing, [0.0, 1.0, 0.0])
+    arms_m = np.concatenate([_joints_m(habits, name) for name in ("lower_arm", "hand")], axis=1)
+    aside_m = np.abs((arms_m - agent.eye_centre_m) @ across).max(axis=1)
+    limit_m = max(ARMS_ASIDE_M, float(aside_m.min()))
+    habits = [one for one, m in zip(habits, aside_m, strict=True) if m <= limit_m]
     ahead = TOE_M * agent.facing * np.array([1.0, 0.0, 1.0])
     for tucked_01 in TUCKED_01:
         sitters = [_tucked(person, tucked_01) for person in habits]
