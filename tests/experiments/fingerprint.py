@@ -176,10 +176,16 @@ def _of_payload(payload: Any) -> Any:
 
 
 def _without_hashes(value: Any) -> Any:
+    """Return a JSON value without hashes; texts that are JSON themselves are read."""
     if isinstance(value, Mapping):
         return {k: _without_hashes(v) for k, v in value.items() if not k.endswith(HASH_SUFFIX)}
     if isinstance(value, list):
         return [_without_hashes(v) for v in value]
+    if isinstance(value, str) and value[:1] in ("[", "{"):
+        try:
+            return _without_hashes(json.loads(value))
+        except ValueError:
+            return value
     return value
 
 

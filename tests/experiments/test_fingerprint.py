@@ -1,6 +1,7 @@
 """A fingerprint notices what changed and says where, but not the last bit of a number."""
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +113,19 @@ def test_a_payload_is_compared_whole_without_hashes(length):
     assert "" == first_difference(before, after(wave_sha256="cd"))
     assert first_difference(before, after(name="waves"))
     assert first_difference(before, after(points=[0.25] * (length - 1) + [0.26]))
+
+
+@pytest.mark.parametrize("length", [3, 300])
+def test_numbers_in_a_text_of_json_are_compared_as_numbers(length):
+    def of(last, **more):
+        text = json.dumps({"position_m": [[0.25] * length, [last]], **more})
+        return {"event 1": ["crowd", 5, _of_payload({"people": text})]}
+
+    before = of(3.7)
+
+    assert "" == first_difference(before, of(np.nextafter(3.7, 4).item()))
+    assert first_difference(before, of(3.71))
+    assert first_difference(before, of(3.7, rows=2))
 
 
 def test_a_fingerprint_is_read_as_it_was_written(tmp_path):
