@@ -148,8 +148,11 @@ def people_by_grid(y: Codes, eta: Array, Z: Array, subject: Codes, fit: Cumulati
     """Return the log-likelihood of ratings 0..k−1 by a fine grid over two random effects."""
     u = np.linspace(-7, 7, 561)
     first, second = (g.ravel() for g in np.meshgrid(u, u, indexing="ij"))
-    L = np.linalg.cholesky(fit.spread)
-    b = np.stack([L[0, 0] * first, L[1, 0] * first + L[1, 1] * second])
+    # Not by Cholesky: where both effects go together, rounding makes the spread indefinite.
+    sd = float(np.sqrt(fit.spread[0, 0]))
+    slope = float(fit.spread[1, 0]) / sd
+    rest = float(np.sqrt(max(0.0, fit.spread[1, 1] - slope**2)))
+    b = np.stack([sd * first, slope * first + rest * second])
     bounds = np.concatenate([[-np.inf], fit.thresholds, [np.inf]])
     weight = np.exp(-(first**2 + second**2) / 2) / (2 * np.pi) * (u[1] - u[0]) ** 2
     total = 0.0
