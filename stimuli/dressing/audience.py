@@ -7,7 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from lab.geometry import Vector
+from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import Character
+from stimuli.characters.skinning import skin_vertices
 from stimuli.dressing.casting import Casting, build_of, default_casting
 from stimuli.gaze.turning import Aimed
 from stimuli.motion.build import Build
@@ -37,6 +39,11 @@ ATTENTIVE = Sit(lively=0.25)
 ARMS_ASIDE_M = 0.24
 """How far elbows and wrists may be beside the middle of their own seat, for neighbours' sake."""
 TOE_M = 0.07
+SAT_ON = tuple(PART_INDEX[name] for name in ("torso", "left_thigh", "right_thigh"))
+BELOW_HIPS_M = 0.20
+"""How far from the hips it reaches."""
+SINK_M = 0.02
+"""How deep somebody sinks into a cushion."""
 MEN_TRIED = 24
 FACING_OF_SPEAKER = np.array([0.0, 1.2, -2.5]) - audience.SPEAKER_EYE_M * np.array([1.0, 0.74, 1.0])
 
@@ -67,7 +74,7 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
         if isinstance(person.does, Sit):
             hips_m = _joints_m([person], "upper_leg")[0].mean(axis=0)
             behind_m = float((agent.eye_centre_m - hips_m) @ agent.facing)
-            top_m = floor + person.does.seat_m
+            top_m = floor + person.does.seat_m + _sunk_m(character, person)
             chairs[agent.place] = Chair(top_m, behind_m - HIPS_BEHIND_MIDDLE_M)
     speaker = _speaker(cast, casting)
     feet = audience.SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0])
@@ -141,6 +148,20 @@ def _joints_m(people: Sequence[Person], name: str) -> Vector:
         rows = [skeleton.index(f"{side}_{name}") for side in ("left", "right")]
         found.append(forward(skeleton, root_m, turns).position_m[rows])
     return np.array(found)
+
+
+def _sunk_m(character: Character, person: Person) -> float:
+    """Return how far above the height of their seat a cushion is that somebody sinks into."""
+    mesh = character.levels[0]
+    rows = np.unique(mesh.triangles[np.isin(mesh.triangle_part, SAT_ON)])
+    posed = PeopleMotion((person,)).at(0.0)
+    body = forward(character.skeleton, posed.root_m[0], posed.orientation_wxyz[0])
+    points = skin_vertices(mesh, character.skeleton, body)[rows]
+    hips = [character.skeleton.index(f"{side}_upper_leg") for side in ("left", "right")]
+    apart_m = points - body.position_m[hips].mean(axis=0)
+    below = points[np.hypot(apart_m[:, 0], apart_m[:, 2]) < BELOW_HIPS_M, 1]
+    seat_m = person.does.seat_m if isinstance(person.does, Sit) else 0.0
+    return float(below.min()) + SINK_M - person.place_m[1] - seat_m
 
 
 def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:

@@ -232,15 +232,19 @@ def test_a_tall_man_sits_on_a_low_chair_at_every_place_of_the_audience() -> None
     assert beyond_deg(posed.orientation_wxyz).max() < 1.0
 
 
+ARM = ("hand", "forearm")
+
+
 @dataclass(frozen=True)
 class Seated:
-    """Somebody of the audience: vertices (n, 3), which of them are of the feet, and their chair:
-    the middle of its seat's top and the ways aside and ahead.
+    """Somebody of the audience: vertices (n, 3), which of them are of feet and of hands, and their
+    chair: the middle of its seat's top and the ways aside and ahead.
     """
 
     place: str
     points_m: np.ndarray
     feet: np.ndarray
+    hands: np.ndarray
     seat_m: np.ndarray
     aside: np.ndarray
     ahead: np.ndarray
@@ -266,13 +270,16 @@ def seated(request: pytest.FixtureRequest) -> list[Seated]:
         )
         of_feet = np.isin(mesh.triangle_part, [PARTS.index(f"{s}_foot") for s in ("left", "right")])
         feet = np.unique(mesh.triangles[of_feet])
+        of_hands = [PARTS.index(f"{s}_{part}") for s in ("left", "right") for part in ARM]
+        hands = np.zeros(len(mesh.vertices_m), bool)
+        hands[mesh.triangles[np.isin(mesh.triangle_part, of_hands)]] = True
         chair = next(p for p in picture.room.props if p.name == f"chair_{agent.place}_frame")
         seat = chair.blocks[0]
         ahead = agent.facing
         middle = np.array(seat.at_m) + [0.0, seat.high_m, 0.0] + 0.02 * ahead
         aside = np.array([ahead[2], 0.0, -ahead[0]])
         points = skin_vertices(mesh, person.skeleton, body)
-        found.append(Seated(agent.place, points, feet, middle, aside, ahead))
+        found.append(Seated(agent.place, points, feet, hands, middle, aside, ahead))
     return found
 
 
@@ -285,6 +292,17 @@ def test_everybody_sits_back_in_their_chair(seated: list[Seated]) -> None:
         by_back = (np.abs(aside) < 0.215) & (above > 0.16) & (above < 0.50)
         gap_m[one.place] = float(before[by_back].min() - back_m)
     assert {} == {place: gap for place, gap in gap_m.items() if not -0.03 < gap < 0.07}
+
+
+def test_everybody_sinks_two_centimetres_into_their_cushion(seated: list[Seated]) -> None:
+    """They sat up to 2 cm above it, imported people up to 3 cm."""
+    deepest_m = {}
+    for one in seated:
+        aside, above, before = one.from_seat(one.points_m[~one.hands]).T
+        on_seat = (np.abs(aside) < 0.18) & (before > -0.20) & (before < 0.12) & (above > -0.10)
+        deepest_m[one.place] = float(above[on_seat].min())
+
+    assert {} == {place: m for place, m in deepest_m.items() if not -0.03 < m < -0.01}
 
 
 def test_feet_of_the_audience_are_on_their_own_step(seated: list[Seated]) -> None:
