@@ -49,6 +49,10 @@ SEAM_PX: Final = 4
 BARE: Final = 32
 BESIDE: Final = 64
 """Added to the part of a pixel: it is on skin; it can be of no garment."""
+HALF_WIDTH_PX: Final = 12.0
+MAX_BETWEEN_01: Final = 0.03
+"""What is narrower than twice this between other things on the cloth is one of them, as stripes of
+a tie are, unless so much is that it is the ground of a pattern."""
 _TOP: Final = ("torso", "left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm")
 _BOTTOM: Final = ("left_thigh", "right_thigh", "left_shin", "right_shin")
 _NEVER: Final = ("none", "face", "left_eye", "right_eye", "scalp", "held_object")
@@ -203,10 +207,13 @@ def _garments(
         shares[worn] = np.zeros(tags.shape, np.float32)
         shares[worn][tags > 0] = _share(tones[tags > 0], ground)
     found = []
+    is_other = tags > 0
+    for theirs in shares.values():
+        is_other &= theirs <= 0.5
     for worn, ground in grounds.items():
         others = [theirs for other, theirs in shares.items() if other != worn]
         nearest = np.logical_and.reduce([shares[worn] >= theirs for theirs in others], axis=0)
-        share = _joined(np.where(nearest, shares[worn], 0), tags, worn)
+        share = _joined(np.where(nearest, shares[worn], 0), tags, is_other, worn)
         found.append(Garment(worn, _srgb_of(ground.tone), share))
     return tuple(found)
 
@@ -255,18 +262,46 @@ def _srgb_of(tone: Weights) -> Vector:
     return np.array(Image.new("YCbCr", (1, 1), (y, cb, cr)).convert("RGB").getpixel((0, 0)), float)
 
 
-def _joined(share: Weights, tags: npt.NDArray[np.uint8], worn: Worn) -> Weights:
-    """Leave out what hangs together with nothing where such a garment is worn: socks, nails."""
+def _joined(share: Weights, tags: npt.NDArray[np.uint8], is_other: Mask, worn: Worn) -> Weights:
+    """Leave out what hangs together with nothing where such a garment is worn (socks, nails), and
+    what only looks like it between other things: stripes of a tie.
+    """
     from scipy import ndimage  # late: the first picture of other people need not wait for it
 
     where = {"top": _TOP, "bottom": _BOTTOM, "whole": _TOP + _BOTTOM}[worn]
-    label, n = ndimage.label(share > 0.5, structure=np.ones((3, 3)))
+    found = share > 0.5
+    between = _between_others(found, is_other)
+    found &= ~between
+    label, n = ndimage.label(found, structure=np.ones((3, 3)))
     worn_there = np.isin(tags, [PART_INDEX[name] for name in where])
     is_worn = np.bincount(label.ravel(), worn_there.ravel(), n + 1) > 0
     is_worn[0] = False
     near = ndimage.binary_dilation(is_worn[label], iterations=SEAM_PX)
-    kept: Weights = np.where(near, share, 0).astype(np.float32)
+    kept: Weights = np.where(near & ~between, share, 0).astype(np.float32)
     return kept
+
+
+def _between_others(found: Mask, is_other: Mask) -> Mask:
+    """Return which pixels are narrow pieces with what is no garment along most of their rim, though
+    they look like the garment and may hang together with it.
+    """
+    from scipy import ndimage  # late, as above
+
+    inner = ndimage.distance_transform_edt(found) > HALF_WIDTH_PX
+    wide = ndimage.distance_transform_edt(~inner) <= HALF_WIDTH_PX
+    narrow, n = ndimage.label(found & ~wide)
+    rim, beside = np.zeros(n + 1), np.zeros(n + 1)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            leaves = (narrow > 0) & (np.roll(narrow, step, axis) == 0)
+            rim += np.bincount(narrow[leaves], minlength=n + 1)
+            beside += np.bincount(
+                narrow[leaves], np.roll(is_other, step, axis)[leaves], minlength=n + 1
+            )
+    between: Mask = (beside > 0.5 * np.maximum(rim, 1))[narrow]
+    if between.sum() >= MAX_BETWEEN_01 * found.sum():
+        between[:] = False
+    return between
 
 
 def _islands(triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:

@@ -9,6 +9,7 @@ import pytest
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.cast import cast_names, load_character
 from stimuli.characters.character import Character, Material, MaterialKind, SkinnedMesh
+from stimuli.characters.garments import _between_others
 from stimuli.characters.gltf import import_gltf
 from stimuli.characters.outfits import TOPS, in_other_clothes
 from tests.stimuli.valid_avatars import avatar_files, needs_avatars
@@ -154,6 +155,29 @@ def test_plain_cloth_without_a_picture_changes_too() -> None:
     kind = np.repeat([kind for _, _, kind in WORN], 2)
 
     assert 3 > changed[kind != "cloth"].max()
+
+
+def test_ground_of_a_tie_is_none_of_the_suit_it_looks_like_and_hangs_together_with() -> None:
+    laid = np.ones((400, 240), bool)
+    suit = laid.copy()
+    suit[:120, 60:180] = False  # shirt
+    suit[30:90, 105:135] = True  # ground of a tie
+    suit[90:120, 112:128] = True  # and where it goes below the suit
+    suit[30:120:12, 60:180] = False  # stripes
+    suit[31:120:12, 60:180] = False
+    between = _between_others(suit, laid & ~suit)
+
+    assert between[30:115, 105:135].sum() > 0.95 * suit[30:115, 105:135].sum()
+    assert not between[:, :58].any()
+    assert not between[125:].any()
+
+
+def test_ground_of_a_pattern_is_all_of_the_garment() -> None:
+    laid = np.ones((400, 240), bool)
+    checked = laid.copy()
+    checked[::12] = checked[:, ::12] = False
+
+    assert not _between_others(checked, laid & ~checked).any()
 
 
 @pytest.mark.parametrize("name", ["elif", "gabriel"])
