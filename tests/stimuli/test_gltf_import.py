@@ -76,8 +76,8 @@ def test_collar_bones_come_down_in_a_figure_made_with_its_arms_spread(tmp_path: 
 
 
 def test_what_looks_like_the_face_is_skin_and_the_rest_is_not() -> None:
-    skin, shirt = (205, 150, 120), (40, 60, 120)
-    pixels = np.array([[skin, (190, 138, 110), shirt, shirt]], np.uint8)
+    skin, shirt, brown_shirt = (205, 150, 120), (40, 60, 120), (124, 102, 88)
+    pixels = np.array([[skin, (150, 106, 84), shirt, brown_shirt]], np.uint8)
     column = np.array([0, 0, 1, 1, 2, 3])
     n = 12
     tiles = np.repeat(column, n)

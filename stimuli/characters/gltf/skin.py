@@ -9,7 +9,9 @@ from stimuli.characters.gltf.looks import linear_of
 MAX_HUE_DISTANCE = 0.30
 """How far skin's red over green and green over blue, as logarithms, lie from the face's."""
 MAX_LIGHT_DISTANCE = 1.0
-"""The same for its light: skin in a file is at most so much lighter or darker than its face."""
+"""The same for its light: skin in a file is at most so much lighter or darker than its face; the
+darker, the nearer in hue.
+"""
 MIN_HAIR_DARKNESS = 0.4
 """Hair before the ears is at least so much darker than the face, as a logarithm: ears may differ
 from it in hue, but not in light.
@@ -36,8 +38,11 @@ def like_the_face(
     pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64], face: Vector
 ) -> Mask:
     """Return which triangles (t,) look like a face of the look (3,)."""
-    apart = np.abs(_looks(pixels, uv, triangles) - face)
-    near = (apart[:, :2].max(axis=1) < MAX_HUE_DISTANCE) & (apart[:, 2] < MAX_LIGHT_DISTANCE)
+    apart = _looks(pixels, uv, triangles) - face
+    hue = np.abs(apart[:, :2]).max(axis=1) / MAX_HUE_DISTANCE
+    light = apart[:, 2] / MAX_LIGHT_DISTANCE
+    # Palms are lighter and of another hue; what is darker and of another hue is brown cloth.
+    near = (hue**2 + np.minimum(light, 0.0) ** 2 < 1.0) & (light < 1.0)
     # Single triangles of another colour, such as nails or buttons, follow their neighbours.
     n = len(uv)
     share = near.astype(np.float64)
