@@ -36,7 +36,7 @@ TUCKED_01 = (0.0, 0.3, 0.6, 1.0)
 """How far feet are drawn back, tried one after the other."""
 ATTENTIVE = Sit(lively=0.25)
 """Who listens hardly stirs; breathing is as deep as ever."""
-ARMS_ASIDE_M = 0.24
+MAX_ARMS_ASIDE_M = 0.24
 """How far elbows and wrists may be beside the middle of their own seat, for neighbours' sake."""
 TOE_M = 0.07
 SAT_ON = tuple(PART_INDEX[name] for name in ("torso", "left_thigh", "right_thigh"))
@@ -119,7 +119,7 @@ def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
     across = np.cross(agent.facing, [0.0, 1.0, 0.0])
     arms_m = np.concatenate([_joints_m(habits, name) for name in ("lower_arm", "hand")], axis=1)
     aside_m = np.abs((arms_m - agent.eye_centre_m) @ across).max(axis=1)
-    limit_m = max(ARMS_ASIDE_M, float(aside_m.min()))
+    limit_m = max(MAX_ARMS_ASIDE_M, float(aside_m.min()))
     habits = [one for one, m in zip(habits, aside_m, strict=True) if m <= limit_m]
     ahead = TOE_M * agent.facing * np.array([1.0, 0.0, 1.0])
     for tucked_01 in TUCKED_01:
@@ -151,7 +151,9 @@ def _joints_m(people: Sequence[Person], name: str) -> Vector:
 
 
 def _sunk_m(character: Character, person: Person) -> float:
-    """Return how far above the height of their seat a cushion is that somebody sinks into."""
+    """Return how far above the height of their seat a cushion is that somebody sinks into; 0 of a
+    figure without flesh there.
+    """
     mesh = character.levels[0]
     rows = np.unique(mesh.triangles[np.isin(mesh.triangle_part, SAT_ON)])
     posed = PeopleMotion((person,)).at(0.0)
@@ -160,8 +162,9 @@ def _sunk_m(character: Character, person: Person) -> float:
     hips = [character.skeleton.index(f"{side}_upper_leg") for side in ("left", "right")]
     apart_m = points - body.position_m[hips].mean(axis=0)
     below = points[np.hypot(apart_m[:, 0], apart_m[:, 2]) < BELOW_HIPS_M, 1]
-    seat_m = person.does.seat_m if isinstance(person.does, Sit) else 0.0
-    return float(below.min()) + SINK_M - person.place_m[1] - seat_m
+    if not len(below) or not isinstance(person.does, Sit):
+        return 0.0
+    return float(below.min()) + SINK_M - person.place_m[1] - person.does.seat_m
 
 
 def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:
