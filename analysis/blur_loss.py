@@ -6,10 +6,10 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from lab.clock import NS_PER_S
-from lab.geometry import Vector, quat_conjugate, quat_multiply
-from recording.blurring import kind_of
-from recording.reader import Recording
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.geometry import Vector, quat_conjugate, quat_multiply
+from visavis.recording.blurring import kind_of
+from visavis.recording.reader import Recording
 
 COLUMNS: Final = ("measure", "n", "before", "after", "mean_change", "missing_after")
 KEY: Final = ["trial_id", "attempt"]

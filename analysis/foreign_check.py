@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from analysis.session_verdict import Level
-from lab.errors import DataError
-from lab.plain_files import open_plain, parse_json, read_packed, read_plain
+from visavis.analysis.session_verdict import Level
+from visavis.lab.errors import DataError
+from visavis.lab.plain_files import open_plain, parse_json, read_packed, read_plain
 
 GAP_PERIODS = 1.5
 LONG_GAP_S = 1.0

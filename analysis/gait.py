@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from analysis.cells import CellPath, Triangulation, folded_angle_deg
-from lab.compiled import compiled
-from lab.errors import DataError
-from lab.geometry import Vector
+from visavis.analysis.cells import CellPath, Triangulation, folded_angle_deg
+from visavis.lab.compiled import compiled
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Vector
 
 STEP_LENGTH_M: Final = {"man": 0.74, "woman": 0.67}
 """One step (Cho et al. 2004), the radius of the stop left out round the point nearest the board."""

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
-from analysis.report import Column, Paragraph, Picture, Section, Table
-from analysis.report.notation import decimal, percentage
-from devices.meter import GAP_PERIODS
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.config import ARMBAND_ROLE, ROLES, TAKEN_STREAMS
-from recording.reader import PART_COLUMN, Recording, flattened
+from visavis.analysis.report import Column, Paragraph, Picture, Section, Table
+from visavis.analysis.report.notation import decimal, percentage
+from visavis.devices.meter import GAP_PERIODS
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.config import ARMBAND_ROLE, ROLES, TAKEN_STREAMS
+from visavis.recording.reader import PART_COLUMN, Recording, flattened
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from analysis.plots import Drawn
+    from visavis.analysis.plots import Drawn
 
 MAX_CURVES: Final = 12
 """Columns of one stream that are drawn; an amplifier's others look like them."""
@@ -233,7 +233,9 @@ def figures_of_streams(streams: Sequence[OwnStream]) -> "Iterator[Drawn]":
 
 
 def _drawn(stream: OwnStream) -> "Drawn":
-    from analysis.plots import draw  # late: half a second of matplotlib that a page's server saves
+    from visavis.analysis.plots import (
+        draw,  # late: half a second of matplotlib that a page's server saves
+    )
 
     shown = [c for c in stream.columns if len(c.curve)][:MAX_CURVES]
     left_out = len(stream.columns) - len(shown)
@@ -250,7 +252,7 @@ def _drawn(stream: OwnStream) -> "Drawn":
 
 
 def _figure(columns: Sequence[OwnColumn]) -> "Figure":
-    from analysis.plots import BLUE, new_figure  # late, as above
+    from visavis.analysis.plots import BLUE, new_figure  # late, as above
 
     figure = new_figure(9.6, 0.7 + 1.2 * len(columns))
     grid = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]

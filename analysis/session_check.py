@@ -12,8 +12,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from analysis.session_incidents import reason_words
-from analysis.session_verdict import (
+from visavis.analysis.session_incidents import reason_words
+from visavis.analysis.session_verdict import (
     RESUME,
     CheckLimits,
     Finding,
@@ -22,9 +22,9 @@ from analysis.session_verdict import (
     StreamCheck,
     TrialCheck,
 )
-from lab.errors import DataError
-from recording.integrity import damage_of
-from recording.reader import Recording
+from visavis.lab.errors import DataError
+from visavis.recording.integrity import damage_of
+from visavis.recording.reader import Recording
 
 RESTORE = "restore the damaged files from a copy; `visavis analyse` leaves damaged trials out"
 REDO_BLOCK = (

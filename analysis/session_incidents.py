@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from lab.clock import NS_PER_S
-from lab.config import INCIDENTS
-from recording.reader import Recording
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.config import INCIDENTS
+from visavis.recording.reader import Recording
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import theilslopes
 
-from lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
 
 Modality = Literal["picture", "sound", "vibration"]
 EARLIEST_MS = -20.0

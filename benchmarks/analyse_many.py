@@ -24,11 +24,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from protocol.identifiers import make_label
-from recording.durable import sha256_of
-from recording.folder import SIMULATED_ROOT
-from recording.journal import JOURNAL_NAME, encode_line
-from recording.manifest import read_manifest, write_manifest
+from visavis.protocol.identifiers import make_label
+from visavis.recording.durable import sha256_of
+from visavis.recording.folder import SIMULATED_ROOT
+from visavis.recording.journal import JOURNAL_NAME, encode_line
+from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.sessions.study_check import SIMULATED_PREFIX
 
 STUDY = "stare"
@@ -46,7 +46,7 @@ KIB = 1 if sys.platform == "darwin" else 1024
 def visavis(*arguments: str) -> tuple[float, float]:
     """Run the command; return its CPU seconds and the most memory it had, in MB."""
     child = subprocess.Popen(
-        [sys.executable, "-m", "cli.main", *arguments],
+        [sys.executable, "-m", "visavis.cli.main", *arguments],
         cwd=REPOSITORY,
         stdout=subprocess.DEVNULL,
     )

@@ -26,23 +26,23 @@ from typing import Any
 import numpy as np
 
 from benchmarks.table import Row, show
-from devices.byte_links import MemoryLink
-from devices.contracts import HAPTICS, Armband
-from devices.drivers.armband import codec
-from devices.faults import FaultSchedule
-from devices.pump import Pump
-from devices.registry import driver_spec
-from devices.sim.armband.firmware import (
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.contracts import HAPTICS, Armband
+from visavis.devices.drivers.armband import codec
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.pump import Pump
+from visavis.devices.registry import driver_spec
+from visavis.devices.sim.armband.firmware import (
     HIGHEST_DUTY,
     LOWEST_DUTY,
     ArmbandFirmware,
     Protection,
 )
-from devices.sim.armband.simulator import ArmbandSimulator
-from devices.testing.armband_machine import TerminalMachine, build, make
-from lab.clock import NS_PER_MS, NS_PER_S, Clock, SimClock, SystemClock, cpu_time_s
-from lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
-from lab.schema import SampleBatch
+from visavis.devices.sim.armband.simulator import ArmbandSimulator
+from visavis.devices.testing.armband_machine import TerminalMachine, build, make
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock, SimClock, SystemClock, cpu_time_s
+from visavis.lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
+from visavis.lab.schema import SampleBatch
 
 LOSSES = 5
 WITHIN_S = 60.0
@@ -56,7 +56,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 ECHO = """
 import os, sys
-from devices.sim.armband.firmware import ArmbandFirmware
+from visavis.devices.sim.armband.firmware import ArmbandFirmware
 firmware = ArmbandFirmware()
 own = int(sys.argv[1])
 while True:
@@ -67,8 +67,8 @@ while True:
 
 HOST = """
 import sys
-from devices.registry import driver_spec
-from lab.clock import SystemClock
+from visavis.devices.registry import driver_spec
+from visavis.lab.clock import SystemClock
 driver = driver_spec("serial_armband").on_wire("arm", SystemClock(), port=sys.argv[1])
 driver.open(30.0)
 driver.start(lambda batch: None)

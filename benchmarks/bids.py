@@ -19,8 +19,8 @@ from pathlib import Path
 
 from benchmarks.command_start import children_cpu_s
 from benchmarks.table import Row, show
-from lab.clock import StopWatch
-from lab.config_files import EXAMPLE
+from visavis.lab.clock import StopWatch
+from visavis.lab.config_files import EXAMPLE
 
 LIMIT_S = 4.0
 REPOSITORY = Path(__file__).resolve().parents[1]

@@ -17,27 +17,27 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.table import Row, show
-from devices.body_contract import OneStretch
-from devices.datagrams import UdpTransport
-from devices.drivers.natnet import codec as natnet_codec
-from devices.drivers.natnet.driver import NatNet
-from devices.drivers.openvr import codec as openvr_codec
-from devices.drivers.openvr.headset import OpenVrHeadset
-from devices.drivers.openxr.headset import OpenXrHeadset
-from devices.drivers.xsens import codec as xsens_codec
-from devices.drivers.xsens.driver import XsensMvn
-from devices.pump import Pump
-from devices.sim.body.wire import BodyWire
-from devices.sim.native_build import find_compiler
-from devices.sim.natnet import NatNetSimulator
-from devices.sim.openvr.runtime import SimulatedVrRuntime
-from devices.sim.openxr.runtime import SimulatedXrRuntime
-from devices.sim.xsens import XsensSimulator
-from devices.transports import MemoryTransport
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s
-from lab.errors import DataError
-from lab.geometry import Vector
-from lab.schema import SampleBatch
+from visavis.devices.body_contract import OneStretch
+from visavis.devices.datagrams import UdpTransport
+from visavis.devices.drivers.natnet import codec as natnet_codec
+from visavis.devices.drivers.natnet.driver import NatNet
+from visavis.devices.drivers.openvr import codec as openvr_codec
+from visavis.devices.drivers.openvr.headset import OpenVrHeadset
+from visavis.devices.drivers.openxr.headset import OpenXrHeadset
+from visavis.devices.drivers.xsens import codec as xsens_codec
+from visavis.devices.drivers.xsens.driver import XsensMvn
+from visavis.devices.pump import Pump
+from visavis.devices.sim.body.wire import BodyWire
+from visavis.devices.sim.native_build import find_compiler
+from visavis.devices.sim.natnet import NatNetSimulator
+from visavis.devices.sim.openvr.runtime import SimulatedVrRuntime
+from visavis.devices.sim.openxr.runtime import SimulatedXrRuntime
+from visavis.devices.sim.xsens import XsensSimulator
+from visavis.devices.transports import MemoryTransport
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Vector
+from visavis.lab.schema import SampleBatch
 
 REPEATS = 5_000
 LAG_DATAGRAMS = 2_000

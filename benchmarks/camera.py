@@ -24,10 +24,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab.clock import NS_PER_S, cpu_time_s
-from lab.geometry import Vector
-from stimuli.camera.choosing import is_free, place_on, points_of_interest
-from stimuli.camera.director import (
+from visavis.lab.clock import NS_PER_S, cpu_time_s
+from visavis.lab.geometry import Vector
+from visavis.stimuli.camera.choosing import is_free, place_on, points_of_interest
+from visavis.stimuli.camera.director import (
     HEAD_SHARE,
     STYLES,
     Cut,
@@ -37,13 +37,13 @@ from stimuli.camera.director import (
     Style,
     prepare,
 )
-from stimuli.camera.filming import scattered_places
-from stimuli.camera.floors import walkable_floors
-from stimuli.camera.shots import view_angle_deg
-from stimuli.picture import Room
-from stimuli.rooms.outlined import outlined_room
-from stimuli.rooms.station import station
-from stimuli.scenes.station_crowd import CONFIGURATIONS, START_M, station_crowd
+from visavis.stimuli.camera.filming import scattered_places
+from visavis.stimuli.camera.floors import walkable_floors
+from visavis.stimuli.camera.shots import view_angle_deg
+from visavis.stimuli.picture import Room
+from visavis.stimuli.rooms.outlined import outlined_room
+from visavis.stimuli.rooms.station import station
+from visavis.stimuli.scenes.station_crowd import CONFIGURATIONS, START_M, station_crowd
 
 Row = dict[str, object]
 RATE_HZ = 30

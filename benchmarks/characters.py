@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Row, show
-from lab.clock import SystemClock, cpu_time_s
-from stimuli.characters.body_parts import PARTS
-from stimuli.characters.cast import DATA, cast_names, load_cast
-from stimuli.characters.coverage import seen_areas_m2
-from stimuli.characters.measuring import MEASURING_TRIANGLES
-from stimuli.characters.storage import read_character
 from tools.character_making.generate import write_cast
+from visavis.lab.clock import SystemClock, cpu_time_s
+from visavis.stimuli.characters.body_parts import PARTS
+from visavis.stimuli.characters.cast import DATA, cast_names, load_cast
+from visavis.stimuli.characters.coverage import seen_areas_m2
+from visavis.stimuli.characters.measuring import MEASURING_TRIANGLES
+from visavis.stimuli.characters.storage import read_character
 
 LOAD_LIMIT_S, MAKE_LIMIT_S, SIZE_LIMIT_MB, BIAS_LIMIT_PERCENT = 0.5, 10.0, 15.0, 5.0
 MIN_M2 = 5e-4

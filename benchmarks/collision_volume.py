@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.collisions import ClosedMesh, Settings, common_volume
 from benchmarks.posed_bodies import posed_pair
 from benchmarks.table import Row, show
-from lab.clock import cpu_time_s
+from visavis.analysis.collisions import ClosedMesh, Settings, common_volume
+from visavis.lab.clock import cpu_time_s
 
 ROUNDS = 5
 BODIES = ((0.0212, 15_000, 0.5), (0.0158, 27_000, 1.0))

@@ -17,10 +17,10 @@ import sys
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from lab.clock import StopWatch
+from visavis.lab.clock import StopWatch
 
 LIMIT_S = 0.25
-PROGRAM = "import sys; sys.argv[0] = 'visavis'; from cli.main import main; main()"
+PROGRAM = "import sys; sys.argv[0] = 'visavis'; from visavis.cli.main import main; main()"
 COMPLETE = {"_VISAVIS_COMPLETE": "complete_bash"}
 ANSWERS: dict[str, tuple[list[str], dict[str, str]]] = {
     "visavis --help": (["--help"], {}),

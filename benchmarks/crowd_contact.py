@@ -10,11 +10,11 @@ import json
 
 import numpy as np
 
-from lab.clock import StopWatch, cpu_time_s
-from stimuli.contact.body import ARM_JOINTS, capsule_body
-from stimuli.contact.idle import crowd_poses, people_of
-from stimuli.contact.touch import TouchSensor
-from stimuli.scenes.station_crowd import CHARACTERS, Crowd, poisson_disk
+from visavis.lab.clock import StopWatch, cpu_time_s
+from visavis.stimuli.contact.body import ARM_JOINTS, capsule_body
+from visavis.stimuli.contact.idle import crowd_poses, people_of
+from visavis.stimuli.contact.touch import TouchSensor
+from visavis.stimuli.scenes.station_crowd import CHARACTERS, Crowd, poisson_disk
 
 LIMIT_MS, LIMIT_P99_MS = 0.02, 0.1
 FRAMES = 20_000

@@ -3,9 +3,9 @@
     python -m benchmarks.crowd_participants [--seeds 50] [--participants 23] [--processes 2]
                                             [--control-seeds 10] [--keep FILE] [--json]
 
-Over the quick path (`experiments.crowd.quick_study`). Prints mean and spread of every measure
-beside the published ones, the limits of a quarter, the share of seeds in which each part of the
-published pattern returns, and the same shares with the vibration disconnected. Studies done are
+Over the quick path (`visavis.experiments.crowd.quick_study`). Prints mean and spread of every
+measure beside the published ones, the limits of a quarter, the share of seeds in which each part of
+the published pattern returns, and the same shares with the vibration disconnected. Studies done are
 kept in FILE, one line each, and not simulated again; participants with other traits are.
 """
 
@@ -27,17 +27,17 @@ import numpy as np
 import pandas as pd
 from scipy.stats import ttest_rel
 
-from analysis.cells import dice
-from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC, CrowdParameters
-from experiments.crowd.participant.participant import CrowdParticipant
-from experiments.crowd.participant.traits import DEFAULT_POPULATION
-from experiments.crowd.quick_measures import Cell
-from experiments.crowd.quick_study import walked
-from experiments.crowd.study import study
-from lab.clock import StopWatch
-from lab.geometry import Vector
-from protocol.parameters import known_of
+from visavis.analysis.cells import dice
 from visavis.experiment import StudyExperiment
+from visavis.experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC, CrowdParameters
+from visavis.experiments.crowd.participant.participant import CrowdParticipant
+from visavis.experiments.crowd.participant.traits import DEFAULT_POPULATION
+from visavis.experiments.crowd.quick_measures import Cell
+from visavis.experiments.crowd.quick_study import walked
+from visavis.experiments.crowd.study import study
+from visavis.lab.clock import StopWatch
+from visavis.lab.geometry import Vector
+from visavis.protocol.parameters import known_of
 
 PUBLISHED = {
     "collisions": ((71.0, 62.8, 60.7), (29.2, 34.6, 34.6)),

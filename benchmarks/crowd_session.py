@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cli.app import load_lab
-from experiments.crowd.pulses import pulse_rows
-from lab.clock import Clock, SystemClock, cpu_time_s
-from lab.config_files import EXAMPLE
-from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.cli.app import load_lab
+from visavis.experiments.crowd.pulses import pulse_rows
+from visavis.lab.clock import Clock, SystemClock, cpu_time_s
+from visavis.lab.config_files import EXAMPLE
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 
 LIMIT_S = 60.0

@@ -15,13 +15,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.gait import resampled
-from experiments.crowd.measures import MeasureParameters, measure_walk
-from experiments.crowd.participant.participant import CrowdParticipant
-from experiments.crowd.quick_study import quick_walk
-from experiments.crowd.study import plan_session
-from experiments.crowd.walks import STEP_NS, Walk
-from lab.clock import NS_PER_S, cpu_time_s
+from visavis.analysis.gait import resampled
+from visavis.experiments.crowd.measures import MeasureParameters, measure_walk
+from visavis.experiments.crowd.participant.participant import CrowdParticipant
+from visavis.experiments.crowd.quick_study import quick_walk
+from visavis.experiments.crowd.study import plan_session
+from visavis.experiments.crowd.walks import STEP_NS, Walk
+from visavis.lab.clock import NS_PER_S, cpu_time_s
 
 PEOPLE, WALKS_EACH, CORES = 23, 24, 2
 WALK_S = 60.0

@@ -27,12 +27,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cli.main import main as visavis
-from lab.clock import StopWatch
-from lab.errors import LabError
-from recording.reader import Recording
-from recording.sealed import copy_path
 from visavis.catalogue import find_study
+from visavis.cli.main import main as visavis
+from visavis.lab.clock import StopWatch
+from visavis.lab.errors import LabError
+from visavis.recording.reader import Recording
+from visavis.recording.sealed import copy_path
 from visavis.sessions.damage import require_intact
 from visavis.sessions.study_check import repair_study, study_problems
 

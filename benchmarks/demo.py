@@ -14,7 +14,7 @@ import sys
 import tempfile
 
 from benchmarks.table import Row, show
-from lab.clock import StopWatch
+from visavis.lab.clock import StopWatch
 
 LIMIT_S = 75.0
 LIMIT_PARTICIPANTS = 16

@@ -28,12 +28,12 @@ import numpy as np
 
 from benchmarks.frame_loop import work_per_frame_ms
 from benchmarks.table import Row, show
-from cli.desk.link import About, SessionLink
-from cli.desk.server import DeskServer
-from cli.desk.watch import SessionWatch
-from lab.clock import StopWatch
-from lab.config_files import EXAMPLE
-from protocol.operator import Operator, SessionStatus, UnattendedOperator
+from visavis.cli.desk.link import About, SessionLink
+from visavis.cli.desk.server import DeskServer
+from visavis.cli.desk.watch import SessionWatch
+from visavis.lab.clock import StopWatch
+from visavis.lab.config_files import EXAMPLE
+from visavis.protocol.operator import Operator, SessionStatus, UnattendedOperator
 
 LIMIT_MS = 0.5
 PAINT_LIMIT_S = 1.0
@@ -135,9 +135,9 @@ def status_cost(status: SessionStatus, root: Path) -> list[Row]:
 
 def picture_cost() -> list[Row]:
     """Return what the participant's view takes of the thread that draws; nothing undrawn."""
-    from stage.context import draws_on_processor, offscreen_context, release_offscreen
-    from stage.errors import StageError
-    from stage.small_picture import SmallPicture
+    from visavis.stage.context import draws_on_processor, offscreen_context, release_offscreen
+    from visavis.stage.errors import StageError
+    from visavis.stage.small_picture import SmallPicture
 
     try:
         context = offscreen_context()
@@ -172,8 +172,8 @@ def first_paint(status: SessionStatus, root: Path) -> list[Row]:
         return []
     if browser is None:
         return []
-    from devices.registry import OPTION_MODELS
-    from lab.config import load_config
+    from visavis.devices.registry import OPTION_MODELS
+    from visavis.lab.config import load_config
 
     lab = load_config(EXAMPLE, OPTION_MODELS).model_copy(update={"data_root": root})
     addresses: list[str] = []

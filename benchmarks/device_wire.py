@@ -15,19 +15,19 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.table import Row, show
-from devices.contracts import EYES_DTYPE, ClockPair, OneStretch
-from devices.drivers.pupil.codec import CONFIDENCE_THRESHOLD_01, decode_gaze
-from devices.drivers.pupil.driver import PupilCore
-from devices.pump import Pump
-from devices.sim.gaze.tracker_error import TrackerErrorModel
-from devices.sim.pupil.capture import PupilCoreSimulator
-from devices.sim.pupil.wire import BINOCULAR_TOPIC, GAZE_VALUES, GazeTemplate
-from devices.sim.zmq_host import ZmqHost
-from devices.transports import MemoryTransport, ZmqTransport
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s
-from lab.clock_fit import fit_clock, offset_ns
-from lab.geometry import Vector
-from lab.schema import SampleBatch
+from visavis.devices.contracts import EYES_DTYPE, ClockPair, OneStretch
+from visavis.devices.drivers.pupil.codec import CONFIDENCE_THRESHOLD_01, decode_gaze
+from visavis.devices.drivers.pupil.driver import PupilCore
+from visavis.devices.pump import Pump
+from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
+from visavis.devices.sim.pupil.capture import PupilCoreSimulator
+from visavis.devices.sim.pupil.wire import BINOCULAR_TOPIC, GAZE_VALUES, GazeTemplate
+from visavis.devices.sim.zmq_host import ZmqHost
+from visavis.devices.transports import MemoryTransport, ZmqTransport
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s
+from visavis.lab.clock_fit import fit_clock, offset_ns
+from visavis.lab.geometry import Vector
+from visavis.lab.schema import SampleBatch
 
 REPEATS = 20_000
 FRAME_RATE_HZ = 90

@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from analysis import statistics
-from analysis.statistics.anova import anova_of_design
-from analysis.statistics.bent_scales import bent_interactions
-from analysis.statistics.clmm import clmm
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.gee import Family, gee
-from analysis.statistics.lmm import linear_mixed
-from analysis.statistics.power import proportion_interval
-from analysis.statistics.results import Array
-from analysis.statistics_report.prepare import uneven_changes, uneven_groups
+from visavis.analysis import statistics
+from visavis.analysis.statistics.anova import anova_of_design
+from visavis.analysis.statistics.bent_scales import bent_interactions
+from visavis.analysis.statistics.clmm import clmm
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.gee import Family, gee
+from visavis.analysis.statistics.lmm import linear_mixed
+from visavis.analysis.statistics.power import proportion_interval
+from visavis.analysis.statistics.results import Array
+from visavis.analysis.statistics_report.prepare import uneven_changes, uneven_groups
 
 ALPHA = 0.05
 HELD = (0.03, 0.07)

@@ -21,23 +21,23 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Row, show
-from devices.drivers.pupil.driver import PupilCore
-from devices.shared_body import SharedBody
-from devices.sim.body.headset import SimulatedHeadset
-from devices.sim.pupil.capture import PupilCoreSimulator
-from devices.sim.zmq_host import ZmqHost
-from devices.transports import MemoryTransport, MessageTransport, ZmqTransport
-from lab.clock import StopWatch, SystemClock
-from lab.frame import FrameInfo
-from protocol.gaze_setup import TargetTiming
-from protocol.operator import Operator, UnattendedOperator
-from protocol.rig import Rig
-from protocol.session import Session
-from protocol.session_setup import SessionSetup
-from recording.writer import REAL_TIME_BATCH_NS, Recorder
-from stage.contracts import GeometryStage
 from visavis.catalogue import find_study
+from visavis.devices.drivers.pupil.driver import PupilCore
+from visavis.devices.shared_body import SharedBody
+from visavis.devices.sim.body.headset import SimulatedHeadset
+from visavis.devices.sim.pupil.capture import PupilCoreSimulator
+from visavis.devices.sim.zmq_host import ZmqHost
+from visavis.devices.transports import MemoryTransport, MessageTransport, ZmqTransport
+from visavis.lab.clock import StopWatch, SystemClock
+from visavis.lab.frame import FrameInfo
+from visavis.protocol.gaze_setup import TargetTiming
+from visavis.protocol.operator import Operator, UnattendedOperator
+from visavis.protocol.rig import Rig
+from visavis.protocol.session import Session
+from visavis.protocol.session_setup import SessionSetup
+from visavis.recording.writer import REAL_TIME_BATCH_NS, Recorder
 from visavis.sessions.perform import device_seed
+from visavis.stage.contracts import GeometryStage
 
 SEED = 1
 DISPLAY_HZ = 90

@@ -22,36 +22,36 @@ import numpy.typing as npt
 
 from benchmarks.device_wire import StillBody
 from benchmarks.table import Row, show
-from devices.contracts import ClockPair, DeviceState
-from devices.drivers.eyelink import codec as eyelink_codec
-from devices.drivers.eyelink.driver import EyeLink
-from devices.drivers.fove import codec as fove_codec
-from devices.drivers.fove.driver import Fove
-from devices.drivers.fove.library import FoveLibrary
-from devices.drivers.gazepoint import codec as gazepoint_codec
-from devices.drivers.gazepoint.driver import Gazepoint
-from devices.drivers.hid_gaze import codec as hid_gaze_codec
-from devices.drivers.hid_gaze.driver import HidGaze
-from devices.drivers.links.stream_socket import StreamSocket
-from devices.drivers.lsl import gaze_codec as lsl_gaze_codec
-from devices.drivers.lsl.gaze import LslGaze
-from devices.drivers.neon import codec as neon_codec
-from devices.drivers.neon.driver import Neon
-from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
-from devices.drivers.streaming.one_way_clock import OneWayClock
-from devices.faults import FaultSchedule, WireFault
-from devices.pump import Pump
-from devices.sim.eyelink import EyeLinkSimulator
-from devices.sim.fove import FoveSimulator, FoveStub, build_stub
-from devices.sim.gazepoint import GazepointSimulator
-from devices.sim.hid_gaze import DESCRIPTOR, HidGazeSimulator
-from devices.sim.lsl.gaze import LslGazeSimulator
-from devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
-from devices.transports import MemoryTransport
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
-from lab.clock_fit import fit_clock
-from lab.errors import DeviceNotFound
-from lab.schema import SampleBatch
+from visavis.devices.contracts import ClockPair, DeviceState
+from visavis.devices.drivers.eyelink import codec as eyelink_codec
+from visavis.devices.drivers.eyelink.driver import EyeLink
+from visavis.devices.drivers.fove import codec as fove_codec
+from visavis.devices.drivers.fove.driver import Fove
+from visavis.devices.drivers.fove.library import FoveLibrary
+from visavis.devices.drivers.gazepoint import codec as gazepoint_codec
+from visavis.devices.drivers.gazepoint.driver import Gazepoint
+from visavis.devices.drivers.hid_gaze import codec as hid_gaze_codec
+from visavis.devices.drivers.hid_gaze.driver import HidGaze
+from visavis.devices.drivers.links.stream_socket import StreamSocket
+from visavis.devices.drivers.lsl import gaze_codec as lsl_gaze_codec
+from visavis.devices.drivers.lsl.gaze import LslGaze
+from visavis.devices.drivers.neon import codec as neon_codec
+from visavis.devices.drivers.neon.driver import Neon
+from visavis.devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from visavis.devices.drivers.streaming.one_way_clock import OneWayClock
+from visavis.devices.faults import FaultSchedule, WireFault
+from visavis.devices.pump import Pump
+from visavis.devices.sim.eyelink import EyeLinkSimulator
+from visavis.devices.sim.fove import FoveSimulator, FoveStub, build_stub
+from visavis.devices.sim.gazepoint import GazepointSimulator
+from visavis.devices.sim.hid_gaze import DESCRIPTOR, HidGazeSimulator
+from visavis.devices.sim.lsl.gaze import LslGazeSimulator
+from visavis.devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
+from visavis.devices.transports import MemoryTransport
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
+from visavis.lab.clock_fit import fit_clock
+from visavis.lab.errors import DeviceNotFound
+from visavis.lab.schema import SampleBatch
 
 RATES_HZ = (120, 250, 500, 1000)
 LAG_LIMIT_MS = 0.2

@@ -3,7 +3,8 @@
     python -m benchmarks.gaze_readable [--distances 3.5 5] [--folder FIGURES] [--json]
 
 For everybody of the cast (or every figure of a folder of imported ones), at 12 pixels a degree, as
-`cli.preview.readable_gaze` has it. Limit: 90 % right at 3.5 m for every person; chance is 50 %.
+`visavis.cli.preview.readable_gaze` has it. Limit: 90 % right at 3.5 m for every person; chance is
+50 %.
 """
 
 import argparse
@@ -13,9 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from cli.preview.readable_gaze import LIMIT_01, readable_at
-from stimuli.characters.cast import load_cast
-from stimuli.characters.storage import read_character
+from visavis.cli.preview.readable_gaze import LIMIT_01, readable_at
+from visavis.stimuli.characters.cast import load_cast
+from visavis.stimuli.characters.storage import read_character
 
 PX_PER_DEG: Final = 12.0
 

@@ -13,11 +13,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from analysis.gaze.aoi import aoi_of_samples
-from analysis.gaze.events import detect_idt, detect_ivt
-from analysis.gaze.looks import measure_trial
-from lab.clock import cpu_time_s
-from lab.geometry import direction_from_yaw_pitch_deg
+from visavis.analysis.gaze.aoi import aoi_of_samples
+from visavis.analysis.gaze.events import detect_idt, detect_ivt
+from visavis.analysis.gaze.looks import measure_trial
+from visavis.lab.clock import cpu_time_s
+from visavis.lab.geometry import direction_from_yaw_pitch_deg
 
 ROWS, HEADS, TRIAL_NS = 1920, 11, 16_000_000_000
 STUDY_TRIALS = 2160

@@ -17,14 +17,14 @@ from functools import partial
 import numpy as np
 
 from benchmarks.motion import cpu_ms
-from stimuli.motion.baking import baked
-from stimuli.motion.build import build_of_skeleton
-from stimuli.motion.clip import Clip, placed_joints, sampled
-from stimuli.motion.interpolation import Squad
-from stimuli.motion.kinds import Crouch, Idle, Kind, Run, Walk
-from stimuli.motion.people import Person
-from stimuli.motion.skeleton import canonical_skeleton
-from stimuli.motion.synthesis.hybrid import authored_poses, hybrid
+from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.build import build_of_skeleton
+from visavis.stimuli.motion.clip import Clip, placed_joints, sampled
+from visavis.stimuli.motion.interpolation import Squad
+from visavis.stimuli.motion.kinds import Crouch, Idle, Kind, Run, Walk
+from visavis.stimuli.motion.people import Person
+from visavis.stimuli.motion.skeleton import canonical_skeleton
+from visavis.stimuli.motion.synthesis.hybrid import authored_poses, hybrid
 
 PEOPLE = (1, 2, 5, 10, 20, 50, 100, 200)
 INCREMENTS = {"walk": (0, 1, 2), "run": (0, 1, 2), "idle": (0, 1, 2), "crouch": (0, 1)}

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.simulated_tracker import tracker_of
-from experiments.hybrid.clips import CLIPS
-from experiments.hybrid.study import study
+from visavis.experiments.hybrid.clips import CLIPS
+from visavis.experiments.hybrid.study import study
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
 

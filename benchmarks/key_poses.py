@@ -16,13 +16,13 @@ from typing import Final, get_args
 
 import numpy as np
 
-from experiments.interpolation.gestures import GESTURES, source_of
-from experiments.interpolation.study import WRISTS
-from lab.geometry import Vector
-from stimuli.motion.clip import Clip, placed_joints
-from stimuli.motion.interpolation import Method
-from stimuli.motion.rotations import same_hemisphere
-from stimuli.motion.synthesis.key_poses import between_keys, key_frames
+from visavis.experiments.interpolation.gestures import GESTURES, source_of
+from visavis.experiments.interpolation.study import WRISTS
+from visavis.lab.geometry import Vector
+from visavis.stimuli.motion.clip import Clip, placed_joints
+from visavis.stimuli.motion.interpolation import Method
+from visavis.stimuli.motion.rotations import same_hemisphere
+from visavis.stimuli.motion.synthesis.key_poses import between_keys, key_frames
 
 COUNTS: Final = (2, 3, 4, 6, 8, 12, 16)
 MOVES_DEG: Final = 1.0

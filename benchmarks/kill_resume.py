@@ -30,20 +30,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.session_check import check_session
-from lab.clock import NS_PER_S, StopWatch, SystemClock
-from lab.config import DeviceConfig, LabConfig, load_config
-from lab.config_files import EXAMPLE
-from protocol.gaze_setup import TargetTiming
-from protocol.operator import SessionStatus, UnattendedOperator
-from protocol.plan import SessionPlan
-from protocol.progress import DONE
-from protocol.states import SessionState
-from recording.folder import session_dir
-from recording.reader import Recording
+from visavis.analysis.session_check import check_session
 from visavis.catalogue import find_study
 from visavis.experiment import StudyExperiment
+from visavis.lab.clock import NS_PER_S, StopWatch, SystemClock
+from visavis.lab.config import DeviceConfig, LabConfig, load_config
+from visavis.lab.config_files import EXAMPLE
 from visavis.opened import OpenedStudy
+from visavis.protocol.gaze_setup import TargetTiming
+from visavis.protocol.operator import SessionStatus, UnattendedOperator
+from visavis.protocol.plan import SessionPlan
+from visavis.protocol.progress import DONE
+from visavis.protocol.states import SessionState
+from visavis.recording.folder import session_dir
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 
 

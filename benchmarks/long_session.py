@@ -25,9 +25,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.clock import NS_PER_S, StopWatch, SystemClock
-from lab.config_files import CONFIG_NAME, EXAMPLE
-from recording.reader import Recording
+from visavis.lab.clock import NS_PER_S, StopWatch, SystemClock
+from visavis.lab.config_files import CONFIG_NAME, EXAMPLE
+from visavis.recording.reader import Recording
 
 STUDY = "crowd"
 SETTINGS = ("repetitions=40", "record_gaze=true")
@@ -109,7 +109,16 @@ def watch(seconds: float, root: Path, series: Path) -> tuple[list[Held], float]:
     (root / CONFIG_NAME).write_text(EXAMPLE.read_text("utf-8"), "utf-8")
     clock = SystemClock()
     settings = [f"--set={setting}" for setting in SETTINGS]
-    command = [sys.executable, "-m", "cli.main", "run", STUDY, "--participant", "1", *settings]
+    command = [
+        sys.executable,
+        "-m",
+        "visavis.cli.main",
+        "run",
+        STUDY,
+        "--participant",
+        "1",
+        *settings,
+    ]
     readings: list[Held] = []
     with (
         (root / "terminal.txt").open("wb") as terminal,

@@ -17,16 +17,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.table import Row, show
-from lab.clock import cpu_time_s
-from lab.geometry import quat_multiply
-from stimuli.motion.blending import CrossFade, InertialTransition
-from stimuli.motion.bvh import read_bvh
-from stimuli.motion.bvh_clip import CMU_UNIT_M, clip_of_bvh
-from stimuli.motion.clip import KeyPoses
-from stimuli.motion.interpolation import KeyTimes, Slerp, Squad
-from stimuli.motion.retarget import retarget, retargeting_error
-from stimuli.motion.rotations import quat_exp
-from stimuli.motion.skeleton import canonical_skeleton, forward
+from visavis.lab.clock import cpu_time_s
+from visavis.lab.geometry import quat_multiply
+from visavis.stimuli.motion.blending import CrossFade, InertialTransition
+from visavis.stimuli.motion.bvh import read_bvh
+from visavis.stimuli.motion.bvh_clip import CMU_UNIT_M, clip_of_bvh
+from visavis.stimuli.motion.clip import KeyPoses
+from visavis.stimuli.motion.interpolation import KeyTimes, Slerp, Squad
+from visavis.stimuli.motion.retarget import retarget, retargeting_error
+from visavis.stimuli.motion.rotations import quat_exp
+from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
 
 PEOPLE, KEYS = 150, 8
 

@@ -22,9 +22,9 @@ from typing import Any
 import aiohttp
 import numpy as np
 
-from lab.clock import StopWatch
-from recording.reader import Recording
+from visavis.lab.clock import StopWatch
 from visavis.page.server import KEY, LOCAL
+from visavis.recording.reader import Recording
 
 STUDY = """
 from visavis import Factor, Rating, Study
@@ -102,7 +102,7 @@ def main() -> int:
         root = Path(folder)
         (root / "many.py").write_text(STUDY.format(trials=options.trials), encoding="utf-8")
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-        command = "from cli.main import main; main()"
+        command = "from visavis.cli.main import main; main()"
         subprocess.run(
             [sys.executable, "-c", command, "init"],
             cwd=root,

@@ -15,13 +15,24 @@ import numpy as np
 
 from benchmarks.motion import cpu_ms
 from benchmarks.table import Row, show
-from lab.geometry import Vector, angle_deg, rotate, unit
-from stimuli.gaze.gaze_plan import GazePlan, LookAt
-from stimuli.motion.build import build_of_skeleton
-from stimuli.motion.joint_limits import beyond_deg
-from stimuli.motion.kinds import Crouch, Idle, Kind, Phone, Sit, Talk, Text, Walk, WatchBoard, Wave
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.skeleton import canonical_skeleton, forward
+from visavis.lab.geometry import Vector, angle_deg, rotate, unit
+from visavis.stimuli.gaze.gaze_plan import GazePlan, LookAt
+from visavis.stimuli.motion.build import build_of_skeleton
+from visavis.stimuli.motion.joint_limits import beyond_deg
+from visavis.stimuli.motion.kinds import (
+    Crouch,
+    Idle,
+    Kind,
+    Phone,
+    Sit,
+    Talk,
+    Text,
+    Walk,
+    WatchBoard,
+    Wave,
+)
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
 
 KINDS: tuple[Kind, ...] = (
     Idle(),

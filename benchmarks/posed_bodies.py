@@ -6,8 +6,8 @@ itself as skinned people do.
 
 import numpy as np
 
-from analysis.collisions import ClosedMesh, capsule, union
-from lab.geometry import Vector
+from visavis.analysis.collisions import ClosedMesh, capsule, union
+from visavis.lab.geometry import Vector
 
 # part, parent joint, start offset from parent, rest direction, length, radius
 _PARTS = (

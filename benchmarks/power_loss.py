@@ -22,16 +22,16 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.clock import NS_PER_MS, SimClock
-from lab.errors import LabError
-from lab.schema import Field, SampleBatch, StreamSchema, empty_values
-from recording.durable import AppendOnlyFile
-from recording.folder import create_session
-from recording.manifest import Manifest
-from recording.provenance import provenance
-from recording.reader import Recording
-from recording.recovery import recover
-from recording.writer import Recorder
+from visavis.lab.clock import NS_PER_MS, SimClock
+from visavis.lab.errors import LabError
+from visavis.lab.schema import Field, SampleBatch, StreamSchema, empty_values
+from visavis.recording.durable import AppendOnlyFile
+from visavis.recording.folder import create_session
+from visavis.recording.manifest import Manifest
+from visavis.recording.provenance import provenance
+from visavis.recording.reader import Recording
+from visavis.recording.recovery import recover
+from visavis.recording.writer import Recorder
 
 BLOCK_BYTES = 512
 TRIALS, SAMPLES_PER_TRIAL, BATCH = 40, 120, 12

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from analysis import statistics
-from analysis.statistics.results import Array, Effect
+from visavis.analysis import statistics
+from visavis.analysis.statistics.results import Array, Effect
 
 Draw = Callable[[np.random.Generator, int], Array]
 """Values (people, conditions), or of groups as columns."""

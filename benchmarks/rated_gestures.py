@@ -18,12 +18,12 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 import pandas as pd
 
-from analysis.statistics import oneway_anova, tukey_hsd
 from benchmarks.simulated_tracker import tracker_of
-from experiments.interpolation import published
-from experiments.interpolation.gestures import GESTURES, METHODS
-from experiments.interpolation.study import study
-from lab.clock import cpu_time_s
+from visavis.analysis.statistics import oneway_anova, tukey_hsd
+from visavis.experiments.interpolation import published
+from visavis.experiments.interpolation.gestures import GESTURES, METHODS
+from visavis.experiments.interpolation.study import study
+from visavis.lab.clock import cpu_time_s
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
 

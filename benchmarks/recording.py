@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.clock import NS_PER_S, SimClock, StopWatch, SystemClock
-from lab.schema import Field, SampleBatch, StreamSchema, empty_values
-from recording.columns import BatchEncoder
-from recording.folder import create_session
-from recording.manifest import Manifest
-from recording.provenance import provenance
-from recording.reader import Recording
-from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, Recorder
+from visavis.lab.clock import NS_PER_S, SimClock, StopWatch, SystemClock
+from visavis.lab.schema import Field, SampleBatch, StreamSchema, empty_values
+from visavis.recording.columns import BatchEncoder
+from visavis.recording.folder import create_session
+from visavis.recording.manifest import Manifest
+from visavis.recording.provenance import provenance
+from visavis.recording.reader import Recording
+from visavis.recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, Recorder
 
 GAZE = StreamSchema(
     "gaze",

@@ -1,5 +1,5 @@
 """The tracker of the quick path, by the name benchmarks and tests know it."""
 
-from cli.quick_tracker import QuickTracker, tracker_of
+from visavis.cli.quick_tracker import QuickTracker, tracker_of
 
 __all__ = ["QuickTracker", "tracker_of"]

@@ -22,20 +22,20 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.table import Row, show
-from lab.clock import SystemClock, cpu_time_s
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stage.drawn_stage import default_views, eye_camera
-from stage.levels import DetailRule
-from stage.renderer import LIGHTEST, ON_PROCESSOR, Quality, Renderer
-from stage.targets import EyeTarget
-from stimuli.characters.cast import load_cast
-from stimuli.characters.character import Material
-from stimuli.dressing.casting import build_of
-from stimuli.gaze.gaze_plan import GazePlan, LookAt
-from stimuli.motion.kinds import Idle, Talk
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.picture import Light, Picture, Prop, Room
-from stimuli.rooms.solids import box
+from visavis.lab.clock import SystemClock, cpu_time_s
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stage.drawn_stage import default_views, eye_camera
+from visavis.stage.levels import DetailRule
+from visavis.stage.renderer import LIGHTEST, ON_PROCESSOR, Quality, Renderer
+from visavis.stage.targets import EyeTarget
+from visavis.stimuli.characters.cast import load_cast
+from visavis.stimuli.characters.character import Material
+from visavis.stimuli.dressing.casting import build_of
+from visavis.stimuli.gaze.gaze_plan import GazePlan, LookAt
+from visavis.stimuli.motion.kinds import Idle, Talk
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.picture import Light, Picture, Prop, Room
+from visavis.stimuli.rooms.solids import box
 
 EYE_PX = (480, 540)
 HEAD = Pose(np.array([0.0, 1.6, 0.6]), quat_from_yaw_pitch_deg(0.0))

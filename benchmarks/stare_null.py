@@ -15,8 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.stare_studies import StudyOutcome, simulate_studies
-from experiments.stare.comparisons import MEASURES
-from experiments.stare.published import COMPARISONS
+from visavis.experiments.stare.comparisons import MEASURES
+from visavis.experiments.stare.published import COMPARISONS
 
 ALPHA = 0.05
 Z_95 = 1.959963984540054

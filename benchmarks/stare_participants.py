@@ -2,10 +2,10 @@
 
     python -m benchmarks.stare_participants [--seeds 10] [--participants 30] [--processes 2]
 
-Over the quick path (`experiments.stare.quick_study`). Prints, for every condition and measure,
-the published mean and SD, ours over all seeds, the deviation of the mean, and the largest
-deviation of any seed; then the verdicts of the thirty tests that agree, per seed and in the
-median, the correlations with anxiety, and first fixation times by zone. `--json` for machines.
+Over the quick path (`visavis.experiments.stare.quick_study`). Prints, for every condition and
+measure, the published mean and SD, ours over all seeds, the deviation of the mean, and the largest
+deviation of any seed; then the verdicts of the thirty tests that agree, per seed and in the median,
+the correlations with anxiety, and first fixation times by zone. `--json` for machines.
 """
 
 import argparse
@@ -17,8 +17,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.stare_studies import StudyOutcome, simulate_studies
-from experiments.stare import published
-from experiments.stare.design import CONDITIONS
+from visavis.experiments.stare import published
+from visavis.experiments.stare.design import CONDITIONS
 from visavis.looks import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,

@@ -7,7 +7,7 @@ from multiprocessing import get_context
 import pandas as pd
 
 from benchmarks.simulated_tracker import tracker_of
-from experiments.stare.comparisons import (
+from visavis.experiments.stare.comparisons import (
     ALL_MEASURES,
     ANXIETY_TESTS,
     CONDITION_TESTS,
@@ -15,9 +15,9 @@ from experiments.stare.comparisons import (
     SCORE_COLUMN,
     ZONE_TESTS,
 )
-from experiments.stare.design import CONDITIONS
-from experiments.stare.published import MEANS
-from experiments.stare.study import experiment_of, study
+from visavis.experiments.stare.design import CONDITIONS
+from visavis.experiments.stare.published import MEANS
+from visavis.experiments.stare.study import experiment_of, study
 from visavis.measures import Measure, aggregated
 from visavis.opened import OpenedStudy
 from visavis.pairs import CorrelationTest, PairTest, compare_pairs, correlate, scores_of

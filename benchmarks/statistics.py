@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis import statistics
-from lab.clock import cpu_time_s
+from visavis.analysis import statistics
+from visavis.lab.clock import cpu_time_s
 
 R_STUDY_S = 0.091
 """ARTool 0.11.2 on R 4.2.2, one 16 × 2 × 3 study, strata test; measured on a similar machine."""
@@ -140,10 +140,10 @@ def measure(n_studies: int) -> list[Line]:
         Line("15 Tukey probabilities", 1e3 * ours, "ms", "scipy", 1e3 * theirs),
         Line("exact signed rank, 48 pairs", 1e3 * exact, "ms", "limit", 10.0),
         Line("paired decision path, 48 pairs", 1e3 * shapiro, "ms", "limit", 10.0),
-        Line("import of the package", import_s("analysis.statistics"), "s", "limit", 0.5),
+        Line("import of the package", import_s("visavis.analysis.statistics"), "s", "limit", 0.5),
         Line(
             "import of the package",
-            import_s("analysis.statistics"),
+            import_s("visavis.analysis.statistics"),
             "s",
             "statsmodels.api",
             import_s("statsmodels.api"),

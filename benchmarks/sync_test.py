@@ -13,12 +13,19 @@ import sys
 
 import numpy as np
 
-from analysis.sync_test import Delays
-from cli.sync_chain import perform_simulated
-from devices.drivers.armband.codec import FrameReader
-from devices.sim.sync_room import Planted
-from devices.sync.board_codec import BLOCK, Samples, Told, decode, encode_samples, encode_told
-from lab.errors import LabError
+from visavis.analysis.sync_test import Delays
+from visavis.cli.sync_chain import perform_simulated
+from visavis.devices.drivers.armband.codec import FrameReader
+from visavis.devices.sim.sync_room import Planted
+from visavis.devices.sync.board_codec import (
+    BLOCK,
+    Samples,
+    Told,
+    decode,
+    encode_samples,
+    encode_told,
+)
+from visavis.lab.errors import LabError
 
 LIMIT_MS = 0.2
 PLANTED = (

@@ -22,13 +22,13 @@ from typing import Any
 
 from typer.testing import CliRunner
 
-from cli.app import app
-from devices.registry import OPTION_MODELS
-from lab.clock import StopWatch, cpu_time_s
-from lab.config import load_config
-from lab.config_files import EXAMPLE
-from recording.folder import study_dir
 from visavis.catalogue import find_study
+from visavis.cli.app import app
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.clock import StopWatch, cpu_time_s
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.recording.folder import study_dir
 from visavis.sessions.perform import perform_new, simulated_request
 from visavis.sessions.study_folder import settle, wanted_settings
 

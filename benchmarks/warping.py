@@ -28,15 +28,15 @@ from typing import Any
 
 import numpy as np
 
-from lab.clock import NS_PER_S, StopWatch, SystemClock, cpu_time_s
-from stimuli.characters.cast import load_character
-from stimuli.motion.build import build_of_character
-from stimuli.motion.joint_limits import beyond_deg
-from stimuli.motion.kinds import Idle, Wave
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.warping.cases import CASES, StagedCase, case_named, staged
-from stimuli.motion.warping.clips import warp_clip
-from stimuli.motion.warping.control import (
+from visavis.lab.clock import NS_PER_S, StopWatch, SystemClock, cpu_time_s
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.joint_limits import beyond_deg
+from visavis.stimuli.motion.kinds import Idle, Wave
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.warping.cases import CASES, StagedCase, case_named, staged
+from visavis.stimuli.motion.warping.clips import warp_clip
+from visavis.stimuli.motion.warping.control import (
     ControlSettings,
     Outcome,
     Situation,
@@ -47,12 +47,12 @@ from stimuli.motion.warping.control import (
     steer,
     wanted_features,
 )
-from stimuli.motion.warping.features import FeatureTarget
-from stimuli.motion.warping.online import OnlineWarp
-from stimuli.motion.warping.outlook import outlook
-from stimuli.motion.warping.perceived import SeenBody, body_of, perceived
-from stimuli.motion.warping.smoothness import peak_turning
-from stimuli.motion.warping.units import WarpingUnit, units_named
+from visavis.stimuli.motion.warping.features import FeatureTarget
+from visavis.stimuli.motion.warping.online import OnlineWarp
+from visavis.stimuli.motion.warping.outlook import outlook
+from visavis.stimuli.motion.warping.perceived import SeenBody, body_of, perceived
+from visavis.stimuli.motion.warping.smoothness import peak_turning
+from visavis.stimuli.motion.warping.units import WarpingUnit, units_named
 
 Row = dict[str, Any]
 SIZE_PX = 128

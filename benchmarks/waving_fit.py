@@ -6,11 +6,12 @@
 Run it when meshes, poses or the office changed and with them what can be seen of the 54 waves. It
 renders that (three minutes on two cores; waves once rendered are kept; `--keep` writes it for
 `tests/experiments/waving/test_participant_spread.py`, `--seen` reads it instead), starts from the
-constants in use, and lets `FREE` of `experiments.waving.judgement.Population` evolve (CMA-ES) over
-simulated studies of `PEOPLE` people, with the same random numbers for every candidate, until all
-`TARGETS` hold with a margin: over other studies, over those of the test, and, unless `--seen` was
-given, every row of `benchmarks.waving_participants`. Prints every target and the constants, ready
-to paste; exits with 1 where `--minutes` were over before. Constants in use that hold are left.
+constants in use, and lets `FREE` of `visavis.experiments.waving.judgement.Population` evolve
+(CMA-ES) over simulated studies of `PEOPLE` people, with the same random numbers for every
+candidate, until all `TARGETS` hold with a margin: over other studies, over those of the test, and,
+unless `--seen` was given, every row of `benchmarks.waving_participants`. Prints every target and
+the constants, ready to paste; exits with 1 where `--minutes` were over before. Constants in use
+that hold are left.
 
 `--try` searches nothing: it prints the targets with the constants in use, and with one changed.
 """
@@ -37,22 +38,22 @@ from benchmarks.waving_participants import (
     print_rows,
     study_rows,
 )
-from cli.quick_tracker import tracker_of
-from experiments.waving.clips import TECHNIQUES
-from experiments.waving.judgement import (
+from visavis.cli.quick_tracker import tracker_of
+from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.judgement import (
     DEFAULT_POPULATION,
     Population,
     lapse_share,
     noise_deg,
 )
-from experiments.waving.quick_study import STIMULI, evidence_for
-from experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY, PLACES
-from lab.clock import NS_PER_S, SystemClock
-from lab.errors import UsageError
-from lab.geometry import Vector
-from stimuli.scenes.office import neighbour
+from visavis.experiments.waving.quick_study import STIMULI, evidence_for
+from visavis.experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY, PLACES
+from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Vector
 from visavis.power import KitPower
 from visavis.sessions.runners import on_this_machine
+from visavis.stimuli.scenes.office import neighbour
 
 FIT_SEED, FRESH_SEED, CHECK_SEED = 20_230_000, 30_000_000, 50_000
 """Of studies searched over, of those a find is held against, and of those of the test."""
@@ -223,7 +224,7 @@ def understood(waves: Waves, population: Population) -> Vector:
 def art_p(shares: Vector) -> Vector:
     """Return p (3, k) of technique, direction and interaction, by ART, of k studies (k, n, 2, 3).
 
-    What `analysis.statistics.art_anova` without a correction says of each, for all at once.
+    What `visavis.analysis.statistics.art_anova` without a correction says of each, for all at once.
     """
     n = shares.shape[1]
     mean = shares.mean(axis=1, keepdims=True)
@@ -417,7 +418,7 @@ def _print_targets(seen: Mapping[str, Vector], populations: Mapping[str, Populat
 
 
 def source_lines(population: Population) -> list[str]:
-    """Return the constants searched as `experiments.waving.judgement` writes them."""
+    """Return the constants searched as `visavis.experiments.waving.judgement` writes them."""
     names = dict.fromkeys(name.partition(".")[0] for name in FREE)
     notes = Population.__annotations__
     of_four = "tuple[float, float, float, float]"

@@ -21,7 +21,8 @@ from functools import partial
 
 import numpy as np
 
-from experiments.waving.clips import (
+from visavis.beside import AtOnce, Beside
+from visavis.experiments.waving.clips import (
     DEFAULT_MAKING,
     WARPING,
     Making,
@@ -30,14 +31,25 @@ from experiments.waving.clips import (
     solved_key,
     study_wave,
 )
-from lab.clock import NS_PER_S, StopWatch, SystemClock
-from lab.geometry import Vector
-from stimuli.dressing.office import agents_of, office_picture
-from stimuli.dressing.office_view import eye_at
-from stimuli.motion.warping.control import Situation, is_within, see, tolerance_of, wanted_features
-from stimuli.motion.warping.track import TrackLoop
-from stimuli.scenes.office import CLERKS, CUSTOMERS, STANDING_EYE_M, OfficeFrame, OfficeScene
-from visavis.beside import AtOnce, Beside
+from visavis.lab.clock import NS_PER_S, StopWatch, SystemClock
+from visavis.lab.geometry import Vector
+from visavis.stimuli.dressing.office import agents_of, office_picture
+from visavis.stimuli.dressing.office_view import eye_at
+from visavis.stimuli.motion.warping.control import (
+    Situation,
+    is_within,
+    see,
+    tolerance_of,
+    wanted_features,
+)
+from visavis.stimuli.motion.warping.track import TrackLoop
+from visavis.stimuli.scenes.office import (
+    CLERKS,
+    CUSTOMERS,
+    STANDING_EYE_M,
+    OfficeFrame,
+    OfficeScene,
+)
 
 FRAME_S = 1 / 90
 ON_TARGET_01, RATE_HZ, P99_MS = 0.8, 20.0, 11.0

@@ -2,7 +2,7 @@
 
     python -m benchmarks.waving_participants [--seeds 100] [--participants 16] [--session]
 
-Over the quick path (`experiments.waving.quick_study`): what can be seen of the 54 waves is
+Over the quick path (`visavis.experiments.waving.quick_study`): what can be seen of the 54 waves is
 rendered once, people and answers are drawn anew for every seed. Prints mean accuracies beside
 the published ones and how often each effect is significant, with the closed-form power of the F
 that the source prints; `--session` also times a whole
@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.waving_quick import quick_analysis, quick_study
-from cli.quick_tracker import tracker_of
-from experiments.waving.clips import TECHNIQUES
-from experiments.waving.judgement import DEFAULT_POPULATION, Population
-from experiments.waving.quick_study import STIMULI, evidence_for
-from experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY
-from lab.clock import cpu_time_s
-from lab.config_files import EXAMPLE
+from visavis.cli.quick_tracker import tracker_of
+from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.judgement import DEFAULT_POPULATION, Population
+from visavis.experiments.waving.quick_study import STIMULI, evidence_for
+from visavis.experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY
+from visavis.lab.clock import cpu_time_s
+from visavis.lab.config_files import EXAMPLE
 from visavis.power import KitPower
 
 MEAN_LIMIT = 0.08
@@ -99,9 +99,9 @@ def study_rows(
 
 def session_row() -> dict[str, object]:
     """Return the processor time of one whole simulated session, waves being there already."""
-    from devices.registry import OPTION_MODELS
-    from lab.config import load_config
     from visavis.catalogue import find_study
+    from visavis.devices.registry import OPTION_MODELS
+    from visavis.lab.config import load_config
     from visavis.sessions.perform import perform_new, simulated_request
 
     study = find_study("waving")

@@ -1,6 +1,6 @@
 """Simulate and analyse studies of waving in memory, with people of any population.
 
-Over the study's own quick path (`experiments.waving.quick_study`), which
+Over the study's own quick path (`visavis.experiments.waving.quick_study`), which
 `tests/experiments/waving/test_session.py` holds to a session.
 """
 
@@ -9,13 +9,13 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.waving.judgement import DEFAULT_POPULATION, Population
-from experiments.waving.participant import WavingParticipant
-from experiments.waving.quick_study import quick_trials
-from experiments.waving.study import making_of, study
-from visavis.analysis import StudyAnalysis
 from visavis.experiment import StudyExperiment
+from visavis.experiments.waving.judgement import DEFAULT_POPULATION, Population
+from visavis.experiments.waving.participant import WavingParticipant
+from visavis.experiments.waving.quick_study import quick_trials
+from visavis.experiments.waving.study import making_of, study
 from visavis.opened import OpenedStudy
+from visavis.study_analysis import StudyAnalysis
 
 
 def quick_session(

@@ -4,8 +4,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from devices.registry import driver_spec
-from lab.config import DeviceConfig
+from visavis.devices.registry import driver_spec
+from visavis.lab.config import DeviceConfig
 
 RULES_PATH = "/etc/udev/rules.d/70-visavis.rules"
 """Before 73-seat-late.rules, in which the tag `uaccess` is acted upon."""

@@ -4,8 +4,8 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 
-from devices.transports import Message
-from lab.errors import DeviceDisconnected
+from visavis.devices.transports import Message
+from visavis.lab.errors import DeviceDisconnected
 
 
 class Arrivals:

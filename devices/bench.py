@@ -5,18 +5,23 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
-from devices.building import build_device
-from devices.contracts import Armband, Body, Device, DeviceInfo, Fault, Headset, Health
-from devices.haptic_safety import HapticGuard
-from devices.pump import Pump
-from devices.shared_body import SharedBody
-from devices.sim.body.idle import IdleBody
-from devices.stream_figures import ClockFigures, StreamFigures, clock_figures, stream_figures
-from devices.wires import BARE, Wires
-from lab.clock import NS_PER_S, Clock
-from lab.config import DeviceConfig
-from lab.errors import DeviceTimeout, LabError
-from lab.schema import SampleBatch
+from visavis.devices.building import build_device
+from visavis.devices.contracts import Armband, Body, Device, DeviceInfo, Fault, Headset, Health
+from visavis.devices.haptic_safety import HapticGuard
+from visavis.devices.pump import Pump
+from visavis.devices.shared_body import SharedBody
+from visavis.devices.sim.body.idle import IdleBody
+from visavis.devices.stream_figures import (
+    ClockFigures,
+    StreamFigures,
+    clock_figures,
+    stream_figures,
+)
+from visavis.devices.wires import BARE, Wires
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import DeviceTimeout, LabError
+from visavis.lab.schema import SampleBatch
 
 OPEN_DEADLINE_S = 5.0
 SIMULATED_OPEN_S = 20.0

@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector
+from visavis.lab.geometry import Vector
 
 EYES_DTYPE = np.dtype(
     [

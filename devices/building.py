@@ -4,14 +4,14 @@ from contextlib import ExitStack
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from devices.contracts import Body, Device
-from devices.faults import FaultSchedule
-from devices.registry import driver_spec
-from devices.spec import AnySpec, Site
-from devices.wires import BARE, Wires
-from lab.clock import Clock
-from lab.config import DeviceConfig
-from lab.errors import ConfigError, DeviceNotFound
+from visavis.devices.contracts import Body, Device
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.registry import driver_spec
+from visavis.devices.spec import AnySpec, Site
+from visavis.devices.wires import BARE, Wires
+from visavis.lab.clock import Clock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import ConfigError, DeviceNotFound
 
 _SHARED: WeakKeyDictionary[ExitStack, dict[str, Any]] = WeakKeyDictionary()
 """What the devices of one rig share: its runtimes and libraries, by name."""

@@ -7,7 +7,7 @@ its own arrival time, so a driver cannot tell simulation from a cable.
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 
 
 class Chunk(NamedTuple):

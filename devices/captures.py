@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from devices.registry import driver_names, driver_spec
-from devices.wirelog import WireLog
-from lab.config import DeviceConfig
-from lab.errors import DataError, UsageError
+from visavis.devices.registry import driver_names, driver_spec
+from visavis.devices.wirelog import WireLog
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import DataError, UsageError
 
 ROLE = "replayed"
 

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from devices.contracts import (
+from visavis.devices.contracts import (
     GAZE,
     HAPTICS,
     HEAD,
@@ -27,11 +27,11 @@ from devices.contracts import (
     TriggerOutput,
     body_schema,
 )
-from lab.clock import NS_PER_MS
-from lab.errors import DeviceError
-from lab.geometry import Pose
-from lab.schema import SampleBatch, StreamSchema
-from stimuli.sound import Sound
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.errors import DeviceError
+from visavis.lab.geometry import Pose
+from visavis.lab.schema import SampleBatch, StreamSchema
+from visavis.stimuli.sound import Sound
 
 LetPass = Callable[[float], None]
 

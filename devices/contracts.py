@@ -11,30 +11,30 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
 
-from devices.body_contract import EYES_DTYPE as EYES_DTYPE
-from devices.body_contract import Body as Body
-from devices.body_contract import ForeseeableHand as ForeseeableHand
-from devices.body_contract import MovingBody as MovingBody
-from devices.body_contract import OneStretch as OneStretch
-from devices.body_contract import PressesNothing as PressesNothing
-from devices.body_contract import RecallingBody as RecallingBody
-from devices.streams import BAND as BAND
-from devices.streams import BAND_EVENTS as BAND_EVENTS
-from devices.streams import FRAME_TIMING as FRAME_TIMING
-from devices.streams import GAZE as GAZE
-from devices.streams import HAPTICS as HAPTICS
-from devices.streams import HEAD as HEAD
-from devices.streams import NO_DEVICE_TIME as NO_DEVICE_TIME
-from devices.streams import POINTER as POINTER
-from devices.streams import RESPONSES as RESPONSES
-from devices.streams import SOUND as SOUND
-from devices.streams import SOUND_EVENTS as SOUND_EVENTS
-from devices.streams import body_schema as body_schema
-from lab.frame import FrameInfo
-from lab.geometry import Pose, Vector
-from lab.schema import SampleBatch, StreamSchema
-from lab.screen import FlatScreen
-from stimuli.sound import Sound
+from visavis.devices.body_contract import EYES_DTYPE as EYES_DTYPE
+from visavis.devices.body_contract import Body as Body
+from visavis.devices.body_contract import ForeseeableHand as ForeseeableHand
+from visavis.devices.body_contract import MovingBody as MovingBody
+from visavis.devices.body_contract import OneStretch as OneStretch
+from visavis.devices.body_contract import PressesNothing as PressesNothing
+from visavis.devices.body_contract import RecallingBody as RecallingBody
+from visavis.devices.streams import BAND as BAND
+from visavis.devices.streams import BAND_EVENTS as BAND_EVENTS
+from visavis.devices.streams import FRAME_TIMING as FRAME_TIMING
+from visavis.devices.streams import GAZE as GAZE
+from visavis.devices.streams import HAPTICS as HAPTICS
+from visavis.devices.streams import HEAD as HEAD
+from visavis.devices.streams import NO_DEVICE_TIME as NO_DEVICE_TIME
+from visavis.devices.streams import POINTER as POINTER
+from visavis.devices.streams import RESPONSES as RESPONSES
+from visavis.devices.streams import SOUND as SOUND
+from visavis.devices.streams import SOUND_EVENTS as SOUND_EVENTS
+from visavis.devices.streams import body_schema as body_schema
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose, Vector
+from visavis.lab.schema import SampleBatch, StreamSchema
+from visavis.lab.screen import FlatScreen
+from visavis.stimuli.sound import Sound
 
 Sink = Callable[[SampleBatch], None]
 

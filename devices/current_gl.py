@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lab.errors import DeviceError
+from visavis.lab.errors import DeviceError
 
 SRGB8_ALPHA8 = 0x8C43
 

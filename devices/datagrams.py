@@ -1,8 +1,8 @@
 """Carry single datagrams between a driver and its device over UDP.
 
-It follows `devices.transports.MessageTransport`: a message is one datagram, a request is one sent
-to the device, and whatever comes back turns up in `receive`. In memory the same bytes travel by
-`devices.transports.MemoryTransport`.
+It follows `visavis.devices.transports.MessageTransport`: a message is one datagram, a request is
+one sent to the device, and whatever comes back turns up in `receive`. In memory the same bytes
+travel by `visavis.devices.transports.MemoryTransport`.
 """
 
 import contextlib
@@ -10,9 +10,9 @@ import select
 import socket
 from collections.abc import Sequence
 
-from devices.transports import Exchange, Frames, Message
-from lab.clock import Clock
-from lab.errors import DeviceError, DeviceNotFound
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceError, DeviceNotFound
 
 RECEIVE_BUFFER_BYTES = 4 * 1024 * 1024
 MAX_DATAGRAM = 65_535

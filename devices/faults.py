@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from lab.clock import NS_PER_S
-from lab.errors import ConfigError
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import ConfigError
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import FRAME_TIMING, HEAD, DeviceState, Health, Sink
-from devices.meter import StreamMeter
-from lab.frame import FrameInfo
-from lab.schema import SampleBatch, StreamSchema
+from visavis.devices.contracts import FRAME_TIMING, HEAD, DeviceState, Health, Sink
+from visavis.devices.meter import StreamMeter
+from visavis.lab.frame import FrameInfo
+from visavis.lab.schema import SampleBatch, StreamSchema
 
 HEAD_ROW = struct.Struct("<3f4f?")
 """A row of `HEAD.dtype`."""

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping
 from types import FrameType
 from typing import Any, Protocol
 
-from lab.clock import NS_PER_MS, Clock
+from visavis.lab.clock import NS_PER_MS, Clock
 
 STANDSTILL_MS = 150
 LOOK_EVERY_S = 0.02

@@ -2,14 +2,14 @@
 
 from contextlib import ExitStack
 
-from devices.building import build_device
-from devices.contracts import Armband
-from devices.haptic_safety import HapticGuard
-from devices.pump import Pump
-from devices.sim.body.idle import IdleBody
-from lab.clock import NS_PER_MS, Clock
-from lab.config import DeviceConfig
-from lab.errors import DeviceError
+from visavis.devices.building import build_device
+from visavis.devices.contracts import Armband
+from visavis.devices.haptic_safety import HapticGuard
+from visavis.devices.pump import Pump
+from visavis.devices.sim.body.idle import IdleBody
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import DeviceError
 
 OPEN_DEADLINE_S = 10.0
 PULSES = 3

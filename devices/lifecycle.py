@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from devices.contracts import ClockPair, DeviceState
-from lab.errors import DeviceError
+from visavis.devices.contracts import ClockPair, DeviceState
+from visavis.lab.errors import DeviceError
 
 
 class Lifecycle:

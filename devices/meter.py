@@ -3,8 +3,8 @@
 from collections import deque
 from collections.abc import Iterable
 
-from devices.contracts import DeviceState, Health
-from lab.clock import NS_PER_MS, NS_PER_S
+from visavis.devices.contracts import DeviceState, Health
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
 
 GAP_PERIODS = 1.5
 """A spacing of device stamps above this many nominal periods is a gap."""

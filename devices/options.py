@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from devices.faults import FaultSchedule
-from lab.errors import ConfigError
+from visavis.devices.faults import FaultSchedule
+from visavis.lab.errors import ConfigError
 
 
 class Options(BaseModel):

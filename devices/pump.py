@@ -12,10 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol, runtime_checkable
 
-from devices.contracts import Device, DeviceState, Fault, Health, Sink
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceDisconnected
-from lab.schema import SampleBatch
+from visavis.devices.contracts import Device, DeviceState, Fault, Health, Sink
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected
+from visavis.lab.schema import SampleBatch
 
 QUEUE_BATCHES = 4096
 SILENCE_PERIODS = 3

@@ -14,11 +14,11 @@ from importlib.metadata import EntryPoint, entry_points
 
 from pydantic import BaseModel
 
-from devices.spec import AnySpec, DriverSpec
-from lab.errors import ConfigError
+from visavis.devices.spec import AnySpec, DriverSpec
+from visavis.lab.errors import ConfigError
 
 ENTRY_POINT_GROUP = "visavis.drivers"
-FOLDERS = ("devices.drivers", "devices.sim")
+FOLDERS = ("visavis.devices.drivers", "visavis.devices.sim")
 
 
 @cache
@@ -81,7 +81,7 @@ class _OptionModels(Mapping[str, type[BaseModel]]):
 
 
 OPTION_MODELS: Mapping[str, type[BaseModel]] = _OptionModels()
-"""The options of every driver known here, as `lab.config` checks them."""
+"""The options of every driver known here, as `visavis.lab.config` checks them."""
 
 
 @cache

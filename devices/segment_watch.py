@@ -15,10 +15,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import Fault
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.devices.contracts import Fault
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 Flags = npt.NDArray[np.bool_]
 Moved = frozenset[tuple[str, int]]

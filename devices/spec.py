@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast
 
 from pydantic import ValidationError
 
-from devices.libraries import Library
-from devices.options import Options
-from lab.errors import ConfigError
+from visavis.devices.libraries import Library
+from visavis.devices.options import Options
+from visavis.lab.errors import ConfigError
 
 if TYPE_CHECKING:
-    from devices.byte_links import ByteLink
-    from devices.contracts import Body, Device, DeviceInfo, MovingBody
-    from devices.faults import FaultSchedule
-    from devices.transports import MessageTransport
-    from lab.clock import Clock
+    from visavis.devices.byte_links import ByteLink
+    from visavis.devices.contracts import Body, Device, DeviceInfo, MovingBody
+    from visavis.devices.faults import FaultSchedule
+    from visavis.devices.transports import MessageTransport
+    from visavis.lab.clock import Clock
 
 Kind = Literal[
     "eye tracker",
@@ -127,7 +127,7 @@ def streamed_by(simulator: str) -> Callable[[Site[Any]], "MessageTransport"]:
     """Return a `simulated`: a memory wire to `Site.peer`."""
 
     def wire(site: Site[Any]) -> "MessageTransport":
-        from devices.transports import MemoryTransport
+        from visavis.devices.transports import MemoryTransport
 
         return MemoryTransport(site.peer(simulator), site.clock)
 
@@ -141,7 +141,7 @@ def spoken_by(simulator: str) -> Callable[[Site[Any]], "ByteLink"]:
     """
 
     def link(site: Site[Any]) -> "ByteLink":
-        from devices.byte_links import MemoryLink
+        from visavis.devices.byte_links import MemoryLink
 
         peer = imported(simulator)(
             site.role,
@@ -160,7 +160,7 @@ def worn_as(simulator: str, **more: Any) -> Callable[[Site[Any]], "ByteLink"]:
     """Return a `simulated`: a memory link to a band ("module:Class") which the body feels."""
 
     def link(site: Site[Any]) -> "ByteLink":
-        from devices.byte_links import MemoryLink
+        from visavis.devices.byte_links import MemoryLink
 
         options = {"seed": 0, **more, **site.options.for_simulator()}
         options["seed"] += site.own_seed
@@ -226,7 +226,7 @@ class DriverSpec(Generic[O]):
 
     def info(self, role: str, wire: Any) -> "DeviceInfo":
         """Return who the device is before it is open; without a wire (None) it is simulated."""
-        from devices.contracts import DeviceInfo
+        from visavis.devices.contracts import DeviceInfo
 
         return DeviceInfo(
             role=role,

@@ -3,10 +3,10 @@
 import importlib.util
 from dataclasses import dataclass
 
-from devices.libraries import Library
-from devices.registry import driver_spec, driver_specs
-from devices.spec import AnySpec
-from lab.config import LabConfig
+from visavis.devices.libraries import Library
+from visavis.devices.registry import driver_spec, driver_specs
+from visavis.devices.spec import AnySpec
+from visavis.lab.config import LabConfig
 
 RUNTIMES = {
     "openvr": "SteamVR, started",

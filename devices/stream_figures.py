@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import NO_DEVICE_TIME, ClockPair
-from devices.meter import GAP_PERIODS
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.clock_fit import ClockFit, fit_clock, fit_one_way, offset_ns
-from lab.schema import SampleBatch, StreamSchema
+from visavis.devices.contracts import NO_DEVICE_TIME, ClockPair
+from visavis.devices.meter import GAP_PERIODS
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.clock_fit import ClockFit, fit_clock, fit_one_way, offset_ns
+from visavis.lab.schema import SampleBatch, StreamSchema
 
 MIN_FOR_FIGURES = 10
 THIN_NS = NS_PER_S // 2

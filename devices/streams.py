@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from lab.schema import Field, StreamSchema
+from visavis.lab.schema import Field, StreamSchema
 
 GAZE = StreamSchema(
     name="gaze",

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceNotFound, DeviceTimeout
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceNotFound, DeviceTimeout
 
 Frames = tuple[bytes, ...]
 

@@ -16,10 +16,10 @@ from typing import Any, BinaryIO, Generic, TypeVar
 
 import msgpack
 
-from devices.byte_links import ByteLink, Chunk
-from devices.transports import Exchange, Frames, Message, MessageTransport
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DataError, DeviceNotFound, DeviceTimeout
+from visavis.devices.byte_links import ByteLink, Chunk
+from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DataError, DeviceNotFound, DeviceTimeout
 
 FORMAT = "visavis-wire"
 VERSION = 1

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from devices.byte_links import ByteLink
-from devices.transports import MessageTransport
-from devices.wirelog import ReplayLink, ReplayTransport, TeeLink, TeeTransport
-from lab.clock import Clock
+from visavis.devices.byte_links import ByteLink
+from visavis.devices.transports import MessageTransport
+from visavis.devices.wirelog import ReplayLink, ReplayTransport, TeeLink, TeeTransport
+from visavis.lab.clock import Clock
 
 
 class Wires(Protocol):

@@ -6,8 +6,8 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from lab.errors import DesignError
-from protocol.orders import Cell
+from visavis.lab.errors import DesignError
+from visavis.protocol.orders import Cell
 
 STARTS = 20
 PLATEAU_STEPS = 60

@@ -10,11 +10,11 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.geometry import Pose, rotate, turn_towards
-from protocol.steps import Answered, FrameView, NextFrame, Show, Step
-from stimuli.panels import choice_met
-from stimuli.picture import Panel
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.geometry import Pose, rotate, turn_towards
+from visavis.protocol.steps import Answered, FrameView, NextFrame, Show, Step
+from visavis.stimuli.panels import choice_met
+from visavis.stimuli.picture import Panel
 
 CONFIRM: Final = ("trigger", "select")
 """Controls that take the choice pointed at (or looked at, where nothing points)."""

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from lab.clock import NS_PER_S
-from protocol.experiment import ValidationVerdict
+from visavis.lab.clock import NS_PER_S
+from visavis.protocol.experiment import ValidationVerdict
 
 
 @dataclass(frozen=True)

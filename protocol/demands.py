@@ -2,8 +2,8 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
-from devices.contracts import Armband, Fault, VibrationPattern
-from protocol.experiment import Demands
+from visavis.devices.contracts import Armband, Fault, VibrationPattern
+from visavis.protocol.experiment import Demands
 
 
 def unmet(

@@ -12,11 +12,11 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from lab.errors import DesignError
-from protocol.balance import balanced_blocks
-from protocol.orders import Cell, Constraint, broken_rules, latin_square, shuffled, williams
-from protocol.plan import Block, SessionPlan, Trial
-from protocol.steps import Scalar
+from visavis.lab.errors import DesignError
+from visavis.protocol.balance import balanced_blocks
+from visavis.protocol.orders import Cell, Constraint, broken_rules, latin_square, shuffled, williams
+from visavis.protocol.plan import Block, SessionPlan, Trial
+from visavis.protocol.steps import Scalar
 
 TrialOrder: TypeAlias = Literal["fixed", "random", "balanced_blocks", "latin_square", "williams"]
 BlockOrder: TypeAlias = Literal["fixed", "random", "latin_square", "williams"]

@@ -7,12 +7,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import VibrationPattern
-from lab.geometry import Vector
-from protocol.plan import SessionPlan, Trial
-from protocol.steps import Plan
-from stimuli.scene import Scene, SceneFrame
-from stimuli.sound import Sound
+from visavis.devices.contracts import VibrationPattern
+from visavis.lab.geometry import Vector
+from visavis.protocol.plan import SessionPlan, Trial
+from visavis.protocol.steps import Plan
+from visavis.stimuli.scene import Scene, SceneFrame
+from visavis.stimuli.sound import Sound
 
 
 class Experiment(Protocol):

@@ -1,18 +1,18 @@
 """The register of a study's exports: what left the study's folders, of whom, where to, with hashes.
 
-`<study_root>/exports.jsonl` only grows (recording.chained). A withdrawal reads it to delete, or at
-least to name, what was made of a person's data.
+`<study_root>/exports.jsonl` only grows (visavis.recording.chained). A withdrawal reads it to
+delete, or at least to name, what was made of a person's data.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lab.clock import Clock
-from lab.errors import LedgerError
-from protocol.file_lock import locked
-from recording.chained import append_lines, read_lines
-from recording.durable import sha256_of
+from visavis.lab.clock import Clock
+from visavis.lab.errors import LedgerError
+from visavis.protocol.file_lock import locked
+from visavis.recording.chained import append_lines, read_lines
+from visavis.recording.durable import sha256_of
 
 REGISTER_NAME = "exports.jsonl"
 LOCK_NAME = ".exports.lock"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from lab.errors import LedgerError, RecordingError
-from recording.durable import make_folder, modes_in
+from visavis.lab.errors import LedgerError, RecordingError
+from visavis.recording.durable import make_folder, modes_in
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
-from devices.contracts import (
+from visavis.devices.contracts import (
     GAZE,
     HEAD,
     POINTER,
@@ -18,18 +18,18 @@ from devices.contracts import (
     OnScreen,
     PoseAtOnce,
 )
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceError
-from lab.frame import FrameInfo
-from lab.geometry import Pose
-from lab.schema import SampleBatch
-from protocol.experiment import Experiment
-from protocol.observation import MAX_WAITING, GazeObserver
-from protocol.rig import RunningRig
-from protocol.row_buffer import RowBuffer
-from protocol.screen_gaze import seen_on_screen
-from protocol.states import SessionState, StateMachine
-from protocol.steps import (
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceError
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.experiment import Experiment
+from visavis.protocol.observation import MAX_WAITING, GazeObserver
+from visavis.protocol.rig import RunningRig
+from visavis.protocol.row_buffer import RowBuffer
+from visavis.protocol.screen_gaze import seen_on_screen
+from visavis.protocol.states import SessionState, StateMachine
+from visavis.protocol.steps import (
     BodyView,
     FrameView,
     GazeView,
@@ -38,10 +38,10 @@ from protocol.steps import (
     Silence,
     Sounded,
 )
-from protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
-from recording.writer import Recorder
-from stage.contracts import Glance, Stage
-from stimuli.scene import Scene, SceneFrame
+from visavis.protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
+from visavis.recording.writer import Recorder
+from visavis.stage.contracts import Glance, Stage
+from visavis.stimuli.scene import Scene, SceneFrame
 
 STATE_CODES = {state: code for code, state in enumerate(SessionState)}
 HOLD_REAL_NS = 50 * NS_PER_MS
@@ -303,7 +303,7 @@ class FrameLoop:
         self._scene_states.flush()
 
     def set_reflex(self, answer: Answer | None) -> None:
-        """Answer body samples when they arrive from now on; see `protocol.steps.Reflex`."""
+        """Answer body samples when they arrive from now on; see `visavis.protocol.steps.Reflex`."""
         with self._reflex_lock:
             self._reflex = answer
         self._body_period_ns = None if answer is None else self._rig.body_period_ns

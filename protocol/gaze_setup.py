@@ -13,16 +13,16 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import (
+from visavis.devices.contracts import (
     CalibrationOutcome,
     CameraOnHead,
     EyeTracker,
     OnScreen,
     PatientCalibration,
 )
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import DeviceTimeout
-from lab.geometry import (
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import DeviceTimeout
+from visavis.lab.geometry import (
     Pose,
     Vector,
     direction_from_yaw_pitch_deg,
@@ -31,13 +31,13 @@ from lab.geometry import (
     rotate,
     unit,
 )
-from lab.rotation_fit import fit_turn
-from lab.schema import SampleBatch
-from protocol.experiment import Experiment, ValidationPoint
-from protocol.frame_loop import FrameLoop
-from protocol.participants import SimulatedParticipant
-from protocol.steps import FrameView
-from stimuli.motion.rotations import quat_between
+from visavis.lab.rotation_fit import fit_turn
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.experiment import Experiment, ValidationPoint
+from visavis.protocol.frame_loop import FrameLoop
+from visavis.protocol.participants import SimulatedParticipant
+from visavis.protocol.steps import FrameView
+from visavis.stimuli.motion.rotations import quat_between
 
 TARGET_DISTANCE_M = 2.0
 VERDICT_WITHIN_S = 10.0

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lab.errors import LedgerError
-from protocol.file_lock import locked
-from recording.sealed import read_sealed, seal
+from visavis.lab.errors import LedgerError
+from visavis.protocol.file_lock import locked
+from visavis.recording.sealed import read_sealed, seal
 
 FORMAT_VERSION = 2
 """Key files of this version and later end in their own checksum."""

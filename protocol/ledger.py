@@ -2,8 +2,8 @@
 
 `<study_root>/participants.jsonl` only grows: one JSON line per event, flushed and synced under a
 lock, so that two rooms cannot issue one identifier or one place in the order. Every line vouches
-for all before it, and the file has a copy (recording.chained). It holds no names; those are in the
-key file (protocol.key_file).
+for all before it, and the file has a copy (visavis.recording.chained). It holds no names; those are
+in the key file (visavis.protocol.key_file).
 """
 
 import builtins
@@ -14,15 +14,15 @@ from itertools import count, islice
 from pathlib import Path
 from typing import Any, Literal
 
-from lab.clock import Clock
-from lab.errors import LedgerError
-from protocol.exports_register import registered_exports
-from protocol.file_lock import locked
-from protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
-from protocol.key_file import KeyFile
-from protocol.own_body import OwnBody, read_own_body, remove_own_body, write_own_body
-from protocol.withdrawal import Removal, may_have_data, remove_participant
-from recording.chained import append_lines, read_lines
+from visavis.lab.clock import Clock
+from visavis.lab.errors import LedgerError
+from visavis.protocol.exports_register import registered_exports
+from visavis.protocol.file_lock import locked
+from visavis.protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
+from visavis.protocol.key_file import KeyFile
+from visavis.protocol.own_body import OwnBody, read_own_body, remove_own_body, write_own_body
+from visavis.protocol.withdrawal import Removal, may_have_data, remove_participant
+from visavis.recording.chained import append_lines, read_lines
 
 LEDGER_NAME = "participants.jsonl"
 LOCK_NAME = ".participants.lock"
@@ -95,9 +95,9 @@ class Ledger:
         """Issue an identifier never used before and a place in the order.
 
         Without `number`, the next free one. `group` is a name, or a function of the index that
-        is called while the ledger is held (protocol.design.group_of). The place is the first free
-        one (see `next_place`); `index` asks for a certain place, and `replaces` takes over index
-        and group of a withdrawn participant.
+        is called while the ledger is held (visavis.protocol.design.group_of). The place is the
+        first free one (see `next_place`); `index` asks for a certain place, and `replaces` takes
+        over index and group of a withdrawn participant.
         """
         with self._held():
             entries = self._read()

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import GAZE
-from lab.compiled import compiled
-from lab.geometry import Pose
-from lab.schema import SampleBatch
-from protocol.row_buffer import RowBuffer
-from protocol.steps import GazeView
-from stimuli.scene import Scene
-from stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_rays
+from visavis.devices.contracts import GAZE
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Pose
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.row_buffer import RowBuffer
+from visavis.protocol.steps import GazeView
+from visavis.stimuli.scene import Scene
+from visavis.stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_rays
 
 DELAYS_KEPT = 240
 """Batches of gaze in which the least delay is looked for: some seconds."""

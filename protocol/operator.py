@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
-from devices.contracts import Fault, Health
-from protocol.states import SessionState
-from protocol.steps import FrameView
-from stage.contracts import Glance
-from stimuli.scene import SceneFrame
+from visavis.devices.contracts import Fault, Health
+from visavis.protocol.states import SessionState
+from visavis.protocol.steps import FrameView
+from visavis.stage.contracts import Glance
+from visavis.stimuli.scene import SceneFrame
 
 
 class Action(StrEnum):
@@ -48,7 +48,7 @@ last flag or pause was."""
 @dataclass(frozen=True)
 class Command:
     """One finished request of the operator; `text` is the reason or note, `code` the reason among
-    those of the lab (`lab.config.INCIDENTS`).
+    those of the lab (`visavis.lab.config.INCIDENTS`).
     """
 
     action: Action

@@ -3,19 +3,19 @@
 from collections.abc import Mapping
 from typing import Any
 
-from devices.contracts import Armband, Fault
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import SessionAborted
-from protocol.calibration_record import CalibrationInForce
-from protocol.frame_loop import FrameLoop
-from protocol.operator import Action, BodyContact, Command, SessionStatus
-from protocol.plan import Trial
-from protocol.rig import RunningRig
-from protocol.session_setup import SessionSetup
-from protocol.stall_watch import StallWatch, as_reason
-from protocol.standing_faults import StandingFaults
-from protocol.states import SessionState, StateMachine
-from protocol.steps import FrameView
+from visavis.devices.contracts import Armband, Fault
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import SessionAborted
+from visavis.protocol.calibration_record import CalibrationInForce
+from visavis.protocol.frame_loop import FrameLoop
+from visavis.protocol.operator import Action, BodyContact, Command, SessionStatus
+from visavis.protocol.plan import Trial
+from visavis.protocol.rig import RunningRig
+from visavis.protocol.session_setup import SessionSetup
+from visavis.protocol.stall_watch import StallWatch, as_reason
+from visavis.protocol.standing_faults import StandingFaults
+from visavis.protocol.states import SessionState, StateMachine
+from visavis.protocol.steps import FrameView
 
 CONTACT_BEGIN, CONTACT_RENEW, CONTACT_END = "contact_begin", "contact_renew", "contact_end"
 """Marks by which a plan tells what the participant's body touches, with `role` (the armband that

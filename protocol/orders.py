@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from lab.errors import DesignError
-from protocol.steps import Scalar
+from visavis.lab.errors import DesignError
+from visavis.protocol.steps import Scalar
 
 Cell: TypeAlias = Mapping[str, Scalar]
 """One combination of factor levels."""

@@ -6,9 +6,9 @@ It is kept in the person's folder, not in the ledger, which only grows: a withdr
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from lab.errors import LedgerError
-from recording.durable import make_folder
-from recording.sealed import copy_path, read_sealed, write_sealed
+from visavis.lab.errors import LedgerError
+from visavis.recording.durable import make_folder
+from visavis.recording.sealed import copy_path, read_sealed, write_sealed
 
 OWN_BODY_NAME = "own_body.json"
 FILE_NAMES = (OWN_BODY_NAME, copy_path(Path(OWN_BODY_NAME)).name)

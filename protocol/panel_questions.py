@@ -9,15 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from protocol.boards import QUESTIONNAIRE, Chosen, DwellRule, ask_on_board
-from protocol.experiment import Respondent
-from protocol.frame_loop import FrameLoop
-from protocol.participants import SimulatedParticipant
-from protocol.steps import FrameView, Show
-from recording.writer import Recorder
-from stimuli.panels import SIZE_M, PanelFrame, choice_centre_m, placed_before
-from stimuli.picture import Panel
-from stimuli.scene import Scene
+from visavis.protocol.boards import QUESTIONNAIRE, Chosen, DwellRule, ask_on_board
+from visavis.protocol.experiment import Respondent
+from visavis.protocol.frame_loop import FrameLoop
+from visavis.protocol.participants import SimulatedParticipant
+from visavis.protocol.steps import FrameView, Show
+from visavis.recording.writer import Recorder
+from visavis.stimuli.panels import SIZE_M, PanelFrame, choice_centre_m, placed_before
+from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import Scene
 
 MAX_CHOICES = 9
 LEAVE_OUT = "no answer"

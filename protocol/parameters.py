@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from lab.errors import ConfigError
+from visavis.lab.errors import ConfigError
 
 P = TypeVar("P")
 

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
-from devices.contracts import Body
-from stage.contracts import Viewer
+from visavis.devices.contracts import Body
+from visavis.stage.contracts import Viewer
 
 
 class SimulatedParticipant(Body, Viewer, Protocol):

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lab.chance import generator
-from protocol.steps import Scalar
+from visavis.lab.chance import generator
+from visavis.protocol.steps import Scalar
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocol.plan import Block, Trial
-from recording.reader import Recording
+from visavis.protocol.plan import Block, Trial
+from visavis.recording.reader import Recording
 
 DONE = frozenset({"complete", "skipped"})
 

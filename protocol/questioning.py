@@ -1,11 +1,11 @@
 """Ask a session's questionnaires: after the blocks they belong to, and at the end."""
 
-from lab.errors import UsageError
-from protocol.experiment import Respondent
-from protocol.frame_loop import FrameLoop
-from protocol.plan import Block, asked_after
-from protocol.questionnaires import Question, Questionnaire, read_answer
-from protocol.session_setup import SessionSetup
+from visavis.lab.errors import UsageError
+from visavis.protocol.experiment import Respondent
+from visavis.protocol.frame_loop import FrameLoop
+from visavis.protocol.plan import Block, asked_after
+from visavis.protocol.questionnaires import Question, Questionnaire, read_answer
+from visavis.protocol.session_setup import SessionSetup
 
 MAX_ASKED = 3
 """How often a question is put when the answer is none of the possible ones."""

@@ -12,10 +12,10 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from lab.errors import ConfigError, UsageError
-from lab.model_problems import model_problems
-from lab.units import read_quantity
-from lab.yaml_lines import Document, Problem, ProblemsError, did_you_mean, read_document
+from visavis.lab.errors import ConfigError, UsageError
+from visavis.lab.model_problems import model_problems
+from visavis.lab.units import read_quantity
+from visavis.lab.yaml_lines import Document, Problem, ProblemsError, did_you_mean, read_document
 
 SCALES_DIR = Path(__file__).parent / "scales"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from devices.contracts import (
+from visavis.devices.contracts import (
     Armband,
     BodyTracker,
     ClockPair,
@@ -21,14 +21,14 @@ from devices.contracts import (
     SoundOutput,
     TriggerOutput,
 )
-from devices.pump import Pump
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceError
-from lab.geometry import Pose
-from lab.schema import SampleBatch, StreamSchema
-from protocol.demands import unmet
-from protocol.experiment import Demands
-from protocol.steps import Play, PlaySound, Vibrate
+from visavis.devices.pump import Pump
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceError
+from visavis.lab.geometry import Pose
+from visavis.lab.schema import SampleBatch, StreamSchema
+from visavis.protocol.demands import unmet
+from visavis.protocol.experiment import Demands
+from visavis.protocol.steps import Play, PlaySound, Vibrate
 
 OPEN_DEADLINE_S = 10.0
 

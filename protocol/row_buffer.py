@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from lab.schema import SampleBatch, StreamSchema, empty_values
+from visavis.lab.schema import SampleBatch, StreamSchema, empty_values
 
 
 class RowBuffer:

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab.geometry import Pose, quat_conjugate, rotate
-from lab.schema import SampleBatch
-from lab.screen import FlatScreen
+from visavis.lab.geometry import Pose, quat_conjugate, rotate
+from visavis.lab.schema import SampleBatch
+from visavis.lab.screen import FlatScreen
 
 DIRECTIONS = ("direction_head", "left_direction_head", "right_direction_head")
 

@@ -2,24 +2,24 @@
 
 from collections import deque
 
-from devices.contracts import CalibrationOutcome
-from lab.clock import NS_PER_S
-from lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
-from protocol.calibration_record import CalibrationInForce
-from protocol.experiment import Foreseeing, Respondent, demands_of, spare_roles_of
-from protocol.frame_loop import FrameLoop
-from protocol.gaze_setup import GazeSetup
-from protocol.operator import Action
-from protocol.operator_desk import LOST_STREAM_NS, OperatorDesk
-from protocol.panel_questions import PanelRespondent
-from protocol.participants import Learner
-from protocol.plan import Block, Trial
-from protocol.progress import left_of
-from protocol.questioning import Questioning
-from protocol.rig import RunningRig
-from protocol.session_setup import SessionSetup
-from protocol.states import SessionState, StateMachine
-from protocol.trial_runner import Outcome, TrialRunner
+from visavis.devices.contracts import CalibrationOutcome
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
+from visavis.protocol.calibration_record import CalibrationInForce
+from visavis.protocol.experiment import Foreseeing, Respondent, demands_of, spare_roles_of
+from visavis.protocol.frame_loop import FrameLoop
+from visavis.protocol.gaze_setup import GazeSetup
+from visavis.protocol.operator import Action
+from visavis.protocol.operator_desk import LOST_STREAM_NS, OperatorDesk
+from visavis.protocol.panel_questions import PanelRespondent
+from visavis.protocol.participants import Learner
+from visavis.protocol.plan import Block, Trial
+from visavis.protocol.progress import left_of
+from visavis.protocol.questioning import Questioning
+from visavis.protocol.rig import RunningRig
+from visavis.protocol.session_setup import SessionSetup
+from visavis.protocol.states import SessionState, StateMachine
+from visavis.protocol.trial_runner import Outcome, TrialRunner
 
 MAX_CALIBRATIONS = 3
 """Attempts before the session goes on with the best it got and says so (gaze.md section 5)."""

@@ -4,19 +4,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from devices.contracts import DeviceInfo
-from lab.clock import Clock
-from protocol.experiment import Experiment, Respondent, ValidationJudge
-from protocol.gaze_setup import TargetTiming
-from protocol.operator import Operator
-from protocol.panel_questions import LEAVE_OUT
-from protocol.participants import SimulatedParticipant
-from protocol.plan import SessionPlan
-from protocol.progress import Progress
-from protocol.questionnaires import Questionnaire
-from protocol.rig import Rig
-from recording.writer import Recorder
-from stage.contracts import Stage
+from visavis.devices.contracts import DeviceInfo
+from visavis.lab.clock import Clock
+from visavis.protocol.experiment import Experiment, Respondent, ValidationJudge
+from visavis.protocol.gaze_setup import TargetTiming
+from visavis.protocol.operator import Operator
+from visavis.protocol.panel_questions import LEAVE_OUT
+from visavis.protocol.participants import SimulatedParticipant
+from visavis.protocol.plan import SessionPlan
+from visavis.protocol.progress import Progress
+from visavis.protocol.questionnaires import Questionnaire
+from visavis.protocol.rig import Rig
+from visavis.recording.writer import Recorder
+from visavis.stage.contracts import Stage
 
 LOST_DEVICE_S = 300.0
 """How long a session waits for a device to come back before it ends, resumable."""

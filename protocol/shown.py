@@ -7,12 +7,12 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
-from lab.errors import DataError
-from lab.geometry import Vector
-from protocol.plan import Trial
-from recording.kept import KeptRecording
-from recording.reader import Recording
-from stimuli.scene import Agent, Scene, SceneFrame
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Vector
+from visavis.protocol.plan import Trial
+from visavis.recording.kept import KeptRecording
+from visavis.recording.reader import Recording
+from visavis.stimuli.scene import Agent, Scene, SceneFrame
 
 T = TypeVar("T")
 

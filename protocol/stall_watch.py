@@ -1,6 +1,6 @@
 """Notice when the session itself stood still: no frame came, so nothing was shown or answered."""
 
-from lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
 
 STALL_NS = 250 * NS_PER_MS
 """A picture that stands for this long is a stall, not a dropped frame or two."""

@@ -4,9 +4,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from devices.contracts import Fault
-from lab.clock import NS_PER_MS, NS_PER_S
-from recording.writer import Recorder
+from visavis.devices.contracts import Fault
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.recording.writer import Recorder
 
 STALE_NS = 10 * NS_PER_S
 """A warning whose figures have not changed for this long leaves the operator's screen."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from enum import StrEnum
 
-from lab.errors import LabError
+from visavis.lab.errors import LabError
 
 
 class SessionState(StrEnum):

@@ -14,10 +14,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import VibrationPattern
-from lab.geometry import Pose
-from stimuli.scene import SceneFrame
-from stimuli.sound import Sound
+from visavis.devices.contracts import VibrationPattern
+from visavis.lab.geometry import Pose
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.sound import Sound
 
 Scalar: TypeAlias = str | int | float | bool
 Row: TypeAlias = Mapping[str, Scalar | None]

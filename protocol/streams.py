@@ -1,6 +1,6 @@
 """The streams the session itself records beside those of the devices."""
 
-from lab.schema import Field, StreamSchema
+from visavis.lab.schema import Field, StreamSchema
 
 
 def gaze_targets_schema(agent_count: int, rate_hz: float) -> StreamSchema:

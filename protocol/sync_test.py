@@ -1,6 +1,7 @@
 """Perform a synchronisation test: flash a corner, play a click, buzz a band, again and again.
 
-What was asked and when is returned; what a sensor made of it is analysed by `analysis.sync_test`.
+What was asked and when is returned; what a sensor made of it is analysed by
+`visavis.analysis.sync_test`.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,11 +11,11 @@ from typing import Protocol
 import moderngl
 import numpy as np
 
-from devices.contracts import Armband, Headset
-from devices.sync.sensing import Sensor
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.frame import FrameInfo
-from stage.targets import EyeTarget
+from visavis.devices.contracts import Armband, Headset
+from visavis.devices.sync.sensing import Sensor
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.frame import FrameInfo
+from visavis.stage.targets import EyeTarget
 
 PATCH_PX = 256
 PATCH_SHARE = 0.25

@@ -5,19 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from devices.contracts import ClockPair
-from lab.clock import NS_PER_S
-from lab.clock_fit import latest_quick, offset_ns
-from lab.schema import SampleBatch
-from protocol.calibration_record import NO_CALIBRATION, CalibrationInForce
-from protocol.frame_loop import FrameLoop
-from protocol.operator_desk import OperatorDesk
-from protocol.participants import Learner
-from protocol.plan import Trial
-from protocol.rig import RunningRig
-from protocol.session_setup import SessionSetup
-from protocol.states import SessionState
-from protocol.steps import (
+from visavis.devices.contracts import ClockPair
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.clock_fit import latest_quick, offset_ns
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.calibration_record import NO_CALIBRATION, CalibrationInForce
+from visavis.protocol.frame_loop import FrameLoop
+from visavis.protocol.operator_desk import OperatorDesk
+from visavis.protocol.participants import Learner
+from visavis.protocol.plan import Trial
+from visavis.protocol.rig import RunningRig
+from visavis.protocol.session_setup import SessionSetup
+from visavis.protocol.states import SessionState
+from visavis.protocol.steps import (
     Answered,
     Ask,
     FrameView,

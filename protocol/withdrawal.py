@@ -14,11 +14,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from lab.plain_files import parse_json, read_plain
-from protocol.exports_register import Export
-from protocol.own_body import FILE_NAMES
-from recording.durable import modes_in, sha256_of
-from recording.lock import is_held
+from visavis.lab.plain_files import parse_json, read_plain
+from visavis.protocol.exports_register import Export
+from visavis.protocol.own_body import FILE_NAMES
+from visavis.recording.durable import modes_in, sha256_of
+from visavis.recording.lock import is_held
 
 LABEL_COLUMNS = ("participant", "participant_id", "participant_label")
 MANIFEST_NAME = "manifest.json"

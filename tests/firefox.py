@@ -13,7 +13,7 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-from lab.clock import StopWatch, SystemClock
+from visavis.lab.clock import StopWatch, SystemClock
 
 ANSWER_S = 60.0
 POLL_S = 0.05

@@ -11,13 +11,13 @@ from typing import Any, Final
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from devices.registry import built_in
-from devices.spec import AnySpec
-from lab.config import load_config
-from lab.config_files import EXAMPLE
-from protocol.columns import Column
 from visavis.catalogue import SHIPPED, find_study
+from visavis.devices.registry import built_in
+from visavis.devices.spec import AnySpec
 from visavis.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.protocol.columns import Column
 from visavis.quality import QUALITY_TABLE
 
 FOLDER: Final = Path(__file__).parents[1] / "docs" / "reference"

@@ -3,7 +3,7 @@
 Ground-plane coordinates are any right-handed pair (x, y) in metres.
 """
 
-from analysis.cells.errors import (
+from visavis.analysis.cells.errors import (
     AllInLine,
     CellError,
     Cocircular,
@@ -11,7 +11,7 @@ from analysis.cells.errors import (
     SamePlace,
     TooFewPeople,
 )
-from analysis.cells.similarity import (
+from visavis.analysis.cells.similarity import (
     BlockComparison,
     Paths,
     SplitSimilarity,
@@ -26,8 +26,8 @@ from analysis.cells.similarity import (
     own_block_excess,
     within_block,
 )
-from analysis.cells.triangulation import Cell, Triangulation, triangulate
-from analysis.cells.walk import (
+from visavis.analysis.cells.triangulation import Cell, Triangulation, triangulate
+from visavis.analysis.cells.walk import (
     CellPath,
     Crossing,
     folded_angle_deg,

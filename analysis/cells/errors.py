@@ -1,6 +1,6 @@
 """Name what is wrong with positions, paths and sets of cells."""
 
-from lab.errors import DataError
+from visavis.lab.errors import DataError
 
 
 class CellError(DataError):

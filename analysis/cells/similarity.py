@@ -13,9 +13,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from analysis.cells.errors import CellError, TooFewPeople
-from analysis.cells.triangulation import Cell
-from lab.geometry import Vector
+from visavis.analysis.cells.errors import CellError, TooFewPeople
+from visavis.analysis.cells.triangulation import Cell
+from visavis.lab.geometry import Vector
 
 Variant: TypeAlias = Literal["union", "frequency", "pairs"]
 Group: TypeAlias = Sequence[frozenset[Cell]]

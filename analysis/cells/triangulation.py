@@ -11,8 +11,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from analysis.cells.errors import AllInLine, Cocircular, MalformedPositions, SamePlace
-from lab.geometry import Vector
+from visavis.analysis.cells.errors import AllInLine, Cocircular, MalformedPositions, SamePlace
+from visavis.lab.geometry import Vector
 
 Cell: TypeAlias = tuple[int, int, int]
 """Three characters (indices, rising)."""

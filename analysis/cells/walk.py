@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis.cells.errors import MalformedPositions
-from analysis.cells.triangulation import (
+from visavis.analysis.cells.errors import MalformedPositions
+from visavis.analysis.cells.triangulation import (
     MICROMETRES,
     Cell,
     Edge,
@@ -22,7 +22,7 @@ from analysis.cells.triangulation import (
     orientation,
     to_micrometres,
 )
-from lab.geometry import Vector
+from visavis.lab.geometry import Vector
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ Every result says by which rule it was measured: `volume` (the true common volum
 so a skinned person who overlaps himself at the joints counts once.
 """
 
-from analysis.collisions.errors import (
+from visavis.analysis.collisions.errors import (
     CollisionError,
     MalformedMesh,
     MalformedSeries,
@@ -14,10 +14,10 @@ from analysis.collisions.errors import (
     OpenMesh,
     TooLargeForVoxels,
 )
-from analysis.collisions.meshes import ClosedMesh, closed_mesh, enclosed_volume_m3, posed
-from analysis.collisions.series import Collision, find_collisions, nearest_part, speed_at
-from analysis.collisions.shapes import box, capsule, inside_out, sphere, union
-from analysis.collisions.volume import (
+from visavis.analysis.collisions.meshes import ClosedMesh, closed_mesh, enclosed_volume_m3, posed
+from visavis.analysis.collisions.series import Collision, find_collisions, nearest_part, speed_at
+from visavis.analysis.collisions.shapes import box, capsule, inside_out, sphere, union
+from visavis.analysis.collisions.volume import (
     CommonVolume,
     Rule,
     Settings,

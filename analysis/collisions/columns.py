@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.meshes import Faces
-from analysis.collisions.spans import cast
-from analysis.collisions.tiles import (
+from visavis.analysis.collisions.meshes import Faces
+from visavis.analysis.collisions.spans import cast
+from visavis.analysis.collisions.tiles import (
     MARGIN,
     TILE,
     Crossings,
@@ -16,8 +16,8 @@ from analysis.collisions.tiles import (
     tiles_across,
     to_lattice,
 )
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 
 @compiled

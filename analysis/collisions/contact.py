@@ -3,10 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.meshes import Faces
-from analysis.collisions.tiles import Crossings
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.collisions.meshes import Faces
+from visavis.analysis.collisions.tiles import Crossings
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 _BUCKET_M = 0.03
 _SLACK = 1e-12

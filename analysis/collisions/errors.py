@@ -1,6 +1,6 @@
 """Name what is wrong with meshes and series; every message says which and what to do."""
 
-from lab.errors import DataError
+from visavis.lab.errors import DataError
 
 
 class CollisionError(DataError):

@@ -9,11 +9,11 @@ linear between neighbouring corners, and its middle integrates it exactly.
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.columns import bounds, faces_near, sides_of
-from analysis.collisions.contact import edges_through
-from analysis.collisions.meshes import Faces
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.collisions.columns import bounds, faces_near, sides_of
+from visavis.analysis.collisions.contact import edges_through
+from visavis.analysis.collisions.meshes import Faces
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 _GAUSS = 0.5 / np.sqrt(3.0)
 _ROUNDING_M3 = 1e-18

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.errors import MalformedMesh, NonFiniteMesh
-from analysis.collisions.repair import repaired_faces
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.collisions.errors import MalformedMesh, NonFiniteMesh
+from visavis.analysis.collisions.repair import repaired_faces
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 Faces = npt.NDArray[np.int32]
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from analysis.collisions.columns import bounds, columns_in_both, faces_near, sides_of
-from analysis.collisions.contact import crossing_box
-from analysis.collisions.meshes import Faces
-from analysis.collisions.shadow import in_shadow
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.collisions.columns import bounds, columns_in_both, faces_near, sides_of
+from visavis.analysis.collisions.contact import crossing_box
+from visavis.analysis.collisions.meshes import Faces
+from visavis.analysis.collisions.shadow import in_shadow
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 _ROOM = 16384
 _MAX_PIECES = 20_000

@@ -7,8 +7,8 @@ import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from analysis.collisions.errors import MalformedMesh, NotOrientable, OpenMesh
-from lab.geometry import Vector
+from visavis.analysis.collisions.errors import MalformedMesh, NotOrientable, OpenMesh
+from visavis.lab.geometry import Vector
 
 Faces = npt.NDArray[np.int32]
 Edge = tuple[int, int]

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.errors import MalformedSeries
-from analysis.collisions.volume import Rule
-from lab.geometry import Vector
+from visavis.analysis.collisions.errors import MalformedSeries
+from visavis.analysis.collisions.volume import Rule
+from visavis.lab.geometry import Vector
 
 THRESHOLD_M3 = 1e-6
 """A larger common volume is contact (Berton et al. 2020)."""

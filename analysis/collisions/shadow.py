@@ -3,10 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.columns import faces_near
-from analysis.collisions.meshes import Faces
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.collisions.columns import faces_near
+from visavis.analysis.collisions.meshes import Faces
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 
 @compiled

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.collisions.meshes import ClosedMesh, Faces, closed_mesh
-from lab.geometry import Vector, unit
+from visavis.analysis.collisions.meshes import ClosedMesh, Faces, closed_mesh
+from visavis.lab.geometry import Vector, unit
 
 _BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 _BOX_FACES = np.array(

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.errors import MalformedMesh
-from analysis.collisions.meshes import ClosedMesh, Faces
-from lab.compiled import compiled
-from lab.geometry import Vector
-from stimuli.motion.quaternion_kernels import write_matrix
+from visavis.analysis.collisions.errors import MalformedMesh
+from visavis.analysis.collisions.meshes import ClosedMesh, Faces
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.motion.quaternion_kernels import write_matrix
 
 Bones = npt.NDArray[np.int16]
 Index = npt.NDArray[np.int64]

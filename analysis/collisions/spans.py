@@ -12,10 +12,10 @@ branches that a processor cannot foresee, and these have none.
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.meshes import Faces
-from analysis.collisions.tiles import MARGIN, TILE, Crossings, tiles_across
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.collisions.meshes import Faces
+from visavis.analysis.collisions.tiles import MARGIN, TILE, Crossings, tiles_across
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 _BATCH = 4096
 

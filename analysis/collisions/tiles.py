@@ -7,9 +7,9 @@ nothing, and faces above them need not be looked at.
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.meshes import Faces
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.collisions.meshes import Faces
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 Crossings = npt.NDArray[np.int32]
 

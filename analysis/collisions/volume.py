@@ -6,17 +6,17 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from analysis.collisions.columns import bounds
-from analysis.collisions.errors import CollisionError, TooLargeForVoxels
-from analysis.collisions.exact import exact_volume
-from analysis.collisions.meshes import ClosedMesh
-from analysis.collisions.pair import measure_pair
-from analysis.collisions.voxels import (
+from visavis.analysis.collisions.columns import bounds
+from visavis.analysis.collisions.errors import CollisionError, TooLargeForVoxels
+from visavis.analysis.collisions.exact import exact_volume
+from visavis.analysis.collisions.meshes import ClosedMesh
+from visavis.analysis.collisions.pair import measure_pair
+from visavis.analysis.collisions.voxels import (
     cubes_centred_in,
     cubes_touching,
     lattice_of_common_box,
 )
-from lab.geometry import Vector
+from visavis.lab.geometry import Vector
 
 Rule: TypeAlias = Literal["volume", "centres", "published"]
 Method: TypeAlias = Literal["columns", "exact", "cubes"]

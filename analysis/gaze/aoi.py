@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lab.compiled import compiled
-from lab.errors import UsageError
+from visavis.lab.compiled import compiled
+from visavis.lab.errors import UsageError
 
 NONE = -1
 """The gaze is on no head."""

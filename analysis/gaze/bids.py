@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.gaze.foreign import EyeSamples, GazeRecording, eye_samples
-from analysis.gaze.stamps import typical_step_ns
-from analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
-from lab.clock import NS_PER_S
-from lab.errors import DataError, UsageError
-from lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
-from lab.plain_files import parse_json, read_packed, read_plain
-from recording.durable import make_folder, protect_files
+from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording, eye_samples
+from visavis.analysis.gaze.stamps import typical_step_ns
+from visavis.analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DataError, UsageError
+from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
+from visavis.lab.plain_files import parse_json, read_packed, read_plain
+from visavis.recording.durable import make_folder, protect_files
 
 BIDS_VERSION = "1.11.1"
 _EYES = {"left": ("eye1", "left"), "right": ("eye2", "right"), "combined": ("eye3", "cyclopean")}

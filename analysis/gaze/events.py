@@ -9,17 +9,17 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.event_kernels import (
+from visavis.analysis.gaze.event_kernels import (
     compact_runs,
     fill_gaps,
     merge_runs,
     runs_where,
     speeds_deg_s,
 )
-from analysis.gaze.stamps import Times, order_of, typical_step_ns
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import UsageError
-from lab.geometry import Vector, unit
+from visavis.analysis.gaze.stamps import Times, order_of, typical_step_ns
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Vector, unit
 
 SLACK_NS = 20_000
 """Added where a duration meets a threshold, for clock drift and rounded stamps."""
@@ -99,7 +99,8 @@ def prepared(
     order = order_of(t_ns, direction)
     if order.rows is not None:
         raise UsageError(
-            "stamps repeat; drop repeated rows first (analysis.gaze.stamps.order_of says which)"
+            "stamps repeat; drop repeated rows first "
+            "(visavis.analysis.gaze.stamps.order_of says which)"
         )
     v = np.ascontiguousarray(unit(direction.astype(np.float64)))
     step_ns = typical_step_ns(t_ns) if rate_hz is None else round(NS_PER_S / rate_hz)

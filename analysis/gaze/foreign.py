@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.stamps import Times
-from lab.errors import UsageError
-from lab.geometry import Vector
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Vector
 
 Column = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -8,10 +8,10 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.gaze.event_kernels import speeds_deg_s
-from analysis.gaze.events import Fixations
-from analysis.gaze.stamps import Times, typical_step_ns
-from lab.geometry import Vector, yaw_pitch_deg_of
+from visavis.analysis.gaze.event_kernels import speeds_deg_s
+from visavis.analysis.gaze.events import Fixations
+from visavis.analysis.gaze.stamps import Times, typical_step_ns
+from visavis.lab.geometry import Vector, yaw_pitch_deg_of
 
 _AZIMUTH, _ELEVATION, _LEFT, _RIGHT = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
 _HOLE_STEPS = 3

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from analysis.gaze.bids import read_bids
-from analysis.gaze.event_kernels import speeds_deg_s
-from analysis.gaze.events import (
+from visavis.analysis.gaze.bids import read_bids
+from visavis.analysis.gaze.event_kernels import speeds_deg_s
+from visavis.analysis.gaze.events import (
     IDT_HEADSET,
     IVT_HEADSET,
     IVT_MOVING_HEAD,
@@ -22,26 +22,26 @@ from analysis.gaze.events import (
     detect_idt,
     detect_ivt,
 )
-from analysis.gaze.foreign import EyeSamples, GazeRecording
-from analysis.gaze.import_figure import draw_import
-from analysis.gaze.loss import (
+from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording
+from visavis.analysis.gaze.import_figure import draw_import
+from visavis.analysis.gaze.loss import (
     DEFAULT_LOSS,
     LossParameters,
     combined_direction,
     loss,
     usable_samples,
 )
-from analysis.gaze.mapped_csv import GazeMapping, read_csv
-from analysis.gaze.movements.detect import AUTO, DETECTOR_NAMES, detect_movements
-from analysis.gaze.movements.kinds import Movement, Movements, fixations_of
-from analysis.gaze.quality import moving_precision_deg
-from analysis.gaze.readers import read_pupil, read_vive
-from analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import DataError, UsageError
-from lab.geometry import Vector, rotate, unit, yaw_pitch_deg_of
-from recording.csv_file import write_csv
-from recording.durable import make_folder, protect_files
+from visavis.analysis.gaze.mapped_csv import GazeMapping, read_csv
+from visavis.analysis.gaze.movements.detect import AUTO, DETECTOR_NAMES, detect_movements
+from visavis.analysis.gaze.movements.kinds import Movement, Movements, fixations_of
+from visavis.analysis.gaze.quality import moving_precision_deg
+from visavis.analysis.gaze.readers import read_pupil, read_vive
+from visavis.analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import DataError, UsageError
+from visavis.lab.geometry import Vector, rotate, unit, yaw_pitch_deg_of
+from visavis.recording.csv_file import write_csv
+from visavis.recording.durable import make_folder, protect_files
 
 Format = Literal["vive", "bids", "pupil", "csv"]
 FORMATS: tuple[Format, ...] = ("vive", "bids", "pupil", "csv")

@@ -12,11 +12,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.aoi import LOST
-from analysis.gaze.stamps import Times, order_of, typical_step_ns
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.compiled import compiled
-from lab.errors import DataError, UsageError
+from visavis.analysis.gaze.aoi import LOST
+from visavis.analysis.gaze.stamps import Times, order_of, typical_step_ns
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.compiled import compiled
+from visavis.lab.errors import DataError, UsageError
 
 
 @dataclass(frozen=True, slots=True)

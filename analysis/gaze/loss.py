@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.stamps import Times, typical_step_ns
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import UsageError
-from lab.geometry import Vector, unit
+from visavis.analysis.gaze.stamps import Times, typical_step_ns
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Vector, unit
 
 Mask = npt.NDArray[np.bool_]
 
@@ -142,7 +142,9 @@ def loss(
     A repeated value has the exact direction of the row before under another stamp.
     """
     if len(t_ns) and bool((np.diff(t_ns) < 0).any()):
-        raise UsageError("stamps go back; sort the rows first (analysis.gaze.stamps.order_of)")
+        raise UsageError(
+            "stamps go back; sort the rows first (visavis.analysis.gaze.stamps.order_of)"
+        )
     n = len(t_ns)
     again = np.concatenate([[False], np.diff(t_ns) == 0])[:n]
     single = ~again

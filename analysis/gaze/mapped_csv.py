@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from analysis.gaze.foreign import (
+from visavis.analysis.gaze.foreign import (
     EyeSamples,
     GazeRecording,
     axes_matrix,
@@ -14,10 +14,10 @@ from analysis.gaze.foreign import (
     orientations_in_our_axes,
     without_zeros,
 )
-from analysis.gaze.text_table import TextTable, read_text_table
-from lab.errors import ConfigError
-from lab.geometry import Vector, direction_from_yaw_pitch_deg, unit
-from lab.yaml_lines import ProblemsError, read_document
+from visavis.analysis.gaze.text_table import TextTable, read_text_table
+from visavis.lab.errors import ConfigError
+from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg, unit
+from visavis.lab.yaml_lines import ProblemsError, read_document
 
 Three = Annotated[list[str], Field(min_length=3, max_length=3)]
 Four = Annotated[list[str], Field(min_length=4, max_length=4)]

@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.stamps import Times, typical_step_ns
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import UsageError
-from lab.geometry import Vector, angle_deg, unit
+from visavis.analysis.gaze.stamps import Times, typical_step_ns
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Vector, angle_deg, unit
 
 Mask = npt.NDArray[np.bool_]
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.stamps import Times, typical_step_ns
-from lab.clock import NS_PER_MS
-from lab.geometry import Vector, angle_deg, unit
+from visavis.analysis.gaze.stamps import Times, typical_step_ns
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.geometry import Vector, angle_deg, unit
 
 
 def _tangent_deg(direction: Vector, centre: Vector) -> Vector:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.gaze.foreign import (
+from visavis.analysis.gaze.foreign import (
     EyeSamples,
     GazeRecording,
     axes_matrix,
@@ -12,11 +12,11 @@ from analysis.gaze.foreign import (
     orientations_in_our_axes,
     without_zeros,
 )
-from analysis.gaze.stamps import Times
-from analysis.gaze.text_table import TextTable, read_text_table
-from lab.clock import NS_PER_MS
-from lab.errors import DataError
-from lab.geometry import Vector, quat_multiply, unit
+from visavis.analysis.gaze.stamps import Times
+from visavis.analysis.gaze.text_table import TextTable, read_text_table
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Vector, quat_multiply, unit
 
 VIVE_RATE_HZ = 120.0
 _VIVE_DIRECTION_VALID = 0b10

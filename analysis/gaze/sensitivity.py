@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.aoi import SENSITIVITY_PADS_DEG, aoi_by_pad
-from analysis.gaze.looks import (
+from visavis.analysis.gaze.aoi import SENSITIVITY_PADS_DEG, aoi_by_pad
+from visavis.analysis.gaze.looks import (
     DEFAULT_LOOK_PARAMETERS,
     LookMeasures,
     LookParameters,
     measure_trial,
 )
-from analysis.gaze.stamps import Times
+from visavis.analysis.gaze.stamps import Times
 
 SENSITIVITY_MINIMA_MS: tuple[float, ...] = (100.0, 150.0, 200.0)
 

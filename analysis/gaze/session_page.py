@@ -7,13 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from analysis.gaze.movements.detect import DETECTOR_NAMES
-from analysis.gaze.movements.kinds import Movement
-from analysis.gaze.pupil import LIGHT_IS_A_CONFOUND
-from analysis.gaze.session_quality import SessionQuality, blinks_a_minute
-from analysis.own_streams import OwnStream, figures_of_streams, streams_section
-from analysis.plots import svg_for_page
-from analysis.report import (
+from visavis.analysis.gaze.movements.detect import DETECTOR_NAMES
+from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.analysis.gaze.pupil import LIGHT_IS_A_CONFOUND
+from visavis.analysis.gaze.session_quality import SessionQuality, blinks_a_minute
+from visavis.analysis.own_streams import OwnStream, figures_of_streams, streams_section
+from visavis.analysis.plots import svg_for_page
+from visavis.analysis.report import (
     Column,
     Facts,
     Page,
@@ -23,8 +23,8 @@ from analysis.report import (
     Table,
     write_page,
 )
-from analysis.report.notation import decimal, percentage
-from lab.clock import NS_PER_MS
+from visavis.analysis.report.notation import decimal, percentage
+from visavis.lab.clock import NS_PER_MS
 
 PAGE_NAME: Final = "gaze_quality.html"
 _MOMENTS = {"block_start": "before block", "end": "at the end"}

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.loss import DEFAULT_LOSS, Loss, loss, usable_samples
-from analysis.gaze.movements.detect import detect_movements
-from analysis.gaze.movements.kinds import Movement, Movements
-from analysis.gaze.pupil import Pupil, PupilResponse, prepared_pupil, response
-from analysis.gaze.quality import moving_precision_deg
-from analysis.gaze.stamps import Times, order_of
-from analysis.gaze.targets import gaze_delay_ms
-from lab.clock import NS_PER_MS
-from lab.errors import DataError
-from lab.geometry import Vector
-from recording.reader import Recording
+from visavis.analysis.gaze.loss import DEFAULT_LOSS, Loss, loss, usable_samples
+from visavis.analysis.gaze.movements.detect import detect_movements
+from visavis.analysis.gaze.movements.kinds import Movement, Movements
+from visavis.analysis.gaze.pupil import Pupil, PupilResponse, prepared_pupil, response
+from visavis.analysis.gaze.quality import moving_precision_deg
+from visavis.analysis.gaze.stamps import Times, order_of
+from visavis.analysis.gaze.targets import gaze_delay_ms
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Vector
+from visavis.recording.reader import Recording
 
 GAZE, TARGETS, FRAMES = "gaze", "gaze_targets", "frames"
 EYES: Mapping[str, tuple[str, str]] = {

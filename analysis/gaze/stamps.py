@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from lab.compiled import compiled
-from lab.errors import DataError
+from visavis.lab.compiled import compiled
+from visavis.lab.errors import DataError
 
 Times = npt.NDArray[np.int64]
 

@@ -7,10 +7,10 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.aoi import LOST, aoi_of_samples
-from analysis.gaze.loss import frozen_samples
-from lab.errors import DataError
-from recording.reader import Recording
+from visavis.analysis.gaze.aoi import LOST, aoi_of_samples
+from visavis.analysis.gaze.loss import frozen_samples
+from visavis.lab.errors import DataError
+from visavis.recording.reader import Recording
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.stamps import Times
-from lab.errors import DataError, UsageError
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.errors import DataError, UsageError
 
 NS_PER_UNIT: Mapping[str, int] = {
     "ns": 1,

@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from lab.geometry import Vector, angle_deg, unit
-from lab.rotation_fit import fit_turn
+from visavis.lab.geometry import Vector, angle_deg, unit
+from visavis.lab.rotation_fit import fit_turn
 
 MIN_TARGETS = 4
 MIN_SPREAD_DEG = 3.0

@@ -1,6 +1,6 @@
 """Figures in one style: colour-blind-safe, deterministic, marked when the data are simulated."""
 
-from analysis.plots.style import (
+from visavis.analysis.plots.style import (
     BLACK,
     BLUE,
     GREEN,
@@ -10,7 +10,7 @@ from analysis.plots.style import (
     VERMILION,
     new_figure,
 )
-from analysis.plots.written import Drawn, draw, png_bytes, svg_for_page, write_figure
+from visavis.analysis.plots.written import Drawn, draw, png_bytes, svg_for_page, write_figure
 
 __all__ = [
     "BLACK",

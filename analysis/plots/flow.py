@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from analysis.plots.style import BLACK, new_figure
+from visavis.analysis.plots.style import BLACK, new_figure
 
 
 @dataclass(frozen=True)

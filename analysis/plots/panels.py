@@ -10,7 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from scipy import special
 
-from analysis.plots.style import BLACK, GREY
+from visavis.analysis.plots.style import BLACK, GREY
 
 Values = npt.NDArray[np.float64]
 WHO: Final = "who."

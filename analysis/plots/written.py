@@ -10,8 +10,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from analysis.plots.panels import ALL, OUT, WHO
-from analysis.plots.style import figure_style, mark_simulated
+from visavis.analysis.plots.panels import ALL, OUT, WHO
+from visavis.analysis.plots.style import figure_style, mark_simulated
 
 PNG_DPI = 160
 _CLASSES = {WHO: "who", OUT: "who out", ALL: "who all"}

@@ -4,9 +4,9 @@ A study takes part by offering a `PowerStudy`; nothing here knows which study it
 is one study of the largest number of participants; its first n participants are the study of n.
 """
 
-from analysis.power.contract import Found, PowerStudy, PrintedTest, Source, Verdicts
-from analysis.power.figure import draw_power
-from analysis.power.replicates import (
+from visavis.analysis.power.contract import Found, PowerStudy, PrintedTest, Source, Verdicts
+from visavis.analysis.power.figure import draw_power
+from visavis.analysis.power.replicates import (
     PowerRequest,
     Replicate,
     ReplicateJob,
@@ -14,7 +14,7 @@ from analysis.power.replicates import (
     run_job,
     study_seed,
 )
-from analysis.power.summary import PowerSummary, TestPower, summarise
+from visavis.analysis.power.summary import PowerSummary, TestPower, summarise
 
 __all__ = [
     "Found",

@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.plots import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, Drawn, draw
-from analysis.plots.style import new_figure
-from analysis.power.summary import PowerSummary, TestPower, target_text
+from visavis.analysis.plots import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, Drawn, draw
+from visavis.analysis.plots.style import new_figure
+from visavis.analysis.power.summary import PowerSummary, TestPower, target_text
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, GREY)
 MARKERS = ("o", "s", "^", "D", "v", "P")

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from analysis.power.contract import PowerStudy, Verdicts
-from lab.errors import UsageError
+from visavis.analysis.power.contract import PowerStudy, Verdicts
+from visavis.lab.errors import UsageError
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.power.contract import Found, PowerStudy, Source
-from analysis.power.replicates import PowerRequest, Replicate
-from analysis.statistics import PowerCurve, power_curve
-from analysis.statistics.power import AdequacyRule
-from analysis.statistics.results import Row, number, threshold_text
-from lab.errors import UsageError
+from visavis.analysis.power.contract import Found, PowerStudy, Source
+from visavis.analysis.power.replicates import PowerRequest, Replicate
+from visavis.analysis.statistics import PowerCurve, power_curve
+from visavis.analysis.statistics.power import AdequacyRule
+from visavis.analysis.statistics.results import Row, number, threshold_text
+from visavis.lab.errors import UsageError
 
 MAX_PARTING = 0.05
 """How far simulated power may lie from the closed form without a warning."""

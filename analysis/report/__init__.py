@@ -1,6 +1,6 @@
 """Self-contained HTML reports: pieces any study's report is made of, and the page around them."""
 
-from analysis.report.blocks import (
+from visavis.analysis.report.blocks import (
     Block,
     Bullets,
     Cell,
@@ -16,8 +16,8 @@ from analysis.report.blocks import (
     Verdict,
     Verdicts,
 )
-from analysis.report.page import render_page, write_page
-from analysis.report.provenance import ReportProvenance, SessionSource
+from visavis.analysis.report.page import render_page, write_page
+from visavis.analysis.report.provenance import ReportProvenance, SessionSource
 
 __all__ = [
     "Block",

@@ -5,7 +5,7 @@ from html import escape
 from itertools import groupby
 from pathlib import Path
 
-from analysis.report.blocks import (
+from visavis.analysis.report.blocks import (
     Block,
     Bullets,
     Cell,
@@ -21,7 +21,7 @@ from analysis.report.blocks import (
     Verdict,
     Verdicts,
 )
-from lab.errors import UsageError
+from visavis.lab.errors import UsageError
 
 SIMULATED_BANNER = "SIMULATED DATA – no human took part; do not report as results"
 

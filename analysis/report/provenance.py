@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from analysis.session_incidents import Incident
+from visavis.analysis.session_incidents import Incident
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ import hashlib
 import json
 from collections.abc import Sequence
 
-from analysis.report.provenance import ReportProvenance, SessionSource
-from analysis.session_incidents import incidents_of
-from lab.clock import SIMULATED_EPOCH_ISO
-from recording.integrity import damage_of
-from recording.manifest import Manifest
-from recording.reader import Recording
+from visavis.analysis.report.provenance import ReportProvenance, SessionSource
+from visavis.analysis.session_incidents import incidents_of
+from visavis.lab.clock import SIMULATED_EPOCH_ISO
+from visavis.recording.integrity import damage_of
+from visavis.recording.manifest import Manifest
+from visavis.recording.reader import Recording
 
 VIRTUAL_TIME = "virtual time"
 

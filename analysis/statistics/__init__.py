@@ -5,11 +5,11 @@ error for data it cannot accept, and returns a frozen dataclass with `sentence()
 `provenance`. NumPy and SciPy only; nothing here imports pandas or statsmodels.
 """
 
-from analysis.statistics.adjust import adjust_p, bonferroni_thresholds, stars
-from analysis.statistics.anova import Anova, AnovaEffect, between_anova, rm_anova
-from analysis.statistics.art import AlignmentCheck, ArtAnova, art_anova
-from analysis.statistics.art_contrasts import art_contrasts, art_interaction_contrasts
-from analysis.statistics.between import (
+from visavis.analysis.statistics.adjust import adjust_p, bonferroni_thresholds, stars
+from visavis.analysis.statistics.anova import Anova, AnovaEffect, between_anova, rm_anova
+from visavis.analysis.statistics.art import AlignmentCheck, ArtAnova, art_anova
+from visavis.analysis.statistics.art_contrasts import art_contrasts, art_interaction_contrasts
+from visavis.analysis.statistics.between import (
     DunnPair,
     KruskalWallis,
     OneWay,
@@ -23,28 +23,38 @@ from analysis.statistics.between import (
     tukey_hsd,
     welch_anova,
 )
-from analysis.statistics.bootstrap import Bootstrap, bootstrap_interval
-from analysis.statistics.clusters import Selection, Ward, select_scales, ward
-from analysis.statistics.conditions import ConditionsComparison, compare_conditions
-from analysis.statistics.contrasts import Contrast, Contrasts
-from analysis.statistics.correlation import Correlation, pearson, spearman, spearman_p
-from analysis.statistics.decision import PairedComparison, Step, compare_paired, correct_family
-from analysis.statistics.describe import Cell, cell_means, describe
-from analysis.statistics.design import Design, read_design
-from analysis.statistics.effects import partial_eta_squared
-from analysis.statistics.equivalence import (
+from visavis.analysis.statistics.bootstrap import Bootstrap, bootstrap_interval
+from visavis.analysis.statistics.clusters import Selection, Ward, select_scales, ward
+from visavis.analysis.statistics.conditions import ConditionsComparison, compare_conditions
+from visavis.analysis.statistics.contrasts import Contrast, Contrasts
+from visavis.analysis.statistics.correlation import Correlation, pearson, spearman, spearman_p
+from visavis.analysis.statistics.decision import (
+    PairedComparison,
+    Step,
+    compare_paired,
+    correct_family,
+)
+from visavis.analysis.statistics.describe import Cell, cell_means, describe
+from visavis.analysis.statistics.design import Design, read_design
+from visavis.analysis.statistics.effects import partial_eta_squared
+from visavis.analysis.statistics.equivalence import (
     Equivalence,
     tost_independent,
     tost_one_sample,
     tost_paired,
 )
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.estimation import estimation_plot
-from analysis.statistics.friedman import Friedman, SignedRankPair, friedman, posthoc_signed_rank
-from analysis.statistics.mixed import mixed_anova
-from analysis.statistics.normality import ShapiroWilk, shapiro_wilk, skewness
-from analysis.statistics.posthoc import posthoc
-from analysis.statistics.power import (
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.estimation import estimation_plot
+from visavis.analysis.statistics.friedman import (
+    Friedman,
+    SignedRankPair,
+    friedman,
+    posthoc_signed_rank,
+)
+from visavis.analysis.statistics.mixed import mixed_anova
+from visavis.analysis.statistics.normality import ShapiroWilk, shapiro_wilk, skewness
+from visavis.analysis.statistics.posthoc import posthoc
+from visavis.analysis.statistics.power import (
     OneWayPower,
     PowerCurve,
     PowerPoint,
@@ -54,14 +64,18 @@ from analysis.statistics.power import (
     power_curve,
     proportion_interval,
 )
-from analysis.statistics.printed import PublishedCheck, Verdict
-from analysis.statistics.rank_sum import RankSum, mann_whitney
-from analysis.statistics.reliability import CronbachAlpha, cronbach_alpha
-from analysis.statistics.results import Effect, Interval, Provenance, Result
-from analysis.statistics.signed_rank import SignedRank, signed_rank_p_from_t, wilcoxon_signed_rank
-from analysis.statistics.sphericity import Sphericity
-from analysis.statistics.studentized import studentized_range_quantile, studentized_range_sf
-from analysis.statistics.t_tests import (
+from visavis.analysis.statistics.printed import PublishedCheck, Verdict
+from visavis.analysis.statistics.rank_sum import RankSum, mann_whitney
+from visavis.analysis.statistics.reliability import CronbachAlpha, cronbach_alpha
+from visavis.analysis.statistics.results import Effect, Interval, Provenance, Result
+from visavis.analysis.statistics.signed_rank import (
+    SignedRank,
+    signed_rank_p_from_t,
+    wilcoxon_signed_rank,
+)
+from visavis.analysis.statistics.sphericity import Sphericity
+from visavis.analysis.statistics.studentized import studentized_range_quantile, studentized_range_sf
+from visavis.analysis.statistics.t_tests import (
     TTest,
     independent_t,
     independent_t_from_summary,

@@ -6,8 +6,8 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
-from analysis.statistics.errors import StatisticsError, UnknownMethod
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.errors import StatisticsError, UnknownMethod
+from visavis.analysis.statistics.results import Array
 
 Adjustment: TypeAlias = Literal["none", "bonferroni", "holm", "bh"]
 

@@ -10,15 +10,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from analysis.statistics.errors import (
+from visavis.analysis.statistics.errors import (
     ConstantResponse,
     MissingValue,
     TooFewLevels,
     TooFewSubjects,
     UnknownMethod,
 )
-from analysis.statistics.inputs import rows_text
-from analysis.statistics.results import (
+from visavis.analysis.statistics.inputs import rows_text
+from visavis.analysis.statistics.results import (
     Array,
     Interval,
     Provenance,

@@ -8,14 +8,14 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from scipy import special
 
-from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
-from analysis.statistics.effect_table import EffectTable
-from analysis.statistics.effects import partial_eta_squared
-from analysis.statistics.errors import ConstantResponse, UnknownMethod
-from analysis.statistics.linear import model_matrix, residual_ss
-from analysis.statistics.results import Effect, Provenance, Result, Row, f_text, p_text
-from analysis.statistics.sphericity import Sphericity, sphericity
-from analysis.statistics.strata import Strata, Stratum
+from visavis.analysis.statistics.design import Design, Frame, Levels, Missing, read_design
+from visavis.analysis.statistics.effect_table import EffectTable
+from visavis.analysis.statistics.effects import partial_eta_squared
+from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
+from visavis.analysis.statistics.linear import model_matrix, residual_ss
+from visavis.analysis.statistics.results import Effect, Provenance, Result, Row, f_text, p_text
+from visavis.analysis.statistics.sphericity import Sphericity, sphericity
+from visavis.analysis.statistics.strata import Strata, Stratum
 
 Correction: TypeAlias = Literal["mauchly", "gg", "hf", "none"]
 

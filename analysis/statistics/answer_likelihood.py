@@ -14,9 +14,9 @@ from typing import Protocol, Self
 import numpy as np
 from scipy import special
 
-from analysis.statistics.design import Codes
-from analysis.statistics.errors import NotConverged
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.design import Codes
+from visavis.analysis.statistics.errors import NotConverged
+from visavis.analysis.statistics.results import Array
 
 N_NODES = 21
 """Nodes for one random effect; ten give log-likelihoods to 1e-5, these to 1e-9 in the references.

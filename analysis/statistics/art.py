@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from scipy import special
 
-from analysis.statistics.anova import (
+from visavis.analysis.statistics.anova import (
     CORRECTION_NAME,
     Anova,
     AnovaEffect,
@@ -16,13 +16,13 @@ from analysis.statistics.anova import (
     effect_of_stratum,
     p_of_stratum,
 )
-from analysis.statistics.bent_scales import SKEW_LIMIT, bent_interactions, residual_skewness
-from analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
-from analysis.statistics.errors import StatisticsError, UnknownMethod
-from analysis.statistics.mixed import Ddf, RandomPart, mixed_effects
-from analysis.statistics.ranks import average_ranks
-from analysis.statistics.results import NO_CLAIM, Array, Provenance, number, p_text
-from analysis.statistics.strata import Strata, Stratum
+from visavis.analysis.statistics.bent_scales import SKEW_LIMIT, bent_interactions, residual_skewness
+from visavis.analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
+from visavis.analysis.statistics.errors import StatisticsError, UnknownMethod
+from visavis.analysis.statistics.mixed import Ddf, RandomPart, mixed_effects
+from visavis.analysis.statistics.ranks import average_ranks
+from visavis.analysis.statistics.results import NO_CLAIM, Array, Provenance, number, p_text
+from visavis.analysis.statistics.strata import Strata, Stratum
 
 ArtError: TypeAlias = Literal["strata", "pooled", "mixed"]
 Transform: TypeAlias = Literal["art", "int"]

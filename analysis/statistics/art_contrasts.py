@@ -6,7 +6,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from analysis.statistics.art import (
+from visavis.analysis.statistics.art import (
     ALIGNED_DECIMALS,
     ArtAnova,
     ArtError,
@@ -14,21 +14,21 @@ from analysis.statistics.art import (
     aligned_ranks,
     require_art,
 )
-from analysis.statistics.contrasts import (
+from visavis.analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
     contrast_family,
     pair_labels,
     pair_matrix,
 )
-from analysis.statistics.design import Design, Factor
-from analysis.statistics.errors import ConstantResponse, TooFewSubjects, UnknownMethod
-from analysis.statistics.marginal import FittedModel
-from analysis.statistics.mixed import RandomIntercept, fit_mixed, level_rows
-from analysis.statistics.rank_sum import mann_whitney
-from analysis.statistics.results import Array, Effect, Provenance
-from analysis.statistics.signed_rank import signed_rank_effect
-from analysis.statistics.strata import Strata
+from visavis.analysis.statistics.design import Design, Factor
+from visavis.analysis.statistics.errors import ConstantResponse, TooFewSubjects, UnknownMethod
+from visavis.analysis.statistics.marginal import FittedModel
+from visavis.analysis.statistics.mixed import RandomIntercept, fit_mixed, level_rows
+from visavis.analysis.statistics.rank_sum import mann_whitney
+from visavis.analysis.statistics.results import Array, Effect, Provenance
+from visavis.analysis.statistics.signed_rank import signed_rank_effect
+from visavis.analysis.statistics.strata import Strata
 
 
 def art_contrasts(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.statistics.errors import StatisticsError, TooFewSubjects
+from visavis.analysis.statistics.errors import StatisticsError, TooFewSubjects
 
 MEDIUM_SCALE = float(np.sqrt(0.5))
 """Scale of the Cauchy prior on the effect in standard deviations, as R's BayesFactor has it."""

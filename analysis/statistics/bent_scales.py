@@ -4,10 +4,10 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from analysis.statistics.anova import AnovaEffect
-from analysis.statistics.design import Design
-from analysis.statistics.normality import skewness
-from analysis.statistics.results import NO_CLAIM
+from visavis.analysis.statistics.anova import AnovaEffect
+from visavis.analysis.statistics.design import Design
+from visavis.analysis.statistics.normality import skewness
+from visavis.analysis.statistics.results import NO_CLAIM
 
 BOUND_SHARE = 0.1
 """Share of responses at the lowest or highest value from which a scale counts as bounded."""

@@ -7,21 +7,21 @@ from itertools import combinations
 import numpy as np
 from scipy import special
 
-from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
-from analysis.statistics.contrasts import (
+from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
+from visavis.analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
     contrast_family,
     pair_labels,
     pair_matrix,
 )
-from analysis.statistics.design import Frame, read_design
-from analysis.statistics.effects import partial_eta_squared, rank_effect
-from analysis.statistics.errors import ConstantResponse
-from analysis.statistics.inputs import is_constant
-from analysis.statistics.rank_sum import mann_whitney
-from analysis.statistics.ranks import average_ranks, tie_sizes
-from analysis.statistics.results import (
+from visavis.analysis.statistics.design import Frame, read_design
+from visavis.analysis.statistics.effects import partial_eta_squared, rank_effect
+from visavis.analysis.statistics.errors import ConstantResponse
+from visavis.analysis.statistics.inputs import is_constant
+from visavis.analysis.statistics.rank_sum import mann_whitney
+from visavis.analysis.statistics.ranks import average_ranks, tie_sizes
+from visavis.analysis.statistics.results import (
     MINUS,
     Array,
     Effect,
@@ -32,7 +32,7 @@ from analysis.statistics.results import (
     number,
     p_text,
 )
-from analysis.statistics.t_tests import independent_t
+from visavis.analysis.statistics.t_tests import independent_t
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis.statistics.errors import ConstantResponse, NotNumeric, TooFewSubjects
-from analysis.statistics.inputs import differences, paired, sample
-from analysis.statistics.results import (
+from visavis.analysis.statistics.errors import ConstantResponse, NotNumeric, TooFewSubjects
+from visavis.analysis.statistics.inputs import differences, paired, sample
+from visavis.analysis.statistics.results import (
     Effect,
     Interval,
     Provenance,

@@ -8,9 +8,17 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from analysis.statistics.errors import StatisticsError, UnknownMethod
-from analysis.statistics.inputs import sample
-from analysis.statistics.results import Array, Interval, Provenance, Result, Row, number, percent
+from visavis.analysis.statistics.errors import StatisticsError, UnknownMethod
+from visavis.analysis.statistics.inputs import sample
+from visavis.analysis.statistics.results import (
+    Array,
+    Interval,
+    Provenance,
+    Result,
+    Row,
+    number,
+    percent,
+)
 
 BootstrapMethod: TypeAlias = Literal["bca", "percentile"]
 

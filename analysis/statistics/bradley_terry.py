@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse, special
 
-from analysis.statistics.answer_likelihood import (
+from visavis.analysis.statistics.answer_likelihood import (
     MAX_QUADRATURE,
     N_NODES,
     AnswerLikelihood,
     RowTerms,
 )
-from analysis.statistics.clmm import ClmmEffect
-from analysis.statistics.contrasts import (
+from visavis.analysis.statistics.clmm import ClmmEffect
+from visavis.analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
     contrast_family,
@@ -23,8 +23,8 @@ from analysis.statistics.contrasts import (
     pair_matrix,
     pairs_text,
 )
-from analysis.statistics.design import Codes, Frame, Missing, column_of
-from analysis.statistics.errors import (
+from visavis.analysis.statistics.design import Codes, Frame, Missing, column_of
+from visavis.analysis.statistics.errors import (
     MissingValue,
     NotConverged,
     NotNumeric,
@@ -33,10 +33,10 @@ from analysis.statistics.errors import (
     TooFewSubjects,
     UnknownMethod,
 )
-from analysis.statistics.gee import hotelling
-from analysis.statistics.inputs import numbers, rows_text
-from analysis.statistics.marginal import estimate_effect
-from analysis.statistics.results import (
+from visavis.analysis.statistics.gee import hotelling
+from visavis.analysis.statistics.inputs import numbers, rows_text
+from visavis.analysis.statistics.marginal import estimate_effect
+from visavis.analysis.statistics.results import (
     Array,
     Interval,
     Provenance,

@@ -7,12 +7,16 @@ from typing import TypeAlias
 import numpy as np
 from scipy import special
 
-from analysis.statistics.answer_likelihood import MAX_QUADRATURE
-from analysis.statistics.contrasts import ContrastAdjustment, Contrasts
-from analysis.statistics.cumulative_link import CumulativeFit, fit_cumulative, log_likelihood
-from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
-from analysis.statistics.effect_table import EffectTable
-from analysis.statistics.errors import (
+from visavis.analysis.statistics.answer_likelihood import MAX_QUADRATURE
+from visavis.analysis.statistics.contrasts import ContrastAdjustment, Contrasts
+from visavis.analysis.statistics.cumulative_link import (
+    CumulativeFit,
+    fit_cumulative,
+    log_likelihood,
+)
+from visavis.analysis.statistics.design import Design, Frame, Levels, Missing, read_design
+from visavis.analysis.statistics.effect_table import EffectTable
+from visavis.analysis.statistics.errors import (
     ConstantResponse,
     NotConverged,
     NotNumeric,
@@ -20,12 +24,12 @@ from analysis.statistics.errors import (
     UnknownColumn,
     UnknownMethod,
 )
-from analysis.statistics.gee import GeeEffect, hotelling, term_effect
-from analysis.statistics.linear import sum_coding
-from analysis.statistics.marginal import marginal_contrasts
-from analysis.statistics.mixed import design_matrix
-from analysis.statistics.random_effects import slope_terms
-from analysis.statistics.results import Array, Provenance, Row, number, p_text
+from visavis.analysis.statistics.gee import GeeEffect, hotelling, term_effect
+from visavis.analysis.statistics.linear import sum_coding
+from visavis.analysis.statistics.marginal import marginal_contrasts
+from visavis.analysis.statistics.mixed import design_matrix
+from visavis.analysis.statistics.random_effects import slope_terms
+from visavis.analysis.statistics.results import Array, Provenance, Row, number, p_text
 
 MAX_CATEGORIES = 30
 """Different answers from which a response is taken for a measure, not for a rating."""

@@ -6,14 +6,14 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from analysis.statistics.errors import (
+from visavis.analysis.statistics.errors import (
     MissingValue,
     StatisticsError,
     TooFewLevels,
     TooFewSubjects,
     UnknownMethod,
 )
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.results import Array
 
 Spread: TypeAlias = Literal["sd", "variance"]
 

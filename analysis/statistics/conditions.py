@@ -5,17 +5,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment
-from analysis.statistics.anova import Anova, AnovaEffect, anova_of_design
-from analysis.statistics.contrasts import Contrasts
-from analysis.statistics.decision import Step
-from analysis.statistics.design import Frame, Levels, read_design
-from analysis.statistics.errors import StatisticsError, TooFewLevels
-from analysis.statistics.friedman import Friedman, SignedRankPair, friedman, posthoc_signed_rank
-from analysis.statistics.inputs import is_constant
-from analysis.statistics.normality import ShapiroWilk, shapiro_wilk
-from analysis.statistics.posthoc import posthoc
-from analysis.statistics.results import Provenance, Result, Row, p_text, threshold_text
+from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment
+from visavis.analysis.statistics.anova import Anova, AnovaEffect, anova_of_design
+from visavis.analysis.statistics.contrasts import Contrasts
+from visavis.analysis.statistics.decision import Step
+from visavis.analysis.statistics.design import Frame, Levels, read_design
+from visavis.analysis.statistics.errors import StatisticsError, TooFewLevels
+from visavis.analysis.statistics.friedman import (
+    Friedman,
+    SignedRankPair,
+    friedman,
+    posthoc_signed_rank,
+)
+from visavis.analysis.statistics.inputs import is_constant
+from visavis.analysis.statistics.normality import ShapiroWilk, shapiro_wilk
+from visavis.analysis.statistics.posthoc import posthoc
+from visavis.analysis.statistics.results import Provenance, Result, Row, p_text, threshold_text
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from scipy import special
 
-from analysis.statistics.adjust import ADJUSTMENT_NAME, adjust_p
-from analysis.statistics.errors import UnknownMethod
-from analysis.statistics.results import (
+from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, adjust_p
+from visavis.analysis.statistics.errors import UnknownMethod
+from visavis.analysis.statistics.results import (
     MINUS,
     Array,
     Effect,
@@ -23,7 +23,7 @@ from analysis.statistics.results import (
     number,
     p_text,
 )
-from analysis.statistics.studentized import studentized_range_quantile, studentized_range_sf
+from visavis.analysis.statistics.studentized import studentized_range_quantile, studentized_range_sf
 
 ContrastAdjustment: TypeAlias = Literal["tukey", "holm", "bonferroni", "bh", "none"]
 

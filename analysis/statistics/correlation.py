@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from analysis.statistics.errors import ConstantResponse, StatisticsError, UnknownMethod
-from analysis.statistics.inputs import is_constant, paired
-from analysis.statistics.ranks import average_ranks
-from analysis.statistics.results import (
+from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError, UnknownMethod
+from visavis.analysis.statistics.inputs import is_constant, paired
+from visavis.analysis.statistics.ranks import average_ranks
+from visavis.analysis.statistics.results import (
     MINUS,
     Array,
     Interval,
@@ -22,7 +22,7 @@ from analysis.statistics.results import (
     p_text,
     percent,
 )
-from analysis.statistics.t_tests import two_sided_t
+from visavis.analysis.statistics.t_tests import two_sided_t
 
 SpearmanMethod: TypeAlias = Literal["auto", "exact", "t", "edgeworth"]
 

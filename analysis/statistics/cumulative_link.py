@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from analysis.statistics.answer_likelihood import (
+from visavis.analysis.statistics.answer_likelihood import (
     N_NODES,
     AnswerFit,
     AnswerLikelihood,
     RowTerms,
 )
-from analysis.statistics.design import Codes
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.design import Codes
+from visavis.analysis.statistics.results import Array
 
 NO_PEAK = (
     "the cumulative link model has no finite estimate: some condition parts the categories "

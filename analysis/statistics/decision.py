@@ -5,17 +5,17 @@ from dataclasses import dataclass, replace
 
 import numpy.typing as npt
 
-from analysis.statistics.adjust import (
+from visavis.analysis.statistics.adjust import (
     ADJUSTMENT_NAME,
     Adjustment,
     adjust_p,
     bonferroni_thresholds,
     stars,
 )
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.inputs import differences, paired
-from analysis.statistics.normality import ShapiroWilk, shapiro_wilk
-from analysis.statistics.results import (
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.inputs import differences, paired
+from visavis.analysis.statistics.normality import ShapiroWilk, shapiro_wilk
+from visavis.analysis.statistics.results import (
     MINUS,
     Effect,
     Provenance,
@@ -25,8 +25,12 @@ from analysis.statistics.results import (
     quantities,
     threshold_text,
 )
-from analysis.statistics.signed_rank import SignedRank, SignedRankMethod, wilcoxon_signed_rank
-from analysis.statistics.t_tests import TTest, paired_t
+from visavis.analysis.statistics.signed_rank import (
+    SignedRank,
+    SignedRankMethod,
+    wilcoxon_signed_rank,
+)
+from visavis.analysis.statistics.t_tests import TTest, paired_t
 
 
 @dataclass(frozen=True)

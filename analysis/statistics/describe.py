@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis.statistics.design import Frame, Levels, coded, column_of
-from analysis.statistics.errors import TooFewLevels
-from analysis.statistics.inputs import numbers
-from analysis.statistics.results import Result, Row, number
+from visavis.analysis.statistics.design import Frame, Levels, coded, column_of
+from visavis.analysis.statistics.errors import TooFewLevels
+from visavis.analysis.statistics.inputs import numbers
+from visavis.analysis.statistics.results import Result, Row, number
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
-from analysis.statistics.errors import (
+from visavis.analysis.statistics.errors import (
     ConstantResponse,
     DuplicateCell,
     InfiniteValue,
@@ -23,8 +23,14 @@ from analysis.statistics.errors import (
     UnknownColumn,
     UnknownMethod,
 )
-from analysis.statistics.inputs import as_column, is_constant, is_missing, numbers, refuse_text
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.inputs import (
+    as_column,
+    is_constant,
+    is_missing,
+    numbers,
+    refuse_text,
+)
+from visavis.analysis.statistics.results import Array
 
 Frame: TypeAlias = Any
 """A pandas frame, or a mapping from column name to values."""

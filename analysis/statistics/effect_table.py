@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
-from analysis.statistics.design import Design
-from analysis.statistics.results import Provenance, Result, Row
+from visavis.analysis.statistics.design import Design
+from visavis.analysis.statistics.results import Provenance, Result, Row
 
 
 class TermEffect(Protocol):

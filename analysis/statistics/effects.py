@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy import special
 
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.results import Array, Effect, Interval
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.results import Array, Effect, Interval
 
 HUGE_NONCENTRALITY = 1e6
 """Noncentrality beyond which only the error's χ² still matters and SciPy's functions give up."""

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.results import (
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.results import (
     Interval,
     Provenance,
     Result,
@@ -18,7 +18,7 @@ from analysis.statistics.results import (
     p_text,
     percent,
 )
-from analysis.statistics.t_tests import TTest, independent_t, one_sample_t, paired_t
+from visavis.analysis.statistics.t_tests import TTest, independent_t, one_sample_t, paired_t
 
 BoundUnit: TypeAlias = Literal["raw", "sd"]
 

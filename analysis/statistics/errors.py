@@ -1,6 +1,6 @@
 """Name what is wrong with data handed to a test; every message points to the row or cell."""
 
-from lab.errors import DataError
+from visavis.lab.errors import DataError
 
 
 class StatisticsError(DataError):

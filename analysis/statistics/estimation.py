@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from analysis.statistics.errors import TooFewLevels, UnequalLength, UnknownMethod
-from analysis.statistics.inputs import sample
-from analysis.statistics.results import MINUS, Array, percent
-from analysis.statistics.t_tests import TTest, independent_t, paired_t
+from visavis.analysis.statistics.errors import TooFewLevels, UnequalLength, UnknownMethod
+from visavis.analysis.statistics.inputs import sample
+from visavis.analysis.statistics.results import MINUS, Array, percent
+from visavis.analysis.statistics.t_tests import TTest, independent_t, paired_t
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

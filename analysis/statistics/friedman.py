@@ -8,12 +8,12 @@ from itertools import combinations
 import numpy as np
 from scipy import special
 
-from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
-from analysis.statistics.design import Design, Frame, Levels, read_design
-from analysis.statistics.effects import rank_effect
-from analysis.statistics.errors import ConstantResponse, TooFewLevels
-from analysis.statistics.ranks import average_ranks, tie_sizes
-from analysis.statistics.results import (
+from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
+from visavis.analysis.statistics.design import Design, Frame, Levels, read_design
+from visavis.analysis.statistics.effects import rank_effect
+from visavis.analysis.statistics.errors import ConstantResponse, TooFewLevels
+from visavis.analysis.statistics.ranks import average_ranks, tie_sizes
+from visavis.analysis.statistics.results import (
     Array,
     Effect,
     Provenance,
@@ -23,7 +23,7 @@ from analysis.statistics.results import (
     number,
     p_text,
 )
-from analysis.statistics.signed_rank import (
+from visavis.analysis.statistics.signed_rank import (
     SignedRank,
     SignedRankMethod,
     ZeroRule,

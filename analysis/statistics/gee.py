@@ -8,10 +8,10 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from scipy import special
 
-from analysis.statistics.contrasts import ContrastAdjustment, Contrasts, pairs_text
-from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
-from analysis.statistics.effect_table import EffectTable
-from analysis.statistics.errors import (
+from visavis.analysis.statistics.contrasts import ContrastAdjustment, Contrasts, pairs_text
+from visavis.analysis.statistics.design import Design, Frame, Levels, Missing, read_design
+from visavis.analysis.statistics.effect_table import EffectTable
+from visavis.analysis.statistics.errors import (
     ConstantResponse,
     NotConverged,
     NotNumeric,
@@ -19,9 +19,9 @@ from analysis.statistics.errors import (
     UnknownColumn,
     UnknownMethod,
 )
-from analysis.statistics.marginal import FittedModel, estimate_effect, marginal_contrasts
-from analysis.statistics.mixed import design_matrix
-from analysis.statistics.results import (
+from visavis.analysis.statistics.marginal import FittedModel, estimate_effect, marginal_contrasts
+from visavis.analysis.statistics.mixed import design_matrix
+from visavis.analysis.statistics.results import (
     Array,
     Effect,
     Provenance,

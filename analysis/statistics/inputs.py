@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from analysis.statistics.errors import (
+from visavis.analysis.statistics.errors import (
     ConstantResponse,
     InfiniteValue,
     MissingValue,
@@ -14,7 +14,7 @@ from analysis.statistics.errors import (
     TooFewSubjects,
     UnequalLength,
 )
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.results import Array
 
 
 def is_missing(value: object) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.results import Array
 
 
 def kenward_roger_covariance(

@@ -5,8 +5,8 @@ from itertools import combinations
 
 import numpy as np
 
-from analysis.statistics.design import Codes
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.design import Codes
+from visavis.analysis.statistics.results import Array
 
 
 def sum_coding(k: int) -> Array:

@@ -7,21 +7,21 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from analysis.statistics.anova import Anova
-from analysis.statistics.contrasts import ContrastAdjustment, Contrasts
-from analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
-from analysis.statistics.errors import NotConverged, UnknownColumn
-from analysis.statistics.linear import model_matrix
-from analysis.statistics.marginal import marginal_contrasts
-from analysis.statistics.mixed import contrast_effect, design_matrix, slopes_text
-from analysis.statistics.random_effects import (
+from visavis.analysis.statistics.anova import Anova
+from visavis.analysis.statistics.contrasts import ContrastAdjustment, Contrasts
+from visavis.analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
+from visavis.analysis.statistics.errors import NotConverged, UnknownColumn
+from visavis.analysis.statistics.linear import model_matrix
+from visavis.analysis.statistics.marginal import marginal_contrasts
+from visavis.analysis.statistics.mixed import contrast_effect, design_matrix, slopes_text
+from visavis.analysis.statistics.random_effects import (
     Derivatives,
     LinearMixedModel,
     fit_components,
     model_at,
     slope_terms,
 )
-from analysis.statistics.results import Array, Provenance, number
+from visavis.analysis.statistics.results import Array, Provenance, number
 
 RandomEffects: TypeAlias = Literal["maximal", "components"]
 """Intercept and slopes with all their covariances, or one variance per within effect."""

@@ -7,17 +7,17 @@ from typing import Protocol
 import numpy as np
 from scipy import special
 
-from analysis.statistics.contrasts import (
+from visavis.analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
     contrast_family,
     pair_labels,
     pair_matrix,
 )
-from analysis.statistics.design import Design
-from analysis.statistics.effects import standardised_mean
-from analysis.statistics.mixed import level_rows
-from analysis.statistics.results import Array, Effect, Interval, Provenance
+from visavis.analysis.statistics.design import Design
+from visavis.analysis.statistics.effects import standardised_mean
+from visavis.analysis.statistics.mixed import level_rows
+from visavis.analysis.statistics.results import Array, Effect, Interval, Provenance
 
 
 class FittedModel(Protocol):

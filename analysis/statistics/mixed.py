@@ -8,15 +8,15 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy import special
 
-from analysis.statistics.anova import Anova, AnovaEffect
-from analysis.statistics.design import Codes, Design, Frame, Levels, read_design
-from analysis.statistics.effects import partial_eta_squared
-from analysis.statistics.errors import ConstantResponse, NotConverged, UnknownMethod
-from analysis.statistics.kenward_roger import kenward_roger_covariance, kenward_roger_df
-from analysis.statistics.linear import model_matrix
-from analysis.statistics.random_effects import LinearMixedModel, fit_components, slope_terms
-from analysis.statistics.reml import MAX_LOG_RATIO, Moments, group_sums
-from analysis.statistics.results import Array, Provenance
+from visavis.analysis.statistics.anova import Anova, AnovaEffect
+from visavis.analysis.statistics.design import Codes, Design, Frame, Levels, read_design
+from visavis.analysis.statistics.effects import partial_eta_squared
+from visavis.analysis.statistics.errors import ConstantResponse, NotConverged, UnknownMethod
+from visavis.analysis.statistics.kenward_roger import kenward_roger_covariance, kenward_roger_df
+from visavis.analysis.statistics.linear import model_matrix
+from visavis.analysis.statistics.random_effects import LinearMixedModel, fit_components, slope_terms
+from visavis.analysis.statistics.reml import MAX_LOG_RATIO, Moments, group_sums
+from visavis.analysis.statistics.results import Array, Provenance
 
 Ddf: TypeAlias = Literal["kenward-roger", "satterthwaite"]
 RandomPart: TypeAlias = Literal["slopes", "intercept"]

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.inputs import sample
-from analysis.statistics.results import Array, Provenance, Result, Row, number, p_text
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.inputs import sample
+from visavis.analysis.statistics.results import Array, Provenance, Result, Row, number, p_text
 
 
 @dataclass(frozen=True)

@@ -6,18 +6,18 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from analysis.statistics.anova import Anova
-from analysis.statistics.contrasts import (
+from visavis.analysis.statistics.anova import Anova
+from visavis.analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
     contrast_family,
     pair_labels,
     pair_matrix,
 )
-from analysis.statistics.effects import standardised_mean
-from analysis.statistics.errors import ConstantResponse, UnknownMethod
-from analysis.statistics.results import Array, Provenance
-from analysis.statistics.strata import Strata
+from visavis.analysis.statistics.effects import standardised_mean
+from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
+from visavis.analysis.statistics.results import Array, Provenance
+from visavis.analysis.statistics.strata import Strata
 
 PosthocError: TypeAlias = Literal["per_pair", "pooled"]
 

@@ -7,8 +7,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy import special
 
-from analysis.statistics.errors import StatisticsError, UnknownMethod
-from analysis.statistics.results import Interval, Provenance, Result, Row, number, p_text
+from visavis.analysis.statistics.errors import StatisticsError, UnknownMethod
+from visavis.analysis.statistics.results import Interval, Provenance, Result, Row, number, p_text
 
 ProportionMethod: TypeAlias = Literal["wilson", "clopper-pearson"]
 AdequacyRule: TypeAlias = Literal["estimate", "lower bound"]

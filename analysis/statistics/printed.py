@@ -9,8 +9,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from analysis.statistics.errors import NotNumeric
-from analysis.statistics.results import Result, Row
+from visavis.analysis.statistics.errors import NotNumeric
+from visavis.analysis.statistics.results import Result, Row
 
 Printed: TypeAlias = str | float | int
 """A number as printed. Text keeps trailing zeros ('2.50'); '<.001' is a bound."""

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from analysis.statistics.adjust import bonferroni_thresholds, stars
-from analysis.statistics.correlation import spearman_p
-from analysis.statistics.effects import eta_squared_of_f
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.power import oneway_power, oneway_sensitivity
-from analysis.statistics.printed import (
+from visavis.analysis.statistics.adjust import bonferroni_thresholds, stars
+from visavis.analysis.statistics.correlation import spearman_p
+from visavis.analysis.statistics.effects import eta_squared_of_f
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.power import oneway_power, oneway_sensitivity
+from visavis.analysis.statistics.printed import (
     Figure,
     Printed,
     PublishedCheck,
@@ -21,9 +21,9 @@ from analysis.statistics.printed import (
     read_printed,
     rounding_interval,
 )
-from analysis.statistics.signed_rank import signed_rank_p_from_t
-from analysis.statistics.studentized import studentized_range_sf
-from analysis.statistics.t_tests import independent_t_from_summary, two_sided_t
+from visavis.analysis.statistics.signed_rank import signed_rank_p_from_t
+from visavis.analysis.statistics.studentized import studentized_range_sf
+from visavis.analysis.statistics.t_tests import independent_t_from_summary, two_sided_t
 
 MIN_BETA = 1e-290
 """Beta quantile under which its reciprocal is no number any more."""

@@ -7,10 +7,10 @@ from itertools import combinations
 
 import numpy as np
 
-from analysis.statistics.design import Codes, Design
-from analysis.statistics.errors import ConstantResponse, NotConverged
-from analysis.statistics.kenward_roger import kenward_roger_covariance, kenward_roger_df
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.design import Codes, Design
+from visavis.analysis.statistics.errors import ConstantResponse, NotConverged
+from visavis.analysis.statistics.kenward_roger import kenward_roger_covariance, kenward_roger_df
+from visavis.analysis.statistics.results import Array
 
 MAX_SCORING_STEPS = 200
 SCORE_TOLERANCE = 1e-10

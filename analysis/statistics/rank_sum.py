@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from analysis.statistics.errors import ConstantResponse, UnknownMethod
-from analysis.statistics.inputs import is_constant, sample
-from analysis.statistics.ranks import average_ranks, tie_sizes
-from analysis.statistics.results import (
+from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
+from visavis.analysis.statistics.inputs import is_constant, sample
+from visavis.analysis.statistics.ranks import average_ranks, tie_sizes
+from visavis.analysis.statistics.results import (
     Array,
     Effect,
     Interval,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.results import Array
 
 
 def average_ranks(values: Array) -> Array:

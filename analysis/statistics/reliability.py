@@ -6,10 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from analysis.statistics.design import Frame, column_of
-from analysis.statistics.errors import TooFewLevels, UnequalLength, UnknownColumn
-from analysis.statistics.inputs import sample
-from analysis.statistics.results import Array, Interval, Provenance, Result, Row, number, percent
+from visavis.analysis.statistics.design import Frame, column_of
+from visavis.analysis.statistics.errors import TooFewLevels, UnequalLength, UnknownColumn
+from visavis.analysis.statistics.inputs import sample
+from visavis.analysis.statistics.results import (
+    Array,
+    Interval,
+    Provenance,
+    Result,
+    Row,
+    number,
+    percent,
+)
 
 
 @dataclass(frozen=True)

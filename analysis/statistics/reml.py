@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.statistics.design import Codes
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.design import Codes
+from visavis.analysis.statistics.results import Array
 
 MAX_LOG_RATIO = 20.0
 """Logarithm of the largest ratio of variances looked at; data without noise end up here."""

@@ -7,11 +7,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from analysis.statistics.effects import rank_biserial
-from analysis.statistics.errors import ConstantResponse, StatisticsError, UnknownMethod
-from analysis.statistics.inputs import differences, paired
-from analysis.statistics.ranks import average_ranks
-from analysis.statistics.results import Array, Effect, Provenance, Result, Row, number, p_text
+from visavis.analysis.statistics.effects import rank_biserial
+from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError, UnknownMethod
+from visavis.analysis.statistics.inputs import differences, paired
+from visavis.analysis.statistics.ranks import average_ranks
+from visavis.analysis.statistics.results import (
+    Array,
+    Effect,
+    Provenance,
+    Result,
+    Row,
+    number,
+    p_text,
+)
 
 SignedRankMethod: TypeAlias = Literal["auto", "exact", "normal", "r"]
 ZeroRule: TypeAlias = Literal["wilcoxon", "pratt"]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from analysis.statistics.results import Array, number, p_text
+from visavis.analysis.statistics.results import Array, number, p_text
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from analysis.statistics.design import Design
-from analysis.statistics.linear import model_matrix
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.design import Design
+from visavis.analysis.statistics.linear import model_matrix
+from visavis.analysis.statistics.results import Array
 
 FLOAT_NOISE = 1e-25
 """Sums of squares below this share of the sum of squared values are rounding, hence zero."""

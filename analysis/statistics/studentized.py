@@ -4,8 +4,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.results import Array
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.results import Array
 
 _NODES = np.arange(-8.0, 9.01, 0.25)
 _WEIGHTS = 0.25 * np.exp(-(_NODES**2) / 2) / np.sqrt(2 * np.pi)

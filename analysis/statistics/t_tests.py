@@ -6,14 +6,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from analysis.statistics.effects import (
+from visavis.analysis.statistics.effects import (
     d_average,
     partial_eta_squared,
     standardised_mean,
 )
-from analysis.statistics.errors import ConstantResponse, StatisticsError, TooFewSubjects
-from analysis.statistics.inputs import is_constant, paired, sample
-from analysis.statistics.results import (
+from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError, TooFewSubjects
+from visavis.analysis.statistics.inputs import is_constant, paired, sample
+from visavis.analysis.statistics.results import (
     Effect,
     Interval,
     Provenance,

@@ -1,6 +1,6 @@
 """From tidy data to a test with its table, sentences, decision path and figures.
 
-    from analysis.statistics_report import Question, answer
+    from visavis.analysis.statistics_report import Question, answer
 
     outcome = answer(frame, Question("rm", dv="dwell_ms", within=("gaze",), subject="participant"))
     print(outcome.sentences, outcome.p("gaze"))
@@ -16,16 +16,16 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from analysis.statistics_report.agreement import AGREEMENT_TESTS
-from analysis.statistics_report.called import called_of
-from analysis.statistics_report.choices import CHOICE_TESTS
-from analysis.statistics_report.chosen_rows import counted_rows, rows_where
-from analysis.statistics_report.error_rate import error_rate_notes, error_rates
-from analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRun
-from analysis.statistics_report.outcome import Outcome, Question, Samples
-from analysis.statistics_report.simple import SIMPLE_TESTS
-from analysis.statistics_report.table_file import DataTable, read_table, table_of
-from lab.errors import LabError, UsageError
+from visavis.analysis.statistics_report.agreement import AGREEMENT_TESTS
+from visavis.analysis.statistics_report.called import called_of
+from visavis.analysis.statistics_report.choices import CHOICE_TESTS
+from visavis.analysis.statistics_report.chosen_rows import counted_rows, rows_where
+from visavis.analysis.statistics_report.error_rate import error_rate_notes, error_rates
+from visavis.analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRun
+from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
+from visavis.analysis.statistics_report.simple import SIMPLE_TESTS
+from visavis.analysis.statistics_report.table_file import DataTable, read_table, table_of
+from visavis.lab.errors import LabError, UsageError
 
 TESTS: Mapping[str, TestRun] = {
     **FACTORIAL_TESTS,

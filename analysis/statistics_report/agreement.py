@@ -6,13 +6,19 @@ from typing import cast
 import numpy as np
 import pandas as pd
 
-from analysis.statistics.agreement import ICC_KINDS, Scale, cohen_kappa, icc, krippendorff_alpha
-from analysis.statistics.errors import DuplicateCell, MissingValue
-from analysis.statistics.results import Array, Result
-from analysis.statistics_report.factorial import TestRun
-from analysis.statistics_report.outcome import Outcome, Question
-from analysis.statistics_report.table_file import MISSING_WORDS, DataTable, natural_order
-from lab.errors import UsageError
+from visavis.analysis.statistics.agreement import (
+    ICC_KINDS,
+    Scale,
+    cohen_kappa,
+    icc,
+    krippendorff_alpha,
+)
+from visavis.analysis.statistics.errors import DuplicateCell, MissingValue
+from visavis.analysis.statistics.results import Array, Result
+from visavis.analysis.statistics_report.factorial import TestRun
+from visavis.analysis.statistics_report.outcome import Outcome, Question
+from visavis.analysis.statistics_report.table_file import MISSING_WORDS, DataTable, natural_order
+from visavis.lab.errors import UsageError
 
 
 def _wide(table: DataTable, q: Question, *, named: bool) -> tuple[Array, pd.DataFrame]:

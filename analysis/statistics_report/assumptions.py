@@ -6,11 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import special
 
-from analysis.plots import BLUE, Drawn, draw, new_figure
-from analysis.plots.style import BLACK, GREY
-from analysis.statistics.normality import skewness
-from analysis.statistics.results import Array, number
-from analysis.statistics_report.outcome import Outcome
+from visavis.analysis.plots import BLUE, Drawn, draw, new_figure
+from visavis.analysis.plots.style import BLACK, GREY
+from visavis.analysis.statistics.normality import skewness
+from visavis.analysis.statistics.results import Array, number
+from visavis.analysis.statistics_report.outcome import Outcome
 
 NORMAL_TESTS = ("rm", "mixed", "lmm", "anova", "welch", "t", "tost", "paired", "conditions")
 """Tests whose residuals are taken for normal (of `paired` and `conditions` on the way)."""

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from analysis.statistics_report.outcome import Outcome, Question
-from analysis.statistics_report.table_file import DataTable
-from lab.errors import LabError
+from visavis.analysis.statistics_report.outcome import Outcome, Question
+from visavis.analysis.statistics_report.table_file import DataTable
+from visavis.lab.errors import LabError
 
 _MARK = re.compile("\ue000(\\d+)\ue001")
 """Stands for a level while a test runs: characters of Unicode's private use, in nobody's data."""

@@ -7,16 +7,16 @@ from typing import cast
 import numpy as np
 import pandas as pd
 
-from analysis.statistics.binomial import binomial_test, sign_test, sign_test_of_one
-from analysis.statistics.bradley_terry import bradley_terry
-from analysis.statistics.contrasts import ContrastAdjustment
-from analysis.statistics.errors import DuplicateCell, NotNumeric
-from analysis.statistics_report.factorial import CONTRAST_WAYS, TestRun
-from analysis.statistics_report.outcome import Outcome, Question
-from analysis.statistics_report.prepare import outcome_of, prepare, read
-from analysis.statistics_report.simple import columns_of, family, known
-from analysis.statistics_report.table_file import DataTable
-from lab.errors import DataError, UsageError
+from visavis.analysis.statistics.binomial import binomial_test, sign_test, sign_test_of_one
+from visavis.analysis.statistics.bradley_terry import bradley_terry
+from visavis.analysis.statistics.contrasts import ContrastAdjustment
+from visavis.analysis.statistics.errors import DuplicateCell, NotNumeric
+from visavis.analysis.statistics_report.factorial import CONTRAST_WAYS, TestRun
+from visavis.analysis.statistics_report.outcome import Outcome, Question
+from visavis.analysis.statistics_report.prepare import outcome_of, prepare, read
+from visavis.analysis.statistics_report.simple import columns_of, family, known
+from visavis.analysis.statistics_report.table_file import DataTable
+from visavis.lab.errors import DataError, UsageError
 
 PAIR_SIGN = "|"
 """Parts the two items of a pair that one column names: "orbit|follow"."""

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from analysis.statistics_report.table_file import DataTable, natural_order, truth_of
-from lab.errors import DataError, UsageError
+from visavis.analysis.statistics_report.table_file import DataTable, natural_order, truth_of
+from visavis.lab.errors import DataError, UsageError
 
 COUNTED_COLUMN: Final = "is_analysed"
 REASON_COLUMN: Final = "left_out_because"

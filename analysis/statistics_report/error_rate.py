@@ -8,15 +8,15 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from analysis.statistics.art import normal_scores
-from analysis.statistics.design import Design, read_design
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.power import proportion_interval
-from analysis.statistics.results import Array, Row
-from analysis.statistics_report.outcome import Outcome, Question
-from analysis.statistics_report.prepare import prepare
-from analysis.statistics_report.table_file import DataTable, table_of
-from lab.errors import UsageError
+from visavis.analysis.statistics.art import normal_scores
+from visavis.analysis.statistics.design import Design, read_design
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.power import proportion_interval
+from visavis.analysis.statistics.results import Array, Row
+from visavis.analysis.statistics_report.outcome import Outcome, Question
+from visavis.analysis.statistics_report.prepare import prepare
+from visavis.analysis.statistics_report.table_file import DataTable, table_of
+from visavis.lab.errors import UsageError
 
 NOMINAL = (0.6, 1.4)
 """Range of rates, in units of α, that counts as holding the level (.03 to .07 at .05)."""

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias, cast, get_args
 
 import pandas as pd
 
-from analysis.statistics import (
+from visavis.analysis.statistics import (
     Anova,
     AnovaEffect,
     ArtAnova,
@@ -33,18 +33,18 @@ from analysis.statistics import (
     tukey_hsd,
     welch_anova,
 )
-from analysis.statistics.adjust import Adjustment
-from analysis.statistics.anova import Correction
-from analysis.statistics.art import ArtError, Transform
-from analysis.statistics.bent_scales import bent_interactions
-from analysis.statistics.clmm import Clmm, clmm
-from analysis.statistics.contrasts import ContrastAdjustment
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.gee import Family, Gee, GeeEffect, gee
-from analysis.statistics.lmm import LinearMixed, RandomEffects, linear_mixed
-from analysis.statistics.results import Row, number, p_text, threshold_text
-from analysis.statistics_report.outcome import Outcome, Question
-from analysis.statistics_report.prepare import (
+from visavis.analysis.statistics.adjust import Adjustment
+from visavis.analysis.statistics.anova import Correction
+from visavis.analysis.statistics.art import ArtError, Transform
+from visavis.analysis.statistics.bent_scales import bent_interactions
+from visavis.analysis.statistics.clmm import Clmm, clmm
+from visavis.analysis.statistics.contrasts import ContrastAdjustment
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.gee import Family, Gee, GeeEffect, gee
+from visavis.analysis.statistics.lmm import LinearMixed, RandomEffects, linear_mixed
+from visavis.analysis.statistics.results import Row, number, p_text, threshold_text
+from visavis.analysis.statistics_report.outcome import Outcome, Question
+from visavis.analysis.statistics_report.prepare import (
     Prepared,
     outcome_of,
     prepare,
@@ -52,8 +52,8 @@ from analysis.statistics_report.prepare import (
     uneven_changes,
     uneven_groups,
 )
-from analysis.statistics_report.table_file import DataTable
-from lab.errors import UsageError
+from visavis.analysis.statistics_report.table_file import DataTable
+from visavis.lab.errors import UsageError
 
 TestRun: TypeAlias = Callable[[DataTable, Question], Outcome]
 CONTRAST_WAYS = ("tukey", "holm", "bonferroni", "bh")

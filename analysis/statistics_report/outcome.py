@@ -6,9 +6,9 @@ from typing import Literal, get_args
 
 import pandas as pd
 
-from analysis.statistics.design import Missing
-from analysis.statistics.results import NO_CLAIM, Array, Row
-from lab.errors import UsageError
+from visavis.analysis.statistics.design import Missing
+from visavis.analysis.statistics.results import NO_CLAIM, Array, Row
+from visavis.lab.errors import UsageError
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.statistics import Design, cell_means, describe, read_design
-from analysis.statistics.errors import MissingCell, MissingValue, SubjectInTwoGroups
-from analysis.statistics.results import Array, Row, number
-from analysis.statistics_report.outcome import Outcome, Question, Samples
-from analysis.statistics_report.table_file import DataTable, natural_order
-from lab.errors import UsageError
+from visavis.analysis.statistics import Design, cell_means, describe, read_design
+from visavis.analysis.statistics.errors import MissingCell, MissingValue, SubjectInTwoGroups
+from visavis.analysis.statistics.results import Array, Row, number
+from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
+from visavis.analysis.statistics_report.table_file import DataTable, natural_order
+from visavis.lab.errors import UsageError
 
 MAX_CELLS_DRAWN = 12
 MAX_CELLS_NAMED = 6

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from analysis.statistics_report.outcome import Outcome
+from visavis.analysis.statistics_report.outcome import Outcome
 
 DATA_FILE = "tested.csv"
 LINE = 'line <- function(name, value, p) cat(sprintf("%s\\t%.10g\\t%.10g\\n", name, value, p))'

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
-from analysis.statistics import (
+from visavis.analysis.statistics import (
     Design,
     TTest,
     adjust_p,
@@ -27,22 +27,22 @@ from analysis.statistics import (
     tost_paired,
     wilcoxon_signed_rank,
 )
-from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment
-from analysis.statistics.bayes import MEDIUM_SCALE, bayes_text, jzs_bayes_factor
-from analysis.statistics.equivalence import BoundUnit
-from analysis.statistics.errors import MissingValue, TooFewLevels
-from analysis.statistics.results import MINUS, Array, Row, p_text
-from analysis.statistics_report.factorial import RANK_WAYS, TestRun
-from analysis.statistics_report.outcome import Outcome, Question, Samples
-from analysis.statistics_report.prepare import (
+from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment
+from visavis.analysis.statistics.bayes import MEDIUM_SCALE, bayes_text, jzs_bayes_factor
+from visavis.analysis.statistics.equivalence import BoundUnit
+from visavis.analysis.statistics.errors import MissingValue, TooFewLevels
+from visavis.analysis.statistics.results import MINUS, Array, Row, p_text
+from visavis.analysis.statistics_report.factorial import RANK_WAYS, TestRun
+from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
+from visavis.analysis.statistics_report.prepare import (
     Prepared,
     outcome_of,
     prepare,
     read,
     uneven_groups,
 )
-from analysis.statistics_report.table_file import DataTable
-from lab.errors import UsageError
+from visavis.analysis.statistics_report.table_file import DataTable
+from visavis.lab.errors import UsageError
 
 
 def columns_of(design: Design) -> dict[str, Array]:

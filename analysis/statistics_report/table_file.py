@@ -12,8 +12,13 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from analysis.statistics.errors import InfiniteValue, MissingValue, NotNumeric, UnknownColumn
-from lab.errors import DataError, UsageError
+from visavis.analysis.statistics.errors import (
+    InfiniteValue,
+    MissingValue,
+    NotNumeric,
+    UnknownColumn,
+)
+from visavis.lab.errors import DataError, UsageError
 
 SIMULATED_COLUMN = "is_simulated"
 MISSING_WORDS = frozenset({"", "na", "nan", "n/a", "null", "none", "#n/a", "."})

@@ -9,14 +9,14 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from analysis.plots import BLUE, Drawn, draw, new_figure, write_figure
-from analysis.statistics import StatisticsError, estimation_plot
-from analysis.statistics.results import Row
-from analysis.statistics_report.assumptions import draw_assumptions
-from analysis.statistics_report.outcome import Outcome, Samples
-from analysis.statistics_report.r_code import DATA_FILE, r_code
-from recording.csv_file import write_csv
-from recording.durable import make_folder, protect_files
+from visavis.analysis.plots import BLUE, Drawn, draw, new_figure, write_figure
+from visavis.analysis.statistics import StatisticsError, estimation_plot
+from visavis.analysis.statistics.results import Row
+from visavis.analysis.statistics_report.assumptions import draw_assumptions
+from visavis.analysis.statistics_report.outcome import Outcome, Samples
+from visavis.analysis.statistics_report.r_code import DATA_FILE, r_code
+from visavis.recording.csv_file import write_csv
+from visavis.recording.durable import make_folder, protect_files
 
 R_FILE = "repeat.R"
 OWN_FILES = (

@@ -36,7 +36,7 @@ from benchmarks.fuzz.codecs import codecs
 from benchmarks.fuzz.damage import draws
 from benchmarks.fuzz.files import files
 from benchmarks.fuzz.target import Target, may_pass
-from lab.clock import StopWatch
+from visavis.lab.clock import StopWatch
 
 LIMIT_S = 5.0
 MEMORY_BYTES = 6 << 30

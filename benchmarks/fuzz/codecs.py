@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.fuzz.target import Target
-from devices.drivers.armband.codec import (
+from visavis.devices.drivers.armband.codec import (
     COMMAND_BYTES,
     PATTERN,
     SET,
@@ -20,38 +20,38 @@ from devices.drivers.armband.codec import (
     decode_pattern,
     decode_set,
 )
-from devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
-from devices.drivers.bands.bhaptics_codec import BhapticsLanguage
-from devices.drivers.bands.buzz_codec import BuzzLanguage
-from devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
-from devices.drivers.bands.vhp_codec import VhpSleeveLanguage, VhpSlimLanguage
-from devices.drivers.buttons.codes import ByteButtons
-from devices.drivers.buttons.device import Press
-from devices.drivers.buttons.hid_reports import ReportReader, layout_of
-from devices.drivers.buttons.keyboard import Keyboard, KeyLink
-from devices.drivers.buttons.spec import BYTES, KEYBOARD
-from devices.drivers.buttons.xid import BUTTONS, XidReader
-from devices.drivers.eyelink import codec as eyelink
-from devices.drivers.fove import codec as fove
-from devices.drivers.gazepoint import codec as gazepoint
-from devices.drivers.hid_gaze import codec as hid_gaze
-from devices.drivers.lsl import gaze_codec as lsl_gaze
-from devices.drivers.lsl.body import read_layout
-from devices.drivers.natnet import codec as natnet
-from devices.drivers.neon import codec as neon
-from devices.drivers.openvr import codec as openvr
-from devices.drivers.pupil import codec as pupil
-from devices.drivers.pupil.layout import GazeDecoder
-from devices.drivers.sranipal import codec as sranipal
-from devices.drivers.streaming.gaze_rays import Sample, Screen
-from devices.drivers.triggers import labjack_codec as labjack
-from devices.drivers.xsens import codec as xsens
-from devices.spec import AnySpec
-from devices.streams import GAZE
-from devices.sync import board_codec as board
-from devices.wirelog import read_wire_log
-from lab.clock import SimClock
-from lab.errors import DataError, ProtocolViolation
+from visavis.devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
+from visavis.devices.drivers.bands.bhaptics_codec import BhapticsLanguage
+from visavis.devices.drivers.bands.buzz_codec import BuzzLanguage
+from visavis.devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
+from visavis.devices.drivers.bands.vhp_codec import VhpSleeveLanguage, VhpSlimLanguage
+from visavis.devices.drivers.buttons.codes import ByteButtons
+from visavis.devices.drivers.buttons.device import Press
+from visavis.devices.drivers.buttons.hid_reports import ReportReader, layout_of
+from visavis.devices.drivers.buttons.keyboard import Keyboard, KeyLink
+from visavis.devices.drivers.buttons.spec import BYTES, KEYBOARD
+from visavis.devices.drivers.buttons.xid import BUTTONS, XidReader
+from visavis.devices.drivers.eyelink import codec as eyelink
+from visavis.devices.drivers.fove import codec as fove
+from visavis.devices.drivers.gazepoint import codec as gazepoint
+from visavis.devices.drivers.hid_gaze import codec as hid_gaze
+from visavis.devices.drivers.lsl import gaze_codec as lsl_gaze
+from visavis.devices.drivers.lsl.body import read_layout
+from visavis.devices.drivers.natnet import codec as natnet
+from visavis.devices.drivers.neon import codec as neon
+from visavis.devices.drivers.openvr import codec as openvr
+from visavis.devices.drivers.pupil import codec as pupil
+from visavis.devices.drivers.pupil.layout import GazeDecoder
+from visavis.devices.drivers.sranipal import codec as sranipal
+from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.drivers.triggers import labjack_codec as labjack
+from visavis.devices.drivers.xsens import codec as xsens
+from visavis.devices.spec import AnySpec
+from visavis.devices.streams import GAZE
+from visavis.devices.sync import board_codec as board
+from visavis.devices.wirelog import read_wire_log
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import DataError, ProtocolViolation
 
 WIRES = Path(__file__).resolve().parents[2] / "tests" / "wire"
 SCREEN, SCREEN_PX, HALF_M = Screen(), (1920, 1080), 0.032

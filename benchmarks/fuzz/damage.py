@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from recording.journal import encode_line
-from recording.sealed import seal
+from visavis.recording.journal import encode_line
+from visavis.recording.sealed import seal
 
 EDGES = (b"\x00", b"\xff", b"\x7f", b"\x80", b"\xff\xff\xff\x7f", b"\x00\x00\xc0\x7f", b"\xff" * 8)
 WORDS = (

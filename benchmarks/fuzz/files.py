@@ -12,55 +12,55 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.foreign_check import read_bids_times, read_xdf_times
-from analysis.gaze.bids import read_bids
-from analysis.gaze.mapped_csv import mapping_of, read_csv, read_mapping
-from analysis.gaze.readers import read_pupil, read_vive
-from analysis.session_check import check_session
-from analysis.statistics_report.table_file import read_table
 from benchmarks.fuzz.codecs import WIRES
 from benchmarks.fuzz.damage import arrays_again, chained_again, journal_again, sealed_again
 from benchmarks.fuzz.target import Target
-from devices.wirelog import read_wire_log
-from lab.clock import SimClock
-from lab.config import parse_config
-from lab.config_files import EXAMPLE
-from lab.errors import LabError
-from lab.plain_files import parse_json
-from lab.yaml_lines import parse_document
-from protocol.exports_register import register_export, registered_exports
-from protocol.key_file import KeyFile
-from protocol.ledger import Ledger
-from protocol.own_body import OWN_BODY_NAME, OwnBody, read_own_body, write_own_body
-from protocol.questionnaires import SCALES_DIR, load_questionnaire
-from recording.bids import export_bids
-from recording.chained import append_lines, read_lines
-from recording.journal import decode_line
-from recording.journal_file import read_journal
-from recording.manifest import read_with_seal
-from recording.reader import Recording
-from recording.sealed import read_sealed, seal
-from recording.stream_file import read_stream_file
-from recording.xdf import export_xdf
-from stimuli.characters.gltf import import_gltf
-from stimuli.characters.gltf.figure import read_figure
-from stimuli.characters.gltf.file import read_glb
-from stimuli.characters.storage import read_character, write_character
-from stimuli.motion.bvh import parse_bvh
-from stimuli.motion.clip import Clip
-from stimuli.motion.clip_file import read_clip, write_clip
-from stimuli.motion.skeleton import canonical_skeleton
 from tests.analysis.gaze.test_import import PUPIL, vive_text
 from tests.recording.sessions import record_session
 from tests.recording.test_export import gaze_session
 from tests.stimuli.glb_figure import write_glb
 from tests.stimuli.motion.motions import SMALL_BVH
+from visavis.analysis.foreign_check import read_bids_times, read_xdf_times
+from visavis.analysis.gaze.bids import read_bids
+from visavis.analysis.gaze.mapped_csv import mapping_of, read_csv, read_mapping
+from visavis.analysis.gaze.readers import read_pupil, read_vive
+from visavis.analysis.session_check import check_session
+from visavis.analysis.statistics_report.table_file import read_table
 from visavis.catalogue import find_study
+from visavis.devices.wirelog import read_wire_log
+from visavis.lab.clock import SimClock
+from visavis.lab.config import parse_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import LabError
+from visavis.lab.plain_files import parse_json
+from visavis.lab.yaml_lines import parse_document
 from visavis.page.elsewhere.results import read_runs
 from visavis.picture_delay import SETTING, read_sync_test
+from visavis.protocol.exports_register import register_export, registered_exports
+from visavis.protocol.key_file import KeyFile
+from visavis.protocol.ledger import Ledger
+from visavis.protocol.own_body import OWN_BODY_NAME, OwnBody, read_own_body, write_own_body
+from visavis.protocol.questionnaires import SCALES_DIR, load_questionnaire
+from visavis.recording.bids import export_bids
+from visavis.recording.chained import append_lines, read_lines
+from visavis.recording.journal import decode_line
+from visavis.recording.journal_file import read_journal
+from visavis.recording.manifest import read_with_seal
+from visavis.recording.reader import Recording
+from visavis.recording.sealed import read_sealed, seal
+from visavis.recording.stream_file import read_stream_file
+from visavis.recording.xdf import export_xdf
 from visavis.sessions.piecewise import read_kept
 from visavis.sessions.plan_lock import LOCK_NAME, PEEKS_NAME, lock_plan, read_lock, read_peeks
 from visavis.sessions.study_folder import StudySettings, read_settings, settle
+from visavis.stimuli.characters.gltf import import_gltf
+from visavis.stimuli.characters.gltf.figure import read_figure
+from visavis.stimuli.characters.gltf.file import read_glb
+from visavis.stimuli.characters.storage import read_character, write_character
+from visavis.stimuli.motion.bvh import parse_bvh
+from visavis.stimuli.motion.clip import Clip
+from visavis.stimuli.motion.clip_file import read_clip, write_clip
+from visavis.stimuli.motion.skeleton import canonical_skeleton
 from visavis.texts import WORDS_DIR, read_texts
 
 TOLD_BY_IMPORT = (
@@ -153,37 +153,43 @@ def files(scratch: Path) -> Iterator[Target]:
             (whole / file).write_bytes(data)
             return check_session(Recording(whole))
 
-        return target(f"analysis.session_check {file.name}", (session / file).read_bytes(), checked)
+        return target(
+            f"visavis.analysis.session_check {file.name}", (session / file).read_bytes(), checked
+        )
 
-    yield Target("recording.journal line", tuple(journal.splitlines()), decode_line)
-    lines = of_file("recording.journal_file", part / "events.jsonl", read_journal)
+    yield Target("visavis.recording.journal line", tuple(journal.splitlines()), decode_line)
+    lines = of_file("visavis.recording.journal_file", part / "events.jsonl", read_journal)
     yield from (lines, again(lines, journal_again))
-    yield of_file("recording.stream_file", part / "probe.arrows", read_stream_file)
+    yield of_file("visavis.recording.stream_file", part / "probe.arrows", read_stream_file)
     manifest = of_file(
-        "recording.manifest", session / "manifest.json", lambda p: read_with_seal(p.parent)
+        "visavis.recording.manifest", session / "manifest.json", lambda p: read_with_seal(p.parent)
     )
     yield from (manifest, again(manifest, sealed_again))
     yield again(of_session(Path("manifest.json")), sealed_again)
     yield again(of_session(Path(part.name, "events.jsonl")), journal_again)
     yield of_session(Path(part.name, "probe.arrows"))
-    yield target("recording.sealed", (study / "study.json").read_bytes(), at("x.json", _sealed))
     yield target(
-        "recording.chained",
+        "visavis.recording.sealed", (study / "study.json").read_bytes(), at("x.json", _sealed)
+    )
+    yield target(
+        "visavis.recording.chained",
         (study / "participants.jsonl").read_bytes(),
         at("lines.jsonl", read_lines),
     )
     people = target(
-        "protocol.ledger",
+        "visavis.protocol.ledger",
         (study / "participants.jsonl").read_bytes(),
         at(f"{study.name}/participants.jsonl", lambda p: Ledger(p.parent, SimClock()).list()),
     )
     yield from (people, again(people, chained_again))
     exports = of_file(
-        "protocol.exports_register", study / "exports.jsonl", lambda p: registered_exports(p.parent)
+        "visavis.protocol.exports_register",
+        study / "exports.jsonl",
+        lambda p: registered_exports(p.parent),
     )
     yield from (exports, again(exports, chained_again))
     own = target(
-        "protocol.own_body",
+        "visavis.protocol.own_body",
         (told / OWN_BODY_NAME).read_bytes(),
         at(f"{told.name}/{OWN_BODY_NAME}", lambda p: read_own_body(p.parent)),
     )
@@ -199,27 +205,29 @@ def files(scratch: Path) -> Iterator[Target]:
     told_lines = "".join(json.dumps(line) + "\n" for line in RUN)
     yield target("visavis.elsewhere results", told_lines, at("results.jsonl", _runs))
     yield target("visavis.elsewhere archive", zipped(told_lines), at("results.zip", _runs))
-    yield of_file("protocol.questionnaires", SCALES_DIR / "free_comment.yaml", load_questionnaire)
+    yield of_file(
+        "visavis.protocol.questionnaires", SCALES_DIR / "free_comment.yaml", load_questionnaire
+    )
     yield target(
         "visavis.texts",
         "\n".join((WORDS_DIR / "en.yaml").read_text("utf-8").splitlines()[:6]),
         at("texts/en.yaml", lambda p: read_texts([p.parent])),
     )
     keys = target(
-        "protocol.key_file",
+        "visavis.protocol.key_file",
         (made / "keys" / "stare.json").read_bytes(),
         at("keys/stare.json", _key_of),
     )
     yield from (keys, again(keys, sealed_again))
     begun = of_file("visavis.study_folder", study / "study.json", lambda p: read_settings(p.parent))
     yield from (begun, again(begun, sealed_again))
-    yield target("lab.plain_files parse_json", json_sample(session), parse_json_of)
-    yield target("lab.yaml_lines", config_sample(), _yaml)
-    yield target("lab.config", config_sample(), _config)
-    yield of_file("devices.wirelog", WIRES / "neosensory_buzz.wire", read_wire_log)
-    yield of_file("analysis.foreign_check xdf", xdf, read_xdf_times)
-    yield target("analysis.gaze.readers vive", vive_text(n=20), at("v.csv", read_vive))
-    yield target("analysis.gaze.readers pupil", PUPIL, at("gaze_positions.csv", read_pupil))
+    yield target("visavis.lab.plain_files parse_json", json_sample(session), parse_json_of)
+    yield target("visavis.lab.yaml_lines", config_sample(), _yaml)
+    yield target("visavis.lab.config", config_sample(), _config)
+    yield of_file("visavis.devices.wirelog", WIRES / "neosensory_buzz.wire", read_wire_log)
+    yield of_file("visavis.analysis.foreign_check xdf", xdf, read_xdf_times)
+    yield target("visavis.analysis.gaze.readers vive", vive_text(n=20), at("v.csv", read_vive))
+    yield target("visavis.analysis.gaze.readers pupil", PUPIL, at("gaze_positions.csv", read_pupil))
     mapping = mapping_of(
         {
             "time": {"column": "t", "unit": "s"},
@@ -227,37 +235,45 @@ def files(scratch: Path) -> Iterator[Target]:
             "combined": {"direction": ["x", "y", "z"]},
         }
     )
-    yield target("analysis.gaze.mapped_csv", CSV, at("m.csv", lambda p: read_csv(p, mapping)))
-    yield target("analysis.gaze.mapped_csv mapping", MAPPING, at("map.yaml", read_mapping))
+    yield target(
+        "visavis.analysis.gaze.mapped_csv", CSV, at("m.csv", lambda p: read_csv(p, mapping))
+    )
+    yield target("visavis.analysis.gaze.mapped_csv mapping", MAPPING, at("map.yaml", read_mapping))
     bids = scratch / "read"
     bids.mkdir(exist_ok=True)
     beside = bids / "sub-1_recording-eye1_physio.json"
     beside.write_bytes(physio.with_suffix("").with_suffix(".json").read_bytes())
     packed = at("sub-1_recording-eye1_physio.tsv.gz", read_bids)
-    yield target("analysis.gaze.bids packed", physio.read_bytes(), packed)
+    yield target("visavis.analysis.gaze.bids packed", physio.read_bytes(), packed)
     yield target(
-        "analysis.gaze.bids rows",
+        "visavis.analysis.gaze.bids rows",
         gzip.decompress(physio.read_bytes()),
         lambda data: packed(gzip.compress(data, 1)),
     )
     yield from foreign_bids(scratch / "foreign")
-    yield target("analysis.statistics_report table", TABLE, at("t.csv", read_table))
+    yield target("visavis.analysis.statistics_report table", TABLE, at("t.csv", read_table))
     packed_table = io.BytesIO()
     pd.read_csv(io.StringIO(TABLE)).to_parquet(packed_table, index=False)
     yield target(
-        "analysis.statistics_report parquet", packed_table.getvalue(), at("t.parquet", read_table)
+        "visavis.analysis.statistics_report parquet",
+        packed_table.getvalue(),
+        at("t.parquet", read_table),
     )
-    yield target("stimuli.motion.bvh", SMALL_BVH, lambda data: parse_bvh(data.decode("latin-1")))
-    clip = of_file("stimuli.motion.clip_file", made / "clip.npz", read_clip)
+    yield target(
+        "visavis.stimuli.motion.bvh", SMALL_BVH, lambda data: parse_bvh(data.decode("latin-1"))
+    )
+    clip = of_file("visavis.stimuli.motion.clip_file", made / "clip.npz", read_clip)
     yield from (clip, again(clip, arrays_again))
     figure = made / "figure.glb"
     yield replace(
-        of_file("stimuli.characters glb read", figure, lambda p: read_figure(read_glb(p))),
+        of_file("visavis.stimuli.characters glb read", figure, lambda p: read_figure(read_glb(p))),
         refusals=(LabError, *TOLD_BY_IMPORT),
     )
-    imported = of_file("stimuli.characters glb", figure, lambda p: import_gltf(p, gender="male"))
+    imported = of_file(
+        "visavis.stimuli.characters glb", figure, lambda p: import_gltf(p, gender="male")
+    )
     yield replace(imported, share_01=IMPORTS_SHARE_01)
-    character = of_file("stimuli.characters npz", made / "person.npz", read_character)
+    character = of_file("visavis.stimuli.characters npz", made / "person.npz", read_character)
     yield from (character, again(character, arrays_again))
 
 
@@ -293,7 +309,7 @@ def foreign_bids(root: Path) -> Iterator[Target]:
     for path, text in content.items():
         written(path, text.encode())
     for path, text in content.items():
-        name = f"analysis.foreign_check {path.name.split('_', 1)[1]}"
+        name = f"visavis.analysis.foreign_check {path.name.split('_', 1)[1]}"
         yield Target(name, (text.encode(),), reading(path, text.encode()), (LabError,))
 
 

@@ -4,7 +4,7 @@
 
 FOLDER holds the set as tables (see `benchmarks.gaze_detectors.sets`). Fitted are the clips that
 `is_tuned_on` names, every second by name, each recording once as it is and once with noise of a
-random level and at 1, 1/2 or 1/4 of its rate. FILE is what `analysis.gaze.movements` ships.
+random level and at 1, 1/2 or 1/4 of its rate. FILE is what `visavis.analysis.gaze.movements` ships.
 """
 
 import argparse
@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.gaze.movements.detect import MovementParameters, runs_between_saccades
-from analysis.gaze.movements.kinds import Movement
-from analysis.gaze.movements.pursuit import PursuitWeights, described
 from benchmarks.gaze_detectors.sets import SETS, TUNING_SET, Recording, is_tuned_on
-from lab.geometry import Vector, unit
+from visavis.analysis.gaze.movements.detect import MovementParameters, runs_between_saccades
+from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.analysis.gaze.movements.pursuit import PursuitWeights, described
+from visavis.lab.geometry import Vector, unit
 
 UNITS, ROUNDS, BATCH, RATE = 8, 15, 2048, 3e-3
 

@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 import pandas as pd
 
-from analysis.gaze.movements.kinds import Movement
 from benchmarks.gaze_detectors.sets import Labels, Recording
-from lab.geometry import Vector
+from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.lab.geometry import Vector
 
 Detect = Callable[[Recording], Labels]
 

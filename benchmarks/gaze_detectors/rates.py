@@ -19,7 +19,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.events import (
+from benchmarks.gaze_detectors.agreement import Agreement, agreement, averaged
+from benchmarks.gaze_detectors.sets import RATERS, SETS, Recording, labelling_of
+from visavis.analysis.gaze.events import (
     IDT_HEADSET,
     IVT_HEADSET,
     IVT_MOVING_HEAD,
@@ -27,12 +29,10 @@ from analysis.gaze.events import (
     detect_idt,
     detect_ivt,
 )
-from analysis.gaze.movements.detect import AUTO, detect_movements
-from analysis.gaze.movements.kinds import Movement, fixations_of
-from benchmarks.gaze_detectors.agreement import Agreement, agreement, averaged
-from benchmarks.gaze_detectors.sets import RATERS, SETS, Recording, labelling_of
-from lab.clock import cpu_time_s
-from lab.geometry import Vector
+from visavis.analysis.gaze.movements.detect import AUTO, detect_movements
+from visavis.analysis.gaze.movements.kinds import Movement, fixations_of
+from visavis.lab.clock import cpu_time_s
+from visavis.lab.geometry import Vector
 
 NOISE_DRAWS = (1, 2, 3)
 SPEED_LIMIT_PER_S = 1e6
@@ -60,7 +60,7 @@ DETECTORS: dict[str, Detector] = {
     "IDT_SCREEN": detect_idt,
     "IDT_HEADSET": partial(detect_idt, params=IDT_HEADSET),
 }
-"""Every preset by its name in `analysis.gaze.events`."""
+"""Every preset by its name in `visavis.analysis.gaze.events`."""
 LIMITED = "IVT_SCREEN"
 """The preset that `LIMITS` hold for."""
 

@@ -21,9 +21,9 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.io import loadmat
 
-from analysis.gaze.movements.kinds import Movement
 from benchmarks.gaze_detectors.agreement import Runs, runs_of
-from lab.geometry import Vector, unit
+from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.lab.geometry import Vector, unit
 
 Labels = npt.NDArray[np.int8]
 

@@ -29,13 +29,13 @@ from benchmarks.page_faults.study import (
     kept_replies,
     request_of,
 )
-from lab.clock import StopWatch, SystemClock
-from lab.errors import DataError
-from recording.reader import Recording
+from visavis.lab.clock import StopWatch, SystemClock
+from visavis.lab.errors import DataError
 from visavis.page.elsewhere.bundle import write_bundle
 from visavis.page.elsewhere.results import read_runs
 from visavis.page.film_store import film_store
 from visavis.page.server import LOCAL
+from visavis.recording.reader import Recording
 
 PATIENCE_S: Final = 60.0
 TRIES: Final = 3

@@ -19,9 +19,9 @@ from benchmarks.page_faults.study import (
     Server,
     kept_replies,
 )
-from lab.clock import StopWatch, SystemClock
-from recording.reader import Recording
+from visavis.lab.clock import StopWatch, SystemClock
 from visavis.page.server import KEY, LOCAL
+from visavis.recording.reader import Recording
 
 MAX_WRITING_S: Final = 0.01
 PATIENCE_S: Final = 30.0

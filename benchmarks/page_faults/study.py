@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from lab.clock import SystemClock
-from lab.errors import RecordingError
-from protocol.operator import UnattendedOperator
-from recording.folder import session_dir
-from recording.reader import Recording
 from tests.faults.sessions import lab
 from visavis.catalogue import find_study
 from visavis.experiment import StudyExperiment
+from visavis.lab.clock import SystemClock
+from visavis.lab.errors import RecordingError
 from visavis.opened import OpenedStudy
+from visavis.protocol.operator import UnattendedOperator
+from visavis.recording.folder import session_dir
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import PageAddress, Request
 
 NAME: Final = "faults"

@@ -10,20 +10,20 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from devices.contracts import (
+from visavis.devices.contracts import (
     DeviceInfo,
     DeviceState,
     Fault,
     Health,
     Sink,
 )
-from devices.frame_streams import HEAD_ROW, FrameStreams
-from devices.lifecycle import Lifecycle, OnSessionClock
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.frame import FrameInfo
-from lab.geometry import Pose, Vector
-from lab.schema import SampleBatch, StreamSchema
-from lab.screen import FlatScreen
+from visavis.devices.frame_streams import HEAD_ROW, FrameStreams
+from visavis.devices.lifecycle import Lifecycle, OnSessionClock
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose, Vector
+from visavis.lab.schema import SampleBatch, StreamSchema
+from visavis.lab.screen import FlatScreen
 
 ROLE = "screen"
 BEFORE_FLIP_NS = 2 * NS_PER_MS

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import EYES_DTYPE, Body, MovingBody
-from lab.geometry import Pose, Vector, quat_conjugate, rotate, unit
+from visavis.devices.contracts import EYES_DTYPE, Body, MovingBody
+from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate, unit
 
 EYE_X_M = 0.032
 FAR_M = 50.0

@@ -9,11 +9,11 @@ import struct
 from pathlib import Path
 from typing import Any, Unpack
 
-from devices.contracts import Body
-from devices.drivers.streaming.gaze_rays import Screen
-from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
-from devices.transports import Frames
-from lab.clock import NS_PER_MS, Clock
+from visavis.devices.contracts import Body
+from visavis.devices.drivers.streaming.gaze_rays import Screen
+from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
+from visavis.devices.transports import Frames
+from visavis.lab.clock import NS_PER_MS, Clock
 
 SAMPLE = struct.Struct("<dB6d")
 MISSING = -32768.0

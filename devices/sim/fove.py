@@ -13,11 +13,11 @@ import threading
 from pathlib import Path
 from typing import Unpack
 
-from devices.contracts import Body
-from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
-from devices.transports import Frames
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceNotFound
+from visavis.devices.contracts import Body
+from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
+from visavis.devices.transports import Frames
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceNotFound
 
 STUB_SOURCE = Path(__file__).parent / "native" / "fove" / "fove_stub.c"
 FRAME = struct.Struct("<QQ" + 2 * "i3fiiif" + "i3f3f")

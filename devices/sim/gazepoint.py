@@ -14,11 +14,11 @@ from typing import Unpack
 
 import numpy as np
 
-from devices.contracts import Body
-from devices.drivers.streaming.gaze_rays import Screen, Triple
-from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
-from devices.transports import Frames, Message
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.devices.contracts import Body
+from visavis.devices.drivers.streaming.gaze_rays import Screen, Triple
+from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
+from visavis.devices.transports import Frames, Message
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 
 TICKS_PER_S = 10_000_000
 SPLIT_SHARE = 0.3

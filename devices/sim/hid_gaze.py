@@ -8,11 +8,11 @@ import struct
 from collections.abc import Mapping
 from typing import Any, Unpack
 
-from devices.contracts import Body
-from devices.drivers.streaming.gaze_rays import Screen, Triple
-from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
-from devices.transports import Frames
-from lab.clock import NS_PER_S, Clock
+from visavis.devices.contracts import Body
+from visavis.devices.drivers.streaming.gaze_rays import Screen, Triple
+from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
+from visavis.devices.transports import Frames
+from visavis.lab.clock import NS_PER_S, Clock
 
 UNAVAILABLE = 2**31 - 1
 REPORT = struct.Struct("<B3xQii3i3i")

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from devices.current_gl import GlCopies, current_context
+from visavis.devices.current_gl import GlCopies, current_context
 
 
 class ImageReader:

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from devices.byte_links import Chunk
-from devices.contracts import Body
-from devices.faults import FaultSchedule
-from devices.sim.wire_noise import WireNoise
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound
+from visavis.devices.byte_links import Chunk
+from visavis.devices.contracts import Body
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.wire_noise import WireNoise
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 WIRE_NS = 2 * NS_PER_MS
 

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from lab.errors import DeviceNotFound
+from visavis.lab.errors import DeviceNotFound
 
 SOURCES = Path(__file__).parent / "native"
 COMPILERS = ("cc", "gcc", "clang")

@@ -9,11 +9,11 @@ that was silent for longer than a few seconds.
 import struct
 from collections.abc import Mapping, Sequence
 
-from devices.contracts import MovingBody
-from devices.faults import FaultSchedule
-from devices.sim.body.wire import BodyWire
-from lab.clock import NS_PER_S, Clock
-from lab.geometry import Vector
+from visavis.devices.contracts import MovingBody
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.body.wire import BodyWire
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.geometry import Vector
 
 CLOCK_HZ = 10_000_000
 FORGOTTEN_AFTER_NS = 5 * NS_PER_S

@@ -12,11 +12,11 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from devices.contracts import Body
-from devices.drivers.streaming.gaze_rays import Triple
-from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
-from devices.transports import Frames
-from lab.clock import NS_PER_MS
+from visavis.devices.contracts import Body
+from visavis.devices.drivers.streaming.gaze_rays import Triple
+from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
+from visavis.devices.transports import Frames
+from visavis.lab.clock import NS_PER_MS
 
 STAMP = struct.Struct("<qH")
 ECHO = struct.Struct("!Q")

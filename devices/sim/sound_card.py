@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from devices.faults import FaultSchedule
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.devices.faults import FaultSchedule
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 
 RATE_HZ: Final = 48_000
 BLOCK: Final = 480

@@ -8,10 +8,10 @@ import ctypes
 import struct
 from pathlib import Path
 
-from devices.sim.gaze.source import EYE_X_M, GazePeer, Shot
-from devices.sim.native_build import build_library
-from devices.transports import Frames
-from lab.clock import NS_PER_MS
+from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Shot
+from visavis.devices.sim.native_build import build_library
+from visavis.devices.transports import Frames
+from visavis.lab.clock import NS_PER_MS
 
 ONE_EYE = struct.Struct("<Q3f3fff2f")
 ALL_VALID, ONLY_OPENNESS = 0x1F, 0x08

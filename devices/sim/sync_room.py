@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from devices.byte_links import Chunk
-from devices.contracts import EYES_DTYPE, OneStretch
-from devices.drivers.armband.codec import FrameReader
-from devices.sync.board_codec import ASK, BLOCK, Samples, Told, encode_samples, encode_told
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.geometry import Vector
+from visavis.devices.byte_links import Chunk
+from visavis.devices.contracts import EYES_DTYPE, OneStretch
+from visavis.devices.drivers.armband.codec import FrameReader
+from visavis.devices.sync.board_codec import ASK, BLOCK, Samples, Told, encode_samples, encode_told
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.geometry import Vector
 
 PERIOD_US = 250
 NS_PER_US = 1000

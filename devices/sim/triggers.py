@@ -6,11 +6,11 @@ USB, lines that a box clears by itself.
 
 from collections.abc import Sequence
 
-from devices.byte_links import Chunk
-from devices.contracts import Body
-from devices.faults import FaultSchedule
-from lab.clock import NS_PER_MS, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound
+from visavis.devices.byte_links import Chunk
+from visavis.devices.contracts import Body
+from visavis.devices.faults import FaultSchedule
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 USB_NS = NS_PER_MS
 FEEDBACK, IO_WRITE, DIRECTION_WRITE = 0xF8, 27, 29

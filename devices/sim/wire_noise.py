@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from devices.contracts import Body
+from visavis.devices.contracts import Body
 
 _SEED_RANGE = 2**64
 

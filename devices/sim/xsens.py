@@ -1,7 +1,8 @@
 """Xsens MVN as seen from the network: the stream its network streamer sends, from a body.
 
-Written from public parsers of the protocol that agree (see `devices.drivers.xsens.codec` for the
-layout). Not modelled: other message types, props and finger segments, MVN's own filters, TCP.
+Written from public parsers of the protocol that agree (see `visavis.devices.drivers.xsens.codec`
+for the layout). Not modelled: other message types, props and finger segments, MVN's own filters,
+TCP.
 """
 
 import struct
@@ -9,11 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from devices.contracts import MovingBody
-from devices.faults import FaultSchedule
-from devices.sim.body.wire import BodyWire
-from lab.clock import NS_PER_MS, Clock
-from lab.geometry import Vector
+from visavis.devices.contracts import MovingBody
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.body.wire import BodyWire
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.geometry import Vector
 
 MVN_ORDER = (
     "hips", "spine", "L3", "chest", "upper_chest", "neck", "head",

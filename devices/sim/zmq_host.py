@@ -6,9 +6,9 @@ A "disconnect" is silence on open sockets here: the operating system's own reset
 import threading
 from typing import Any
 
-from devices.sim.pupil.capture import PupilCoreSimulator
-from lab.clock import NS_PER_MS, Clock
-from lab.closing import Closing
+from visavis.devices.sim.pupil.capture import PupilCoreSimulator
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.closing import Closing
 
 LOOP_MS = 1
 FIRST_SAMPLES_NS = 20 * NS_PER_MS

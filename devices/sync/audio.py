@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from devices.sync.sensing import Trace
-from lab.clock import NS_PER_S, Clock
-from lab.clock_fit import fit_one_way
-from lab.errors import DeviceError, DeviceNotFound
+from visavis.devices.sync.sensing import Trace
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.clock_fit import fit_one_way
+from visavis.lab.errors import DeviceError, DeviceNotFound
 
 CLICK_MS = 4.0
 PITCH_HZ = 1000.0

@@ -8,15 +8,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from devices.byte_links import ByteLink
-from devices.contracts import ClockPair
-from devices.drivers.armband.codec import FrameReader
-from devices.drivers.armband.ledger import DeviceMicros
-from devices.sync.board_codec import BLOCK, CHANNELS, Samples, Told, decode, encode_ask
-from devices.sync.sensing import Trace
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.clock_fit import fit_clock
-from lab.errors import DeviceTimeout
+from visavis.devices.byte_links import ByteLink
+from visavis.devices.contracts import ClockPair
+from visavis.devices.drivers.armband.codec import FrameReader
+from visavis.devices.drivers.armband.ledger import DeviceMicros
+from visavis.devices.sync.board_codec import BLOCK, CHANNELS, Samples, Told, decode, encode_ask
+from visavis.devices.sync.sensing import Trace
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.clock_fit import fit_clock
+from visavis.lab.errors import DeviceTimeout
 
 BAUD = 250_000
 ASK_EVERY_NS = 100 * NS_PER_MS

@@ -1,7 +1,7 @@
 """Translate the bytes of the synchronisation board (firmware/sync_board); pure.
 
-Frames are those of the armband (`devices.drivers.armband.codec`: COBS, CRC-16, closing zero).
-SAMPLES holds the board's microseconds of its first sample (u32, wrapping), the spacing in
+Frames are those of the armband (`visavis.devices.drivers.armband.codec`: COBS, CRC-16, closing
+zero). SAMPLES holds the board's microseconds of its first sample (u32, wrapping), the spacing in
 microseconds (u16) and twelve samples of three channels (u8): light, sound, motion. ASK, from the
 host, is answered by TOLD with the board's microseconds. What the board says ends in a second check,
 CRC-16/ARC of its payload: of a million damaged frames one passes sixteen bits alone. Decoding never
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from devices.drivers.armband.codec import Frame, encode_frame
+from visavis.devices.drivers.armband.codec import Frame, encode_frame
 
 SAMPLES, ASK, TOLD = 0x41, 0x42, 0x43
 CHANNELS = ("light", "sound", "motion")

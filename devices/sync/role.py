@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from devices.contracts import Device
-from devices.sync.sensing import Trace
-from lab.clock_fit import fit_clock
-from lab.errors import DeviceError
-from lab.schema import SampleBatch
+from visavis.devices.contracts import Device
+from visavis.devices.sync.sensing import Trace
+from visavis.lab.clock_fit import fit_clock
+from visavis.lab.errors import DeviceError
+from visavis.lab.schema import SampleBatch
 
 OPENING_S = 10.0
 

@@ -13,11 +13,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from devices.byte_links import Chunk
-from devices.sim.armband.firmware import ArmbandFirmware, Protection, Surroundings
-from lab.clock import NS_PER_MS, NS_PER_S, SystemClock
-from lab.closing import Closing
-from lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
+from visavis.devices.byte_links import Chunk
+from visavis.devices.sim.armband.firmware import ArmbandFirmware, Protection, Surroundings
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SystemClock
+from visavis.lab.closing import Closing
+from visavis.lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 
 SOURCES = Path(__file__).resolve().parents[2] / "firmware" / "armband"
 BYTE_US = 260

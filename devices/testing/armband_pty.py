@@ -5,10 +5,10 @@ import select
 import sys
 import threading
 
-from devices.sim.armband.firmware import ArmbandFirmware
-from lab.clock import Clock
-from lab.closing import Closing
-from lab.errors import DeviceNotFound
+from visavis.devices.sim.armband.firmware import ArmbandFirmware
+from visavis.lab.clock import Clock
+from visavis.lab.closing import Closing
+from visavis.lab.errors import DeviceNotFound
 
 LOOP_S = 0.001
 

@@ -13,11 +13,11 @@ import shutil
 import subprocess
 from typing import Any
 
-from devices.byte_links import BytePeer
-from devices.testing.loop_thread import LoopThread
-from lab.clock import Clock
-from lab.closing import Closing
-from lab.errors import DeviceError
+from visavis.devices.byte_links import BytePeer
+from visavis.devices.testing.loop_thread import LoopThread
+from visavis.lab.clock import Clock
+from visavis.lab.closing import Closing
+from visavis.lab.errors import DeviceError
 
 ADAPTER = "/org/bluez/hci0"
 UART = "6e40000{}-b5a3-f393-e0a9-e50e24dcca9e"

@@ -4,7 +4,7 @@ import asyncio
 import threading
 from abc import abstractmethod
 
-from lab.closing import Closing
+from visavis.lab.closing import Closing
 
 
 class LoopThread(Closing):

@@ -12,8 +12,8 @@ import struct
 import threading
 from typing import Any
 
-from devices.sim.neon import EPOCH_NS, NeonSimulator
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.devices.sim.neon import EPOCH_NS, NeonSimulator
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 
 RTP_HZ = 90_000
 NTP_AHEAD_S = 2_208_988_800

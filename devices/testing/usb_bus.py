@@ -9,9 +9,9 @@ import array
 from types import SimpleNamespace
 from typing import Any
 
-from devices.sim.bands.plain import ReportBandSimulator
-from lab.clock import NS_PER_MS, Clock
-from lab.errors import DeviceError
+from visavis.devices.sim.bands.plain import ReportBandSimulator
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.errors import DeviceError
 
 PACKET_BYTES = 64
 NO_ACCESS, NO_DEVICE, TIMED_OUT = 13, 19, 110

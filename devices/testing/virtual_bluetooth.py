@@ -11,11 +11,11 @@ import contextlib
 import os
 from typing import Any, Literal
 
-from devices.byte_links import BytePeer
-from devices.testing.armband_pty import open_terminal
-from devices.testing.loop_thread import LoopThread
-from lab.clock import Clock
-from lab.errors import DeviceError
+from visavis.devices.byte_links import BytePeer
+from visavis.devices.testing.armband_pty import open_terminal
+from visavis.devices.testing.loop_thread import LoopThread
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceError
 
 UART = "6E40000{}-B5A3-F393-E0A9-E50E24DCCA9E"
 PUMP_S = 0.001

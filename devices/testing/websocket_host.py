@@ -6,10 +6,10 @@ One connection at a time; a refused connection closes the socket at once.
 import threading
 from typing import Any
 
-from devices.byte_links import BytePeer
-from lab.clock import Clock
-from lab.closing import Closing
-from lab.errors import DeviceError
+from visavis.devices.byte_links import BytePeer
+from visavis.lab.clock import Clock
+from visavis.lab.closing import Closing
+from visavis.lab.errors import DeviceError
 
 LOOK_S = 0.002
 

@@ -6,16 +6,16 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from analysis.report import Block, Bullets, Paragraph, Section
-from analysis.report.blocks import Column, Table
-from analysis.report.notation import decimal
-from analysis.statistics import StatisticsError, tost_one_sample
-from experiments.cameras.study import CAMERAS, PAIRS
-from experiments.cameras.walks import WALKS
-from visavis.analysis import StudyAnalysis
+from visavis.analysis.report import Block, Bullets, Paragraph, Section
+from visavis.analysis.report.blocks import Column, Table
+from visavis.analysis.report.notation import decimal
+from visavis.analysis.statistics import StatisticsError, tost_one_sample
 from visavis.experiment import StudyExperiment
+from visavis.experiments.cameras.study import CAMERAS, PAIRS
+from visavis.experiments.cameras.walks import WALKS
 from visavis.page.film_store import film_store
 from visavis.sections import Extra
+from visavis.study_analysis import StudyAnalysis
 
 NAMES: Final = {
     "topology": "topology",

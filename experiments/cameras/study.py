@@ -10,21 +10,21 @@ from typing import Any, Final
 
 import numpy as np
 
-from experiments.cameras.walks import DOES_S, ROOM, WALKS, everybody, walked
-from protocol.columns import Column
-from protocol.design import Factor
-from protocol.parameters import Within
-from stimuli.motion.kinds import Idle, Walk
-from stimuli.scenes.gathering import GatheringScene
 from visavis.asking import Answer
 from visavis.compare import Compare
 from visavis.exclusions import COMPLETENESS_RULES
+from visavis.experiments.cameras.walks import DOES_S, ROOM, WALKS, everybody, walked
 from visavis.filmed import FilmSeen
 from visavis.films import Directed, Film, Following, Moving, Pair, Placed
 from visavis.measures import column
 from visavis.person import Seen
+from visavis.protocol.columns import Column
+from visavis.protocol.design import Factor
+from visavis.protocol.parameters import Within
 from visavis.responses import Choice, Response
 from visavis.scenes import Scene, Staged, Staging, gathered
+from visavis.stimuli.motion.kinds import Idle, Walk
+from visavis.stimuli.scenes.gathering import GatheringScene
 from visavis.study import Study
 from visavis.trial import Action, TrialScript
 
@@ -123,7 +123,7 @@ study = Study(
             claim="what somebody does is easier to see in the films of some cameras",
         ),
     ],
-    sections=["experiments.cameras.sections:cameras"],
+    sections=["visavis.experiments.cameras.sections:cameras"],
     methods=(
         "The same walk was filmed by four cameras and any two of the films ran beside each other, "
         "begun together: by a director on tracks found from the room's topology, by a camera that "

@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from stimuli.dressing.casting import build_of, default_casting
-from stimuli.motion.kinds import Crouch, Idle, Kind, Talk, Walk, Wave, gait_duration_s
-from stimuli.motion.people import Doing
-from stimuli.scenes.gathering import Standing
+from visavis.stimuli.dressing.casting import build_of, default_casting
+from visavis.stimuli.motion.kinds import Crouch, Idle, Kind, Talk, Walk, Wave, gait_duration_s
+from visavis.stimuli.motion.people import Doing
+from visavis.stimuli.scenes.gathering import Standing
 
 WALKER: Final = "female_02"
-ROOM: Final = "stimuli.rooms.gallery:gallery"
+ROOM: Final = "visavis.stimuli.rooms.gallery:gallery"
 SPEED_MPS: Final = 1.25
 DOES_S: Final = 3.4
 """How long somebody stays with what they do on the way."""

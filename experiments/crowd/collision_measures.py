@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.collisions import (
+from visavis.analysis.collisions import (
     ClosedMesh,
     Rule,
     Settings,
@@ -14,7 +14,7 @@ from analysis.collisions import (
     nearest_part,
     speed_at,
 )
-from experiments.crowd.surfaces import (
+from visavis.experiments.crowd.surfaces import (
     MeshSurface,
     Surface,
     avatar_of,
@@ -23,14 +23,14 @@ from experiments.crowd.surfaces import (
     own_surfaces,
     person_surface,
 )
-from experiments.crowd.walk_kernel import volumes_of_walk
-from experiments.crowd.walks import Walk
-from lab.geometry import Vector
-from stimuli.contact.body import CAPSULE_JOINTS, capsule_body
-from stimuli.contact.common import volumes_along
-from stimuli.contact.figures import crowd_figures
-from stimuli.contact.idle import N_JOINTS, place_person
-from stimuli.contact.touch import REACH_M, TouchSensor
+from visavis.experiments.crowd.walk_kernel import volumes_of_walk
+from visavis.experiments.crowd.walks import Walk
+from visavis.lab.geometry import Vector
+from visavis.stimuli.contact.body import CAPSULE_JOINTS, capsule_body
+from visavis.stimuli.contact.common import volumes_along
+from visavis.stimuli.contact.figures import crowd_figures
+from visavis.stimuli.contact.idle import N_JOINTS, place_person
+from visavis.stimuli.contact.touch import REACH_M, TouchSensor
 
 CAPSULE_CELL_M: Final = 0.0125
 SURFACE_REACH_M: Final = REACH_M + 0.22

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from experiments.crowd.design import CROWDS
-from protocol.columns import Column
+from visavis.experiments.crowd.design import CROWDS
+from visavis.protocol.columns import Column
 
 TRIALS: Final = (
     Column("measure_rule", "", "rule of volumes: volume, centres or published"),

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from experiments.crowd import published
-from experiments.crowd.design import AFTER, BEFORE, CONTROL_GROUP, HAPTIC, HAPTICS_GROUP
-from lab.errors import UsageError
 from visavis.compare import Compare
 from visavis.exclusions import Exclusion
+from visavis.experiments.crowd import published
+from visavis.experiments.crowd.design import AFTER, BEFORE, CONTROL_GROUP, HAPTIC, HAPTICS_GROUP
+from visavis.lab.errors import UsageError
 from visavis.measures import Measure
 from visavis.pairs import Printed
 

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from typing import Final
 
-from analysis.report.blocks import Status
-from experiments.crowd.comparisons import COLLISIONS, RATINGS, SPEED, TO_GAP, VOLUME
-from experiments.crowd.design import AFTER, BEFORE, HAPTIC
-from experiments.crowd.paths import GroupPaths
-from visavis.analysis import Conclusion, StudyAnalysis
+from visavis.analysis.report.blocks import Status
+from visavis.experiments.crowd.comparisons import COLLISIONS, RATINGS, SPEED, TO_GAP, VOLUME
+from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
+from visavis.experiments.crowd.paths import GroupPaths
 from visavis.measures import Measure
+from visavis.study_analysis import Conclusion, StudyAnalysis
 
 RULE: Final = (
     "A hypothesis about two blocks counts as found when every measure it names differs "

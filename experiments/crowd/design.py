@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from devices.contracts import VibrationPattern
-from experiments.crowd.patterns import PATTERNS
-from lab.errors import DesignError
-from protocol.parameters import Range, Within, known_of, out_of_range
-from stimuli.scenes.station_crowd import (
+from visavis.devices.contracts import VibrationPattern
+from visavis.experiments.crowd.patterns import PATTERNS
+from visavis.lab.errors import DesignError
+from visavis.protocol.parameters import Range, Within, known_of, out_of_range
+from visavis.stimuli.scenes.station_crowd import (
     CONFIGURATIONS,
     DENSITY_PER_M2,
     MAX_DENSITY_PER_M2,
@@ -50,7 +50,7 @@ class CrowdParameters:
     """What can be set in the study; the defaults are those of the source where it says them.
 
     `density_per_m2` is how many people stand on a square metre of every crowd.
-    `pattern` names a vibration pattern of `experiments.crowd.patterns`; `pattern_low_hz`,
+    `pattern` names a vibration pattern of `visavis.experiments.crowd.patterns`; `pattern_low_hz`,
     `pattern_high_hz` and `pattern_modulation_hz` replace its numbers (0 keeps them).
     `nearest_motor` drives only the motor nearest the contact, which the source could not.
     `haptic_update_hz` looks at contacts only so often (the source's link: 4), 0 at every sample.

@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from analysis.plots import BLUE, GREEN, GREY, VERMILION, Drawn, draw, new_figure
-from analysis.plots.panels import no_data
-from analysis.plots.style import BLACK
-from experiments.crowd.design import AFTER, BEFORE, HAPTIC
-from experiments.crowd.paths import GroupPaths
-from visavis.analysis import StudyAnalysis
+from visavis.analysis.plots import BLUE, GREEN, GREY, VERMILION, Drawn, draw, new_figure
+from visavis.analysis.plots.panels import no_data
+from visavis.analysis.plots.style import BLACK
+from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
+from visavis.experiments.crowd.paths import GroupPaths
+from visavis.study_analysis import StudyAnalysis
 
 COLOURS = {BEFORE: BLUE, HAPTIC: VERMILION, AFTER: GREEN}
 SHORT = {BEFORE: "before", HAPTIC: "haptic", AFTER: "after"}

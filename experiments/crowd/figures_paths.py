@@ -12,24 +12,24 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from analysis.cells import Triangulation
-from analysis.cells.triangulation import Cell, as_cell
-from analysis.plots import BLUE, GREY, VERMILION, Drawn, draw, new_figure
-from analysis.plots.panels import no_data
-from analysis.plots.style import BLACK
-from experiments.crowd import published
-from experiments.crowd.comparisons import PAIRS
-from experiments.crowd.measures import crowd_cells
-from experiments.crowd.paths import VARIANT_NAMES, VARIANTS, GroupPaths
-from lab.geometry import Vector
-from stimuli.scenes.station_crowd import (
+from visavis.analysis.cells import Triangulation
+from visavis.analysis.cells.triangulation import Cell, as_cell
+from visavis.analysis.plots import BLUE, GREY, VERMILION, Drawn, draw, new_figure
+from visavis.analysis.plots.panels import no_data
+from visavis.analysis.plots.style import BLACK
+from visavis.experiments.crowd import published
+from visavis.experiments.crowd.comparisons import PAIRS
+from visavis.experiments.crowd.measures import crowd_cells
+from visavis.experiments.crowd.paths import VARIANT_NAMES, VARIANTS, GroupPaths
+from visavis.lab.geometry import Vector
+from visavis.stimuli.scenes.station_crowd import (
     BOARD_M,
     DENSITY_PER_M2,
     READ_WITHIN_M,
     START_M,
     station_crowd,
 )
-from visavis.analysis import StudyAnalysis
+from visavis.study_analysis import StudyAnalysis
 
 SHORT_PAIRS = dict(zip(PAIRS, ("before–haptic", "haptic–after", "before–after"), strict=True))
 _UPRIGHT = np.array([1.0, -1.0])

@@ -6,12 +6,12 @@ from typing import Final, Literal
 
 import numpy as np
 
-from devices.contracts import VibrationPattern
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.geometry import Vector, quat_conjugate, rotate
-from stimuli.contact.body import ARM_JOINTS, CapsuleBody, capsule_body
-from stimuli.contact.touch import Touch, TouchSensor, pose_capsules
-from stimuli.scenes.station_crowd import Crowd
+from visavis.devices.contracts import VibrationPattern
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.geometry import Vector, quat_conjugate, rotate
+from visavis.stimuli.contact.body import ARM_JOINTS, CapsuleBody, capsule_body
+from visavis.stimuli.contact.touch import Touch, TouchSensor, pose_capsules
+from visavis.stimuli.scenes.station_crowd import Crowd
 
 BAND_OF_SEGMENT: Final = {
     "left_upper_arm": "armband_left_upper_arm",

@@ -5,20 +5,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.cells import CellError, CellPath, Triangulation, triangulate
-from analysis.cells import walk as walk_cells
-from analysis.collisions import Rule
-from analysis.gait import clearance_m, crossing_angles_deg, walk_measures
-from experiments.crowd.collision_measures import WalkVolumes, collision_rows, walk_volumes
-from experiments.crowd.pedestrian import has_pedpy, pedestrian_measures
-from experiments.crowd.surfaces import Surface
-from experiments.crowd.tracking import named_durations
-from experiments.crowd.walks import Walk
-from lab.clock import NS_PER_S
-from lab.errors import ConfigError, UsageError
-from lab.geometry import Vector
-from protocol.steps import known
-from stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
+from visavis.analysis.cells import CellError, CellPath, Triangulation, triangulate
+from visavis.analysis.cells import walk as walk_cells
+from visavis.analysis.collisions import Rule
+from visavis.analysis.gait import clearance_m, crossing_angles_deg, walk_measures
+from visavis.experiments.crowd.collision_measures import WalkVolumes, collision_rows, walk_volumes
+from visavis.experiments.crowd.pedestrian import has_pedpy, pedestrian_measures
+from visavis.experiments.crowd.surfaces import Surface
+from visavis.experiments.crowd.tracking import named_durations
+from visavis.experiments.crowd.walks import Walk
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import ConfigError, UsageError
+from visavis.lab.geometry import Vector
+from visavis.protocol.steps import known
+from visavis.stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
 
 JITTER_SEED: Final = 20200
 
@@ -27,8 +27,8 @@ JITTER_SEED: Final = 20200
 class MeasureParameters:
     """How walks are measured.
 
-    `rule` is how volumes are measured (`analysis.collisions`), `surface` of what body; both are
-    named in every table. `narrow_gap_m` is the widest gap of two people's centres that
+    `rule` is how volumes are measured (`visavis.analysis.collisions`), `surface` of what body; both
+    are named in every table. `narrow_gap_m` is the widest gap of two people's centres that
     `shoulders_to_gap_narrow_deg` counts.
     """
 

@@ -5,20 +5,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.gait import step_length_m
-from experiments.crowd.columns import TABLES
-from experiments.crowd.measures import (
+from visavis.analysis.gait import step_length_m
+from visavis.experiments.crowd.columns import TABLES
+from visavis.experiments.crowd.measures import (
     DEFAULT_MEASURES,
     MeasureParameters,
     measure_walk,
 )
-from experiments.crowd.pulses import pulse_rows
-from experiments.crowd.walks import walk_of, walk_records
-from protocol.questionnaires import load_questionnaire
-from recording.reader import Recording
-from stimuli.scenes.station_crowd import DENSITY_PER_M2
+from visavis.experiments.crowd.pulses import pulse_rows
+from visavis.experiments.crowd.walks import walk_of, walk_records
 from visavis.intake import person_of
 from visavis.pieces import MeasuredTrial, Pieces, Rows
+from visavis.protocol.questionnaires import load_questionnaire
+from visavis.recording.reader import Recording
+from visavis.stimuli.scenes.station_crowd import DENSITY_PER_M2
 
 VERSION: Final = 7
 """Raise it when measures change: what was kept before is then measured again."""

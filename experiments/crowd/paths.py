@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from analysis.cells import (
+from visavis.analysis.cells import (
     BlockComparison,
     Paths,
     Variant,
@@ -18,14 +18,14 @@ from analysis.cells import (
     own_block_excess,
     within_block,
 )
-from analysis.cells.triangulation import Cell
-from analysis.statistics import Equivalence, tost_one_sample, tost_paired
-from analysis.statistics.errors import StatisticsError
-from experiments.crowd.comparisons import PAIRS, PathThresholds
-from experiments.crowd.design import CONDITIONS, CONTROL_GROUP
-from lab.chance import generator
-from lab.geometry import Vector
-from visavis.analysis import StudyAnalysis
+from visavis.analysis.cells.triangulation import Cell
+from visavis.analysis.statistics import Equivalence, tost_one_sample, tost_paired
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.experiments.crowd.comparisons import PAIRS, PathThresholds
+from visavis.experiments.crowd.design import CONDITIONS, CONTROL_GROUP
+from visavis.lab.chance import generator
+from visavis.lab.geometry import Vector
+from visavis.study_analysis import StudyAnalysis
 
 VARIANTS: Final[tuple[Variant, ...]] = ("union", "frequency", "pairs")
 VARIANT_NAMES: Final = {

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from devices.contracts import CONTACT_PATTERN, VibrationPattern
+from visavis.devices.contracts import CONTACT_PATTERN, VibrationPattern
 
 PATTERNS: Final[Mapping[str, VibrationPattern]] = {
     "published": CONTACT_PATTERN,

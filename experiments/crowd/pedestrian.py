@@ -14,11 +14,11 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from experiments.crowd.walks import STEP_NS, Walk
-from lab.errors import UsageError
-from lab.geometry import Vector
-from stimuli.contact.idle import crowd_poses
-from stimuli.scenes.station_crowd import ROOM_SIDE_M
+from visavis.experiments.crowd.walks import STEP_NS, Walk
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Vector
+from visavis.stimuli.contact.idle import crowd_poses
+from visavis.stimuli.scenes.station_crowd import ROOM_SIDE_M
 
 PEDPY_MISSING: Final = (
     "PedPy is not installed here; install it with: pip install 'visavis[pedestrian]'"

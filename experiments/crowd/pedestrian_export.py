@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from experiments.crowd.pedestrian import write_pedpy_files
-from experiments.crowd.study import study
-from experiments.crowd.walks import load_walk, walk_records
-from lab.errors import UsageError
-from recording.reader import Recording
+from visavis.experiments.crowd.pedestrian import write_pedpy_files
+from visavis.experiments.crowd.study import study
+from visavis.experiments.crowd.walks import load_walk, walk_records
+from visavis.lab.errors import UsageError
+from visavis.recording.reader import Recording
 
 
 def export_walks(recording: Recording, output: Path) -> tuple[Path, ...]:

@@ -9,8 +9,8 @@ IEEE TVCG 2020 (10.1109/TVCG.2020.3041341), as told in A. Jovane's thesis (Unive
 from collections.abc import Mapping
 from typing import Final
 
-from experiments.crowd.design import AFTER, BEFORE, HAPTIC, HAPTICS_GROUP
 from visavis.compare import published_f
+from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC, HAPTICS_GROUP
 from visavis.pairs import Printed
 from visavis.study import MeanSd, Source
 

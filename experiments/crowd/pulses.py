@@ -6,12 +6,12 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from devices.contracts import NO_DEVICE_TIME
-from experiments.crowd.haptics import BAND_ROLES
-from lab.clock import NS_PER_MS
-from lab.clock_fit import fit_one_way
-from lab.errors import DataError
-from recording.reader import Recording
+from visavis.devices.contracts import NO_DEVICE_TIME
+from visavis.experiments.crowd.haptics import BAND_ROLES
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.clock_fit import fit_one_way
+from visavis.lab.errors import DataError
+from visavis.recording.reader import Recording
 
 PATTERN: Final = 1
 SILENCE: Final = 2

@@ -13,17 +13,17 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import Delaunay
 
-from analysis.cells import folded_angle_deg
-from analysis.gait import walk_measures
-from lab.body_joints import BODY_JOINTS
-from lab.clock import NS_PER_S
-from lab.geometry import Vector
-from stimuli.contact.body import capsule_body
-from stimuli.contact.common import volumes_along
-from stimuli.contact.figures import crowd_figures
-from stimuli.contact.idle import people_of
-from stimuli.contact.touch import REACH_M
-from stimuli.scenes.station_crowd import BOARD_M, Crowd
+from visavis.analysis.cells import folded_angle_deg
+from visavis.analysis.gait import walk_measures
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.geometry import Vector
+from visavis.stimuli.contact.body import capsule_body
+from visavis.stimuli.contact.common import volumes_along
+from visavis.stimuli.contact.figures import crowd_figures
+from visavis.stimuli.contact.idle import people_of
+from visavis.stimuli.contact.touch import REACH_M
+from visavis.stimuli.scenes.station_crowd import BOARD_M, Crowd
 
 CELL_M: Final = 0.025
 HOLD_S: Final = 0.34
@@ -106,7 +106,7 @@ def _collisions_m3(walk: QuickWalk) -> Vector:
 
 @lru_cache(maxsize=16)
 def people_of_crowd(crowd: Crowd) -> Vector:
-    """Return the rows of `stimuli.contact.idle` for a crowd of the study, laid out once."""
+    """Return the rows of `visavis.stimuli.contact.idle` for a crowd of the study, laid out once."""
     return people_of(crowd)
 
 

@@ -10,31 +10,31 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.gait import step_length_m
-from experiments.crowd.design import DEFAULT_PARAMETERS, CrowdParameters
-from experiments.crowd.participant.participant import CrowdParticipant
-from experiments.crowd.quick_measures import (
+from visavis.analysis.gait import step_length_m
+from visavis.experiments.crowd.design import DEFAULT_PARAMETERS, CrowdParameters
+from visavis.experiments.crowd.participant.participant import CrowdParticipant
+from visavis.experiments.crowd.quick_measures import (
     Cell,
     QuickWalk,
     people_of_crowd,
     quick_measures,
 )
-from lab.body_joints import BODY_JOINTS
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.geometry import Vector
-from protocol.plan import SessionPlan, Trial
-from protocol.questionnaires import Questionnaire, score
-from stimuli.contact.body import ARM_JOINTS, capsule_body
-from stimuli.contact.figures import crowd_figures
-from stimuli.contact.touch import REACH_M, rows_touching
-from stimuli.scenes.station_crowd import (
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.geometry import Vector
+from visavis.protocol.plan import SessionPlan, Trial
+from visavis.protocol.questionnaires import Questionnaire, score
+from visavis.quick import answers_of
+from visavis.stimuli.contact.body import ARM_JOINTS, capsule_body
+from visavis.stimuli.contact.figures import crowd_figures
+from visavis.stimuli.contact.touch import REACH_M, rows_touching
+from visavis.stimuli.scenes.station_crowd import (
     START_M,
     CrowdScene,
     can_read,
     station_crowd,
     station_frame,
 )
-from visavis.quick import answers_of
 
 STEP_NS: Final = 50 * NS_PER_MS
 LOOK_NS: Final = 250 * NS_PER_MS

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from experiments.crowd.walks import crowd_from_record
-from lab.errors import DataError
-from protocol.shown import Shown
-from stimuli.scene import SceneFrame
-from stimuli.scenes.station_crowd import EMPTY_STATION, CrowdScene, can_read, station_frame
+from visavis.experiments.crowd.walks import crowd_from_record
+from visavis.lab.errors import DataError
+from visavis.protocol.shown import Shown
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.station_crowd import EMPTY_STATION, CrowdScene, can_read, station_frame
 
 
 def views_of(shown: Shown) -> Iterator[SceneFrame]:

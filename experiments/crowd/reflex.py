@@ -4,13 +4,13 @@ import threading
 
 import numpy as np
 
-from experiments.crowd.design import CrowdParameters
-from experiments.crowd.haptics import BandOrder, ContactAnswer
-from experiments.crowd.tracking import TrackingWatch, never_tracked
-from lab.clock import NS_PER_S
-from protocol.steps import BodyView, Play, Scalar, Silence
-from stimuli.contact.body import ARM_JOINTS
-from stimuli.scenes.station_crowd import Crowd
+from visavis.experiments.crowd.design import CrowdParameters
+from visavis.experiments.crowd.haptics import BandOrder, ContactAnswer
+from visavis.experiments.crowd.tracking import TrackingWatch, never_tracked
+from visavis.lab.clock import NS_PER_S
+from visavis.protocol.steps import BodyView, Play, Scalar, Silence
+from visavis.stimuli.contact.body import ARM_JOINTS
+from visavis.stimuli.scenes.station_crowd import Crowd
 
 
 class ContactReflex:

@@ -5,10 +5,10 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from analysis.collisions.series import MIN_DURATION_NS, THRESHOLD_M3
-from analysis.gait import HESITATION_AT_LEAST_S, HESITATION_BELOW_M_S, STEP_LENGTH_M
-from analysis.report import Block, Bullets, Cell, Column, Fold, Paragraph, Section, Table
-from analysis.report.notation import (
+from visavis.analysis.collisions.series import MIN_DURATION_NS, THRESHOLD_M3
+from visavis.analysis.gait import HESITATION_AT_LEAST_S, HESITATION_BELOW_M_S, STEP_LENGTH_M
+from visavis.analysis.report import Block, Bullets, Cell, Column, Fold, Paragraph, Section, Table
+from visavis.analysis.report.notation import (
     MISSING,
     decimal,
     fraction,
@@ -17,15 +17,15 @@ from analysis.report.notation import (
     percentage,
     probability,
 )
-from experiments.crowd import published
-from experiments.crowd.columns import SIMILARITY
-from experiments.crowd.figures import collision_figures, counted_of
-from experiments.crowd.figures_paths import path_figures
-from experiments.crowd.paths import VARIANT_NAMES, VARIANTS, GroupPaths
-from visavis.analysis import StudyAnalysis
 from visavis.experiment import StudyExperiment
+from visavis.experiments.crowd import published
+from visavis.experiments.crowd.columns import SIMILARITY
+from visavis.experiments.crowd.figures import collision_figures, counted_of
+from visavis.experiments.crowd.figures_paths import path_figures
+from visavis.experiments.crowd.paths import VARIANT_NAMES, VARIANTS, GroupPaths
 from visavis.report import picture_of
 from visavis.sections import Extra
+from visavis.study_analysis import StudyAnalysis
 
 ARM_PARTS: Final = ("upper_arm", "lower_arm", "hand")
 RULES: Final = {

@@ -9,11 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from experiments.crowd import published
-from experiments.crowd.columns import TRIALS
-from experiments.crowd.comparisons import MEASURES, RULES, PathThresholds, compared
-from experiments.crowd.conclusions import QUESTIONS, RULE, conclude
-from experiments.crowd.design import (
+from visavis.asking import frame
+from visavis.experiment import StudyExperiment
+from visavis.experiments.crowd import published
+from visavis.experiments.crowd.columns import TRIALS
+from visavis.experiments.crowd.comparisons import MEASURES, RULES, PathThresholds, compared
+from visavis.experiments.crowd.conclusions import QUESTIONS, RULE, conclude
+from visavis.experiments.crowd.design import (
     ABOUT_OWN_BODY,
     AFTER_BLOCK,
     AT_END,
@@ -28,31 +30,29 @@ from experiments.crowd.design import (
     check_vibration,
     vibrates,
 )
-from experiments.crowd.haptics import BAND_ROLES, MOTORS
-from experiments.crowd.participant.participant import CrowdParticipant
-from experiments.crowd.paths import GroupPaths, paths_by_group
-from experiments.crowd.redrawing import views_of
-from experiments.crowd.reflex import load_contact
-from experiments.crowd.trial import crowd_scene, laid_out, run_trial
-from protocol.design import Factor
-from protocol.experiment import Demands
-from protocol.parameters import known_of
-from protocol.plan import SessionPlan
-from protocol.questionnaires import load_questionnaire
-from protocol.shown import Shown
-from protocol.steps import Answered, Mark, Prompt, Show
-from stimuli.contact.body import ARM_JOINTS
-from stimuli.scene import SceneFrame
-from stimuli.scenes.station_crowd import (
+from visavis.experiments.crowd.haptics import BAND_ROLES, MOTORS
+from visavis.experiments.crowd.participant.participant import CrowdParticipant
+from visavis.experiments.crowd.paths import GroupPaths, paths_by_group
+from visavis.experiments.crowd.redrawing import views_of
+from visavis.experiments.crowd.reflex import load_contact
+from visavis.experiments.crowd.trial import crowd_scene, laid_out, run_trial
+from visavis.protocol.design import Factor
+from visavis.protocol.experiment import Demands
+from visavis.protocol.parameters import known_of
+from visavis.protocol.plan import SessionPlan
+from visavis.protocol.questionnaires import load_questionnaire
+from visavis.protocol.shown import Shown
+from visavis.protocol.steps import Answered, Mark, Prompt, Show
+from visavis.stimuli.contact.body import ARM_JOINTS
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.station_crowd import (
     EMPTY_STATION,
     TRAINING_CONFIGURATION,
     max_people,
     station_frame,
 )
-from visavis.analysis import Conclusion, StudyAnalysis
-from visavis.asking import frame
-from visavis.experiment import StudyExperiment
 from visavis.study import SETTABLE, Study
+from visavis.study_analysis import Conclusion, StudyAnalysis
 from visavis.trial import TrialScript
 
 if TYPE_CHECKING:
@@ -107,12 +107,12 @@ study = Study(
     questions=QUESTIONS,
     exclusions=RULES,
     thresholds=PathThresholds(),
-    pieces="experiments.crowd.measuring:PIECES",
+    pieces="visavis.experiments.crowd.measuring:PIECES",
     sections=[
-        "experiments.crowd.sections:paths_section",
-        "experiments.crowd.sections:body_section",
-        "experiments.crowd.sections:haptics_section",
-        "experiments.crowd.sections:measured_section",
+        "visavis.experiments.crowd.sections:paths_section",
+        "visavis.experiments.crowd.sections:body_section",
+        "visavis.experiments.crowd.sections:haptics_section",
+        "visavis.experiments.crowd.sections:measured_section",
     ],
     source=published.SOURCE,
     methods=METHODS,
@@ -206,7 +206,7 @@ def person(index: int, seed: int, effect: bool, experiment: StudyExperiment) -> 
 @study.quick
 def quick(experiment: StudyExperiment, person: CrowdParticipant, tracker: "TrackerModel") -> Any:
     """Return what walks a plan in memory, without display, wires or files."""
-    from experiments.crowd.quick_study import quick_trials  # late: compiles when imported
+    from visavis.experiments.crowd.quick_study import quick_trials  # late: compiles when imported
 
     asked = [load_questionnaire(name) for name in AFTER_BLOCK]
     return partial(quick_trials, person, asked, known_of(CrowdParameters, experiment.parameters))

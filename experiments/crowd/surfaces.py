@@ -5,7 +5,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from analysis.collisions import (
+from visavis.analysis.collisions import (
     ClosedMesh,
     MalformedMesh,
     capsule,
@@ -13,15 +13,15 @@ from analysis.collisions import (
     enclosed_volume_m3,
     union,
 )
-from analysis.collisions.skinned import Bodies, SkinnedBody, pack
-from lab.body_joints import BODY_JOINTS
-from lab.geometry import Vector
-from stimuli.characters.character import Character, SkinnedMesh
-from stimuli.characters.closing import collision_mesh
-from stimuli.contact.body import capsule_body
-from stimuli.contact.figures import crowd_figures
-from stimuli.dressing.casting import default_casting
-from stimuli.scenes.station_crowd import CHARACTERS
+from visavis.analysis.collisions.skinned import Bodies, SkinnedBody, pack
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.character import Character, SkinnedMesh
+from visavis.stimuli.characters.closing import collision_mesh
+from visavis.stimuli.contact.body import capsule_body
+from visavis.stimuli.contact.figures import crowd_figures
+from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.scenes.station_crowd import CHARACTERS
 
 Surface: TypeAlias = Literal["characters", "fine", "light", "capsules"]
 MeshSurface: TypeAlias = Literal["characters", "fine", "light"]

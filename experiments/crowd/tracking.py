@@ -7,13 +7,13 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from devices.segment_watch import SegmentWatch
-from lab.clock import NS_PER_MS
-from lab.compiled import compiled
-from lab.geometry import Vector
-from protocol.steps import BodyView, Scalar
-from stimuli.contact.body import ARM_JOINTS
-from stimuli.scenes.station_crowd import ROOM_SIDE_M
+from visavis.devices.segment_watch import SegmentWatch
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.protocol.steps import BodyView, Scalar
+from visavis.stimuli.contact.body import ARM_JOINTS
+from visavis.stimuli.scenes.station_crowd import ROOM_SIDE_M
 
 _SAME: Final = 1
 _PART_LOST: Final = 2

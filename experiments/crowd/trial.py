@@ -11,12 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from experiments.crowd.design import CrowdParameters
-from experiments.crowd.haptics import BandOrder
-from experiments.crowd.reflex import ContactReflex
-from lab.clock import NS_PER_MS, NS_PER_S
-from protocol.plan import Trial
-from protocol.steps import (
+from visavis.asking import frame
+from visavis.experiments.crowd.design import CrowdParameters
+from visavis.experiments.crowd.haptics import BandOrder
+from visavis.experiments.crowd.reflex import ContactReflex
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.protocol.plan import Trial
+from visavis.protocol.steps import (
     Answered,
     Ask,
     FrameView,
@@ -30,7 +31,7 @@ from protocol.steps import (
     Step,
     TrialInterrupted,
 )
-from stimuli.scenes.station_crowd import (
+from visavis.stimuli.scenes.station_crowd import (
     DENSITY_PER_M2,
     START_M,
     Crowd,
@@ -39,7 +40,6 @@ from stimuli.scenes.station_crowd import (
     station_crowd,
     station_frame,
 )
-from visavis.asking import frame
 
 TRACKS: Final = tuple(str(number) for number in range(1, 13))
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from analysis.collisions.pair import measure_within
-from analysis.collisions.skinned import (
+from visavis.analysis.collisions.pair import measure_within
+from visavis.analysis.collisions.skinned import (
     Bodies,
     any_boxes_meet,
     box_of_meetings,
@@ -13,10 +13,10 @@ from analysis.collisions.skinned import (
     posed_boxes,
     skin_vertices,
 )
-from lab.compiled import compiled
-from lab.geometry import Vector
-from stimuli.contact.figures import Figures
-from stimuli.contact.idle import N_JOINTS, place_person
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.contact.figures import Figures
+from visavis.stimuli.contact.idle import N_JOINTS, place_person
 
 
 @compiled

@@ -8,17 +8,17 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gait import resampled
-from devices.segment_watch import SegmentWatch
-from lab.body_joints import BODY_JOINTS
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import DataError, UsageError
-from lab.geometry import Vector
-from recording.integrity import analysed_trials
-from recording.reader import Recording
-from stimuli.contact.body import REFERENCE_STATURE_M
-from stimuli.contact.idle import people_of
-from stimuli.scenes.station_crowd import Crowd
+from visavis.analysis.gait import resampled
+from visavis.devices.segment_watch import SegmentWatch
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import DataError, UsageError
+from visavis.lab.geometry import Vector
+from visavis.recording.integrity import analysed_trials
+from visavis.recording.reader import Recording
+from visavis.stimuli.contact.body import REFERENCE_STATURE_M
+from visavis.stimuli.contact.idle import people_of
+from visavis.stimuli.scenes.station_crowd import Crowd
 
 STEP_NS: Final = 10 * NS_PER_MS
 """Walks are measured every 10 ms, as published; poses in between are interpolated."""
@@ -54,7 +54,7 @@ class Walk:
 
     @property
     def people(self) -> Vector:
-        """Rows (people, 15) for `stimuli.contact.idle`."""
+        """Rows (people, 15) for `visavis.stimuli.contact.idle`."""
         return people_of(self.crowd)
 
     def steps_at(self, rate_hz: float, seconds: float = np.inf) -> npt.NDArray[np.int64]:

@@ -11,15 +11,15 @@ from typing import Final
 
 import numpy as np
 
-from lab.geometry import Vector
-from stimuli.dressing.casting import build_of, default_casting
-from stimuli.motion.baking import baked
-from stimuli.motion.build import Build
-from stimuli.motion.clip import Clip, KeyPoses, Motion, placed_joints, sampled
-from stimuli.motion.gait_kernels import step_m
-from stimuli.motion.kinds import Crouch, Idle, Kind, Run, Walk
-from stimuli.motion.people import Doing, Person
-from stimuli.motion.synthesis.hybrid import Controls, Sprung, authored_poses, hybrid
+from visavis.lab.geometry import Vector
+from visavis.stimuli.dressing.casting import build_of, default_casting
+from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.build import Build
+from visavis.stimuli.motion.clip import Clip, KeyPoses, Motion, placed_joints, sampled
+from visavis.stimuli.motion.gait_kernels import step_m
+from visavis.stimuli.motion.kinds import Crouch, Idle, Kind, Run, Walk
+from visavis.stimuli.motion.people import Doing, Person
+from visavis.stimuli.motion.synthesis.hybrid import Controls, Sprung, authored_poses, hybrid
 
 CHARACTER: Final = "male_02"
 CLIPS: Final = ("walk", "run", "crouch", "idle")

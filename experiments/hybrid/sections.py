@@ -4,14 +4,14 @@ from typing import Final
 
 import pandas as pd
 
-from analysis.report import Block, Paragraph, Section
-from analysis.report.blocks import Column, Table
-from analysis.report.notation import fraction
-from analysis.statistics.binomial import binomial_test
-from experiments.hybrid.clips import CLIPS
-from visavis.analysis import StudyAnalysis
+from visavis.analysis.report import Block, Paragraph, Section
+from visavis.analysis.report.blocks import Column, Table
+from visavis.analysis.report.notation import fraction
+from visavis.analysis.statistics.binomial import binomial_test
 from visavis.experiment import StudyExperiment
+from visavis.experiments.hybrid.clips import CLIPS
 from visavis.sections import Extra
+from visavis.study_analysis import StudyAnalysis
 
 SCALE: Final = (
     (-2, "clip significantly"),

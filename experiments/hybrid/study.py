@@ -12,20 +12,20 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from experiments.hybrid.clips import CHARACTER, CLIPS, Flaws, motion_of, period_s
-from protocol.design import Factor
-from stimuli.motion.clip import Motion, placed_joints
-from stimuli.motion.kinds import Recorded
-from stimuli.motion.synthesis.hybrid import Controls
-from stimuli.scenes.gathering import GatheringScene, Standing
 from visavis.asking import Answer
 from visavis.compare import Compare
 from visavis.exclusions import COMPLETENESS_RULES
+from visavis.experiments.hybrid.clips import CHARACTER, CLIPS, Flaws, motion_of, period_s
 from visavis.films import Film, Lens, Pair
 from visavis.measures import column
 from visavis.person import Seen
+from visavis.protocol.design import Factor
 from visavis.responses import Choice, Response
 from visavis.scenes import Scene, Staged, Staging, gathered
+from visavis.stimuli.motion.clip import Motion, placed_joints
+from visavis.stimuli.motion.kinds import Recorded
+from visavis.stimuli.motion.synthesis.hybrid import Controls
+from visavis.stimuli.scenes.gathering import GatheringScene, Standing
 from visavis.study import Study
 from visavis.trial import Action, TrialScript
 
@@ -121,7 +121,7 @@ study = Study(
             claim="the side on which the hybrid stands sways votes",
         ),
     ],
-    sections=["experiments.hybrid.sections:votes"],
+    sections=["visavis.experiments.hybrid.sections:votes"],
     methods=(
         "Two identical characters moved beside each other, one by a clip played frame by frame at "
         "30 frames a second, one by the hybrid of two (increment 0) or three to four (increment 1) "

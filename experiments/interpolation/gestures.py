@@ -10,15 +10,15 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from lab.geometry import Vector, quat_conjugate, quat_multiply, unit
-from stimuli.dressing.casting import build_of, default_casting
-from stimuli.motion.baking import baked
-from stimuli.motion.clip import Clip, KeyPoses
-from stimuli.motion.interpolation import Method
-from stimuli.motion.kinds import Idle
-from stimuli.motion.people import Person
-from stimuli.motion.rotations import quat_between
-from stimuli.motion.synthesis.key_poses import between_keys, key_frames
+from visavis.lab.geometry import Vector, quat_conjugate, quat_multiply, unit
+from visavis.stimuli.dressing.casting import build_of, default_casting
+from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.clip import Clip, KeyPoses
+from visavis.stimuli.motion.interpolation import Method
+from visavis.stimuli.motion.kinds import Idle
+from visavis.stimuli.motion.people import Person
+from visavis.stimuli.motion.rotations import quat_between
+from visavis.stimuli.motion.synthesis.key_poses import between_keys, key_frames
 
 CHARACTER: Final = "male_02"
 RATE_HZ: Final = 60.0

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from analysis.statistics.published import check_integer_mean, check_oneway_from_means
+from visavis.analysis.statistics.published import check_integer_mean, check_oneway_from_means
 
 METHODS: Final = ("lineuler", "slerp", "squad")
 GESTURES_A_PERSON: Final = 4

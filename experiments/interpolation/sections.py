@@ -5,12 +5,12 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from analysis.report import Block, Bullets, Paragraph, Section
-from analysis.statistics import StatisticsError, oneway_anova, tost_paired, tukey_hsd
-from experiments.interpolation import published
-from visavis.analysis import StudyAnalysis
+from visavis.analysis.report import Block, Bullets, Paragraph, Section
+from visavis.analysis.statistics import StatisticsError, oneway_anova, tost_paired, tukey_hsd
 from visavis.experiment import StudyExperiment
+from visavis.experiments.interpolation import published
 from visavis.sections import Extra
+from visavis.study_analysis import StudyAnalysis
 
 SAME_WITHIN: Final = 0.25
 """Steps of the scale within which two methods count as equally natural."""

@@ -11,25 +11,25 @@ from typing import Any, Final
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from experiments.interpolation import published
-from experiments.interpolation.gestures import (
+from visavis.careless import Careless
+from visavis.compare import Compare
+from visavis.exclusions import COMPLETENESS_RULES
+from visavis.experiments.interpolation import published
+from visavis.experiments.interpolation.gestures import (
     CHARACTER,
     GESTURES,
     METHODS,
     motion_of,
     seconds_of,
 )
-from protocol.design import Factor
-from stimuli.motion.clip import Motion, placed_joints
-from stimuli.motion.kinds import Recorded
-from stimuli.scenes.gathering import GatheringScene, Standing
-from visavis.careless import Careless
-from visavis.compare import Compare
-from visavis.exclusions import COMPLETENESS_RULES
 from visavis.films import Film, Lens
 from visavis.person import Seen
+from visavis.protocol.design import Factor
 from visavis.responses import Rating, Response
 from visavis.scenes import Scene, Staged, Staging, gathered
+from visavis.stimuli.motion.clip import Motion, placed_joints
+from visavis.stimuli.motion.kinds import Recorded
+from visavis.stimuli.scenes.gathering import GatheringScene, Standing
 from visavis.study import Source, Study
 from visavis.trial import Action, TrialScript
 
@@ -101,7 +101,7 @@ study = Study(
             claim="the same on the scale of ratings, gesture by gesture",
         ),
     ],
-    sections=["experiments.interpolation.sections:as_printed"],
+    sections=["visavis.experiments.interpolation.sections:as_printed"],
     source=Source(
         CITATION,
         97,

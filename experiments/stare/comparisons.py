@@ -2,9 +2,9 @@
 
 from typing import Any, Final
 
-from experiments.stare import published
-from experiments.stare.published import COMPARISONS
 from visavis.exclusions import COMPLETENESS_RULES, Exclusion
+from visavis.experiments.stare import published
+from visavis.experiments.stare.published import COMPARISONS
 from visavis.looks import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from analysis.report.blocks import Status
-from analysis.report.notation import counted, fraction
-from experiments.stare.comparisons import DWELL, FIXATION_COUNT
-from visavis.analysis import Conclusion
+from visavis.analysis.report.blocks import Status
+from visavis.analysis.report.notation import counted, fraction
+from visavis.experiments.stare.comparisons import DWELL, FIXATION_COUNT
 from visavis.pairs import CorrelationTest, PairTest, find_test
+from visavis.study_analysis import Conclusion
 
 STARED_AT = ("D", "AD", "DA")
 """Conditions in which the active agent looks at the participant for some time."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from protocol.parameters import Range, Within
-from stimuli.scenes.audience import ACTIVE_PLACES, PLACES
+from visavis.protocol.parameters import Range, Within
+from visavis.stimuli.scenes.audience import ACTIVE_PLACES, PLACES
 
 AVERTED: Final = "A"
 DIRECTED: Final = "D"

@@ -10,12 +10,12 @@ from matplotlib.colors import Normalize, TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from analysis.plots import new_figure
-from analysis.plots.style import BLACK
-from experiments.stare.comparisons import DWELL
-from stimuli.scenes.audience import HEAD_RADIUS_M, PARTICIPANT_EYE_M, PLACES, SEATS
-from visavis.analysis import StudyAnalysis
+from visavis.analysis.plots import new_figure
+from visavis.analysis.plots.style import BLACK
+from visavis.experiments.stare.comparisons import DWELL
 from visavis.measures import aggregated
+from visavis.stimuli.scenes.audience import HEAD_RADIUS_M, PARTICIPANT_EYE_M, PLACES, SEATS
+from visavis.study_analysis import StudyAnalysis
 
 DISC_M = 0.28
 

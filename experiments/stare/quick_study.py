@@ -15,32 +15,32 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.aoi import aoi_of_samples
-from analysis.gaze.looks import LookMeasures, measure_trial
-from experiments.stare.design import (
+from visavis.analysis.gaze.aoi import aoi_of_samples
+from visavis.analysis.gaze.looks import LookMeasures, measure_trial
+from visavis.experiments.stare.design import (
     AVERTED,
     AVERTED_THEN_DIRECTED,
     DYNAMIC_CONDITIONS,
     MAX_AGENTS,
     StareParameters,
 )
-from experiments.stare.scene import active_index_of
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.geometry import rotate
-from protocol.plan import SessionPlan, Trial
-from stimuli.gaze.behaviour import EyeBehaviour
-from stimuli.gaze.blinks import Blinks
-from stimuli.scene import Scene, SceneFrame
-from stimuli.scenes.audience import (
+from visavis.experiments.stare.scene import active_index_of
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.geometry import rotate
+from visavis.looks import MAIN_MEASURES
+from visavis.observer import Observer
+from visavis.protocol.plan import SessionPlan, Trial
+from visavis.quick import TrackerModel
+from visavis.stimuli.gaze.behaviour import EyeBehaviour
+from visavis.stimuli.gaze.blinks import Blinks
+from visavis.stimuli.scene import Scene, SceneFrame
+from visavis.stimuli.scenes.audience import (
     PARTICIPANT_EYE_M,
     SPEAKER_EYE_M,
     audience_scene,
     black_scene,
 )
-from stimuli.visibility import SceneGeometry
-from visavis.looks import MAIN_MEASURES
-from visavis.observer import Observer
-from visavis.quick import TrackerModel
+from visavis.stimuli.visibility import SceneGeometry
 
 FIRST_FRAME = 2
 """The dark appears two frames after the stretch begins: one to wait for, one to be displayed."""

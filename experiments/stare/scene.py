@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from analysis.report.notation import decimal
-from experiments.stare.design import AVERTED, AVERTED_THEN_DIRECTED
-from protocol.plan import Trial
-from stimuli.gaze.behaviour import EyeBehaviour
-from stimuli.gaze.blinks import draw_blinks
-from stimuli.scene import Scene
-from stimuli.scenes.audience import (
+from visavis.analysis.report.notation import decimal
+from visavis.experiments.stare.design import AVERTED, AVERTED_THEN_DIRECTED
+from visavis.protocol.plan import Trial
+from visavis.stimuli.gaze.behaviour import EyeBehaviour
+from visavis.stimuli.gaze.blinks import draw_blinks
+from visavis.stimuli.scene import Scene
+from visavis.stimuli.scenes.audience import (
     PARTICIPANT_EYE_M,
     PLACES,
     SEATS,

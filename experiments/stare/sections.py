@@ -5,19 +5,19 @@ from typing import Final
 
 import pandas as pd
 
-from analysis.plots import draw
-from analysis.report import Block, Bullets, Fold, Paragraph, Section
-from analysis.report.notation import counted, percentage
-from experiments.stare import published
-from experiments.stare.design import DYNAMIC_CONDITIONS
-from experiments.stare.figures_places import place_figure
-from experiments.stare.trial_example import TOLERANCE_MS, example_of, trial_figure
-from lab.clock import NS_PER_MS
-from visavis.analysis import StudyAnalysis
+from visavis.analysis.plots import draw
+from visavis.analysis.report import Block, Bullets, Fold, Paragraph, Section
+from visavis.analysis.report.notation import counted, percentage
 from visavis.experiment import StudyExperiment
+from visavis.experiments.stare import published
+from visavis.experiments.stare.design import DYNAMIC_CONDITIONS
+from visavis.experiments.stare.figures_places import place_figure
+from visavis.experiments.stare.trial_example import TOLERANCE_MS, example_of, trial_figure
+from visavis.lab.clock import NS_PER_MS
 from visavis.looks import FIRST_FIXATION_DURATION_MS, FIRST_FIXATION_TIME_MS
 from visavis.report import picture_of
 from visavis.sections import Extra
+from visavis.study_analysis import StudyAnalysis
 
 _NEEDED: Final = (
     "condition",

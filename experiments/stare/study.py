@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from experiments.stare import published
-from experiments.stare.comparisons import FAMILIES, MEASURES, RULES, SECOND_VIEW_MEASURES
-from experiments.stare.conclusions import RULE, conclude
-from experiments.stare.design import (
+from visavis.experiment import StudyExperiment
+from visavis.experiments.stare import published
+from visavis.experiments.stare.comparisons import FAMILIES, MEASURES, RULES, SECOND_VIEW_MEASURES
+from visavis.experiments.stare.conclusions import RULE, conclude
+from visavis.experiments.stare.design import (
     AVERTED,
     DEFAULT_PARAMETERS,
     LEVELS,
@@ -22,22 +23,21 @@ from experiments.stare.design import (
     StareParameters,
     place_of,
 )
-from experiments.stare.scene import dark_scene_of, distances
-from experiments.stare.trial import run_trial
-from lab.errors import DesignError
-from protocol.columns import Column
-from protocol.design import Factor
-from protocol.parameters import known_of
-from protocol.plan import SessionPlan
-from protocol.steps import Show
-from stimuli.scene import SceneFrame
-from stimuli.scenes.audience import DRESSED_BY, SPEAKER_EYE_M
-from visavis.analysis import Conclusion, StudyAnalysis
-from visavis.experiment import StudyExperiment
+from visavis.experiments.stare.scene import dark_scene_of, distances
+from visavis.experiments.stare.trial import run_trial
+from visavis.lab.errors import DesignError
 from visavis.looks import LooksOn
 from visavis.observer import Observer
 from visavis.observer.temperament import DEFAULT_POPULATION, scaled_population
+from visavis.protocol.columns import Column
+from visavis.protocol.design import Factor
+from visavis.protocol.parameters import known_of
+from visavis.protocol.plan import SessionPlan
+from visavis.protocol.steps import Show
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.audience import DRESSED_BY, SPEAKER_EYE_M
 from visavis.study import SETTABLE, Source, Study
+from visavis.study_analysis import Conclusion, StudyAnalysis
 from visavis.trial import TrialScript
 
 if TYPE_CHECKING:
@@ -94,8 +94,8 @@ study = Study(
     },
     exclusions=RULES,
     sections=[
-        "experiments.stare.sections:places_figure",
-        "experiments.stare.sections:changes_section",
+        "visavis.experiments.stare.sections:places_figure",
+        "visavis.experiments.stare.sections:changes_section",
     ],
     source=Source(published.CITATION, published.PARTICIPANTS, published.CELLS),
     methods=METHODS,
@@ -171,7 +171,7 @@ def scaled(index: int, seed: int, effect: float, experiment: StudyExperiment) ->
 @study.quick
 def quick(experiment: StudyExperiment, person: Observer, tracker: "TrackerModel") -> Any:
     """Return what performs a plan in a hundredth of a session's time."""
-    from experiments.stare.quick_study import quick_trials  # late: compiles when imported
+    from visavis.experiments.stare.quick_study import quick_trials  # late: compiles when imported
 
     params = known_of(StareParameters, experiment.parameters)
     return partial(quick_trials, person, tracker, params=params)

@@ -8,12 +8,17 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from analysis.gaze.aoi import aoi_of_samples
-from experiments.stare.design import AVERTED_THEN_DIRECTED, DYNAMIC_CONDITIONS, StareParameters
-from experiments.stare.scene import active_index_of, opening_eyes, scene_of
-from lab.clock import NS_PER_MS, NS_PER_S
-from protocol.plan import Trial
-from protocol.steps import (
+from visavis.analysis.gaze.aoi import aoi_of_samples
+from visavis.asking import frame
+from visavis.experiments.stare.design import (
+    AVERTED_THEN_DIRECTED,
+    DYNAMIC_CONDITIONS,
+    StareParameters,
+)
+from visavis.experiments.stare.scene import active_index_of, opening_eyes, scene_of
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.protocol.plan import Trial
+from visavis.protocol.steps import (
     Answered,
     FrameView,
     GazeView,
@@ -23,7 +28,6 @@ from protocol.steps import (
     Scalar,
     Step,
 )
-from visavis.asking import frame
 from visavis.scenes import WithEyes
 from visavis.trial import arrived, shown
 

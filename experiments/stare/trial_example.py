@@ -7,19 +7,19 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from analysis.gaze.looks import looks_on
-from analysis.gaze.targets import GazeTargets
-from analysis.plots import BLUE, VERMILION, Drawn, draw, new_figure
-from analysis.plots.style import BLACK, GREY
-from lab.clock import NS_PER_MS
-from lab.errors import DataError
-from protocol.steps import Row
-from recording.reader import Recording
+from visavis.analysis.gaze.looks import looks_on
+from visavis.analysis.gaze.targets import GazeTargets
+from visavis.analysis.plots import BLUE, VERMILION, Drawn, draw, new_figure
+from visavis.analysis.plots.style import BLACK, GREY
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.errors import DataError
 from visavis.looks import (
     DEFAULT_MEASURE_PARAMETERS,
     MeasureParameters,
 )
 from visavis.measures import SessionGaze
+from visavis.protocol.steps import Row
+from visavis.recording.reader import Recording
 
 SHOWN_CONDITION = "AD"
 TOLERANCE_MS = 1.0

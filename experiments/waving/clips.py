@@ -2,7 +2,8 @@
 
 A warped wave starts from a plan: offsets for eyes where the addressee is expected. It takes many
 seconds to find and is kept, in memory and on the computer under the hash of everything it follows
-from. For a participant a loop corrects it while it is seen (`stimuli.motion.warping.track`).
+from. For a participant a loop corrects it while it is seen
+(`visavis.stimuli.motion.warping.track`).
 """
 
 from collections.abc import Mapping
@@ -12,12 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 
-import stimuli.motion.warping
-from lab.geometry import Vector
-from lab.kept import digest_of, digest_of_code, keep, read_kept
-from stimuli.dressing.casting import build_of
-from stimuli.dressing.office import PARTS, pose_of_waver
-from stimuli.dressing.office_view import (
+import visavis.stimuli.motion.warping
+from visavis.lab.geometry import Vector
+from visavis.lab.kept import digest_of, digest_of_code, keep, read_kept
+from visavis.stimuli.dressing.casting import build_of
+from visavis.stimuli.dressing.office import PARTS, pose_of_waver
+from visavis.stimuli.dressing.office_view import (
     STILL,
     character_of,
     drawn_clip,
@@ -26,17 +27,23 @@ from stimuli.dressing.office_view import (
     seen_body_of,
     view_of,
 )
-from stimuli.motion.baking import baked
-from stimuli.motion.clip import Clip
-from stimuli.motion.kinds import Wave
-from stimuli.motion.people import Person
-from stimuli.motion.warping.clips import warp_clip
-from stimuli.motion.warping.control import ControlSettings, Situation
-from stimuli.motion.warping.features import FeatureTarget
-from stimuli.motion.warping.track import Reached, WarpTrack, planned_track, reached_by, solved
-from stimuli.motion.warping.units import units_named
-from stimuli.scenes import office as places
-from stimuli.scenes.office import Waving
+from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.clip import Clip
+from visavis.stimuli.motion.kinds import Wave
+from visavis.stimuli.motion.people import Person
+from visavis.stimuli.motion.warping.clips import warp_clip
+from visavis.stimuli.motion.warping.control import ControlSettings, Situation
+from visavis.stimuli.motion.warping.features import FeatureTarget
+from visavis.stimuli.motion.warping.track import (
+    Reached,
+    WarpTrack,
+    planned_track,
+    reached_by,
+    solved,
+)
+from visavis.stimuli.motion.warping.units import units_named
+from visavis.stimuli.scenes import office as places
+from visavis.stimuli.scenes.office import Waving
 
 ORIENTATION: Final = "orientation"
 WARPING: Final = "warping"
@@ -191,7 +198,7 @@ def _planned(
     seen = (view.eye, view.behind, view.lamps, view.maps)
     key = digest_of(
         *(clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, *seen),
-        said=f"{asked} {FADE_S} {clerk} {digest_of_code(stimuli.motion.warping)}",
+        said=f"{asked} {FADE_S} {clerk} {digest_of_code(visavis.stimuli.motion.warping)}",
     )
     kept = read_kept(KEPT_AS, key)
     if kept is None:

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from experiments.waving.perception import Evidence
-from lab.geometry import Vector
+from visavis.experiments.waving.perception import Evidence
+from visavis.lab.geometry import Vector
 
 
 @dataclass(frozen=True)

@@ -11,30 +11,30 @@ from typing import Final
 
 import numpy as np
 
-from experiments.waving.judgement import (
+from visavis.body import POINT_S, StandingBody
+from visavis.experiments.waving.judgement import (
     DEFAULT_POPULATION,
     Judgement,
     Population,
     draw_person,
     judge,
 )
-from experiments.waving.perception import Evidence, evidence_of
-from lab.chance import generator
-from lab.errors import DataError
-from lab.geometry import Vector
-from stimuli.motion.warping.track import WarpTrack
-from stimuli.panels import choice_centre_m
-from stimuli.picture import Panel
-from stimuli.scene import SceneFrame
-from stimuli.scenes.office import (
+from visavis.experiments.waving.perception import Evidence, evidence_of
+from visavis.lab.chance import generator
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Vector
+from visavis.person import plain_answer
+from visavis.stimuli.motion.warping.track import WarpTrack
+from visavis.stimuli.panels import choice_centre_m
+from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.office import (
     CUSTOMERS,
     STANDING_EYE_M,
     OfficeFrame,
     OfficeScene,
     shift_m,
 )
-from visavis.body import POINT_S, StandingBody
-from visavis.person import plain_answer
 
 _PERSON, _TRIAL, _BODY, _ANSWER = range(4)
 EYE_HEIGHT_SD_M: Final = 0.06
@@ -58,7 +58,7 @@ COMMENTS: Final = (
 
 
 class WavingParticipant(StandingBody):
-    """Implement `protocol.participants.SimulatedParticipant` with a hand that points.
+    """Implement `visavis.protocol.participants.SimulatedParticipant` with a hand that points.
 
     `index` and `seed` make the person, `asked` leads from the words of a board to what it asks
     for. `effect=False` gives somebody who does not attend to the waves: their places are chance,

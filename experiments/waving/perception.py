@@ -13,23 +13,23 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector, rotate
-from stimuli.characters.body_parts import PARTS
-from stimuli.dressing.office import pose_of_waver
-from stimuli.dressing.office_view import (
+from visavis.lab.geometry import Vector, rotate
+from visavis.stimuli.characters.body_parts import PARTS
+from visavis.stimuli.dressing.office import pose_of_waver
+from visavis.stimuli.dressing.office_view import (
     MIDDLE_ABOVE_HIPS_M,
     VIEW_RADIUS_M,
     eye_at,
     seen_body_of,
     view_of,
 )
-from stimuli.motion.clip import Frames
-from stimuli.motion.skeleton import forward
-from stimuli.motion.warping.outlook import Outlook
-from stimuli.motion.warping.perceived import mask_of, perceived
-from stimuli.motion.warping.track import WarpTrack
-from stimuli.scenes import office as places
-from stimuli.scenes.office import Waving
+from visavis.stimuli.motion.clip import Frames
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.motion.warping.outlook import Outlook
+from visavis.stimuli.motion.warping.perceived import mask_of, perceived
+from visavis.stimuli.motion.warping.track import WarpTrack
+from visavis.stimuli.scenes import office as places
+from visavis.stimuli.scenes.office import Waving
 
 PIXELS_PER_DEG: Final = 12.0
 """Of a headset of the source's time (1080 pixels over about 90°)."""

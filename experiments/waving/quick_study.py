@@ -10,20 +10,20 @@ from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
-import experiments.waving
-import stimuli.motion.warping
-from experiments.waving.clips import DEFAULT_MAKING, KEPT_AS, TECHNIQUES, Making, study_wave
-from experiments.waving.perception import Evidence, evidence_of, reach_view
-from experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, SCENE_SEED
-from lab.clock import NS_PER_S
-from lab.geometry import Vector
-from lab.kept import digest_of, digest_of_code, keep, read_kept
-from protocol.plan import SessionPlan, Trial
-from stimuli.dressing.office import PARTS as ROLES
-from stimuli.dressing.office import office_eyes, office_scene, roles_of
-from stimuli.dressing.office_view import body_mesh, eye_at, seen_body_of
-from stimuli.rooms.office import office
-from stimuli.scenes.office import (
+import visavis.experiments.waving
+import visavis.stimuli.motion.warping
+from visavis.experiments.waving.clips import DEFAULT_MAKING, KEPT_AS, TECHNIQUES, Making, study_wave
+from visavis.experiments.waving.perception import Evidence, evidence_of, reach_view
+from visavis.experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, SCENE_SEED
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.geometry import Vector
+from visavis.lab.kept import digest_of, digest_of_code, keep, read_kept
+from visavis.protocol.plan import SessionPlan, Trial
+from visavis.stimuli.dressing.office import PARTS as ROLES
+from visavis.stimuli.dressing.office import office_eyes, office_scene, roles_of
+from visavis.stimuli.dressing.office_view import body_mesh, eye_at, seen_body_of
+from visavis.stimuli.rooms.office import office
+from visavis.stimuli.scenes.office import (
     CLERKS,
     CUSTOMERS,
     PARTICIPANT_PLACES,
@@ -33,7 +33,7 @@ from stimuli.scenes.office import (
 )
 
 if TYPE_CHECKING:
-    from experiments.waving.participant import WavingParticipant
+    from visavis.experiments.waving.participant import WavingParticipant
 
 Stimulus = tuple[str, str, str, str]
 STIMULI: Final = tuple(product(TECHNIQUES, DIRECTIONS, CLERK_NAMES, PARTICIPANT_PLACES))
@@ -98,7 +98,7 @@ def surroundings_sha256() -> str:
     views = [reach_view(clerk.name, customer.name) for clerk in CLERKS for customer in CUSTOMERS]
     meshes = [p.mesh for p in office().props] + [body_mesh(role) for role in ROLES]
     bodies = [seen_body_of(c.name) for c in CLERKS]
-    code = map(digest_of_code, (experiments.waving, stimuli.motion.warping))
+    code = map(digest_of_code, (visavis.experiments.waving, visavis.stimuli.motion.warping))
     return digest_of(
         *(part for v in views for part in (v.eye, v.behind, v.lamps, v.maps, v.map_eyes)),
         *(m.vertices_m for m in meshes),

@@ -5,13 +5,13 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from analysis.report import Block, Column, Paragraph, Section, Table
-from analysis.report.notation import counted, decimal, fraction, percentage
-from experiments.waving.clips import TECHNIQUES
-from experiments.waving.study import DIRECTIONS, PLACES
-from visavis.analysis import StudyAnalysis
+from visavis.analysis.report import Block, Column, Paragraph, Section, Table
+from visavis.analysis.report.notation import counted, decimal, fraction, percentage
 from visavis.experiment import StudyExperiment
+from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.study import DIRECTIONS, PLACES
 from visavis.sections import Extra
+from visavis.study_analysis import StudyAnalysis
 from visavis.texts import label_of
 
 ENOUGH_ON_TARGET_01: Final = 0.8

@@ -12,7 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from experiments.waving.clips import (
+from visavis.compare import Compare, published_f
+from visavis.confusion import Confusion
+from visavis.exclusions import STANDARD_RULES, needs_answer
+from visavis.experiment import StudyExperiment
+from visavis.experiments.waving.clips import (
     DEFAULT_MAKING,
     FINE_PX,
     LOOP,
@@ -27,27 +31,31 @@ from experiments.waving.clips import (
     solved_key,
     wave_of,
 )
-from lab.clock import NS_PER_S
-from lab.geometry import Pose, Vector
-from protocol.columns import Column
-from protocol.design import Factor
-from protocol.parameters import Within, known_of
-from protocol.participants import SimulatedParticipant
-from protocol.plan import Trial
-from protocol.shown import Shown
-from protocol.steps import FrameView, NextFrame, Scalar, Show, known
-from stimuli.dressing.office import office_eyes, office_scene
-from stimuli.dressing.office_view import VIEW_PX
-from stimuli.motion.warping.track import (
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.geometry import Pose, Vector
+from visavis.measures import column
+from visavis.pairs import Printed
+from visavis.protocol.columns import Column
+from visavis.protocol.design import Factor
+from visavis.protocol.parameters import Within, known_of
+from visavis.protocol.participants import SimulatedParticipant
+from visavis.protocol.plan import Trial
+from visavis.protocol.shown import Shown
+from visavis.protocol.steps import FrameView, NextFrame, Scalar, Show, known
+from visavis.responses import Choice, Rating
+from visavis.scenes import WithEyes, places
+from visavis.stimuli.dressing.office import office_eyes, office_scene
+from visavis.stimuli.dressing.office_view import VIEW_PX
+from visavis.stimuli.motion.warping.track import (
     Reached,
     TrackLoop,
     key_record,
     recorded_track,
     track_record,
 )
-from stimuli.picture import Panel
-from stimuli.scene import SceneFrame
-from stimuli.scenes.office import (
+from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.office import (
     CLERKS,
     CUSTOMERS,
     PARTICIPANT_PLACES,
@@ -58,19 +66,11 @@ from stimuli.scenes.office import (
     neighbour,
     shift_m,
 )
-from visavis.compare import Compare, published_f
-from visavis.confusion import Confusion
-from visavis.exclusions import STANDARD_RULES, needs_answer
-from visavis.experiment import StudyExperiment
-from visavis.measures import column
-from visavis.pairs import Printed
-from visavis.responses import Choice, Rating
-from visavis.scenes import WithEyes, places
 from visavis.study import Source, Study
 from visavis.trial import TrialScript
 
 if TYPE_CHECKING:
-    from experiments.waving.participant import WavingParticipant
+    from visavis.experiments.waving.participant import WavingParticipant
     from visavis.quick import TrackerModel
 
 DIRECTIONS: Final = ("self", "left", "right")
@@ -195,8 +195,8 @@ study = Study(
         Confusion(
             "target_place", "who", by="technique", title="Who was waved at, and who answered"
         ),
-        "experiments.waving.sections:relative_section",
-        "experiments.waving.sections:warping_section",
+        "visavis.experiments.waving.sections:relative_section",
+        "visavis.experiments.waving.sections:warping_section",
     ],
     source=Source(
         "A. Jovane, thesis, Université de Rennes, 2023, chapter 2 (visual motion warping), "
@@ -421,7 +421,7 @@ def person(
     index: int, seed: int, effect: bool, experiment: StudyExperiment
 ) -> SimulatedParticipant:
     """Return a simulated participant, who knows the two questions by their words."""
-    from experiments.waving.participant import WavingParticipant
+    from visavis.experiments.waving.participant import WavingParticipant
 
     asked = {text: response.name for text, response in experiment.words.items()}
     return WavingParticipant(index, seed, effect, asked=asked)
@@ -430,7 +430,7 @@ def person(
 @study.quick
 def quick(experiment: StudyExperiment, person: "WavingParticipant", tracker: "TrackerModel") -> Any:
     """Return what performs a plan in a moment, once what can be seen of each wave is known."""
-    from experiments.waving.quick_study import quick_trials  # late: it imports this module
+    from visavis.experiments.waving.quick_study import quick_trials  # late: it imports this module
 
     return partial(quick_trials, person, making=making_of(experiment.parameters))
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from analysis.session_check import check_session
-from lab.clock import SimClock
-from lab.errors import DataError
-from recording.folder import create_session
-from recording.reader import Recording
 from tests.recording.sessions import new_recorder, probe_manifest, record_session
+from visavis.analysis.session_check import check_session
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import DataError
+from visavis.recording.folder import create_session
+from visavis.recording.reader import Recording
 
 
 def test_a_session_without_planned_blocks_is_judged_by_what_it_holds(tmp_path: Path) -> None:

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.foreign_check import StreamVerdict, check_foreign
-from analysis.session_verdict import Level
-from cli.main import app
-from lab.errors import DataError
-from recording.bids import export_bids
-from recording.xdf import XdfStream, XdfWriter
 from tests.recording.test_export import gaze_session
+from visavis.analysis.foreign_check import StreamVerdict, check_foreign
+from visavis.analysis.session_verdict import Level
+from visavis.cli.main import app
+from visavis.lab.errors import DataError
+from visavis.recording.bids import export_bids
+from visavis.recording.xdf import XdfStream, XdfWriter
 
 REGULAR = np.arange(1000) / 100
 

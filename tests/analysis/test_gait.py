@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.gait import STEP_LENGTH_M, resampled, step_length_m, walk_measures
-from lab.errors import DataError
+from visavis.analysis.gait import STEP_LENGTH_M, resampled, step_length_m, walk_measures
+from visavis.lab.errors import DataError
 
 DT_S = 0.01
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from analysis.session_check import drift_words, in_one, stream_findings
-from analysis.session_verdict import Level, StreamCheck
+from visavis.analysis.session_check import drift_words, in_one, stream_findings
+from visavis.analysis.session_verdict import Level, StreamCheck
 
 
 @pytest.mark.parametrize(

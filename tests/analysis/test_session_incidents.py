@@ -6,8 +6,8 @@ from typing import Any, cast
 import pandas as pd
 import pytest
 
-from analysis.session_incidents import Incident, incidents_of
-from recording.reader import Recording
+from visavis.analysis.session_incidents import Incident, incidents_of
+from visavis.recording.reader import Recording
 
 S = 1_000_000_000
 TRIALS = (("T01", 10, 20), ("T02", 30, 40))

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.sync_test import delays, offsets_ms
-from lab.clock import NS_PER_MS, NS_PER_S
+from visavis.analysis.sync_test import delays, offsets_ms
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
 
 STEP_NS = 250_000
 EVERY_NS = NS_PER_S // 2

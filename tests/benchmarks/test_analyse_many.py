@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.analyse_many import repeat, time_over_linear
-from recording.integrity import damage_of
-from recording.reader import Recording
 from tests.recording.sessions import record_session
+from visavis.recording.integrity import damage_of
+from visavis.recording.reader import Recording
 
 
 def test_people_that_are_added_have_whole_recordings_and_labels_of_their_own(

@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from cli import sync_chain
-from devices.byte_links import MemoryLink
-from devices.registry import OPTION_MODELS
-from devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
-from devices.sync.board import SyncBoard
-from lab.clock import SystemClock
-from lab.config import parse_config
-from lab.config_files import SCREEN_EXAMPLE
-from stage import window
+from visavis.cli import sync_chain
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.registry import OPTION_MODELS
+from visavis.devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
+from visavis.devices.sync.board import SyncBoard
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import parse_config
+from visavis.lab.config_files import SCREEN_EXAMPLE
+from visavis.stage import window
 
 REPEATS = 5
 

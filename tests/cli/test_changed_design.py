@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cli.main import app
-from lab.errors import UsageError
-from recording.manifest import read_manifest
 from tests.faults.sessions import CONFIG
 from visavis.catalogue import find_study
+from visavis.cli.main import app
+from visavis.lab.errors import UsageError
+from visavis.recording.manifest import read_manifest
 from visavis.sessions.begun_design import (
     changes_since,
     design_of,

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cli.main import app
-from lab.errors import LabError, UsageError
-from lab.yaml_lines import ProblemsError
-from stimuli.characters.errors import CharacterError
-from stimuli.characters.library import library_names
 from tests.stimuli.glb_figure import bone_names, write_glb
+from visavis.cli.main import app
+from visavis.lab.errors import LabError, UsageError
+from visavis.lab.yaml_lines import ProblemsError
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.library import library_names
 
 
 def character(*arguments: object) -> str:

@@ -7,14 +7,14 @@ import pytest
 from PIL import Image, ImageFont
 from typer.testing import CliRunner
 
-from cli.commands.character import SHEET_TILE_PX
-from cli.main import app
-from cli.preview.people import TILE_PX
-from cli.preview.pictures import TITLE_PX, contact_sheet
-from lab.errors import LabError, UsageError
-from stage.errors import StageError
-from stage.renderer import Renderer
-from stimuli.characters.cast import cast_names
+from visavis.cli.commands.character import SHEET_TILE_PX
+from visavis.cli.main import app
+from visavis.cli.preview.people import TILE_PX
+from visavis.cli.preview.pictures import TITLE_PX, contact_sheet
+from visavis.lab.errors import LabError, UsageError
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import Renderer
+from visavis.stimuli.characters.cast import cast_names
 
 
 def sheet(*arguments: object) -> None:
@@ -88,7 +88,7 @@ def test_whose_gaze_is_hardly_told_from_afar_is_said(
         Renderer().close()
     except StageError as problem:
         pytest.skip(str(problem))
-    monkeypatch.setattr("cli.preview.readable_gaze.POSES", 4)
+    monkeypatch.setattr("visavis.cli.preview.readable_gaze.POSES", 4)
     given = [
         str(tmp_path / "far.png"),
         "anna",

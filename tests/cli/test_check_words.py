@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.session_verdict import Finding, Level, SessionCheck, StreamCheck
-from cli.commands.checking import print_check
+from visavis.analysis.session_verdict import Finding, Level, SessionCheck, StreamCheck
+from visavis.cli.commands.checking import print_check
 
 
 def test_what_is_wrong_stands_first_and_is_marked_by_more_than_a_colour(

@@ -10,9 +10,9 @@ import pytest
 from typer.main import get_group
 from typer.testing import CliRunner
 
-from cli import commands
-from cli.app import app
-from cli.command_table import COMMANDS
+from visavis.cli import commands
+from visavis.cli.app import app
+from visavis.cli.command_table import COMMANDS
 
 HEAVY = ("pydantic", "numpy", "numba", "pandas", "pyarrow", "scipy", "matplotlib", "zmq", "yaml")
 
@@ -20,7 +20,7 @@ HEAVY = ("pydantic", "numpy", "numba", "pandas", "pyarrow", "scipy", "matplotlib
 @pytest.fixture(scope="module")
 def registered():
     for entry in COMMANDS.values():
-        importlib.import_module(f"cli.commands.{entry.module}")
+        importlib.import_module(f"visavis.cli.commands.{entry.module}")
     return get_group(app).commands
 
 
@@ -43,7 +43,7 @@ PROGRAM = (
     "import atexit, sys\n"
     f"atexit.register(lambda: print('loaded', *(m for m in {HEAVY!r} if m in sys.modules)))\n"
     "sys.argv[0] = 'visavis'\n"
-    "from cli.main import main\nmain()"
+    "from visavis.cli.main import main\nmain()"
 )
 """The command; its last line names the heavy libraries that were loaded."""
 
@@ -96,7 +96,10 @@ def test_completion_is_shown_for_the_shell_in_use(monkeypatch):
 
 def test_mistyped_command_is_refused_with_the_nearest():
     done = subprocess.run(
-        [sys.executable, "-m", "cli.main", "docter"], capture_output=True, text=True, timeout=60
+        [sys.executable, "-m", "visavis.cli.main", "docter"],
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert done.returncode == 2
     assert "did you mean 'doctor'" in done.stderr

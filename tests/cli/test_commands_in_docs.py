@@ -8,9 +8,10 @@ from typing import Any
 
 import typer
 
-from cli.app import app
-from protocol.session_setup import LOST_DEVICE_S
+from tests.product_files import product_files
 from visavis.catalogue import find_study
+from visavis.cli.app import app
+from visavis.protocol.session_setup import LOST_DEVICE_S
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -33,7 +34,6 @@ MEASURED = re.compile(
 """Words that go with a figure that somebody found rather than chose."""
 PRINTED_BY = re.compile(r"(?:python -m |`)((?:benchmarks|tests|tools)\.[a-z_.]+)")
 OF_PAST_VERSIONS = "CHANGELOG.md"
-OUR_CODE = ("analysis", "cli", "devices", "lab", "protocol", "recording", "stage", "visavis")
 
 
 def commands_of(page: Path) -> Iterator[list[str]]:
@@ -125,9 +125,7 @@ def test_a_misspelt_verb_and_option_are_found() -> None:
 
 
 def test_messages_quoted_in_troubleshooting_are_those_of_the_code() -> None:
-    code = "\n".join(
-        path.read_text("utf-8") for folder in OUR_CODE for path in (ROOT / folder).rglob("*.py")
-    )
+    code = "\n".join(path.read_text("utf-8") for path in product_files())
     page = (ROOT / "docs" / "troubleshooting.md").read_text("utf-8")
     rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| ")]
     quoted = [text for row in rows for text in re.findall(r"`([^`]+)`", row)]

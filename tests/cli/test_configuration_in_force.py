@@ -9,10 +9,10 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from cli.app import load_lab
-from cli.main import app
-from lab.config_files import EXAMPLE, find_config
-from lab.errors import ConfigError, UsageError
+from visavis.cli.app import load_lab
+from visavis.cli.main import app
+from visavis.lab.config_files import EXAMPLE, find_config
+from visavis.lab.errors import ConfigError, UsageError
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -147,8 +147,8 @@ def test_the_configuration_in_force_is_said_in_the_first_line(
     def ended(*_: object, **__: object) -> None:
         raise UsageError("enough")
 
-    monkeypatch.setattr("cli.commands.study.simulate_study", ended)
-    monkeypatch.setattr("cli.commands.desk._desk_server", ended)
+    monkeypatch.setattr("visavis.cli.commands.study.simulate_study", ended)
+    monkeypatch.setattr("visavis.cli.commands.desk._desk_server", ended)
     CliRunner().invoke(app, ["init"])
     said = CliRunner().invoke(app, [*verb.split(), *SAYS_IT[verb].split()]).stderr.splitlines()
     assert f"configuration: {here / 'lab_config.yaml'} (Example laboratory)" == said[0]

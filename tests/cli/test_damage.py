@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
-from cli.main import app
-from lab.errors import DataError
-from protocol.exports_register import registered_exports
-from recording.reader import Recording
+from visavis.cli.main import app
+from visavis.lab.errors import DataError
+from visavis.protocol.exports_register import registered_exports
+from visavis.recording.reader import Recording
 from visavis.scripts import open_study
 from visavis.sessions.study_check import study_problems
 

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from cli.main import app
-from devices.registry import built_in
-from devices.wirelog import read_wire_log
-from lab.errors import UsageError
 from tests.faults.sessions import CONFIG
+from visavis.cli.main import app
+from visavis.devices.registry import built_in
+from visavis.devices.wirelog import read_wire_log
+from visavis.lab.errors import UsageError
 
 SHORT = ["--config", str(CONFIG)]
 
@@ -32,7 +32,9 @@ def test_list_names_every_role_and_driver() -> None:
 def test_missing_library_is_listed_with_the_line_that_installs_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("devices.states.is_installed", lambda library: library.module != "bleak")
+    monkeypatch.setattr(
+        "visavis.devices.states.is_installed", lambda library: library.module != "bleak"
+    )
     found = json.loads(typed("list", "--json", *SHORT).output)
     state = next(d["state"] for d in found["drivers"] if d["driver"] == "neosensory_buzz")
     assert state == "missing: pip install 'visavis[ble]'"

@@ -12,18 +12,18 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from cli.app import load_lab
-from cli.doctor.findings import Finding
-from cli.doctor.machine import computer, libraries, licence_of
-from cli.doctor.report import examine, save_with_session, verdict
-from cli.doctor.wires import network, openvr_runtime, openxr_runtime, ports, runtimes
-from cli.lab_companion import LabCompanion
-from cli.main import app
-from lab.clock import SimClock, SystemClock
-from lab.config import DeviceConfig, LabConfig, Sync
-from lab.errors import RecordingError, SessionAborted
-from protocol.operator import Command, UnattendedOperator
 from tests.faults.sessions import CONFIG, lab, request
+from visavis.cli.app import load_lab
+from visavis.cli.doctor.findings import Finding
+from visavis.cli.doctor.machine import computer, libraries, licence_of
+from visavis.cli.doctor.report import examine, save_with_session, verdict
+from visavis.cli.doctor.wires import network, openvr_runtime, openxr_runtime, ports, runtimes
+from visavis.cli.lab_companion import LabCompanion
+from visavis.cli.main import app
+from visavis.lab.clock import SimClock, SystemClock
+from visavis.lab.config import DeviceConfig, LabConfig, Sync
+from visavis.lab.errors import RecordingError, SessionAborted
+from visavis.protocol.operator import Command, UnattendedOperator
 from visavis.sessions.perform import perform_new
 
 Usage = namedtuple("Usage", "total used free")
@@ -31,7 +31,7 @@ Usage = namedtuple("Usage", "total used free")
 
 def real(role: str, driver: str, **options: Any) -> LabConfig:
     """The shipped lab with one real device and nothing else."""
-    from devices.registry import OPTION_MODELS
+    from visavis.devices.registry import OPTION_MODELS
 
     made = OPTION_MODELS[driver].model_validate(options).model_dump()
     device = DeviceConfig(role=role, driver=driver, simulated=False, options=made)
@@ -59,7 +59,7 @@ def test_shipped_lab_is_ready(lab_file: Path) -> None:
 
 
 def test_it_fits_eighty_columns(lab_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cli.app.console.width", 80)
+    monkeypatch.setattr("visavis.cli.app.console.width", 80)
     result = CliRunner().invoke(app, ["doctor", "--config", str(lab_file)])
     assert max(map(len, result.stdout.splitlines())) <= 80
     assert "Ready" in result.output
@@ -102,7 +102,7 @@ def test_missing_runtime_is_told_once_and_its_devices_are_not_opened(
 def test_missing_library_comes_with_the_line_that_installs_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("cli.doctor.machine.is_installed", lambda library: False)
+    monkeypatch.setattr("visavis.cli.doctor.machine.is_installed", lambda library: False)
     band = real("armband_left", "neosensory_buzz")
     assert "pip install 'visavis[ble]'" in one(libraries(band), "bleak").remedy
 

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cli.doctor import drawing
-from cli.doctor.drawing import advice, measured
-from lab.clock import SystemClock
-from lab.config import LabConfig, load_config
-from lab.config_files import EXAMPLE
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stage.context import draws_on_processor
-from stage.errors import StageError
-from stage.frame_cost import CHOICES, Choice, best_choice, stereo_frame_ms
-from stage.renderer import Quality, Renderer
 from tests.stage import figures
+from visavis.cli.doctor import drawing
+from visavis.cli.doctor.drawing import advice, measured
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import LabConfig, load_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stage.context import draws_on_processor
+from visavis.stage.errors import StageError
+from visavis.stage.frame_cost import CHOICES, Choice, best_choice, stereo_frame_ms
+from visavis.stage.renderer import Quality, Renderer
 
 HEAD = Pose(np.array([0.0, 1.5, 1.0]), quat_from_yaw_pitch_deg(0.0))
 

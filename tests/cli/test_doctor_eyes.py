@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from cli.doctor import wires
-from devices.drivers.openxr.offer import ask
-from devices.registry import OPTION_MODELS
-from devices.sim.native_build import find_compiler
-from lab.config import parse_config
-from lab.config_files import EXAMPLE
+from visavis.cli.doctor import wires
+from visavis.devices.drivers.openxr.offer import ask
+from visavis.devices.registry import OPTION_MODELS
+from visavis.devices.sim.native_build import find_compiler
+from visavis.lab.config import parse_config
+from visavis.lab.config_files import EXAMPLE
 
 SOURCE = Path(__file__).parents[1] / "devices" / "native" / "openxr_offer.c"
 

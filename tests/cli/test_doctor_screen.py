@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from cli.doctor import machine as doctor_machine
-from cli.doctor.machine import Monitor
-from cli.doctor.report import examine
-from devices.registry import OPTION_MODELS
-from lab.clock import SimClock
-from lab.config import load_config, parse_config
-from lab.config_files import SCREEN_EXAMPLE
-from lab.errors import ConfigError
+from visavis.cli.doctor import machine as doctor_machine
+from visavis.cli.doctor.machine import Monitor
+from visavis.cli.doctor.report import examine
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.clock import SimClock
+from visavis.lab.config import load_config, parse_config
+from visavis.lab.config_files import SCREEN_EXAMPLE
+from visavis.lab.errors import ConfigError
 from visavis.sessions.rig import check_rig
 
 TEXT = SCREEN_EXAMPLE.read_text("utf-8")

@@ -7,16 +7,23 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cli.commands import session as session_commands
-from cli.doctor import station
-from cli.doctor.findings import Finding
-from cli.doctor.report import FILE_NAME, save_with_session
-from cli.doctor.station import Station, compared, lock, locked, station_findings, station_path
-from cli.main import app
-from lab.clock import SimClock, SystemClock
-from lab.config import LabConfig
-from lab.errors import UsageError
 from tests.faults.sessions import CONFIG, lab
+from visavis.cli.commands import session as session_commands
+from visavis.cli.doctor import station
+from visavis.cli.doctor.findings import Finding
+from visavis.cli.doctor.report import FILE_NAME, save_with_session
+from visavis.cli.doctor.station import (
+    Station,
+    compared,
+    lock,
+    locked,
+    station_findings,
+    station_path,
+)
+from visavis.cli.main import app
+from visavis.lab.clock import SimClock, SystemClock
+from visavis.lab.config import LabConfig
+from visavis.lab.errors import UsageError
 
 KEPT = Station(
     "2026-03-02T10:00:00+01:00",

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cli.main import app
-from lab.errors import UsageError
+from visavis.cli.main import app
 from visavis.examples import READY, write_examples
+from visavis.lab.errors import UsageError
 from visavis.testing import check_study
 
 ROOT = Path(__file__).parents[2]

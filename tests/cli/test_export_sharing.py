@@ -9,14 +9,14 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from cli.main import app
-from lab.clock import SimClock
-from lab.config_files import EXAMPLE
-from lab.errors import UsageError
-from protocol.key_file import KeyFile
-from recording.folder import create_session
-from recording.sharing import age_band
 from tests.recording.sessions import new_recorder, probe_batch, probe_manifest
+from visavis.cli.main import app
+from visavis.lab.clock import SimClock
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import UsageError
+from visavis.protocol.key_file import KeyFile
+from visavis.recording.folder import create_session
+from visavis.recording.sharing import age_band
 
 LABEL = "07H"
 TYPED = "my neighbour Ann Example did it"

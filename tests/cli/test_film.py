@@ -14,31 +14,31 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from cli.app import app
-from cli.film.cameras import FromViewpoint
-from cli.film.film import FilmedTrial, pictures_of
-from cli.film.on_page import FilmPictures, film_share, page_picture
-from cli.film.stand_in import StandIn
-from cli.preview.pictures import Viewpoint, labelled
-from cli.recorded_trial import recorded_trial, trial_row
-from cli.redraw import board_at
-from cli.session_lanes import lanes_of
-from cli.telling import Forecast
-from lab.errors import DesignError, UsageError
-from lab.geometry import Pose
-from protocol.exports_register import registered_exports
-from recording.folder import study_dir
-from recording.kept import KeptRecording
-from recording.reader import Recording
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Renderer
-from stimuli.camera.sheet import FilmLog
-from stimuli.dressing.picture_of import picture_of
-from stimuli.motion.skeleton import forward
 from tests.visavis.sessions import opened, perform
+from visavis.cli.app import app
+from visavis.cli.film.cameras import FromViewpoint
+from visavis.cli.film.film import FilmedTrial, pictures_of
+from visavis.cli.film.on_page import FilmPictures, film_share, page_picture
+from visavis.cli.film.stand_in import StandIn
+from visavis.cli.preview.pictures import Viewpoint, labelled
+from visavis.cli.recorded_trial import recorded_trial, trial_row
+from visavis.cli.redraw import board_at
+from visavis.cli.session_lanes import lanes_of
+from visavis.cli.telling import Forecast
 from visavis.films import Film
+from visavis.lab.errors import DesignError, UsageError
+from visavis.lab.geometry import Pose
 from visavis.page.seen import Question, SeenStep, seen_trial
+from visavis.protocol.exports_register import registered_exports
+from visavis.recording.folder import study_dir
+from visavis.recording.kept import KeptRecording
+from visavis.recording.reader import Recording
 from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stimuli.camera.sheet import FilmLog
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.motion.skeleton import forward
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -98,7 +98,7 @@ def test_every_picture_says_that_nobody_took_part_and_the_verb_how_long_it_takes
         written.append(text)
         return labelled(image, text)
 
-    monkeypatch.setattr("cli.film.film.labelled", keep)
+    monkeypatch.setattr("visavis.cli.film.film.labelled", keep)
     monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
     for name, is_simulated in (("simulated", True), ("duel", False)):
         monkeypatch.setattr(KeptRecording, "is_simulated", is_simulated)
@@ -128,8 +128,8 @@ def test_a_room_without_a_place_for_the_camera_names_other_cameras_and_leaves_no
     def nowhere(room: Any) -> Any:
         raise DesignError("no camera track was found in this place")
 
-    monkeypatch.setattr("cli.film.cameras.prepare", nowhere)
-    monkeypatch.setattr("cli.film.cameras._PLACES", {})
+    monkeypatch.setattr("visavis.cli.film.cameras.prepare", nowhere)
+    monkeypatch.setattr("visavis.cli.film.cameras._PLACES", {})
     done = filmed(session, tmp_path / "a.mp4", "--camera", "topology")
     assert isinstance(done.exception, UsageError)
     assert "--camera follow, eyes, above or orbit" in str(done.exception)

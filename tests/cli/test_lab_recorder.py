@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from cli.lab_companion import LabCompanion
-from cli.lab_recorder import LabRecorder
-from lab.clock import SystemClock
-from lab.config import Sync
-from lab.errors import DeviceError, DeviceNotFound, SessionAborted
-from protocol.operator import Action, Command
-from protocol.states import SessionState
 from tests.faults.sessions import ScriptedOperator, lab, request
+from visavis.cli.lab_companion import LabCompanion
+from visavis.cli.lab_recorder import LabRecorder
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import Sync
+from visavis.lab.errors import DeviceError, DeviceNotFound, SessionAborted
+from visavis.protocol.operator import Action, Command
+from visavis.protocol.states import SessionState
 from visavis.sessions.perform import perform_new
 
 OPTION = re.compile(r"{(?P<option>\w+?):(?P<value>[^}]*)}")

@@ -8,18 +8,18 @@ from typing import Any
 
 import pytest
 
-import cli.lsl_announcer
-from cli.lab_companion import LabCompanion
-from cli.lsl_announcer import AnnouncingRecorder, scope_of
-from devices.drivers.lsl.outlet import LslScope
-from lab.clock import SystemClock
-from lab.config import Sync
-from lab.errors import DeviceNotFound, SessionAborted
-from protocol.operator import Command, UnattendedOperator
-from protocol.rig import _of_band
+import visavis.cli.lsl_announcer
 from tests.devices.band_makers import simulated_armband
 from tests.devices.test_lsl_outlet import FakeLsl
 from tests.faults.sessions import lab, request
+from visavis.cli.lab_companion import LabCompanion
+from visavis.cli.lsl_announcer import AnnouncingRecorder, scope_of
+from visavis.devices.drivers.lsl.outlet import LslScope
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import Sync
+from visavis.lab.errors import DeviceNotFound, SessionAborted
+from visavis.protocol.operator import Command, UnattendedOperator
+from visavis.protocol.rig import _of_band
 from visavis.sessions.perform import perform_new
 
 FRAMES = 12
@@ -56,8 +56,8 @@ def test_session_streams_gaze_head_and_events(
 ) -> None:
     clock = SystemClock()
     lsl = NamedLsl(clock)
-    monkeypatch.setattr(cli.lsl_announcer, "set_scope", lambda scope: None)
-    monkeypatch.setattr("devices.drivers.lsl.outlet.lsl_library", lambda: lsl)
+    monkeypatch.setattr(visavis.cli.lsl_announcer, "set_scope", lambda scope: None)
+    monkeypatch.setattr("visavis.devices.drivers.lsl.outlet.lsl_library", lambda: lsl)
     config = lab(tmp_path).model_copy(update={"sync": Sync(lsl=True)})
     with pytest.raises(SessionAborted):
         perform_new(replace(request(config, Stopping()), clock=clock, companion=LabCompanion()))

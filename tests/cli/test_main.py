@@ -10,11 +10,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from cli import main as command
-from cli.app import console, errors, say, verbatim
-from cli.main import interrupting_again
-from cli.telling import counting
-from lab.config_files import EXAMPLE
+from tests.product_files import name_in_repository, product_files
+from visavis.cli import main as command
+from visavis.cli.app import console, errors, say, verbatim
+from visavis.cli.main import interrupting_again
+from visavis.cli.telling import counting
+from visavis.lab.config_files import EXAMPLE
 
 
 def _interrupt(*_: object) -> None:
@@ -121,14 +122,11 @@ def test_text_of_the_user_is_printed_letter_for_letter() -> None:
 
 
 def test_everything_is_printed_on_the_consoles_that_leave_colons_alone() -> None:
-    root = Path(command.__file__).parents[1]
-    folders = ("cli", "visavis", "analysis", "experiments", "devices", "protocol")
     made = [
-        f"{path.relative_to(root).as_posix()}: {line.strip()}"
-        for folder in folders
-        for path in sorted((root / folder).rglob("*.py"))
+        f"{name_in_repository(path)}: {line.strip()}"
+        for path in product_files()
         for line in path.read_text("utf-8").splitlines()
         if re.search(r"(?<!\w)Console\(|rich\.print\(|from rich import print", line)
     ]
-    assert {"cli/app.py"} == {line.partition(":")[0] for line in made}
+    assert {"src/visavis/cli/app.py"} == {line.partition(":")[0] for line in made}
     assert all("emoji=False" in line for line in made)

@@ -9,16 +9,16 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from cli.app import app, load_lab
-from cli.film.on_page import page_label
-from cli.preview.pictures import TITLE_PX, write_below
-from lab.clock import SystemClock
-from lab.config import with_devices
-from lab.config_files import SCREEN_EXAMPLE
-from recording.kept import KeptRecording
 from tests.faults.sessions import CONFIG
 from tests.visavis.sessions import perform
 from visavis.catalogue import find_study
+from visavis.cli.app import app, load_lab
+from visavis.cli.film.on_page import page_label
+from visavis.cli.preview.pictures import TITLE_PX, write_below
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import with_devices
+from visavis.lab.config_files import SCREEN_EXAMPLE
+from visavis.recording.kept import KeptRecording
 from visavis.sessions.rig import screen_display
 from visavis.sessions.stages import build_stage, window_title
 
@@ -41,7 +41,7 @@ def test_every_window_of_a_session_has_that_title(
     def opened(_: object, title: str, *__: object, **___: object) -> None:
         raise Opened(title)
 
-    monkeypatch.setattr("stage.window.Window.__init__", opened)
+    monkeypatch.setattr("visavis.stage.window.Window.__init__", opened)
     lab = load_lab(SCREEN_EXAMPLE if show == "screen" else CONFIG, "sim", quiet=True)
     lab = lab.model_copy(update={"display": lab.display.model_copy(update={"show": show})})
     clock = SystemClock()
@@ -68,7 +68,7 @@ def test_a_frame_drawn_again_has_the_line_below_it_unless_people_took_part(
     session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     eye = np.full((40, 30, 3), 7, np.uint8)
-    monkeypatch.setattr("cli.redraw.redraw", lambda *_, **__: (eye, eye))
+    monkeypatch.setattr("visavis.cli.redraw.redraw", lambda *_, **__: (eye, eye))
     heights = []
     for name in ("rehearsal", "real"):
         path = tmp_path / f"{name}.png"

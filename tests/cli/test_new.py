@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cli.main import app
-from lab.errors import LabError, UsageError
 from tests.visavis.sessions import STUDIES
 from visavis.catalogue import find_study
+from visavis.cli.main import app
+from visavis.lab.errors import LabError, UsageError
 from visavis.testing import check_study
 
 ROOT = Path(__file__).parents[2]

@@ -7,17 +7,17 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from analysis.session_check import check_session
-from cli.main import app
-from cli.preview.capture import Capture
-from lab.config_files import EXAMPLE
-from lab.errors import LabError, SessionAborted
-from protocol.session import Session
-from recording.manifest import read_manifest, write_manifest
-from recording.reader import Recording
 from tests.faults.sessions import lab
 from tests.visavis.sessions import STUDIES
+from visavis.analysis.session_check import check_session
 from visavis.catalogue import find_study
+from visavis.cli.main import app
+from visavis.cli.preview.capture import Capture
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import LabError, SessionAborted
+from visavis.protocol.session import Session
+from visavis.recording.manifest import read_manifest, write_manifest
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 from visavis.sessions.study_folder import StudySettings, settle
 

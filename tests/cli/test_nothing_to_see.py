@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from cli.doctor.machine import computer
-from cli.main import app
-from lab.clock import SystemClock
-from lab.config import DeviceConfig, load_config
-from lab.config_files import EXAMPLE
-from lab.errors import ConfigError
+from visavis.cli.doctor.machine import computer
+from visavis.cli.main import app
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import DeviceConfig, load_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import ConfigError
 
 
 def visavis(*command: str) -> Result:

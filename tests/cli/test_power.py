@@ -9,7 +9,9 @@ import pytest
 from scipy import special
 from typer.testing import CliRunner
 
-from analysis.power import (
+from benchmarks.stare_studies import condition_means
+from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
+from visavis.analysis.power import (
     Found,
     PowerRequest,
     PrintedTest,
@@ -20,14 +22,18 @@ from analysis.power import (
     study_seed,
     summarise,
 )
-from benchmarks.stare_studies import condition_means
-from cli.commands.power import free_folder, power_study, read_effect, read_numbers, read_tests
-from cli.commands.study import DEMO_PARTICIPANTS
-from cli.main import app
-from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS
-from experiments.stare.study import experiment_of
-from lab.errors import DataError, UsageError
-from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
+from visavis.cli.commands.power import (
+    free_folder,
+    power_study,
+    read_effect,
+    read_numbers,
+    read_tests,
+)
+from visavis.cli.commands.study import DEMO_PARTICIPANTS
+from visavis.cli.main import app
+from visavis.experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS
+from visavis.experiments.stare.study import experiment_of
+from visavis.lab.errors import DataError, UsageError
 from visavis.observer.temperament import DEFAULT_POPULATION, scaled_population
 from visavis.pairs import compare_pairs
 from visavis.power import KitPower, draw_people

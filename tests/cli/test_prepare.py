@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from cli.main import app
-from lab.config_files import EXAMPLE
-from lab.errors import UsageError
+from visavis.cli.main import app
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import UsageError
 
 
 @pytest.fixture
@@ -40,8 +40,8 @@ def readied(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         raise UsageError("enough")
 
     monkeypatch.setattr("visavis.sessions.perform.get_ready", get_ready)
-    monkeypatch.setattr("cli.commands.session.TerminalOperator", screen)
-    monkeypatch.setattr("cli.commands.session.station_findings", lambda *_: ())
+    monkeypatch.setattr("visavis.cli.commands.session.TerminalOperator", screen)
+    monkeypatch.setattr("visavis.cli.commands.session.station_findings", lambda *_: ())
     return happened
 
 

@@ -11,21 +11,21 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from cli.app import load_lab
-from cli.film.on_page import BACK
-from cli.main import app
-from cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
-from cli.preview.pictures import Viewpoint, camera_of, labelled
-from cli.telling import Forecast
-from lab.config_files import EXAMPLE
-from lab.errors import LabError, UsageError
-from lab.geometry import Pose, rotate
-from stage.errors import StageError
-from stage.renderer import Renderer
-from stimuli.picture import Camera
 from tests.stage import figures
 from tests.visavis.sessions import STUDIES
 from visavis.catalogue import find_study
+from visavis.cli.app import load_lab
+from visavis.cli.film.on_page import BACK
+from visavis.cli.main import app
+from visavis.cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
+from visavis.cli.preview.pictures import Viewpoint, camera_of, labelled
+from visavis.cli.telling import Forecast
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import LabError, UsageError
+from visavis.lab.geometry import Pose, rotate
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import Renderer
+from visavis.stimuli.picture import Camera
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -63,7 +63,7 @@ def test_picture_of_a_trial_shows_a_lit_scene_marked_as_simulated(
         written.append(text)
         return labelled(image, text)
 
-    monkeypatch.setattr("cli.commands.preview.labelled", keep)
+    monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
     path = tmp_path / "one.png"
     preview(study, "--png", path, "--at", 0.2, "--size", "240x150")
 
@@ -109,7 +109,7 @@ def test_film_has_as_many_pictures_as_its_seconds_say_all_marked_and_says_how_lo
         written.append(text)
         return labelled(image, text)
 
-    monkeypatch.setattr("cli.commands.preview.labelled", keep)
+    monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
     monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
     said = preview("stare", "--video", path, "--seconds", 0.2, "--rate", 10, "--size", "96x64")
 
@@ -254,7 +254,7 @@ def test_a_picture_of_a_short_trial_shows_its_scene(
         written.append(text)
         return labelled(image, text)
 
-    monkeypatch.setattr("cli.commands.preview.labelled", keep)
+    monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
     preview(tmp_path / "short.py", "--png", tmp_path / "one.png", "--size", "240x150")
     with Image.open(tmp_path / "one.png") as image:
         assert np.asarray(image)[:120].mean() > 40

@@ -12,18 +12,18 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from cli.app import app
-from cli.film.on_page import FilmPictures
-from cli.redraw import UNDRAWN_PX
-from recording.folder import study_dir
-from recording.reader import Recording
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Quality, Renderer
-from stage.stills import still_quality
 from tests.visavis.test_every_study import SMALL, config_for, name_of
 from visavis.catalogue import find_study
+from visavis.cli.app import app
+from visavis.cli.film.on_page import FilmPictures
+from visavis.cli.redraw import UNDRAWN_PX
+from visavis.recording.folder import study_dir
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Quality, Renderer
+from visavis.stage.stills import still_quality
 
 CORE = ("stare", "crowd", "waving")
 ON_PAGE = str(Path(__file__).parents[1] / "visavis" / "studies" / "films.py")
@@ -118,7 +118,7 @@ def test_a_frame_of_a_session_is_drawn_again(
         asked_for.append(quality.samples)
         return Renderer(quality=quality)
 
-    monkeypatch.setattr("cli.redraw.Renderer", opened)
+    monkeypatch.setattr("visavis.cli.redraw.Renderer", opened)
     session.run("redraw", session.path, "--frame", frame, "--png", png)
     assert [4 if times == 1 else 0] == asked_for  # samples cost a processor most of its time
     assert 2 * UNDRAWN_PX[0] == np.asarray(Image.open(png)).shape[1]

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 import visavis.sessions.perform
-from devices.drivers.armband.driver import ArmbandDriver
-from devices.sim.armband.simulator import ArmbandSimulator
-from lab.clock import Clock, SimClock, SystemClock
-from lab.errors import SessionAborted
-from protocol.operator import Command, UnattendedOperator
 from tests.devices.band_makers import simulated_armband
 from tests.faults.sessions import lab, request
+from visavis.devices.drivers.armband.driver import ArmbandDriver
+from visavis.devices.sim.armband.simulator import ArmbandSimulator
+from visavis.lab.clock import Clock, SimClock, SystemClock
+from visavis.lab.errors import SessionAborted
+from visavis.protocol.operator import Command, UnattendedOperator
 
 ROLE = "armband_left_forearm"
 ON = (1.0, 1.0, 1.0, 1.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from cli.commands.session import _let_signals_end
+from visavis.cli.commands.session import _let_signals_end
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows cannot send these to its own process")

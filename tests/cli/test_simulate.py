@@ -12,11 +12,11 @@ import pytest
 from typer.testing import CliRunner
 
 import visavis.sessions.simulation
-from cli.main import app
-from lab.config_files import EXAMPLE
-from lab.errors import ConfigError, DataError, SessionAborted, UsageError
-from recording.reader import Recording
-from recording.sealed import seal, unseal
+from visavis.cli.main import app
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import ConfigError, DataError, SessionAborted, UsageError
+from visavis.recording.reader import Recording
+from visavis.recording.sealed import seal, unseal
 from visavis.sessions.perform import Request
 from visavis.sessions.study_folder import StudySettings, read_parameters, settle
 

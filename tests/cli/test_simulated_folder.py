@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from cli.studies import folder_of
-from lab.config_files import EXAMPLE
-from lab.errors import UsageError
+from visavis.cli.studies import folder_of
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import UsageError
 
 
 def test_data_of_a_simulated_study_are_named_where_only_those_lie(

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from analysis.statistics import art_anova, cell_means, paired_t, rm_anova
-from analysis.statistics.errors import (
+from visavis.analysis.statistics import art_anova, cell_means, paired_t, rm_anova
+from visavis.analysis.statistics.errors import (
     DuplicateCell,
     InfiniteValue,
     MissingCell,
@@ -19,11 +19,11 @@ from analysis.statistics.errors import (
     SubjectInTwoGroups,
     UnknownColumn,
 )
-from analysis.statistics_report import TESTS, read_table
-from analysis.statistics_report.table_file import natural_order
-from cli.commands.statistics import SEVERAL, read_levels, repeat_options
-from cli.main import app
-from lab.errors import DataError, UsageError
+from visavis.analysis.statistics_report import TESTS, read_table
+from visavis.analysis.statistics_report.table_file import natural_order
+from visavis.cli.commands.statistics import SEVERAL, read_levels, repeat_options
+from visavis.cli.main import app
+from visavis.lab.errors import DataError, UsageError
 
 TWO = ["--dv", "accuracy", "--within", "technique", "direction", "--subject", "participant"]
 ONE = ["--dv", "accuracy", "--within", "technique", "--subject", "participant"]

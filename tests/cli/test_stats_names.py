@@ -10,7 +10,7 @@ from scipy import stats
 from statsmodels.stats.oneway import anova_oneway
 from typer.testing import CliRunner
 
-from cli.main import app
+from visavis.cli.main import app
 
 RNG = np.random.default_rng(3)
 SIZES, SDS = {"a": 6, "b": 9, "c": 18}, {"a": 3.0, "b": 2.0, "c": 1.0}

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.false_positives import ALPHA, HELD, Situation, measure, situations
-from cli.main import app
+from visavis.cli.main import app
 
 TWO = ["--dv", "y", "--within", "A", "B", "--subject", "s"]
 GROUPS = ["--dv", "y", "--between", "g"]

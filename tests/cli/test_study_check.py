@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cli.main import app
-from lab.clock import SimClock
-from lab.config_files import EXAMPLE
-from lab.errors import DataError
-from protocol.ledger import Ledger
-from protocol.own_body import OwnBody, write_own_body
 from tests.recording.sessions import record_session
 from tests.visavis.sessions import perform
+from visavis.cli.main import app
+from visavis.lab.clock import SimClock
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import DataError
+from visavis.protocol.ledger import Ledger
+from visavis.protocol.own_body import OwnBody, write_own_body
 from visavis.sessions.study_check import repair_study, study_problems
 from visavis.sessions.study_folder import StudySettings, read_settings, settle
 

@@ -8,16 +8,16 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from cli.app import load_lab
-from cli.main import app
-from cli.studies import study_here
-from lab.clock import SimClock
-from lab.errors import ConfigError, LedgerError, RecordingError, UsageError
-from protocol.ledger import Ledger
-from recording.folder import create_session
-from recording.manifest import Manifest, read_manifest
-from recording.provenance import provenance
 from tests.faults.sessions import CONFIG
+from visavis.cli.app import load_lab
+from visavis.cli.main import app
+from visavis.cli.studies import study_here
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import ConfigError, LedgerError, RecordingError, UsageError
+from visavis.protocol.ledger import Ledger
+from visavis.recording.folder import create_session
+from visavis.recording.manifest import Manifest, read_manifest
+from visavis.recording.provenance import provenance
 from visavis.sessions.data_root import DataDisk
 from visavis.sessions.study_folder import StudySettings, read_settings
 

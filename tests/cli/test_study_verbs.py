@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cli.main import app
-from lab.config_files import EXAMPLE
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Renderer
 from tests.visavis.sessions import STUDIES
+from visavis.cli.main import app
+from visavis.lab.config_files import EXAMPLE
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Renderer
 
 pytestmark = pytest.mark.slow
 

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cli import sync_records
-from cli.app import load_lab
-from cli.doctor import report
-from cli.main import app
-from cli.sync_chain import perform_real, perform_simulated
-from devices.registry import OPTION_MODELS
-from devices.sim.sync_room import Planted
-from lab.clock import SimClock, SystemClock
-from lab.config import load_config, parse_config
-from lab.config_files import EXAMPLE, SCREEN_EXAMPLE
-from lab.errors import UsageError
-from stage.context import offscreen_context, release_offscreen
-from stage.errors import StageError
+from visavis.cli import sync_records
+from visavis.cli.app import load_lab
+from visavis.cli.doctor import report
+from visavis.cli.main import app
+from visavis.cli.sync_chain import perform_real, perform_simulated
+from visavis.devices.registry import OPTION_MODELS
+from visavis.devices.sim.sync_room import Planted
+from visavis.lab.clock import SimClock, SystemClock
+from visavis.lab.config import load_config, parse_config
+from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
+from visavis.lab.errors import UsageError
+from visavis.stage.context import offscreen_context, release_offscreen
+from visavis.stage.errors import StageError
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -228,7 +228,7 @@ def test_simulated_display_is_never_taken_for_a_measurement(lab_file):
 def test_before_a_monitor_no_simulated_device_measures_or_is_measured(
     lab_file, arguments, said, monkeypatch
 ):
-    monkeypatch.setattr("cli.sync_chain.sound_library", lambda: None)
+    monkeypatch.setattr("visavis.cli.sync_chain.sound_library", lambda: None)
     lab_file.write_text(SCREEN_EXAMPLE.read_text("utf-8"), "utf-8")
     done = CliRunner().invoke(app, ["sync-test", *arguments])
 

@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cli.app import app
-from cli.viewer.bundle import MISSING, Bundle
-from cli.viewer.models import LEVEL_OF_MANY, Models
-from cli.viewer.motion import key_samples, one_way_round
-from protocol.exports_register import registered_exports
-from recording.folder import study_dir
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Renderer
-from stage.vertices import person_vertices
-from stimuli.characters.cast import load_character
-from stimuli.dressing.casting import default_casting
 from tests.visavis.sessions import opened, perform
+from visavis.cli.app import app
+from visavis.cli.viewer.bundle import MISSING, Bundle
+from visavis.cli.viewer.models import LEVEL_OF_MANY, Models
+from visavis.cli.viewer.motion import key_samples, one_way_round
+from visavis.protocol.exports_register import registered_exports
+from visavis.recording.folder import study_dir
 from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stage.vertices import person_vertices
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.dressing.casting import default_casting
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 

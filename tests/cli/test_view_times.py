@@ -3,8 +3,8 @@
 from types import SimpleNamespace
 from typing import Any, cast
 
-from cli.viewer.content import GAP_S, times_of
-from recording.kept import KeptRecording
+from visavis.cli.viewer.content import GAP_S, times_of
+from visavis.recording.kept import KeptRecording
 
 HOUR_NS = 3_600_000_000_000
 SECOND_NS = 1_000_000_000

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from cli import main as command
-from cli.commands import preview, session
-from lab.config_files import EXAMPLE
+from visavis.cli import main as command
+from visavis.cli.commands import preview, session
+from visavis.lab.config_files import EXAMPLE
 from visavis.sessions.perform import Request
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cli.commands.warp import OUT_NAMES
-from cli.main import app
-from lab.errors import LabError
-from stimuli.motion.bvh import read_bvh
-from stimuli.motion.clip_file import read_clip
-from stimuli.motion.warping.cases import CASES
-from stimuli.motion.warping.control import ControlSettings
+from visavis.cli.commands.warp import OUT_NAMES
+from visavis.cli.main import app
+from visavis.lab.errors import LabError
+from visavis.stimuli.motion.bvh import read_bvh
+from visavis.stimuli.motion.clip_file import read_clip
+from visavis.stimuli.motion.warping.cases import CASES
+from visavis.stimuli.motion.warping.control import ControlSettings
 
 FEATURE = ("--feature", "coverage:face,right_hand:+0.25")
 ASIDE = ("--observer", "1.5,1.6,-2.5")

@@ -6,8 +6,8 @@ import moderngl
 import pytest
 from typer.testing import CliRunner
 
-from cli.main import app
-from stage.errors import StageError
+from visavis.cli.main import app
+from visavis.stage.errors import StageError
 
 SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 SHORT += ["--set", "repetitions=1"]

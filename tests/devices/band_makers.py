@@ -1,8 +1,8 @@
 """Armbands by name on a link that is given, or on their real one."""
 
-from devices.byte_links import MemoryLink
-from devices.registry import driver_spec
-from devices.sim.armband.simulator import ArmbandSimulator
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.registry import driver_spec
+from visavis.devices.sim.armband.simulator import ArmbandSimulator
 
 
 def maker(driver, /, **usual):

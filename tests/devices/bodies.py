@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from devices.contracts import EYES_DTYPE
-from lab.geometry import direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
+from visavis.devices.contracts import EYES_DTYPE
+from visavis.lab.geometry import direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
 
 EYE_X_M = np.array([0.032, 0.0, 0.0])
 

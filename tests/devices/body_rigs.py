@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from devices.faults import FaultSchedule
-from devices.transports import MemoryTransport
-from lab.clock import SimClock
-from lab.geometry import quat_multiply
 from tests.devices.bodies import FixatingBody
 from tests.devices.rigs import PumpedRig
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.transports import MemoryTransport
+from visavis.lab.clock import SimClock
+from visavis.lab.geometry import quat_multiply
 
 YAW = np.array([np.cos(0.3), 0.0, np.sin(0.3), 0.0])
 AXES = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])

@@ -2,15 +2,15 @@
 
 import contextlib
 
-from devices import conformance
-from devices.building import build_device
-from devices.captures import device_of, note_of
-from devices.registry import built_in
-from devices.wirelog import read_wire_log
-from devices.wires import BARE, CapturedWires, ReplayedWires
-from lab.clock import NS_PER_S, SimClock
-from lab.config import DeviceConfig
 from tests.devices.body_rigs import WalkingBody
+from visavis.devices import conformance
+from visavis.devices.building import build_device
+from visavis.devices.captures import device_of, note_of
+from visavis.devices.registry import built_in
+from visavis.devices.wirelog import read_wire_log
+from visavis.devices.wires import BARE, CapturedWires, ReplayedWires
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.config import DeviceConfig
 
 ROLES = {
     "eye tracker": "eye_tracker",

@@ -2,15 +2,15 @@
 
 import contextlib
 
-from devices import conformance
-from devices.faults import FaultSchedule, WireFault
-from devices.pump import Pump
-from devices.sim.gaze.tracker_error import TrackerErrorModel
-from devices.transports import MemoryTransport
-from devices.wirelog import ReplayTransport, TeeTransport
-from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody
 from tests.devices.rigs import PumpedRig
+from visavis.devices import conformance
+from visavis.devices.faults import FaultSchedule, WireFault
+from visavis.devices.pump import Pump
+from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
+from visavis.devices.transports import MemoryTransport
+from visavis.devices.wirelog import ReplayTransport, TeeTransport
+from visavis.lab.clock import NS_PER_S, SimClock
 
 PERFECT = TrackerErrorModel(
     offset_deg=0, eye_offset_deg=0, gain_sd_01=0, white_deg=0, slow_deg=0, latency_jitter_ms=0

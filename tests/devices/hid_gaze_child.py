@@ -5,10 +5,10 @@ import sys
 
 import numpy as np
 
-from devices.drivers.hid_gaze.driver import HidGaze
-from devices.drivers.hid_gaze.reports import HidReports
-from lab.clock import NS_PER_S, SystemClock
-from lab.errors import DeviceDisconnected
+from visavis.devices.drivers.hid_gaze.driver import HidGaze
+from visavis.devices.drivers.hid_gaze.reports import HidReports
+from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.errors import DeviceDisconnected
 
 wanted = int(sys.argv[1])
 clock = SystemClock()

@@ -6,11 +6,11 @@ for LSL's own.
 
 import sys
 
-from cli.lsl_announcer import scope_of, set_scope
-from devices.contracts import HEAD
-from devices.drivers.lsl.outlet import LslOutlets
-from lab.clock import SystemClock
-from lab.config import Sync
+from visavis.cli.lsl_announcer import scope_of, set_scope
+from visavis.devices.contracts import HEAD
+from visavis.devices.drivers.lsl.outlet import LslOutlets
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import Sync
 
 scope = scope_of(Sync(lsl=True, session_id=sys.argv[2], this_computer_only=bool(sys.argv[2])))
 set_scope(scope)

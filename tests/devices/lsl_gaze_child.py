@@ -6,15 +6,15 @@ import sys
 import numpy as np
 import pylsl
 
-from devices.drivers.lsl.gaze import LslGaze
-from devices.drivers.lsl.inlet import LslInlet
-from devices.drivers.lsl.outlet import LslScope
-from devices.sim.lsl.gaze import LslGazeSimulator, LslOutletHost
-from lab.clock import SystemClock
-from lab.geometry import angle_deg
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT
+from visavis.devices.drivers.lsl.gaze import LslGaze
+from visavis.devices.drivers.lsl.inlet import LslInlet
+from visavis.devices.drivers.lsl.outlet import LslScope
+from visavis.devices.sim.lsl.gaze import LslGazeSimulator, LslOutletHost
+from visavis.lab.clock import SystemClock
+from visavis.lab.geometry import angle_deg
 
 clock = SystemClock()
 name = f"gaze {sys.argv[1]}"

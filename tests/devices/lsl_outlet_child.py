@@ -6,12 +6,12 @@ import sys
 import numpy as np
 import pylsl
 
-from devices.contracts import GAZE, body_schema
-from devices.drivers.lsl.body import LslBody
-from devices.drivers.lsl.inlet import LslInlet
-from devices.drivers.lsl.outlet import LslOutlets, LslScope
-from lab.clock import SystemClock
-from lab.schema import SampleBatch, empty_values
+from visavis.devices.contracts import GAZE, body_schema
+from visavis.devices.drivers.lsl.body import LslBody
+from visavis.devices.drivers.lsl.inlet import LslInlet
+from visavis.devices.drivers.lsl.outlet import LslOutlets, LslScope
+from visavis.lab.clock import SystemClock
+from visavis.lab.schema import SampleBatch, empty_values
 
 clock = SystemClock()
 body = body_schema(("head", "left_hand"), 60.0)

@@ -10,12 +10,12 @@ import threading
 import numpy as np
 import pylsl
 
-from devices.drivers.lsl.inlet import LslInlet
-from devices.drivers.lsl.stream import LslStream
-from devices.sim.lsl.gaze import copy_description
-from devices.sim.lsl.stream import LslStreamSimulator
-from lab.clock import NS_PER_MS, SystemClock
 from tests.devices.bodies import FixatingBody
+from visavis.devices.drivers.lsl.inlet import LslInlet
+from visavis.devices.drivers.lsl.stream import LslStream
+from visavis.devices.sim.lsl.gaze import copy_description
+from visavis.devices.sim.lsl.stream import LslStreamSimulator
+from visavis.lab.clock import NS_PER_MS, SystemClock
 
 clock = SystemClock()
 tag = sys.argv[1]

@@ -5,8 +5,8 @@ import sys
 
 import pylsl
 
-from devices.registry import driver_spec
-from lab.clock import NS_PER_MS, SystemClock
+from visavis.devices.registry import driver_spec
+from visavis.lab.clock import NS_PER_MS, SystemClock
 
 
 def main() -> None:

@@ -4,11 +4,11 @@ import contextlib
 
 import pytest
 
-from devices.faults import FaultSchedule
-from devices.sim.native_build import find_compiler
-from devices.sim.openvr.runtime import SimulatedVrRuntime
-from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.native_build import find_compiler
+from visavis.devices.sim.openvr.runtime import SimulatedVrRuntime
+from visavis.lab.clock import NS_PER_S, SimClock
 
 
 def needs_stub():

@@ -2,14 +2,6 @@
 
 import numpy as np
 
-from devices.byte_links import MemoryLink
-from devices.contracts import BAND, HAPTICS
-from devices.faults import FaultSchedule
-from devices.sim.bands.bhaptics import BhapticsPlayerSimulator
-from devices.sim.bands.buzz import BuzzSimulator
-from devices.sim.bands.plain import ReportBandSimulator, TextBandSimulator
-from devices.sim.bands.vhp import SleeveSimulator, SlimBoardSimulator
-from lab.clock import NS_PER_S, SimClock
 from tests.devices.band_makers import (
     ascii_armband,
     bhaptics,
@@ -19,6 +11,14 @@ from tests.devices.band_makers import (
     vhp_sleeve,
     vhp_slim,
 )
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.contracts import BAND, HAPTICS
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.bands.bhaptics import BhapticsPlayerSimulator
+from visavis.devices.sim.bands.buzz import BuzzSimulator
+from visavis.devices.sim.bands.plain import ReportBandSimulator, TextBandSimulator
+from visavis.devices.sim.bands.vhp import SleeveSimulator, SlimBoardSimulator
+from visavis.lab.clock import NS_PER_S, SimClock
 
 COMMANDS = {
     "set_one": "M{motor} {amplitude}\n",

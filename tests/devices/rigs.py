@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from devices.drivers.pupil.driver import PupilCore
-from devices.faults import FaultSchedule
-from devices.pump import Pump
-from devices.sim.pupil.capture import PupilCoreSimulator
-from devices.transports import MemoryTransport
-from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody
+from visavis.devices.drivers.pupil.driver import PupilCore
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.pump import Pump
+from visavis.devices.sim.pupil.capture import PupilCoreSimulator
+from visavis.devices.transports import MemoryTransport
+from visavis.lab.clock import NS_PER_S, SimClock
 
 
 class PumpedRig:

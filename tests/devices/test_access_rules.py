@@ -6,16 +6,16 @@ import os
 import pytest
 from typer.testing import CliRunner
 
-from cli.commands.devices import install_rules
-from cli.main import app
-from devices.access_rules import access_rules
-from devices.drivers.buttons.hid import HidButtonLink
-from devices.drivers.hid_gaze.reports import HidReports
-from devices.drivers.links.serial_port import SerialLink
-from lab.clock import SystemClock
-from lab.config import DeviceConfig
-from lab.config_files import EXAMPLE
-from lab.errors import DeviceNotFound, UsageError
+from visavis.cli.commands.devices import install_rules
+from visavis.cli.main import app
+from visavis.devices.access_rules import access_rules
+from visavis.devices.drivers.buttons.hid import HidButtonLink
+from visavis.devices.drivers.hid_gaze.reports import HidReports
+from visavis.devices.drivers.links.serial_port import SerialLink
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import DeviceNotFound, UsageError
 
 
 def device(role, driver, **options):
@@ -116,7 +116,9 @@ def udevadm(monkeypatch, folder, code):
 @pytest.mark.skipif(os.name == "nt", reason="udev is Linux's")
 def test_installed_rules_are_in_the_file_and_udev_is_told(tmp_path, monkeypatch):
     asked = udevadm(monkeypatch, tmp_path, 0)
-    monkeypatch.setattr("devices.access_rules.RULES_PATH", str(tmp_path / "70-visavis.rules"))
+    monkeypatch.setattr(
+        "visavis.devices.access_rules.RULES_PATH", str(tmp_path / "70-visavis.rules")
+    )
     answer = typed(tmp_path, LABJACK, "--install")
 
     assert answer.exit_code == 0, answer.output

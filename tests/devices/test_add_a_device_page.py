@@ -78,9 +78,9 @@ def test_driver_of_another_package_stands_in_the_configuration(package):
         "lab: L\ndata_root: data\nkey_root: keys\nprivacy: {consent_version: '1'}\n"
         "devices:\n  responses: {driver: pedal, port: nowhere}\n"
     )
-    listed = run(package, "-m", "cli.main", "devices", "list")
+    listed = run(package, "-m", "visavis.cli.main", "devices", "list")
     assert re.search(r"responses\s+pedal\s+ready", listed.stdout), listed.stdout + listed.stderr
-    tested = run(package, "-m", "cli.main", "devices", "test", "--seconds", "0.5")
+    tested = run(package, "-m", "visavis.cli.main", "devices", "test", "--seconds", "0.5")
     assert tested.returncode == 4
     assert "cannot open nowhere" in tested.stdout
 
@@ -91,9 +91,9 @@ def test_simulator_of_another_package_is_captured_and_played_back(package):
         "devices:\n  responses: {driver: pedal, simulated: true}\n"
     )
     capture = ("devices", "capture", "responses", "-o", "pedal.wire", "--seconds", "1.2")
-    captured = run(package, "-m", "cli.main", *capture, "--config", "simulated.yaml")
+    captured = run(package, "-m", "visavis.cli.main", *capture, "--config", "simulated.yaml")
     assert "Example foot pedal" in captured.stdout, captured.stdout + captured.stderr
-    played = run(package, "-m", "cli.main", "devices", "replay", "pedal.wire")
+    played = run(package, "-m", "visavis.cli.main", "devices", "replay", "pedal.wire")
     assert re.search(r"responses +\d+ rows", played.stdout), played.stdout + played.stderr
 
 
@@ -102,6 +102,6 @@ def test_wrong_option_of_another_package_is_refused_with_its_line(package):
         "lab: L\ndata_root: data\nkey_root: keys\nprivacy: {consent_version: '1'}\n"
         "devices:\n  responses: {driver: pedal, porrt: COM7}\n"
     )
-    refused = run(package, "-m", "cli.main", "devices", "list", "--config", "wrong.yaml")
+    refused = run(package, "-m", "visavis.cli.main", "devices", "list", "--config", "wrong.yaml")
     assert refused.returncode == 2
     assert "did you mean 'port'" in refused.stderr

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from devices.drivers.armband import codec
-from devices.drivers.armband.dialect import Drive, FramedDialect
+from visavis.devices.drivers.armband import codec
+from visavis.devices.drivers.armband.dialect import Drive, FramedDialect
 
 BYTES = st.integers(0, 255)
 US = st.integers(0, 2**32 - 1)

@@ -5,16 +5,16 @@ import os
 
 import pytest
 
-from devices import conformance
-from devices.byte_links import MemoryLink
-from devices.drivers.armband.dialect import FramedDialect
-from devices.drivers.armband.driver import ArmbandDriver
-from devices.sim.armband.simulator import ArmbandSimulator
-from devices.testing.armband_machine import LockstepMachine, build
-from devices.wirelog import ReplayLink, TeeLink
-from lab.clock import NS_PER_S, SimClock, SystemClock
-from lab.errors import DeviceNotFound
 from tests.devices.band_makers import serial_armband, simulated_armband
+from visavis.devices import conformance
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.drivers.armband.dialect import FramedDialect
+from visavis.devices.drivers.armband.driver import ArmbandDriver
+from visavis.devices.sim.armband.simulator import ArmbandSimulator
+from visavis.devices.testing.armband_machine import LockstepMachine, build
+from visavis.devices.wirelog import ReplayLink, TeeLink
+from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
+from visavis.lab.errors import DeviceNotFound
 
 
 class Bench:
@@ -37,7 +37,7 @@ def pseudo_terminal(stack, check, tmp_path):
     pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
     if not hasattr(os, "openpty"):
         pytest.skip("this system has no pseudo-terminals; the memory link covers the driver")
-    from devices.testing.armband_pty import PtyArmband
+    from visavis.devices.testing.armband_pty import PtyArmband
 
     clock = SystemClock()
     peer = stack.enter_context(PtyArmband(clock))

@@ -6,8 +6,9 @@ import os
 import numpy as np
 import pytest
 
-from devices.byte_links import MemoryLink
-from devices.contracts import (
+from tests.devices.band_makers import serial_armband
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.contracts import (
     BAND,
     CONTACT_PATTERN,
     HAPTICS,
@@ -15,22 +16,21 @@ from devices.contracts import (
     DeviceState,
     VibrationPattern,
 )
-from devices.drivers.armband import codec
-from devices.drivers.armband.ledger import DeviceMicros
-from devices.faults import FaultSchedule
-from devices.pump import Pump
-from devices.sim.armband.simulator import ArmbandSimulator, serial_of
-from experiments.crowd.haptics import BAND_ROLES
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
-from lab.clock_fit import fit_clock
-from lab.errors import (
+from visavis.devices.drivers.armband import codec
+from visavis.devices.drivers.armband.ledger import DeviceMicros
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.pump import Pump
+from visavis.devices.sim.armband.simulator import ArmbandSimulator, serial_of
+from visavis.experiments.crowd.haptics import BAND_ROLES
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
+from visavis.lab.clock_fit import fit_clock
+from visavis.lab.errors import (
     DeviceDisconnected,
     DeviceError,
     DeviceNotFound,
     DeviceTimeout,
     ProtocolViolation,
 )
-from tests.devices.band_makers import serial_armband
 
 ON = (1.0, 0.5, 0.0, 0.25)
 OFF = (0, 0, 0, 0)
@@ -420,7 +420,7 @@ def test_serial_driver_drives_a_band_on_a_pseudo_terminal():
     pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
     if not hasattr(os, "openpty"):
         pytest.skip("this system has no pseudo-terminals; the memory link covers the driver")
-    from devices.testing.armband_pty import PtyArmband
+    from visavis.devices.testing.armband_pty import PtyArmband
 
     clock = SystemClock()
     batches = []

@@ -11,12 +11,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from devices.drivers.links import serial_port as armband_serial
-from devices.drivers.links.serial_port import SerialLink, find_port
-from devices.sim.armband.firmware import ArmbandFirmware
-from lab.clock import SystemClock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 from tests.devices.band_makers import serial_armband
+from visavis.devices.drivers.links import serial_port as armband_serial
+from visavis.devices.drivers.links.serial_port import SerialLink, find_port
+from visavis.devices.sim.armband.firmware import ArmbandFirmware
+from visavis.lab.clock import SystemClock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")

@@ -6,12 +6,12 @@ import stat
 import pytest
 
 from benchmarks.armband_round_trip import bare_round_trips_ms
-from devices.byte_links import MemoryLink
-from devices.drivers.armband.spec import SERIAL_ARMBAND
-from devices.sim.armband.simulator import ArmbandSimulator
-from devices.testing.armband_machine import TerminalMachine
-from lab.clock import NS_PER_S, SimClock, SystemClock
-from lab.errors import DeviceTimeout
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.drivers.armband.spec import SERIAL_ARMBAND
+from visavis.devices.sim.armband.simulator import ArmbandSimulator
+from visavis.devices.testing.armband_machine import TerminalMachine
+from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
+from visavis.lab.errors import DeviceTimeout
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="a pseudo-terminal is POSIX")
 

@@ -7,16 +7,16 @@ import sys
 
 import pytest
 
-from devices import conformance
-from devices.byte_links import MemoryLink
-from devices.contracts import HAPTICS, DeviceState
-from devices.drivers.links.ble import BleLink, BleThread
-from devices.sim.armband.simulator import ArmbandSimulator
-from devices.sim.bands.buzz import BuzzSimulator
-from devices.sim.bands.vhp import SlimBoardSimulator
-from lab.clock import NS_PER_S, SystemClock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 from tests.devices.band_makers import ble_armband, neosensory_buzz, vhp_slim
+from visavis.devices import conformance
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.contracts import HAPTICS, DeviceState
+from visavis.devices.drivers.links.ble import BleLink, BleThread
+from visavis.devices.sim.armband.simulator import ArmbandSimulator
+from visavis.devices.sim.bands.buzz import BuzzSimulator
+from visavis.devices.sim.bands.vhp import SlimBoardSimulator
+from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
 ON = (1.0, 0.5, 0.0, 0.25)
 CLOCK = SystemClock()
@@ -39,7 +39,7 @@ def bluez(monkeypatch):
         pytest.skip("dbus-daemon is not installed: apt install dbus")
     pytest.importorskip("dbus_fast", reason="dbus-fast is not installed: pip install dbus-fast")
     pytest.importorskip("bleak", reason="bleak is not installed: pip install bleak")
-    from devices.testing.fake_bluez import FakeBluez, PrivateBus
+    from visavis.devices.testing.fake_bluez import FakeBluez, PrivateBus
 
     with contextlib.ExitStack() as stack:
         bus = stack.enter_context(PrivateBus())

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.drivers.natnet import codec as natnet
-from devices.drivers.xsens import codec as xsens
-from lab.errors import DataError
+from visavis.devices.drivers.natnet import codec as natnet
+from visavis.devices.drivers.xsens import codec as xsens
+from visavis.lab.errors import DataError
 
 MVN_PELVIS = bytes.fromhex(
     "4d5854503032"  # MXTP02

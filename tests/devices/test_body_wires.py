@@ -6,22 +6,22 @@ from functools import partial
 import numpy as np
 import pytest
 
-from devices.conformance import check_batches, check_body_tracker, check_lifecycle
-from devices.contracts import BodyTracker, DeviceState
-from devices.datagrams import UdpTransport
-from devices.drivers.lsl.body import LslBody
-from devices.drivers.natnet.driver import MOTIVE_BONES, NatNet
-from devices.drivers.xsens.driver import XsensMvn
-from devices.pump import Pump
-from devices.sim.lsl.body import LslBodySimulator
-from devices.sim.natnet import NatNetSimulator
-from devices.sim.xsens import XsensSimulator
-from devices.transports import MemoryTransport
-from devices.wirelog import ReplayTransport, TeeTransport
-from lab.clock import NS_PER_S, SimClock, SystemClock
-from lab.errors import ConfigError, DeviceNotFound, DeviceTimeout, ProtocolViolation
 from tests.devices.body_rigs import BodyRig, WalkingBody
 from tests.devices.openvr_rigs import passer
+from visavis.devices.conformance import check_batches, check_body_tracker, check_lifecycle
+from visavis.devices.contracts import BodyTracker, DeviceState
+from visavis.devices.datagrams import UdpTransport
+from visavis.devices.drivers.lsl.body import LslBody
+from visavis.devices.drivers.natnet.driver import MOTIVE_BONES, NatNet
+from visavis.devices.drivers.xsens.driver import XsensMvn
+from visavis.devices.pump import Pump
+from visavis.devices.sim.lsl.body import LslBodySimulator
+from visavis.devices.sim.natnet import NatNetSimulator
+from visavis.devices.sim.xsens import XsensSimulator
+from visavis.devices.transports import MemoryTransport
+from visavis.devices.wirelog import ReplayTransport, TeeTransport
+from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
+from visavis.lab.errors import ConfigError, DeviceNotFound, DeviceTimeout, ProtocolViolation
 
 WORN = {"Wand": "right_hand", "Cap": "head"}
 XSENS = (XsensSimulator, XsensMvn, 1_000_000_000)

@@ -5,19 +5,19 @@ import contextlib
 import numpy as np
 import pytest
 
-from devices.building import build_device
-from devices.contracts import GAZE, DeviceState
-from devices.pump import Pump
-from devices.registry import built_in
-from devices.spec import no_wire
-from lab.clock import NS_PER_S, SimClock, SystemClock
-from lab.config import DeviceConfig
-from lab.errors import ConfigError, DeviceNotFound
-from lab.geometry import angle_deg
 from tests.devices.bodies import FixatingBody
 from tests.devices.body_rigs import WalkingBody
 from tests.devices.every_driver import NEEDED
 from tests.devices.openvr_rigs import needs_stub
+from visavis.devices.building import build_device
+from visavis.devices.contracts import GAZE, DeviceState
+from visavis.devices.pump import Pump
+from visavis.devices.registry import built_in
+from visavis.devices.spec import no_wire
+from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import ConfigError, DeviceNotFound
+from visavis.lab.geometry import angle_deg
 
 TRACKERS = sorted(
     name

@@ -11,21 +11,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices import conformance
-from devices.building import build_device
-from devices.contracts import NO_DEVICE_TIME
-from devices.drivers.buttons.device import Press
-from devices.drivers.buttons.hid import HidButtonLink
-from devices.drivers.buttons.hid_reports import HAT_SIDES, ReportReader, layout_of
-from devices.drivers.buttons.keyboard import KEYS, KeyLink
-from devices.drivers.buttons.spec import BYTES, HID_BUTTONS, KEYBOARD
-from devices.drivers.buttons.xid import XidReader
-from devices.registry import OPTION_MODELS
-from devices.sim.buttons.gamepad import DESCRIPTOR
-from lab.clock import NS_PER_S, SimClock, SystemClock
-from lab.config import DeviceConfig
-from lab.errors import ConfigError, DeviceDisconnected
 from tests.devices.bodies import FixatingBody
+from visavis.devices import conformance
+from visavis.devices.building import build_device
+from visavis.devices.contracts import NO_DEVICE_TIME
+from visavis.devices.drivers.buttons.device import Press
+from visavis.devices.drivers.buttons.hid import HidButtonLink
+from visavis.devices.drivers.buttons.hid_reports import HAT_SIDES, ReportReader, layout_of
+from visavis.devices.drivers.buttons.keyboard import KEYS, KeyLink
+from visavis.devices.drivers.buttons.spec import BYTES, HID_BUTTONS, KEYBOARD
+from visavis.devices.drivers.buttons.xid import XidReader
+from visavis.devices.registry import OPTION_MODELS
+from visavis.devices.sim.buttons.gamepad import DESCRIPTOR
+from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import ConfigError, DeviceDisconnected
 
 MS = 1_000_000
 

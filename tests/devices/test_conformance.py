@@ -4,16 +4,16 @@ import contextlib
 
 import pytest
 
-from devices import conformance
-from devices.drivers.pupil.driver import PupilCore
-from devices.sim.body.headset import SimulatedHeadset
-from devices.sim.body.responses import SimulatedResponses
-from devices.sim.pupil.capture import PupilCoreSimulator
-from devices.sim.zmq_host import ZmqHost
-from devices.transports import MemoryTransport, ZmqTransport
-from devices.wirelog import ReplayTransport, TeeTransport
-from lab.clock import NS_PER_S, SimClock, SystemClock
 from tests.devices.bodies import FixatingBody
+from visavis.devices import conformance
+from visavis.devices.drivers.pupil.driver import PupilCore
+from visavis.devices.sim.body.headset import SimulatedHeadset
+from visavis.devices.sim.body.responses import SimulatedResponses
+from visavis.devices.sim.pupil.capture import PupilCoreSimulator
+from visavis.devices.sim.zmq_host import ZmqHost
+from visavis.devices.transports import MemoryTransport, ZmqTransport
+from visavis.devices.wirelog import ReplayTransport, TeeTransport
+from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
 
 
 class Bench:

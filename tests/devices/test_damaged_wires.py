@@ -6,15 +6,15 @@ import msgpack
 import numpy as np
 import pytest
 
-from devices.building import build_device
-from devices.byte_links import Chunk
-from devices.captures import device_of
-from devices.registry import built_in
-from devices.wirelog import ReplayLink, ReplayTransport, read_wire_log
-from devices.wires import ReplayedWires
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import DeviceError
 from tests.wire.record import FOLDER
+from visavis.devices.building import build_device
+from visavis.devices.byte_links import Chunk
+from visavis.devices.captures import device_of
+from visavis.devices.registry import built_in
+from visavis.devices.wirelog import ReplayLink, ReplayTransport, read_wire_log
+from visavis.devices.wires import ReplayedWires
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import DeviceError
 
 STORED = sorted(path.stem for path in FOLDER.glob("*.wire"))
 SEEDS = range(8)

@@ -4,7 +4,7 @@ import re
 from itertools import groupby
 from pathlib import Path
 
-from devices.registry import built_in
+from visavis.devices.registry import built_in
 
 PAGE = Path(__file__).parents[2] / "docs" / "devices.md"
 

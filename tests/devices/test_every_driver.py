@@ -4,10 +4,6 @@ import json
 
 import pytest
 
-from devices.conformance import check_headset, collect
-from devices.registry import built_in
-from devices.sim.native_build import find_compiler
-from devices.wirelog import read_wire_log
 from tests.devices.every_driver import (
     capture,
     check_on_replay,
@@ -15,6 +11,10 @@ from tests.devices.every_driver import (
     checks_of,
 )
 from tests.wire.record import EXPECTED, FOLDER, FRAMES, decoded, wired
+from visavis.devices.conformance import check_headset, collect
+from visavis.devices.registry import built_in
+from visavis.devices.sim.native_build import find_compiler
+from visavis.devices.wirelog import read_wire_log
 
 WITHOUT_WIRE = ("simulated_body", "simulated_headset", "simulated_responses", "sound_card")
 CASES = [(driver, name) for driver in sorted(built_in()) for name in checks_of(driver)]

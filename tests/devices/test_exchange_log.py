@@ -2,9 +2,9 @@
 
 import pytest
 
-from devices.contracts import ClockPair
-from devices.drivers.streaming.exchange_log import MAX_KEPT, ExchangeLog
-from lab.clock import NS_PER_MS
+from visavis.devices.contracts import ClockPair
+from visavis.devices.drivers.streaming.exchange_log import MAX_KEPT, ExchangeLog
+from visavis.lab.clock import NS_PER_MS
 
 
 def pair(at_ms: float, there_ms: float, back_ms: float, ahead_ms: float = 0.0) -> ClockPair:

@@ -7,20 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.contracts import DeviceState, SessionName
-from devices.drivers.eyelink import camera_setup, codec
-from devices.drivers.eyelink import library as eyelink_library
-from devices.drivers.eyelink.driver import NO_RESULT, EyeLink
-from devices.drivers.eyelink.library import VERDICT, EyeLinkLibrary
-from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
-from devices.pump import Pump
-from devices.sim.eyelink import EyeLinkSimulator, FakePylink, FakeTracker
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
-from lab.geometry import angle_deg
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from visavis.devices.contracts import DeviceState, SessionName
+from visavis.devices.drivers.eyelink import camera_setup, codec
+from visavis.devices.drivers.eyelink import library as eyelink_library
+from visavis.devices.drivers.eyelink.driver import NO_RESULT, EyeLink
+from visavis.devices.drivers.eyelink.library import VERDICT, EyeLinkLibrary
+from visavis.devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from visavis.devices.pump import Pump
+from visavis.devices.sim.eyelink import EyeLinkSimulator, FakePylink, FakeTracker
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
+from visavis.lab.geometry import angle_deg
 
 SCREEN = Screen(500.0, 300.0, 600.0)
 PX = (1000, 600)

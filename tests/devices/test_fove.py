@@ -9,19 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.contracts import DeviceState
-from devices.drivers.fove import codec
-from devices.drivers.fove.driver import Fove
-from devices.drivers.fove.library import FoveLibrary
-from devices.drivers.streaming.gaze_rays import rows_to_values
-from devices.sim.fove import FoveSimulator, FoveStub, build_stub
-from devices.sim.gaze.source import GazeSource
-from devices.transports import MemoryTransport
-from lab.clock import SimClock, SystemClock
-from lab.errors import DeviceNotFound, ProtocolViolation
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.fove import codec
+from visavis.devices.drivers.fove.driver import Fove
+from visavis.devices.drivers.fove.library import FoveLibrary
+from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
+from visavis.devices.sim.fove import FoveSimulator, FoveStub, build_stub
+from visavis.devices.sim.gaze.source import GazeSource
+from visavis.devices.transports import MemoryTransport
+from visavis.lab.clock import SimClock, SystemClock
+from visavis.lab.errors import DeviceNotFound, ProtocolViolation
 
 S = math.sqrt(0.5)
 

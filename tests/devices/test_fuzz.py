@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-import devices.drivers
+import visavis.devices.drivers
 from benchmarks.fuzz.__main__ import fuzz, is_passed, read_whole, row, tallied, tally
 from benchmarks.fuzz.codecs import codecs, gaze_is_sound, only_said_by
 from benchmarks.fuzz.files import files
 from benchmarks.fuzz.target import Target, may_pass
-from devices.drivers.streaming.gaze_rays import Sample
-from lab.errors import DataError
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.lab.errors import DataError
 
-DRIVERS = Path(devices.drivers.__file__).parent
+DRIVERS = Path(visavis.devices.drivers.__file__).parent
 DEVICES = DRIVERS.parent
 
 

@@ -3,23 +3,23 @@
 import numpy as np
 import pytest
 
-from devices.contracts import DeviceState
-from devices.drivers.eyelink.driver import EyeLink
-from devices.drivers.fove.driver import Fove
-from devices.drivers.gazepoint.driver import Gazepoint
-from devices.drivers.hid_gaze.driver import HidGaze
-from devices.drivers.lsl.gaze import LslGaze
-from devices.drivers.neon.driver import Neon
-from devices.sim.eyelink import EyeLinkSimulator
-from devices.sim.fove import FoveSimulator
-from devices.sim.gazepoint import GazepointSimulator
-from devices.sim.hid_gaze import HidGazeSimulator
-from devices.sim.lsl.gaze import LslGazeSimulator
-from devices.sim.neon import NeonSimulator
-from lab.errors import DeviceTimeout
-from lab.geometry import angle_deg
 from tests.devices import gaze_rigs
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.eyelink.driver import EyeLink
+from visavis.devices.drivers.fove.driver import Fove
+from visavis.devices.drivers.gazepoint.driver import Gazepoint
+from visavis.devices.drivers.hid_gaze.driver import HidGaze
+from visavis.devices.drivers.lsl.gaze import LslGaze
+from visavis.devices.drivers.neon.driver import Neon
+from visavis.devices.sim.eyelink import EyeLinkSimulator
+from visavis.devices.sim.fove import FoveSimulator
+from visavis.devices.sim.gazepoint import GazepointSimulator
+from visavis.devices.sim.hid_gaze import HidGazeSimulator
+from visavis.devices.sim.lsl.gaze import LslGazeSimulator
+from visavis.devices.sim.neon import NeonSimulator
+from visavis.lab.errors import DeviceTimeout
+from visavis.lab.geometry import angle_deg
 
 TRACKERS = {
     "fove": (Fove, FoveSimulator),

@@ -5,19 +5,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.contracts import DeviceState
-from devices.drivers.gazepoint import codec
-from devices.drivers.gazepoint.driver import Gazepoint
-from devices.drivers.gazepoint.spec import REMEDY
-from devices.drivers.links.stream_socket import StreamSocket
-from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
-from devices.faults import FaultSchedule
-from devices.sim.gazepoint import GazepointHost, GazepointSimulator
-from lab.clock import SystemClock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout, ProtocolViolation
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.gazepoint import codec
+from visavis.devices.drivers.gazepoint.driver import Gazepoint
+from visavis.devices.drivers.gazepoint.spec import REMEDY
+from visavis.devices.drivers.links.stream_socket import StreamSocket
+from visavis.devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
+from visavis.lab.clock import SystemClock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout, ProtocolViolation
 
 PLACE = codec.Place(Screen(500.0, 300.0, 600.0))
 RECORD = (

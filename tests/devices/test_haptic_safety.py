@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from devices.haptic_safety import HapticGuard
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
 from tests.devices.test_armband_driver import ON, Band
+from visavis.devices.haptic_safety import HapticGuard
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
 
 OFF = (0, 0, 0, 0)
 
@@ -92,8 +92,8 @@ def test_tick_keeps_the_bands_alive():
 
 PROGRAM = """
 import os, signal, sys
-from devices.haptic_safety import HapticGuard
-from lab.clock import SimClock
+from visavis.devices.haptic_safety import HapticGuard
+from visavis.lab.clock import SimClock
 
 class Told:
     def keep_alive(self): pass

@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.contracts import DeviceState
-from devices.drivers.hid_gaze import codec
-from devices.drivers.hid_gaze.driver import HidGaze
-from devices.drivers.hid_gaze.reports import HidReports
-from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
-from devices.pump import Pump
-from devices.sim.hid_gaze import DESCRIPTOR, REPORT, SERIAL, FakeHidapi, HidGazeSimulator
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import DeviceNotFound, ProtocolViolation
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.hid_gaze import codec
+from visavis.devices.drivers.hid_gaze.driver import HidGaze
+from visavis.devices.drivers.hid_gaze.reports import HidReports
+from visavis.devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from visavis.devices.pump import Pump
+from visavis.devices.sim.hid_gaze import DESCRIPTOR, REPORT, SERIAL, FakeHidapi, HidGazeSimulator
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import DeviceNotFound, ProtocolViolation
 
 SCREEN = Screen(500.0, 300.0, 600.0)
 NONE = 2**31 - 1
@@ -171,7 +171,7 @@ def test_unplugged_tracker_comes_back_within_two_seconds():
 
 def test_foreign_module_of_the_same_name_is_refused(monkeypatch):
     monkeypatch.setattr(
-        "devices.drivers.hid_gaze.reports.importlib.import_module", lambda name: struct
+        "visavis.devices.drivers.hid_gaze.reports.importlib.import_module", lambda name: struct
     )
 
     with pytest.raises(DeviceNotFound, match="pip uninstall hid"):

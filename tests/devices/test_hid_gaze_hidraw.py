@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.drivers.hid_gaze.driver import HidGaze
-from devices.sim.hid_gaze import DESCRIPTOR, PRODUCT_ID, SERIAL, VENDOR_ID, HidGazeSimulator
-from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from visavis.devices.drivers.hid_gaze.driver import HidGaze
+from visavis.devices.sim.hid_gaze import DESCRIPTOR, PRODUCT_ID, SERIAL, VENDOR_ID, HidGazeSimulator
+from visavis.lab.clock import NS_PER_S, SimClock
 
 ROOT = Path(__file__).parents[2]
 N_REPORTS = 120

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.byte_links import Chunk, MemoryLink
-from devices.drivers.streaming.line_device import Line, LineDevice
-from devices.faults import FaultSchedule
-from devices.options import Options
-from devices.pump import Pump
-from devices.sim.line_peer import LinePeer
-from devices.spec import DriverSpec, driven_by
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock
-from lab.errors import DeviceTimeout
-from lab.schema import Field
+from visavis.devices.byte_links import Chunk, MemoryLink
+from visavis.devices.drivers.streaming.line_device import Line, LineDevice
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.options import Options
+from visavis.devices.pump import Pump
+from visavis.devices.sim.line_peer import LinePeer
+from visavis.devices.spec import DriverSpec, driven_by
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock
+from visavis.lab.errors import DeviceTimeout
+from visavis.lab.schema import Field
 
 SPEC = DriverSpec(
     name="scale", kind="other", options=Options, make=driven_by(f"{__name__}:Scale"), model="scale"
@@ -129,7 +129,7 @@ def test_whatever_comes_nothing_raises_and_good_lines_survive(noise, cut):
 
 
 def _messages(data, clock):
-    from devices.transports import Message
+    from visavis.devices.transports import Message
 
     return [Message(clock.now_ns(), (data,))]
 

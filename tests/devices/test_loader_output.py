@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from devices.drivers.runtimes.loader_output import loader_output_logged
+from visavis.devices.drivers.runtimes.loader_output import loader_output_logged
 
 
 def test_lines_of_a_loader_are_logged_and_not_shown(capfd, caplog):

@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.drivers.lsl import gaze_codec as codec
-from devices.drivers.lsl.gaze import LslGaze, TobiiLsl
-from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
-from devices.sim.lsl.gaze import LAYOUTS, LslGazeSimulator
-from lab.errors import ProtocolViolation
-from lab.geometry import angle_deg
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from visavis.devices.drivers.lsl import gaze_codec as codec
+from visavis.devices.drivers.lsl.gaze import LslGaze, TobiiLsl
+from visavis.devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from visavis.devices.sim.lsl.gaze import LAYOUTS, LslGazeSimulator
+from visavis.lab.errors import ProtocolViolation
+from visavis.lab.geometry import angle_deg
 
 ROOT = Path(__file__).parents[2]
 SCREEN = Screen(500.0, 300.0, 600.0)

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.contracts import HEAD, body_schema
-from devices.drivers.lsl.outlet import LslOutlets, LslScope
-from lab.clock import SimClock
-from lab.schema import SampleBatch, empty_values
-from lab.xdf_channels import channels_of, flat_values
+from visavis.devices.contracts import HEAD, body_schema
+from visavis.devices.drivers.lsl.outlet import LslOutlets, LslScope
+from visavis.lab.clock import SimClock
+from visavis.lab.schema import SampleBatch, empty_values
+from visavis.lab.xdf_channels import channels_of, flat_values
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices import conformance
-from devices.drivers.lsl.gaze_codec import StreamInfo
-from devices.drivers.lsl.stream import LslStream, schema_of
-from devices.registry import driver_spec
-from devices.sim.lsl.stream import LslStreamSimulator
-from lab.clock import NS_PER_S
-from lab.clock_fit import offset_ns
-from lab.config import DeviceConfig
 from tests.devices.gaze_rigs import GazeRig, let_pass_on
 from tests.faults.sessions import events, lab, perform
+from visavis.devices import conformance
+from visavis.devices.drivers.lsl.gaze_codec import StreamInfo
+from visavis.devices.drivers.lsl.stream import LslStream, schema_of
+from visavis.devices.registry import driver_spec
+from visavis.devices.sim.lsl.stream import LslStreamSimulator
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.clock_fit import offset_ns
+from visavis.lab.config import DeviceConfig
 
 ROOT = Path(__file__).parents[2]
 
@@ -71,9 +71,9 @@ def test_simulated_stream_delivers_its_numbers_with_offsets():
 
 
 def test_contract_is_kept_on_a_memory_wire():
-    from devices.transports import MemoryTransport
-    from lab.clock import SimClock
     from tests.devices.bodies import FixatingBody
+    from visavis.devices.transports import MemoryTransport
+    from visavis.lab.clock import SimClock
 
     clock = SimClock()
 

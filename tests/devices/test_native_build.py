@@ -5,13 +5,13 @@ from contextlib import ExitStack
 
 import pytest
 
-from devices.building import build_device
-from devices.registry import built_in
-from devices.sim import native_build
-from lab.clock import SimClock
-from lab.errors import DeviceNotFound
 from tests.devices.body_rigs import WalkingBody
 from tests.devices.every_driver import config_of
+from visavis.devices.building import build_device
+from visavis.devices.registry import built_in
+from visavis.devices.sim import native_build
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import DeviceNotFound
 
 COMPILED = sorted(name for name, spec in built_in().items() if spec.runtime in ("openvr", "openxr"))
 SYSTEMS = {"linux": "apt-get install gcc", "darwin": "xcode-select --install", "win32": None}

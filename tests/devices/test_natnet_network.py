@@ -3,9 +3,9 @@
 import socket
 from typing import ClassVar
 
-from devices.registry import driver_spec
-from devices.spec import Site
-from lab.clock import SystemClock
+from visavis.devices.registry import driver_spec
+from visavis.devices.spec import Site
+from visavis.lab.clock import SystemClock
 
 
 class Joined(socket.socket):

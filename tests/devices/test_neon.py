@@ -8,22 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.contracts import DeviceState
-from devices.drivers.neon import codec
-from devices.drivers.neon.driver import Neon
-from devices.drivers.neon.network import NeonNetwork
-from devices.drivers.neon.spec import REMEDY
-from devices.drivers.streaming.gaze_rays import rows_to_values
-from devices.faults import FaultSchedule
-from devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
-from devices.testing.neon_host import NeonHost
-from lab.clock import NS_PER_MS, SystemClock
-from lab.clock_fit import offset_ns
-from lab.errors import DeviceNotFound, DeviceTimeout
-from lab.geometry import angle_deg
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.neon import codec
+from visavis.devices.drivers.neon.driver import Neon
+from visavis.devices.drivers.neon.network import NeonNetwork
+from visavis.devices.drivers.neon.spec import REMEDY
+from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
+from visavis.devices.testing.neon_host import NeonHost
+from visavis.lab.clock import NS_PER_MS, SystemClock
+from visavis.lab.clock_fit import offset_ns
+from visavis.lab.errors import DeviceNotFound, DeviceTimeout
+from visavis.lab.geometry import angle_deg
 
 CAMERA = codec.SceneCamera(1000.0, 1000.0, 800.0, 600.0)
 RIGHT_UP = (1800.0, -400.0)  # 45° to the right and as far up, for this camera

@@ -6,24 +6,24 @@ import threading
 import numpy as np
 import pytest
 
-from devices.conformance import (
+from tests.devices.bodies import FixatingBody
+from tests.devices.body_rigs import WalkingBody
+from tests.devices.openvr_rigs import passer, simulated_runtime
+from visavis.devices.conformance import (
     check_batches,
     check_body_tracker,
     check_lifecycle,
     check_response_input,
 )
-from devices.contracts import BodyTracker, DeviceState, ResponseInput
-from devices.drivers.openvr.controllers import OpenVrControllers
-from devices.drivers.openvr.headset import OpenVrHeadset
-from devices.drivers.openvr.trackers import OpenVrTrackers, mount_of
-from devices.pump import Pump
-from devices.wirelog import ReplayTransport, TeeTransport
-from lab.clock import NS_PER_S, SimClock, SystemClock
-from lab.errors import ConfigError, DeviceDisconnected
-from lab.geometry import Pose, quat_from_yaw_pitch_deg, rotate
-from tests.devices.bodies import FixatingBody
-from tests.devices.body_rigs import WalkingBody
-from tests.devices.openvr_rigs import passer, simulated_runtime
+from visavis.devices.contracts import BodyTracker, DeviceState, ResponseInput
+from visavis.devices.drivers.openvr.controllers import OpenVrControllers
+from visavis.devices.drivers.openvr.headset import OpenVrHeadset
+from visavis.devices.drivers.openvr.trackers import OpenVrTrackers, mount_of
+from visavis.devices.pump import Pump
+from visavis.devices.wirelog import ReplayTransport, TeeTransport
+from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
+from visavis.lab.errors import ConfigError, DeviceDisconnected
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, rotate
 
 WORN = {"LHR-0A": "left_hand", "LHR-0B": "hips"}
 

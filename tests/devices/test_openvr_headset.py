@@ -8,19 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.conformance import check_headset, check_lifecycle
-from devices.contracts import DeviceState
-from devices.drivers.openvr import codec
-from devices.drivers.openvr.display import read_display
-from devices.drivers.openvr.headset import OpenVrHeadset
-from devices.sim.openvr import runtime as openvr_runtime
-from devices.sim.openvr import world as openvr_world
-from devices.wirelog import ReplayTransport, TeeTransport
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
-from lab.geometry import quat_from_yaw_pitch_deg
 from tests.devices.bodies import FixatingBody
 from tests.devices.openvr_rigs import passer, simulated_runtime
+from visavis.devices.conformance import check_headset, check_lifecycle
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.openvr import codec
+from visavis.devices.drivers.openvr.display import read_display
+from visavis.devices.drivers.openvr.headset import OpenVrHeadset
+from visavis.devices.sim.openvr import runtime as openvr_runtime
+from visavis.devices.sim.openvr import world as openvr_world
+from visavis.devices.wirelog import ReplayTransport, TeeTransport
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
+from visavis.lab.geometry import quat_from_yaw_pitch_deg
 
 
 @contextlib.contextmanager

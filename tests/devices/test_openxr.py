@@ -10,22 +10,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.fuzz.codecs import gaze_is_sound
-from devices.conformance import check_batches, check_eye_tracker, check_headset, check_lifecycle
-from devices.contracts import DeviceState
-from devices.drivers.openxr import eyes
-from devices.drivers.openxr.gaze import OpenXrGaze
-from devices.drivers.openxr.headset import OpenXrHeadset
-from devices.drivers.openxr.runtime_time import PERFORMANCE_COUNTER
-from devices.faults import FaultSchedule
-from devices.sim.native_build import find_compiler
-from devices.sim.openxr.runtime import EPOCH_NS, SimulatedXrRuntime
-from devices.transports import MemoryTransport, Message
-from devices.wirelog import ReplayTransport, TeeTransport
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
-from lab.geometry import angle_deg, quat_from_yaw_pitch_deg
 from tests.devices.bodies import FixatingBody
 from tests.devices.openvr_rigs import passer
+from visavis.devices.conformance import (
+    check_batches,
+    check_eye_tracker,
+    check_headset,
+    check_lifecycle,
+)
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.openxr import eyes
+from visavis.devices.drivers.openxr.gaze import OpenXrGaze
+from visavis.devices.drivers.openxr.headset import OpenXrHeadset
+from visavis.devices.drivers.openxr.runtime_time import PERFORMANCE_COUNTER
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.native_build import find_compiler
+from visavis.devices.sim.openxr.runtime import EPOCH_NS, SimulatedXrRuntime
+from visavis.devices.transports import MemoryTransport, Message
+from visavis.devices.wirelog import ReplayTransport, TeeTransport
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
+from visavis.lab.geometry import angle_deg, quat_from_yaw_pitch_deg
 
 
 @contextlib.contextmanager

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from devices.conformance import check_batches, check_lifecycle, check_response_input
-from devices.contracts import POINTER, DeviceState, ResponseInput
-from devices.drivers.openxr.controllers import OpenXrControllers
-from devices.wirelog import ReplayTransport, TeeTransport
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import ConfigError
-from lab.geometry import rotate
 from tests.devices.bodies import FixatingBody
 from tests.devices.openvr_rigs import passer
 from tests.devices.test_openxr import column, poll, running, simulated
+from visavis.devices.conformance import check_batches, check_lifecycle, check_response_input
+from visavis.devices.contracts import POINTER, DeviceState, ResponseInput
+from visavis.devices.drivers.openxr.controllers import OpenXrControllers
+from visavis.devices.wirelog import ReplayTransport, TeeTransport
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import ConfigError
+from visavis.lab.geometry import rotate
 
 MS = 1_000_000
 

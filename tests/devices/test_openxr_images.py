@@ -8,18 +8,18 @@ import msgpack
 import numpy as np
 import pytest
 
-from devices.conformance import check_headset, check_lifecycle
-from devices.contracts import DeviceState
-from devices.current_gl import GlCopies
-from devices.drivers.openxr.gaze import OpenXrGaze
-from devices.drivers.openxr.headset import OpenXrHeadset
-from devices.sim.openxr.runtime import HIDDEN_CORNER_01, RENDER_SIZE_PX
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import DeviceDisconnected, DeviceError
-from lab.geometry import quat_from_yaw_pitch_deg
 from tests.devices.bodies import FixatingBody
 from tests.devices.openvr_rigs import passer
 from tests.devices.test_openxr import column, simulated
+from visavis.devices.conformance import check_headset, check_lifecycle
+from visavis.devices.contracts import DeviceState
+from visavis.devices.current_gl import GlCopies
+from visavis.devices.drivers.openxr.gaze import OpenXrGaze
+from visavis.devices.drivers.openxr.headset import OpenXrHeadset
+from visavis.devices.sim.openxr.runtime import HIDDEN_CORNER_01, RENDER_SIZE_PX
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import DeviceDisconnected, DeviceError
+from visavis.lab.geometry import quat_from_yaw_pitch_deg
 
 SIZE = (6, 8)
 

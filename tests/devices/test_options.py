@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from devices.registry import OPTION_MODELS, built_in
-from lab.config import parse_config
-from lab.config_files import EXAMPLE
-from lab.errors import ConfigError
+from visavis.devices.registry import OPTION_MODELS, built_in
+from visavis.lab.config import parse_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import ConfigError
 
 CONFIG = EXAMPLE.read_text("utf-8")
 OF_NEED = (

@@ -6,16 +6,19 @@ from itertools import pairwise
 
 import pytest
 
-from devices import conformance
-from devices.building import build_device
-from devices.contracts import BAND_EVENTS, NO_DEVICE_TIME, DeviceState, VibrationPattern
-from devices.drivers.bands.driver import HOST_SIDE_ONLY
-from devices.drivers.bands.open_bands import silence_every_open_band
-from devices.registry import OPTION_MODELS, built_in
-from devices.wirelog import ReplayLink, TeeLink
-from lab.clock import NS_PER_MS, SimClock, SystemClock
-from lab.config import DeviceConfig
-from lab.errors import (
+from tests.devices.band_makers import ascii_armband, hid_armband
+from tests.devices.every_driver import own_options
+from tests.devices.other_band_rigs import BANDS, RUNS_FOR_EVER, BandRig
+from visavis.devices import conformance
+from visavis.devices.building import build_device
+from visavis.devices.contracts import BAND_EVENTS, NO_DEVICE_TIME, DeviceState, VibrationPattern
+from visavis.devices.drivers.bands.driver import HOST_SIDE_ONLY
+from visavis.devices.drivers.bands.open_bands import silence_every_open_band
+from visavis.devices.registry import OPTION_MODELS, built_in
+from visavis.devices.wirelog import ReplayLink, TeeLink
+from visavis.lab.clock import NS_PER_MS, SimClock, SystemClock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import (
     ConfigError,
     DeviceDisconnected,
     DeviceError,
@@ -23,9 +26,6 @@ from lab.errors import (
     DeviceTimeout,
     ProtocolViolation,
 )
-from tests.devices.band_makers import ascii_armband, hid_armband
-from tests.devices.every_driver import own_options
-from tests.devices.other_band_rigs import BANDS, RUNS_FOR_EVER, BandRig
 
 ON = (1.0, 0.5, 0.0, 0.25)
 every_band = pytest.mark.parametrize("name", BANDS)

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.drivers.bands import bhaptics_codec, buzz_codec, vhp_codec
-from devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
-from devices.drivers.bands.language import Condition, JsonReader, Ready, Refused, level
-from devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
-from devices.sim.bands import vhp as vhp_sim
 from tests.devices.other_band_rigs import COMMANDS
+from visavis.devices.drivers.bands import bhaptics_codec, buzz_codec, vhp_codec
+from visavis.devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
+from visavis.devices.drivers.bands.language import Condition, JsonReader, Ready, Refused, level
+from visavis.devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
+from visavis.devices.sim.bands import vhp as vhp_sim
 
 amplitudes = st.lists(st.floats(0, 1), min_size=4, max_size=4)
 

@@ -12,10 +12,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lab.config_files import EXAMPLE
-from recording.reader import Recording
 from tests.devices.test_add_a_device_page import ROOT, package
 from tests.visavis.sessions import STUDIES
+from visavis.lab.config_files import EXAMPLE
+from visavis.recording.reader import Recording
 
 __all__ = ["package"]
 pytestmark = pytest.mark.slow
@@ -51,7 +51,7 @@ def here(package):
 def said(folder, *arguments):
     path = os.pathsep.join((str(folder), str(ROOT)))
     done = subprocess.run(
-        [sys.executable, "-m", "cli.main", *arguments],
+        [sys.executable, "-m", "visavis.cli.main", *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": path},
         capture_output=True,

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from devices.contracts import GAZE, HEAD
-from devices.drivers.lsl.body import LslBody
-from devices.drivers.natnet.driver import NatNet
-from devices.drivers.openxr.spec import OPENXR_HEADSET
-from devices.drivers.runtimes.controllers import ray_batch
-from devices.drivers.runtimes.headset import RuntimeHeadset
-from devices.drivers.streaming.gaze_rays import Eye, gaze_row, rows_to_values
-from devices.drivers.xsens.driver import XsensMvn
-from devices.plausible import are_places, is_place
-from devices.sim.lsl.body import LslBodySimulator
-from devices.sim.natnet import NatNetSimulator
-from devices.sim.xsens import XsensSimulator
-from lab.clock import NS_PER_S, SimClock
 from tests.devices.body_rigs import BodyRig, WalkingBody
 from tests.devices.test_pupil_codec import binocular, decoded
+from visavis.devices.contracts import GAZE, HEAD
+from visavis.devices.drivers.lsl.body import LslBody
+from visavis.devices.drivers.natnet.driver import NatNet
+from visavis.devices.drivers.openxr.spec import OPENXR_HEADSET
+from visavis.devices.drivers.runtimes.controllers import ray_batch
+from visavis.devices.drivers.runtimes.headset import RuntimeHeadset
+from visavis.devices.drivers.streaming.gaze_rays import Eye, gaze_row, rows_to_values
+from visavis.devices.drivers.xsens.driver import XsensMvn
+from visavis.devices.plausible import are_places, is_place
+from visavis.devices.sim.lsl.body import LslBodySimulator
+from visavis.devices.sim.natnet import NatNetSimulator
+from visavis.devices.sim.xsens import XsensSimulator
+from visavis.lab.clock import NS_PER_S, SimClock
 
 NOWHERE = [1000.5, -2e6, 3e38, np.inf, -np.inf, np.nan]
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)

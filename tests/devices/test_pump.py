@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from devices import pump as pump_module
-from devices.contracts import DeviceInfo, DeviceState
-from devices.lifecycle import Lifecycle
-from devices.meter import StreamMeter
-from devices.pump import Pump
-from devices.sim.body.headset import SimulatedHeadset
-from lab.clock import SimClock, SystemClock
-from lab.errors import DeviceDisconnected
-from lab.schema import Field, SampleBatch, StreamSchema
 from tests.devices.bodies import FixatingBody
+from visavis.devices import pump as pump_module
+from visavis.devices.contracts import DeviceInfo, DeviceState
+from visavis.devices.lifecycle import Lifecycle
+from visavis.devices.meter import StreamMeter
+from visavis.devices.pump import Pump
+from visavis.devices.sim.body.headset import SimulatedHeadset
+from visavis.lab.clock import SimClock, SystemClock
+from visavis.lab.errors import DeviceDisconnected
+from visavis.lab.schema import Field, SampleBatch, StreamSchema
 
 SCHEMA = StreamSchema("toy", (Field("x", "f4", "1"),), 100.0)
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.drivers.pupil import codec
-from devices.sim.gaze.calibration import CalibrationJudge
-from lab.geometry import angle_deg, unit
 from tests.devices.bodies import FixatingBody
 from tests.devices.rigs import Rig
 from tests.devices.test_pupil_core import PERFECT
+from visavis.devices.drivers.pupil import codec
+from visavis.devices.sim.gaze.calibration import CalibrationJudge
+from visavis.lab.geometry import angle_deg, unit
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "devices" / "pupil_hmd_calibration.json"
 CASES = json.loads(REFERENCE.read_text(encoding="utf-8"))["cases"]

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.drivers.pupil import codec
-from devices.drivers.streaming.gaze_rays import diameter_mm, rows_to_values
-from devices.sim.pupil.wire import (
+from visavis.devices.drivers.pupil import codec
+from visavis.devices.drivers.streaming.gaze_rays import diameter_mm, rows_to_values
+from visavis.devices.sim.pupil.wire import (
     BINOCULAR_TOPIC,
     COLUMN,
     GAZE_VALUES,

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from devices.contracts import DeviceState, SessionName
-from devices.sim.gaze.tracker_error import TrackerErrorModel
-from lab.clock_fit import offset_ns
-from lab.geometry import angle_deg
 from tests.devices.rigs import Rig
+from visavis.devices.contracts import DeviceState, SessionName
+from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
+from visavis.lab.clock_fit import offset_ns
+from visavis.lab.geometry import angle_deg
 
 PERFECT = TrackerErrorModel(
     offset_deg=0, eye_offset_deg=0, gain_sd_01=0, white_deg=0, slow_deg=0, latency_jitter_ms=0

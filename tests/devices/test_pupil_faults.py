@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from devices.contracts import DeviceState
-from devices.faults import FAULT_KINDS, FaultSchedule, WireFault
-from lab.clock import SimClock
-from lab.errors import ConfigError, DeviceTimeout, ProtocolViolation
 from tests.devices.rigs import Rig
+from visavis.devices.contracts import DeviceState
+from visavis.devices.faults import FAULT_KINDS, FaultSchedule, WireFault
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import ConfigError, DeviceTimeout, ProtocolViolation
 
 
 def kinds_of(events):

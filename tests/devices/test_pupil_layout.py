@@ -5,11 +5,16 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.contracts import GAZE
-from devices.drivers.pupil import codec
-from devices.drivers.pupil.layout import GazeDecoder, learn_layout
-from devices.sim.pupil.wire import BINOCULAR_TOPIC, GAZE_VALUES, MONOCULAR_TOPICS, GazeTemplate
 from tests.devices.test_pupil_codec import binocular, pupil
+from visavis.devices.contracts import GAZE
+from visavis.devices.drivers.pupil import codec
+from visavis.devices.drivers.pupil.layout import GazeDecoder, learn_layout
+from visavis.devices.sim.pupil.wire import (
+    BINOCULAR_TOPIC,
+    GAZE_VALUES,
+    MONOCULAR_TOPICS,
+    GazeTemplate,
+)
 
 THRESHOLD_01 = 0.6
 CENTERS = {0: (32.0, 0.0, 0.0), 1: (-32.0, 0.0, 0.0)}

@@ -7,23 +7,23 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from devices import registry
-from devices.building import build_device
-from devices.drivers.pupil.spec import PUPIL_CORE
-from devices.libraries import Library
-from devices.options import Options
-from devices.spec import DriverSpec, no_wire
-from lab.clock import SimClock
-from lab.config import DeviceConfig
-from lab.errors import ConfigError, DeviceNotFound
+from visavis.devices import registry
+from visavis.devices.building import build_device
+from visavis.devices.drivers.pupil.spec import PUPIL_CORE
+from visavis.devices.libraries import Library
+from visavis.devices.options import Options
+from visavis.devices.spec import DriverSpec, no_wire
+from visavis.lab.clock import SimClock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import ConfigError, DeviceNotFound
 
 LISTED = """
 import sys
-from devices.registry import OPTION_MODELS, driver_specs
+from visavis.devices.registry import OPTION_MODELS, driver_specs
 models = [OPTION_MODELS[name] for name in OPTION_MODELS]
 names = [spec.name for spec in driver_specs()]
 light = ("spec", "options")
-print(*(m for m in sys.modules if m.startswith(("devices.drivers.", "devices.sim."))
+print(*(m for m in sys.modules if m.startswith(("visavis.devices.drivers.", "visavis.devices.sim."))
         and m.count(".") > 2 and m.rpartition(".")[2] not in light))
 print(*(m for m in sys.modules if m in ("numpy", "zmq", "msgpack", "pylsl", "openvr", "xr")))
 """
@@ -101,10 +101,10 @@ def test_driver_without_a_simulator_says_so(installed, monkeypatch):
 @pytest.mark.parametrize(
     ("value", "says"),
     [
-        ("devices.pump:Nothing", "cannot be imported"),
+        ("visavis.devices.pump:Nothing", "cannot be imported"),
         ("no_such_package:SPEC", "cannot be imported"),
-        ("devices.pump:Pump", "no DriverSpec"),
-        ("devices.drivers.pupil.spec:PUPIL_CORE", "of that name"),
+        ("visavis.devices.pump:Pump", "no DriverSpec"),
+        ("visavis.devices.drivers.pupil.spec:PUPIL_CORE", "of that name"),
     ],
 )
 def test_entry_that_leads_to_no_description_is_a_configuration_error(installed, value, says):

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from devices import conformance
-from devices.contracts import FRAME_TIMING, GAZE, HEAD
-from devices.screen.display import ScreenDisplay
-from devices.screen.resting_body import BodyBeforeScreen
-from lab.clock import NS_PER_S, SimClock
-from lab.geometry import Pose, rotate
-from lab.schema import SampleBatch
-from lab.screen import FlatScreen
 from tests.devices.bodies import FixatingBody
+from visavis.devices import conformance
+from visavis.devices.contracts import FRAME_TIMING, GAZE, HEAD
+from visavis.devices.screen.display import ScreenDisplay
+from visavis.devices.screen.resting_body import BodyBeforeScreen
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.geometry import Pose, rotate
+from visavis.lab.schema import SampleBatch
+from visavis.lab.screen import FlatScreen
 
 MS = 1_000_000
 SCREEN = FlatScreen(0.5, 0.3, 1000, 600, 0.6)

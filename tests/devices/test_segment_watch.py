@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from devices.segment_watch import SegmentWatch
-from lab.clock import NS_PER_MS
+from visavis.devices.segment_watch import SegmentWatch
+from visavis.lab.clock import NS_PER_MS
 
 SEGMENTS = ("hips", "head", "left_hand", "left_foot", "right_hand", "right_foot")
 STEP_NS = 10 * NS_PER_MS

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.faults import FaultSchedule
-from devices.pump import Pump
-from devices.sim.body.headset import SimulatedHeadset
-from devices.sim.body.responses import SimulatedResponses
-from lab.clock import SimClock
-from lab.errors import ConfigError, DeviceDisconnected, DeviceNotFound, ProtocolViolation
 from tests.devices.bodies import FixatingBody
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.pump import Pump
+from visavis.devices.sim.body.headset import SimulatedHeadset
+from visavis.devices.sim.body.responses import SimulatedResponses
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import ConfigError, DeviceDisconnected, DeviceNotFound, ProtocolViolation
 
 
 def started(start_ns=0, **options):

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from devices.contracts import SOUND_EVENTS, DeviceState
-from devices.drivers.sound.driver import SoundCard
-from devices.drivers.sound.mixing import HEAD_RADIUS_M, SOUND_M_S, ear_delays_s, head_shadow
-from devices.drivers.sound.spec import SOUND_CARD
-from devices.faults import FaultSchedule, WireFault
-from devices.sim.sound_card import RATE_HZ, SimulatedPortAudio
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock
-from lab.errors import DeviceDisconnected, DeviceError
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stimuli.sound import Sound
+from visavis.devices.contracts import SOUND_EVENTS, DeviceState
+from visavis.devices.drivers.sound.driver import SoundCard
+from visavis.devices.drivers.sound.mixing import HEAD_RADIUS_M, SOUND_M_S, ear_delays_s, head_shadow
+from visavis.devices.drivers.sound.spec import SOUND_CARD
+from visavis.devices.faults import FaultSchedule, WireFault
+from visavis.devices.sim.sound_card import RATE_HZ, SimulatedPortAudio
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock
+from visavis.lab.errors import DeviceDisconnected, DeviceError
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stimuli.sound import Sound
 
 UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 

@@ -4,9 +4,9 @@ import socket
 
 import pytest
 
-from devices.drivers.links.rfcomm import RfcommLink, connect_rfcomm
-from lab.clock import SystemClock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+from visavis.devices.drivers.links.rfcomm import RfcommLink, connect_rfcomm
+from visavis.lab.clock import SystemClock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 CLOCK = SystemClock()
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from devices.contracts import GAZE, HAPTICS, NO_DEVICE_TIME, ClockPair
-from devices.stream_figures import clock_figures, steady_fit, stream_figures
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.schema import SampleBatch, empty_values
+from visavis.devices.contracts import GAZE, HAPTICS, NO_DEVICE_TIME, ClockPair
+from visavis.devices.stream_figures import clock_figures, steady_fit, stream_figures
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.schema import SampleBatch, empty_values
 
 OFFSET_NS = 40 * NS_PER_S
 PERIOD_NS = round(NS_PER_S / 120)

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from devices.sync.audio import SoundCardSensor, SoundCardSpeaker
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import DeviceError
+from visavis.devices.sync.audio import SoundCardSensor, SoundCardSpeaker
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import DeviceError
 
 RATE_HZ = 48_000
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.byte_links import MemoryLink
-from devices.drivers.armband.codec import FrameReader
-from devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
-from devices.sync.board import SyncBoard
-from devices.sync.board_codec import (
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.drivers.armband.codec import FrameReader
+from visavis.devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
+from visavis.devices.sync.board import SyncBoard
+from visavis.devices.sync.board_codec import (
     BLOCK,
     Samples,
     Told,
@@ -22,8 +22,8 @@ from devices.sync.board_codec import (
     encode_samples,
     encode_told,
 )
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock
-from lab.errors import DeviceTimeout
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock
+from visavis.lab.errors import DeviceTimeout
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware" / "sync_board"
 US = st.integers(0, 2**32 - 1)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from devices.sim.gaze.tracker_error import (
+from visavis.devices.sim.gaze.tracker_error import (
     StretchNoise,
     TrackerErrorModel,
     draw_systematic,
     measured_directions,
 )
-from lab.geometry import angle_deg, direction_from_yaw_pitch_deg, unit
+from visavis.lab.geometry import angle_deg, direction_from_yaw_pitch_deg, unit
 
 MODEL = TrackerErrorModel()
 GRID_DEG = np.array([-15.0, -7.5, 0.0, 7.5, 15.0])

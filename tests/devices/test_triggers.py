@@ -11,19 +11,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.byte_links import MemoryLink
-from devices.drivers.links.serial_port import SerialLink
-from devices.drivers.triggers import labjack_codec
-from devices.drivers.triggers.links import ParallelLink
-from devices.drivers.triggers.pulses import PulseTrain
-from devices.faults import FaultSchedule
-from devices.pump import Pump
-from devices.registry import driver_spec
-from devices.sim.triggers import LabJackPeer, LinesPeer
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
-from lab.config import DeviceConfig
-from lab.errors import ConfigError, DeviceTimeout
 from tests.faults.sessions import lab, perform
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.drivers.links.serial_port import SerialLink
+from visavis.devices.drivers.triggers import labjack_codec
+from visavis.devices.drivers.triggers.links import ParallelLink
+from visavis.devices.drivers.triggers.pulses import PulseTrain
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.pump import Pump
+from visavis.devices.registry import driver_spec
+from visavis.devices.sim.triggers import LabJackPeer, LinesPeer
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import ConfigError, DeviceTimeout
 
 ROOT = Path(__file__).parents[2]
 CODES = {"trial_start": 1, "trial_end": 2, "flash": 255}

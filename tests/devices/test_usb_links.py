@@ -4,14 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from devices.drivers.links.usb import HidLink, UsbLink
-from devices.faults import FaultSchedule
-from devices.sim.bands.plain import ReportBandSimulator
-from devices.testing.usb_bus import FakeHidapi, FakeUsbBus
-from lab.clock import NS_PER_S, SystemClock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 from tests.devices.band_makers import hid_armband, usb_armband
 from tests.devices.other_band_rigs import LAYOUT
+from visavis.devices.drivers.links.usb import HidLink, UsbLink
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.bands.plain import ReportBandSimulator
+from visavis.devices.testing.usb_bus import FakeHidapi, FakeUsbBus
+from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 CLOCK = SystemClock()
 IDS = {"vid": 0x1209, "pid": 0x0001}

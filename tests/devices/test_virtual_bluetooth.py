@@ -4,12 +4,12 @@ import contextlib
 
 import pytest
 
-from devices import conformance
-from devices.contracts import HAPTICS, DeviceState
-from devices.sim.armband.simulator import ArmbandSimulator
-from lab.clock import NS_PER_S, SystemClock
-from lab.errors import DeviceDisconnected
 from tests.devices.band_makers import spp_armband
+from visavis.devices import conformance
+from visavis.devices.contracts import HAPTICS, DeviceState
+from visavis.devices.sim.armband.simulator import ArmbandSimulator
+from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.errors import DeviceDisconnected
 
 ON = (1.0, 0.5, 0.0, 0.25)
 CLOCK = SystemClock()
@@ -21,7 +21,7 @@ def radio():
     pytest.importorskip("bumble", reason="bumble is not installed: pip install bumble")
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     pytest.importorskip("tty", reason="pseudo-terminals need Linux or macOS")
-    from devices.testing.virtual_bluetooth import VirtualBluetooth
+    from visavis.devices.testing.virtual_bluetooth import VirtualBluetooth
 
     with contextlib.ExitStack() as stack:
 

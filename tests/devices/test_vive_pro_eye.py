@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.drivers.sranipal import codec
-from devices.drivers.sranipal.driver import ViveProEye
-from devices.drivers.sranipal.library import SranipalLibrary
-from devices.drivers.streaming.gaze_rays import rows_to_values
-from devices.registry import driver_spec
-from devices.sim.native_build import find_compiler
-from devices.sim.sranipal import SranipalSimulator, StandIn, built_library
-from lab.clock import SystemClock
-from lab.config import DeviceConfig
-from lab.errors import DeviceDisconnected, DeviceNotFound
 from tests.devices.gaze_rigs import PERFECT, GazeRig
 from tests.faults.sessions import lab, perform
+from visavis.devices.drivers.sranipal import codec
+from visavis.devices.drivers.sranipal.driver import ViveProEye
+from visavis.devices.drivers.sranipal.library import SranipalLibrary
+from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
+from visavis.devices.registry import driver_spec
+from visavis.devices.sim.native_build import find_compiler
+from visavis.devices.sim.sranipal import SranipalSimulator, StandIn, built_library
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import DeviceConfig
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 
 @pytest.fixture(scope="module")

@@ -4,14 +4,14 @@ import contextlib
 
 import pytest
 
-from devices import conformance
-from devices.contracts import DeviceState
-from devices.drivers.links.websocket import WebSocketLink
-from devices.faults import FaultSchedule
-from devices.sim.bands.bhaptics import BhapticsPlayerSimulator
-from lab.clock import NS_PER_S, SystemClock
-from lab.errors import DeviceDisconnected, DeviceNotFound
 from tests.devices.band_makers import bhaptics
+from visavis.devices import conformance
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.links.websocket import WebSocketLink
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.bands.bhaptics import BhapticsPlayerSimulator
+from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 ON = (1.0, 0.5, 0.0, 0.25)
 CLOCK = SystemClock()
@@ -20,7 +20,7 @@ CLOCK = SystemClock()
 @pytest.fixture
 def serve():
     pytest.importorskip("websockets", reason="websockets is not installed: pip install websockets")
-    from devices.testing.websocket_host import WebSocketHost
+    from visavis.devices.testing.websocket_host import WebSocketHost
 
     with contextlib.ExitStack() as stack:
 

@@ -4,11 +4,11 @@ import msgpack
 import numpy as np
 import pytest
 
-from devices.drivers.pupil.driver import PupilCore
-from devices.wirelog import ReplayTransport, TeeTransport, read_wire_log
-from lab.clock import SimClock
-from lab.errors import DataError, DeviceNotFound
 from tests.devices.rigs import Rig
+from visavis.devices.drivers.pupil.driver import PupilCore
+from visavis.devices.wirelog import ReplayTransport, TeeTransport, read_wire_log
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import DataError, DeviceNotFound
 
 
 def recorded(path):

@@ -2,17 +2,17 @@
 
 import pytest
 
-from devices.contracts import DeviceState
-from devices.drivers.pupil.driver import PupilCore
-from devices.faults import FaultSchedule
-from devices.pump import Pump
-from devices.sim.pupil.capture import PupilCoreSimulator
-from devices.sim.zmq_host import ZmqHost
-from devices.transports import ZmqTransport
-from lab.clock import NS_PER_MS, NS_PER_S, SystemClock
-from lab.clock_fit import offset_ns
-from lab.errors import DeviceTimeout
 from tests.devices.bodies import FixatingBody
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.pupil.driver import PupilCore
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.pump import Pump
+from visavis.devices.sim.pupil.capture import PupilCoreSimulator
+from visavis.devices.sim.zmq_host import ZmqHost
+from visavis.devices.transports import ZmqTransport
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SystemClock
+from visavis.lab.clock_fit import offset_ns
+from visavis.lab.errors import DeviceTimeout
 
 PATIENCE_NS = 20 * NS_PER_S
 

@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from recording.reader import Recording
+from visavis.recording.reader import Recording
 from visavis.sessions.study_folder import DERIVED, sessions_of
 
 Fingerprint = Mapping[str, Any]

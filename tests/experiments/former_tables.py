@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from experiments.crowd import published
-from experiments.crowd.comparisons import PAIRS
-from experiments.crowd.design import CONDITIONS
-from protocol.questionnaires import load_questionnaire
 from tests.experiments.fingerprint import fingerprint_of_table
+from visavis.experiments.crowd import published
+from visavis.experiments.crowd.comparisons import PAIRS
+from visavis.experiments.crowd.design import CONDITIONS
+from visavis.protocol.questionnaires import load_questionnaire
 
 Row = Mapping[str, str]
 

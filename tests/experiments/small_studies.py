@@ -18,13 +18,6 @@ from benchmarks.crowd_participants import quick_study as quick_crowd
 from benchmarks.simulated_tracker import tracker_of
 from benchmarks.waving_quick import quick_analysis
 from benchmarks.waving_quick import quick_study as quick_waving
-from cli.main import app
-from experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP
-from experiments.crowd.sections import similarity_rows
-from experiments.stare.study import experiment_of as stare_experiment
-from experiments.stare.study import study as stare
-from lab.config_files import EXAMPLE
-from recording.folder import SIMULATED_ROOT
 from tests.experiments.crowd.synthetic_walks import tables, walks
 from tests.experiments.crowd.tables import analysed as analysed_crowd
 from tests.experiments.fingerprint import (
@@ -36,10 +29,17 @@ from tests.experiments.fingerprint import (
 )
 from tests.experiments.former_tables import FORMER, fingerprint_as_pinned
 from tests.experiments.stare.synthetic_rows import analysed
+from visavis.cli.main import app
+from visavis.experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP
+from visavis.experiments.crowd.sections import similarity_rows
+from visavis.experiments.stare.study import experiment_of as stare_experiment
+from visavis.experiments.stare.study import study as stare
+from visavis.lab.config_files import EXAMPLE
 from visavis.looks import MAIN_MEASURES
 from visavis.opened import OpenedStudy
 from visavis.outputs import contrast_rows, statistics_rows
 from visavis.quick import quick_study
+from visavis.recording.folder import SIMULATED_ROOT
 from visavis.sessions.study_folder import DERIVED
 
 PINNED: Final = Path(__file__).parent / "pinned"

@@ -6,16 +6,16 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from devices.registry import OPTION_MODELS
-from lab.config import load_config
-from lab.config_files import EXAMPLE, SCREEN_EXAMPLE
-from recording.bids import export_bids
-from recording.reader import Recording
 from tests.experiments.crowd.sessions import session as crowd_session
 from tests.experiments.small_studies import SESSIONS
 from tests.faults.sessions import lab, perform
 from tests.recording.test_export import ABOUT, issues_of
 from visavis.catalogue import find_study
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
+from visavis.recording.bids import export_bids
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 
 

@@ -7,19 +7,19 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.session_check import check_session
-from analysis.session_verdict import SessionCheck
-from experiments.stare.study import study
-from lab.config import DeviceConfig, LabConfig, load_config
-from lab.config_files import EXAMPLE
-from protocol.gaze_setup import TargetTiming
-from protocol.operator import Action, Command, SessionStatus, UnattendedOperator
-from protocol.plan import SessionPlan
-from protocol.states import SessionState
-from recording.folder import session_dir
-from recording.reader import Recording
+from visavis.analysis.session_check import check_session
+from visavis.analysis.session_verdict import SessionCheck
 from visavis.catalogue import find_study
 from visavis.experiment import StudyExperiment
+from visavis.experiments.stare.study import study
+from visavis.lab.config import DeviceConfig, LabConfig, load_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.protocol.gaze_setup import TargetTiming
+from visavis.protocol.operator import Action, Command, SessionStatus, UnattendedOperator
+from visavis.protocol.plan import SessionPlan
+from visavis.protocol.states import SessionState
+from visavis.recording.folder import session_dir
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 
 CONFIG = EXAMPLE

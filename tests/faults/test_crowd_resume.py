@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from experiments.crowd.design import CONDITIONS, HAPTIC
-from recording.folder import study_dir
-from recording.reader import Recording
 from tests.faults.sessions import CONFIG, REPOSITORY
+from visavis.experiments.crowd.design import CONDITIONS, HAPTIC
+from visavis.recording.folder import study_dir
+from visavis.recording.reader import Recording
 
 KILLED_AFTER = """
 import os, signal, sys
-from recording.writer import Recorder
+from visavis.recording.writer import Recorder
 
 written, last = Recorder.trial, int(sys.argv.pop(1))
 
@@ -25,14 +25,14 @@ def trial(recorder, row):
         os.kill(os.getpid(), signal.SIGKILL)
 
 Recorder.trial = trial
-from cli.main import main
+from visavis.cli.main import main
 main()
 """
 
 
 def visavis(folder: Path, *arguments: str, kill_after: int = 0) -> subprocess.CompletedProcess[str]:
     """Run the command line; a positive `kill_after` ends the process after so many trial rows."""
-    begin = ["-c", KILLED_AFTER, str(kill_after)] if kill_after else ["-m", "cli.main"]
+    begin = ["-c", KILLED_AFTER, str(kill_after)] if kill_after else ["-m", "visavis.cli.main"]
     return subprocess.run(
         [sys.executable, *begin, *arguments, "--config", str(folder / "lab_config.yaml")],
         capture_output=True,

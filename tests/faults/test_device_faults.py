@@ -4,10 +4,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from analysis.session_verdict import Level
-from devices.drivers.streaming import exchange_log
-from lab.errors import DeviceError
-from recording.reader import Recording
 from tests.faults.sessions import (
     TRIALS,
     Rows,
@@ -21,7 +17,11 @@ from tests.faults.sessions import (
     trial_table,
     verdict,
 )
+from visavis.analysis.session_verdict import Level
 from visavis.catalogue import find_study
+from visavis.devices.drivers.streaming import exchange_log
+from visavis.lab.errors import DeviceError
+from visavis.recording.reader import Recording
 
 
 @pytest.fixture(scope="module")

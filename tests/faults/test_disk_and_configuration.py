@@ -10,13 +10,6 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cli.app import load_lab
-from cli.main import app
-from lab.clock import SimClock
-from lab.errors import ConfigError, RecordingError, UsageError
-from recording import durable
-from recording.folder import open_session
-from recording.reader import Recording
 from tests.faults.sessions import (
     CONFIG,
     REPOSITORY,
@@ -28,6 +21,13 @@ from tests.faults.sessions import (
     resume,
 )
 from visavis.catalogue import find_study
+from visavis.cli.app import load_lab
+from visavis.cli.main import app
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import ConfigError, RecordingError, UsageError
+from visavis.recording import durable
+from visavis.recording.folder import open_session
+from visavis.recording.reader import Recording
 from visavis.sessions.data_root import DataDisk
 from visavis.sessions.perform import perform_new
 from visavis.sessions.rig import build_rig, devices_for
@@ -41,7 +41,7 @@ HEADSET = """  headset:
 
 def visavis(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "cli.main", *arguments],
+        [sys.executable, "-m", "visavis.cli.main", *arguments],
         capture_output=True,
         text=True,
         check=False,

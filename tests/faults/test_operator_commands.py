@@ -4,12 +4,6 @@ from typing import Any
 
 import pytest
 
-from analysis.session_verdict import Level
-from experiments.stare.trial import TRAINING_PROMPT
-from lab.errors import SessionAborted
-from protocol.operator import Action, Command
-from protocol.states import TRANSITIONS, SessionState
-from recording.reader import Recording
 from tests.faults.sessions import (
     PRACTICE_S,
     TRIALS,
@@ -23,6 +17,12 @@ from tests.faults.sessions import (
     trial_table,
     verdict,
 )
+from visavis.analysis.session_verdict import Level
+from visavis.experiments.stare.trial import TRAINING_PROMPT
+from visavis.lab.errors import SessionAborted
+from visavis.protocol.operator import Action, Command
+from visavis.protocol.states import TRANSITIONS, SessionState
+from visavis.recording.reader import Recording
 
 TRIAL, INTERTRIAL, BREAK = SessionState.TRIAL, SessionState.INTERTRIAL, SessionState.BREAK
 IN_T02 = (TRIAL, 3, 5)  # after training and T01

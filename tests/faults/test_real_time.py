@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from devices.sim.pupil.capture import PupilCoreSimulator
-from experiments.stare.study import study
-from lab.clock import NS_PER_S, SystemClock
-from protocol.gaze_setup import TargetTiming
-from protocol.plan import SessionPlan
-from recording.reader import Recording
 from tests.faults.sessions import CONFIG, REPOSITORY, events, findings, lab, request
+from visavis.devices.sim.pupil.capture import PupilCoreSimulator
 from visavis.experiment import StudyExperiment
+from visavis.experiments.stare.study import study
+from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.opened import OpenedStudy
+from visavis.protocol.gaze_setup import TargetTiming
+from visavis.protocol.plan import SessionPlan
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new
 
 
@@ -50,7 +50,7 @@ def captures(monkeypatch: pytest.MonkeyPatch) -> list[PupilCoreSimulator]:
             super().__init__(*arguments, **options)
             made.append(self)
 
-    monkeypatch.setattr("devices.sim.pupil.capture.PupilCoreSimulator", Kept)
+    monkeypatch.setattr("visavis.devices.sim.pupil.capture.PupilCoreSimulator", Kept)
     return made
 
 
@@ -97,7 +97,7 @@ def test_a_signal_leaves_an_aborted_session_that_resume_completes(
     tmp_path: Path, sent: signal.Signals
 ) -> None:
     (tmp_path / "lab_config.yaml").write_text(CONFIG.read_text("utf-8"), "utf-8")
-    command = [sys.executable, "-m", "cli.main"]
+    command = [sys.executable, "-m", "visavis.cli.main"]
     where = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(REPOSITORY)}}
     running = subprocess.Popen(
         [*command, "run", "stare", "--participant", "07"],

@@ -6,10 +6,10 @@ from typing import cast
 import pytest
 
 from benchmarks.kill_resume import _fast_config, _ShortSessions
-from experiments.crowd.participant.participant import CrowdParticipant
-from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.opened import OpenedStudy
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, perform_rest
 
 ASKED_BEFORE = 3

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from experiments.stare.study import study
-from lab.errors import SessionAborted
-from protocol.operator import Action, Command
-from protocol.plan import SessionPlan
-from protocol.states import SessionState
-from recording.reader import Recording
 from tests.faults.sessions import FewTrials, ScriptedOperator, events, lab, path_of, request
+from visavis.experiments.stare.study import study
+from visavis.lab.errors import SessionAborted
+from visavis.protocol.operator import Action, Command
+from visavis.protocol.plan import SessionPlan
+from visavis.protocol.states import SessionState
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, perform_rest
 
 

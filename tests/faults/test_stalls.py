@@ -3,12 +3,12 @@ from pathlib import Path
 
 import pytest
 
-from lab.clock import NS_PER_S, Clock
-from protocol.operator import Command
-from protocol.stall_watch import StallWatch
-from protocol.states import SessionState
-from recording.reader import Recording
 from tests.faults.sessions import ScriptedOperator, events, lab, request, trial_table
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.protocol.operator import Command
+from visavis.protocol.stall_watch import StallWatch
+from visavis.protocol.states import SessionState
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new
 
 

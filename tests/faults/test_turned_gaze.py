@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from devices.drivers.pupil import codec
-from lab.errors import DeviceError
-from protocol.session import MAX_CALIBRATIONS
-from recording.reader import Recording
 from tests.faults.sessions import events, lab, path_of, perform
+from visavis.devices.drivers.pupil import codec
+from visavis.lab.errors import DeviceError
+from visavis.protocol.session import MAX_CALIBRATIONS
+from visavis.recording.reader import Recording
 
 
 def test_a_session_whose_gaze_is_turned_over_stops_and_names_the_cause(

@@ -8,21 +8,21 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from analysis.session_check import check_session
-from cli.main import app
-from experiments.crowd.measures import MeasureParameters
-from lab.errors import DeviceError, UsageError
-from protocol.experiment import spare_roles_of
-from protocol.operator import Action, Command
-from protocol.states import SessionState
-from recording.folder import session_dir
-from recording.reader import Recording
 from tests.experiments.crowd.sessions import request as crowd_request
 from tests.experiments.crowd.tables import measured
 from tests.faults.sessions import CONFIG, ScriptedOperator, lab
 from tests.visavis.sessions import opened
 from visavis import Choice, Factor, Keys, Rating, Study
+from visavis.analysis.session_check import check_session
+from visavis.cli.main import app
 from visavis.experiment import StudyExperiment
+from visavis.experiments.crowd.measures import MeasureParameters
+from visavis.lab.errors import DeviceError, UsageError
+from visavis.protocol.experiment import spare_roles_of
+from visavis.protocol.operator import Action, Command
+from visavis.protocol.states import SessionState
+from visavis.recording.folder import session_dir
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 
 BAND = "armband_right_forearm"

@@ -2,8 +2,8 @@
 
 import pytest
 
-from devices.testing.armband_machine import LockstepMachine, PythonMachine, build
-from lab.errors import DeviceNotFound
+from visavis.devices.testing.armband_machine import LockstepMachine, PythonMachine, build
+from visavis.lab.errors import DeviceNotFound
 
 
 @pytest.fixture(scope="session")

@@ -8,12 +8,12 @@ import sys
 import numpy as np
 import pytest
 
-from devices.byte_links import MemoryLink
-from devices.contracts import CONTACT_PATTERN, HAPTICS, DeviceState
-from devices.testing.armband_machine import LockstepMachine, TerminalMachine
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
-from lab.clock_fit import fit_clock
 from tests.devices.band_makers import serial_armband
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.contracts import CONTACT_PATTERN, HAPTICS, DeviceState
+from visavis.devices.testing.armband_machine import LockstepMachine, TerminalMachine
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
+from visavis.lab.clock_fit import fit_clock
 
 FULL = (255, 255, 255, 255)
 OFF = (0, 0, 0, 0)
@@ -116,7 +116,7 @@ def test_clock_of_the_firmware_is_found_within_a_millisecond(pair):
 HOST_PROGRAM = """
 import sys
 from tests.devices.band_makers import serial_armband
-from lab.clock import SystemClock
+from visavis.lab.clock import SystemClock
 driver = serial_armband("arm", SystemClock(), port=sys.argv[1])
 driver.open(20.0)
 driver.start(lambda batch: None)
@@ -145,9 +145,9 @@ def test_killed_host_is_followed_by_silence_within_300_ms(built, kind):
 GUARDED_PROGRAM = """
 import sys
 from tests.devices.band_makers import serial_armband
-from devices.haptic_safety import HapticGuard
-from devices.pump import Pump
-from lab.clock import SystemClock
+from visavis.devices.haptic_safety import HapticGuard
+from visavis.devices.pump import Pump
+from visavis.lab.clock import SystemClock
 clock = SystemClock()
 driver = serial_armband("arm", clock, port=sys.argv[1])
 driver.open(20.0)

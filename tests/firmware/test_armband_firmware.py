@@ -7,9 +7,9 @@ import subprocess
 import numpy as np
 import pytest
 
-from devices.drivers.armband import codec
-from devices.testing.armband_machine import LockstepMachine, build
-from lab.errors import DeviceNotFound
+from visavis.devices.drivers.armband import codec
+from visavis.devices.testing.armband_machine import LockstepMachine, build
+from visavis.lab.errors import DeviceNotFound
 
 MS = 1000
 FULL = (255, 255, 255, 255)

@@ -5,11 +5,11 @@ import shutil
 
 import pytest
 
-from devices.drivers.armband import codec
-from devices.sim.armband.firmware import Protection
-from devices.testing.armband_machine import LockstepMachine, PythonMachine, build
-from lab.errors import DeviceNotFound
 from tests.firmware.test_armband_firmware import FULL, MS, OFF, Host
+from visavis.devices.drivers.armband import codec
+from visavis.devices.sim.armband.firmware import Protection
+from visavis.devices.testing.armband_machine import LockstepMachine, PythonMachine, build
+from visavis.lab.errors import DeviceNotFound
 
 SHORT = Protection(window_ms=12_000, budget_ms=6000, hold_max_ms=10_000)
 """A tenth of the window, so that a test takes seconds."""

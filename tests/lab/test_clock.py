@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import pytest
 
-from cli.doctor import machine
-from lab.clock import (
+from tests.faults.sessions import lab, request
+from visavis.cli.doctor import machine
+from visavis.lab.clock import (
     NS_PER_MS,
     SimClock,
     SystemClock,
     clock_step_ns,
     require_fine_clock,
 )
-from lab.errors import ConfigError
-from tests.faults.sessions import lab, request
+from visavis.lab.errors import ConfigError
 from visavis.sessions.perform import perform_new
 
 

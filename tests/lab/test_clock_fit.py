@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.contracts import ClockPair
-from lab.clock_fit import fit_clock, fit_one_way, latest_quick, offset_ns
-from lab.errors import DataError
+from visavis.devices.contracts import ClockPair
+from visavis.lab.clock_fit import fit_clock, fit_one_way, latest_quick, offset_ns
+from visavis.lab.errors import DataError
 
 SECOND = 10**9
 

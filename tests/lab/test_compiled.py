@@ -5,15 +5,17 @@ import subprocess
 import sys
 from pathlib import Path
 
-from lab.compiled import KERNELS, forget_old_kernels
+from visavis.lab.compiled import KERNELS, forget_old_kernels
 
 ROOT = Path(__file__).resolve().parents[2]
-INNER = "from lab.compiled import compiled\n\n\n@compiled\ndef inner(x):\n    return x + {}\n"
+INNER = (
+    "from visavis.lab.compiled import compiled\n\n\n@compiled\ndef inner(x):\n    return x + {}\n"
+)
 OUTER = """
 from inner_kernel import inner
 import rows_of_numbers as rows
 from numbers_taken_in import SHIFT
-from lab.compiled import compiled, tell_of_compiling
+from visavis.lab.compiled import compiled, tell_of_compiling
 
 
 @compiled
@@ -74,7 +76,7 @@ MATRICES = """
 import sys
 
 import numpy as np
-from lab.compiled import compiled
+from visavis.lab.compiled import compiled
 
 
 @compiled

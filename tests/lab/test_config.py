@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict, Field
 
-from devices.registry import OPTION_MODELS
-from lab.config import TAKEN_STREAMS, load_config, parse_config, with_devices
-from lab.config_files import EXAMPLE
-from lab.errors import ConfigError
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.config import TAKEN_STREAMS, load_config, parse_config, with_devices
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import ConfigError
 
 
 class TrackerOptions(BaseModel):
@@ -350,7 +350,7 @@ def test_what_a_model_of_ours_refuses_is_told_in_its_own_words(tmp_path):
 
 
 def test_no_stream_of_a_session_itself_can_be_a_device_of_the_labs_own():
-    from recording.bids import BOOKKEEPING
+    from visavis.recording.bids import BOOKKEEPING
 
     assert BOOKKEEPING <= TAKEN_STREAMS
 
@@ -372,3 +372,8 @@ def test_a_lab_has_reasons_of_its_own_or_those_that_come_along(tmp_path):
 def test_a_reason_that_nobody_could_choose_is_refused(tmp_path, said, why):
     with pytest.raises(ConfigError, match=why):
         load_config(write(tmp_path, GOOD + f"incidents: {said}\n"))
+
+
+def test_example_configuration_is_that_at_the_top_of_the_repository():
+    top = Path(__file__).resolve().parents[2] / "lab_config.yaml"
+    assert top.read_bytes() == EXAMPLE.read_bytes()

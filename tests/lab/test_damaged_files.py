@@ -12,22 +12,22 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from analysis.foreign_check import check_foreign
-from analysis.gaze.bids import read_bids
-from analysis.gaze.text_table import read_text_table
-from analysis.statistics_report.table_file import read_table
-from devices.wirelog import FORMAT, VERSION, read_wire_log
-from lab.errors import DataError
-from lab.plain_files import read_arrays, read_packed
-from recording.chained import append_lines
-from stimuli.characters.cast import DATA
-from stimuli.characters.errors import CharacterError
-from stimuli.characters.storage import read_character
-from stimuli.motion.clip_file import read_clip
-from stimuli.motion.errors import MotionError
+from visavis.analysis.foreign_check import check_foreign
+from visavis.analysis.gaze.bids import read_bids
+from visavis.analysis.gaze.text_table import read_text_table
+from visavis.analysis.statistics_report.table_file import read_table
+from visavis.devices.wirelog import FORMAT, VERSION, read_wire_log
+from visavis.lab.errors import DataError
+from visavis.lab.plain_files import read_arrays, read_packed
 from visavis.page.elsewhere.results import read_runs
 from visavis.picture_delay import read_sync_test
+from visavis.recording.chained import append_lines
 from visavis.sessions.plan_lock import PEEKS_NAME, read_peeks
+from visavis.stimuli.characters.cast import DATA
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.storage import read_character
+from visavis.stimuli.motion.clip_file import read_clip
+from visavis.stimuli.motion.errors import MotionError
 
 SIDECAR = """{"PhysioType": "eyetrack", "Columns": ["timestamp"], "timestamp": {"Units": "s"},
 "SamplingFrequency": 100, "RecordedEye": "left", "SampleCoordinateSystem": "eye-in-head"}"""

@@ -5,12 +5,12 @@ import os
 import numpy as np
 import pytest
 
-from lab.kept import _folder, digest_of, keep, read_kept
+from visavis.lab.kept import _folder, digest_of, keep, read_kept
 
 
 @pytest.fixture(autouse=True)
 def temporary(tmp_path, monkeypatch):
-    monkeypatch.setattr("lab.kept.user_cache_path", lambda *_, **__: tmp_path)
+    monkeypatch.setattr("visavis.lab.kept.user_cache_path", lambda *_, **__: tmp_path)
     return tmp_path
 
 
@@ -38,7 +38,7 @@ def test_what_was_used_last_is_kept_when_there_is_too_much(temporary, monkeypatc
         keep("study", key, {"a": np.zeros(1000)})
         os.utime(temporary / "study" / f"{key}.npz", (1000 + age, 1000 + age))
     assert read_kept("study", "used_again") is not None
-    monkeypatch.setattr("lab.kept.MAX_KEPT_BYTES", 26_000)
+    monkeypatch.setattr("visavis.lab.kept.MAX_KEPT_BYTES", 26_000)
     keep("study", "newest", {"a": np.zeros(1000)})
     assert {"used_again", "new", "newest"} == {p.stem for p in temporary.glob("study/*.npz")}
 

@@ -13,9 +13,9 @@ import numpy.typing as npt
 import pytest
 import yaml
 
-from lab.errors import ConfigError
-from lab.plain_files import open_plain, parse_json, read_arrays, read_packed, read_plain
-from lab.yaml_lines import parse_document, read_document
+from visavis.lab.errors import ConfigError
+from visavis.lab.plain_files import open_plain, parse_json, read_arrays, read_packed, read_plain
+from visavis.lab.yaml_lines import parse_document, read_document
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")

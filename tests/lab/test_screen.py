@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.geometry import Pose
-from lab.screen import FlatScreen
-from stage.projection import projection, view
-from stimuli.picture import Camera
+from visavis.lab.geometry import Pose
+from visavis.lab.screen import FlatScreen
+from visavis.stage.projection import projection, view
+from visavis.stimuli.picture import Camera
 
 SCREEN = FlatScreen(0.5, 0.3, 1000, 600, 0.6)
 HERE = np.zeros(3)

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from devices.registry import OPTION_MODELS
-from lab.config import parse_config
-from lab.config_files import SCREEN_EXAMPLE
-from lab.yaml_lines import ProblemsError
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.config import parse_config
+from visavis.lab.config_files import SCREEN_EXAMPLE
+from visavis.lab.yaml_lines import ProblemsError
 
 SCREEN = "{width_m: 0.6, height_m: 0.34, width_px: 2560, height_px: 1440, distance_m: 0.7}"
 LAB = """

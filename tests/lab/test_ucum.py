@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.errors import DataError
-from lab.schema import Field
-from lab.ucum import METRIC, OTHER, PREFIXES, code_of, is_ucum, nearest, require_ucum
+from visavis.lab.errors import DataError
+from visavis.lab.schema import Field
+from visavis.lab.ucum import METRIC, OTHER, PREFIXES, code_of, is_ucum, nearest, require_ucum
 
 ucumvert = pytest.importorskip("ucumvert", reason="pip install ucumvert")
 VENDOR = Path(ucumvert.__file__).parent / "vendor"

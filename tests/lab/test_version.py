@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lab import version as module
+from visavis.lab import version as module
 
 
 def _absent(name: str) -> str:
@@ -21,7 +21,7 @@ def test_a_tree_never_installed_says_what_its_project_file_says(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(metadata, "version", _absent)
-    monkeypatch.setattr(module, "__file__", str(tmp_path / "lab" / "version.py"))
+    monkeypatch.setattr(module, "__file__", str(tmp_path / "src/visavis/lab/version.py"))
     assert "unknown" == module.version()
     (tmp_path / "pyproject.toml").write_text('[project]\nname = "another"\nversion = "9"\n')
     assert "unknown" == module.version()

@@ -8,18 +8,19 @@ from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.product_files import ROOT, name_in_repository, product_files
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-PACKAGES = [p.rstrip("*") for p in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]]
 TESTING = ROOT / "devices" / "testing"
 """The other ends of wires, for the tests of drivers."""
 NAMES_ITS_EXTRA = {
-    "visavis/page/client.py": "aiohttp",
-    "visavis/page/server.py": "aiohttp",
-    "cli/desk/server.py": "aiohttp",
+    "src/visavis/page/client.py": "aiohttp",
+    "src/visavis/page/server.py": "aiohttp",
+    "src/visavis/cli/desk/server.py": "aiohttp",
 }
 """Files that need a library of an extra; who imports them says first which one to install."""
-OWN = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()}
+BESIDE = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()}
+"""Names that mean something at the top of the repository alone."""
 
 
 def modules(file: Path) -> Iterator[str]:
@@ -62,15 +63,12 @@ def plain(name: str) -> str:
 def test_installed_packages_import_each_other_and_declared_libraries_alone() -> None:
     provided = metadata.packages_distributions()
     undeclared = set()
-    for package in PACKAGES:
-        files = list((ROOT / package).rglob("*.py"))
-        assert files
-        for file in files:
-            wanted = declared(for_developers=TESTING in file.parents)
-            for name in set(modules(file)) - set(PACKAGES) - set(sys.stdlib_module_names):
-                of = {plain(d) for d in provided.get(name, ())}
-                if name in OWN or (of and not of & wanted):
-                    undeclared.add(f"{file.relative_to(ROOT)}: {name}")
+    for file in product_files():
+        wanted = declared(for_developers=TESTING in file.parents)
+        for name in set(modules(file)) - {"visavis"} - set(sys.stdlib_module_names):
+            of = {plain(d) for d in provided.get(name, ())}
+            if name in BESIDE or (of and not of & wanted):
+                undeclared.add(f"{name_in_repository(file)}: {name}")
     assert set() == undeclared
 
 
@@ -78,9 +76,8 @@ def test_what_a_file_needs_at_once_comes_without_any_extra() -> None:
     always = names_of(PROJECT["project"]["dependencies"])
     provided = metadata.packages_distributions()
     missing = {}
-    for package in PACKAGES:
-        for file in (ROOT / package).rglob("*.py"):
-            for name in set(modules_at_once(file)) - OWN - set(sys.stdlib_module_names):
-                if not {plain(d) for d in provided.get(name, ())} & always:
-                    missing[file.relative_to(ROOT).as_posix()] = name
+    for file in product_files():
+        for name in set(modules_at_once(file)) - {"visavis"} - set(sys.stdlib_module_names):
+            if not {plain(d) for d in provided.get(name, ())} & always:
+                missing[name_in_repository(file)] = name
     assert missing == NAMES_ITS_EXTRA

@@ -14,20 +14,24 @@ from typing import NamedTuple
 
 import pytest
 
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Renderer
+from tests.packaging.lab_folder import fill_lab_folder
 from tests.packaging.test_fresh_install import absent_without, brought
+from tests.product_files import PACKAGE, ROOMS_AT_THE_TOP
 from tests.visavis.sessions import STUDIES
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Renderer
 
 ROOT = Path(__file__).resolve().parents[2]
 LEFT_BEHIND = shutil.ignore_patterns(
     ".*", "__pycache__", "build", "*.egg-info", "data", "demo", "out", "tests", "docs"
 )
-"""Of the clone: no earlier build may lend its files. (`stimuli/characters/data` comes below.)"""
+"""Of the clone: no earlier build may lend its files."""
 QUICK = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 QUICK += ["--set", "repetitions=1"]
 ONE = ["--processes", "1"]
 """Two would compile everything twice."""
+ROOMS = [f"visavis.{p.name}" for p in PACKAGE.iterdir() if (p / "__init__.py").exists()]
+LINKS = {f"visavis/{name}" for name in ROOMS_AT_THE_TOP}
 EVERY_VERB = [
     "init",
     "plan ./duel.py",
@@ -62,11 +66,10 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 
 
 class Installed(NamedTuple):
-    """An environment that has Visavis from a wheel, the wheel, and the packages in that."""
+    """An environment that has Visavis from a wheel, and the wheel."""
 
     programs: Path
     wheel: Path
-    packages: tuple[str, ...]
 
     def run(self, program: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         """Run a program of the environment; nothing of the clone is on its path."""
@@ -100,8 +103,9 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     """
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
-    shutil.copytree(ROOT, source, ignore=LEFT_BEHIND)
-    shutil.copytree(ROOT / "stimuli/characters/data", source / "stimuli/characters/data")
+    shutil.copytree(ROOT, source, ignore=LEFT_BEHIND, symlinks=True)
+    people = "src/visavis/stimuli/characters/data"
+    shutil.copytree(ROOT / people, source / people)
     alone = ["--no-deps", "--no-index"]
     pip("wheel", *alone, "--no-build-isolation", "-w", str(folder), str(source), cwd=folder)
     (wheel,) = folder.glob("visavis-*.whl")
@@ -118,10 +122,15 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     absent = absent_without(brought(*asked))
     (Path(where) / "sitecustomize.py").write_text(WITHOUT_EXTRAS.format(absent=absent), "utf-8")
     shutil.rmtree(source)
-    with zipfile.ZipFile(wheel) as held:
-        (listed,) = (n for n in held.namelist() if n.endswith("/top_level.txt"))
-        packages = held.read(listed).decode().split()
-    return Installed(programs, wheel, tuple(packages))
+    return Installed(programs, wheel)
+
+
+def in_wheel(name: str) -> str:
+    """Return where a file of the repository lies in the wheel; the links of rooms are folders."""
+    name = name.removeprefix("src/")
+    if name in LINKS:
+        return f"{name}/__init__.py"
+    return name if name.startswith("visavis/") else f"visavis/{name}"
 
 
 def can_draw() -> bool:
@@ -144,15 +153,16 @@ def said(done: subprocess.CompletedProcess[str]) -> str:
     return done.stdout
 
 
-def test_every_package_is_the_wheels_own(installed: Installed, tmp_path: Path) -> None:
-    assert {"lab", "experiments", "cli"} <= set(installed.packages)
-    assert not {"tests", "tools", "benchmarks", "firmware"} & set(installed.packages)
-    names = ", ".join(installed.packages)
-    program = f"import {names}\nprint(*[{names}], sep='\\n')"
-    found = said(installed.run("python", "-c", program, cwd=tmp_path))
-    environment = str(installed.programs.parent)
-    assert len(installed.packages) == found.count(environment), found
-    assert str(ROOT) not in found
+def test_the_wheel_holds_one_package_and_every_room_is_its_own(
+    installed: Installed, tmp_path: Path
+) -> None:
+    with zipfile.ZipFile(installed.wheel) as wheel:
+        tops = {name.partition("/")[0] for name in wheel.namelist()}
+    assert {"visavis"} == {top for top in tops if not top.endswith(".dist-info")}
+    program = f"import {', '.join(ROOMS)}\nprint(*[{', '.join(ROOMS)}], sep='\\n')"
+    output = said(installed.run("python", "-c", program, cwd=tmp_path))
+    assert len(ROOMS) == output.count(str(installed.programs.parent)), output
+    assert str(ROOT) not in output
 
 
 def test_the_version_is_that_of_the_wheel(installed: Installed, tmp_path: Path) -> None:
@@ -165,15 +175,15 @@ def test_the_version_is_that_of_the_wheel(installed: Installed, tmp_path: Path) 
 
 def test_the_wheel_holds_every_file_of_its_packages(installed: Installed) -> None:
     tracked = subprocess.run(
-        ["git", "-C", str(ROOT), "ls-files", *installed.packages],  # noqa: S607 - git is where the user put it
+        ["git", "-C", str(ROOT), "ls-files", "src/visavis", *ROOMS_AT_THE_TOP],  # noqa: S607 - git as found
         capture_output=True,
         text=True,
         check=False,
     )
     if tracked.returncode:
         pytest.skip("not a clone")
-    with zipfile.ZipFile(installed.wheel) as held:
-        assert set(tracked.stdout.split("\n")) - {""} <= set(held.namelist())
+    with zipfile.ZipFile(installed.wheel) as wheel:
+        assert {in_wheel(name) for name in tracked.stdout.split()} <= set(wheel.namelist())
 
 
 def test_without_a_configuration_a_session_is_refused_and_the_doctor_says_what_to_do(
@@ -210,11 +220,12 @@ def test_a_study_is_simulated_and_analysed(installed: Installed, folder: Path) -
     assert (folder / "dry/simulated/stare/derived/report.html").stat().st_size > 10_000
 
 
-def test_a_labs_own_study_file_goes_through_every_verb(
+def test_a_study_file_goes_through_every_verb_beside_a_labs_own_modules(
     installed: Installed, tmp_path: Path
 ) -> None:
     shutil.copytree(STUDIES / "texts", tmp_path / "texts")
     shutil.copy(STUDIES / "duel.py", tmp_path / "duel.py")
+    fill_lab_folder(tmp_path)
     draws = can_draw()
     for verb in EVERY_VERB:
         if draws or verb.split()[0] not in DRAWING:
@@ -229,3 +240,45 @@ def test_the_demo_writes_a_report_in_an_empty_folder(installed: Installed, tmp_p
     said(installed.run("visavis", "demo", "--participants", "1", cwd=tmp_path))
     assert (tmp_path / "demo/simulated/stare/derived/report.html").stat().st_size > 10_000
     assert ["demo"] == [p.name for p in tmp_path.iterdir()]
+
+
+def test_script_beside_a_labs_own_modules_imports_theirs_and_visavis(
+    installed: Installed, tmp_path: Path
+) -> None:
+    fill_lab_folder(tmp_path)
+    printed = said(installed.run("python", "script.py", cwd=tmp_path))
+    assert "visavis.study visavis.analysis.gaze" in printed
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links of Windows need a right of their own")
+def test_rooms_are_found_where_a_clone_has_text_in_the_place_of_links(tmp_path: Path) -> None:
+    """What Git on Windows without the right to make links writes."""
+    clone = tmp_path / "clone"
+    shutil.copytree(ROOT, clone, ignore=LEFT_BEHIND, symlinks=True)
+    for name in (*ROOMS_AT_THE_TOP, "lab/example_lab.yaml"):
+        link = clone / "src/visavis" / name
+        target = os.readlink(link)
+        link.unlink()
+        link.write_text(target, "utf-8")
+    alone = ["--no-deps", "--no-index", "--no-build-isolation"]
+    site = tmp_path / "site"
+    pip("install", *alone, "--target", str(site), "-e", str(clone), cwd=tmp_path)
+    program = f"""
+import site, sys
+sys.path.remove({str(PACKAGE.parent)!r})  # where the clone that runs this test is installed
+site.addsitedir({str(site)!r})
+from visavis.experiments.stare import study
+from visavis.lab.config_files import EXAMPLE
+print(study.__file__)
+print(EXAMPLE.read_text("utf-8"))
+"""
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", program],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+    )
+    file, _, example = said(done).partition("\n")
+    assert str(clone / "experiments/stare/study.py") == file
+    assert (ROOT / "lab_config.yaml").read_text("utf-8") == example.removesuffix("\n")

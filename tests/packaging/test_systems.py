@@ -8,23 +8,11 @@ import ast
 import importlib.util
 import sys
 import types
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-PACKAGES = (
-    "lab",
-    "stimuli",
-    "stage",
-    "devices",
-    "recording",
-    "protocol",
-    "visavis",
-    "experiments",
-    "analysis",
-    "cli",
-)
+from tests.product_files import PACKAGE, name_in_repository, product_files
+
 OF_POSIX = {
     "os": {
         "openpty", "ttyname", "set_blocking", "fork", "getuid", "geteuid", "getgid", "killpg",
@@ -42,16 +30,16 @@ OF_POSIX = {
 MODULES = {"fcntl", "pwd", "grp", "resource", "termios", "tty", "pty", "syslog", "posix"}
 
 GUARDED = {
-    ("cli/doctor/machine.py", "os.getloadavg"): "hasattr; no load is told without it",
-    ("cli/main.py", "signal.pthread_kill"): "hasattr, with _thread.interrupt_main otherwise",
+    ("src/visavis/cli/doctor/machine.py", "os.getloadavg"): "hasattr; no load is told without it",
+    ("src/visavis/cli/main.py", "signal.pthread_kill"): "hasattr; _thread.interrupt_main otherwise",
     ("devices/testing/armband_pty.py", "tty"): "sys.platform; DeviceNotFound on Windows",
     ("devices/testing/armband_pty.py", "os.openpty"): "sys.platform; DeviceNotFound on Windows",
     ("devices/testing/armband_pty.py", "os.ttyname"): "sys.platform; DeviceNotFound on Windows",
     ("devices/testing/armband_pty.py", "os.set_blocking"): "sys.platform; as above",
     ("devices/drivers/triggers/links.py", "fcntl"): "sys.platform; by address on Windows",
-    ("recording/lock.py", "fcntl"): "sys.platform; msvcrt on Windows",
-    ("recording/durable.py", "shutil.chown"): "sys.platform; folders are personal on Windows",
-    ("visavis/sessions/simulation.py", "os.sched_getaffinity"): "sys.platform; cpu_count",
+    ("src/visavis/recording/lock.py", "fcntl"): "sys.platform; msvcrt on Windows",
+    ("src/visavis/recording/durable.py", "shutil.chown"): "sys.platform; personal on Windows",
+    ("src/visavis/sessions/simulation.py", "os.sched_getaffinity"): "sys.platform; cpu_count",
 }
 
 
@@ -68,10 +56,7 @@ def posix_calls(path):
 
 def test_every_call_of_posix_alone_is_listed_with_its_guard():
     found = {
-        (path.relative_to(ROOT).as_posix(), call)
-        for package in PACKAGES
-        for path in (ROOT / package).rglob("*.py")
-        for call in posix_calls(path)
+        (name_in_repository(path), call) for path in product_files() for call in posix_calls(path)
     }
 
     assert set(GUARDED) == found
@@ -100,7 +85,7 @@ class FakeMsvcrt(types.ModuleType):
 def windows_lock(monkeypatch):
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setitem(sys.modules, "msvcrt", FakeMsvcrt())
-    spec = importlib.util.spec_from_file_location("lock_of_windows", ROOT / "recording/lock.py")
+    spec = importlib.util.spec_from_file_location("lock_of_windows", PACKAGE / "recording/lock.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     monkeypatch.undo()

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.geometry import Pose, rotate, turn_towards, unit
-from protocol.boards import chosen_by, newer_ray
-from protocol.steps import BodyView, FrameView
-from stimuli.panels import choice_centre_m
-from stimuli.picture import Panel
+from visavis.lab.geometry import Pose, rotate, turn_towards, unit
+from visavis.protocol.boards import chosen_by, newer_ray
+from visavis.protocol.steps import BodyView, FrameView
+from visavis.stimuli.panels import choice_centre_m
+from visavis.stimuli.picture import Panel
 
 AHEAD = np.array([0.0, 0.0, -1.0])
 AT = Pose(np.array([0.0, 1.12, -1.7]), np.array([1.0, 0.0, 0.0, 0.0]))

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from devices.registry import driver_spec
-from lab.config import DeviceConfig
 from tests.faults.sessions import events, lab, perform
+from visavis.devices.registry import driver_spec
+from visavis.lab.config import DeviceConfig
 
 
 def test_a_tilted_camera_is_fitted_stored_and_measured_right(tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.errors import DesignError
-from protocol.design import (
+from visavis.lab.errors import DesignError
+from visavis.protocol.design import (
     Design,
     Factor,
     combinations_of,
@@ -14,7 +14,7 @@ from protocol.design import (
     make_plan,
     trial_seed,
 )
-from protocol.orders import never_next_to, no_more_than
+from visavis.protocol.orders import never_next_to, no_more_than
 
 GAZE = Factor("gaze", ("A", "D", "AD", "DA"))
 PLACE = Factor("place", tuple(f"place{i}" for i in range(9)))

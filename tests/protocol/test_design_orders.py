@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.errors import DesignError
-from protocol.balance import balanced_blocks
-from protocol.orders import (
+from visavis.lab.errors import DesignError
+from visavis.protocol.balance import balanced_blocks
+from visavis.protocol.orders import (
     Constraint,
     broken_rules,
     latin_square,

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from lab.clock import SimClock
-from protocol.exports_register import ANALYSIS, register_export, registered_exports
+from visavis.lab.clock import SimClock
+from visavis.protocol.exports_register import ANALYSIS, register_export, registered_exports
 from visavis.sessions.study_check import study_problems
 
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.clock import SIMULATED_EPOCH_ISO, SimClock
-from lab.errors import LedgerError
-from protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
-from protocol.ledger import Ledger, UnknownParticipant, WithdrawnParticipant
-from recording.chained import append_lines
-from recording.sealed import copy_path
+from visavis.lab.clock import SIMULATED_EPOCH_ISO, SimClock
+from visavis.lab.errors import LedgerError
+from visavis.protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
+from visavis.protocol.ledger import Ledger, UnknownParticipant, WithdrawnParticipant
+from visavis.recording.chained import append_lines
+from visavis.recording.sealed import copy_path
 
 numbers = st.integers(1, MAX_NUMBER)
 prefixes = st.sampled_from(["", "S"])

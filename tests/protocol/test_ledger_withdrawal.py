@@ -9,15 +9,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from lab.clock import SimClock
-from lab.errors import LedgerError
-from protocol.exports_register import ANALYSIS, register_export
-from protocol.key_file import KeyFile
-from protocol.ledger import Ledger, WithdrawnParticipant
-from protocol.own_body import OwnBody
-from recording.chained import append_lines, read_lines
-from recording.lock import SessionLock
-from recording.sealed import read_sealed, seal
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import LedgerError
+from visavis.protocol.exports_register import ANALYSIS, register_export
+from visavis.protocol.key_file import KeyFile
+from visavis.protocol.ledger import Ledger, WithdrawnParticipant
+from visavis.protocol.own_body import OwnBody
+from visavis.recording.chained import append_lines, read_lines
+from visavis.recording.lock import SessionLock
+from visavis.recording.sealed import read_sealed, seal
 
 ROWS = [("07H", "1,5"), ("08J", 'with "quotes", and\na line'), ("07h", "x"), ("107Q", "y")]
 

@@ -3,14 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from devices.contracts import GAZE
-from lab.geometry import Pose, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
-from lab.schema import SampleBatch, empty_values
-from protocol.observation import GazeObserver, LateGaze
-from protocol.row_buffer import RowBuffer
-from protocol.steps import GazeView
-from protocol.streams import gaze_targets_schema
-from stimuli.scene import Agent, Scene
+from visavis.devices.contracts import GAZE
+from visavis.lab.geometry import Pose, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
+from visavis.lab.schema import SampleBatch, empty_values
+from visavis.protocol.observation import GazeObserver, LateGaze
+from visavis.protocol.row_buffer import RowBuffer
+from visavis.protocol.steps import GazeView
+from visavis.protocol.streams import gaze_targets_schema
+from visavis.stimuli.scene import Agent, Scene
 
 EYE = np.array([0.0, 1.2, 0.0])
 

@@ -7,16 +7,16 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from lab.clock import NS_PER_MS
-from lab.geometry import Pose, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
-from protocol.boards import DwellRule, GazeDwell
-from protocol.frame_loop import FrameLoop
-from protocol.panel_questions import LEAVE_OUT, PanelRespondent
-from protocol.steps import FrameView, GazeView
-from recording.writer import Recorder
-from stimuli.panels import PanelFrame, choice_centre_m
-from stimuli.scene import Scene, SceneFrame
 from tests.faults.sessions import events, lab, perform
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
+from visavis.protocol.boards import DwellRule, GazeDwell
+from visavis.protocol.frame_loop import FrameLoop
+from visavis.protocol.panel_questions import LEAVE_OUT, PanelRespondent
+from visavis.protocol.steps import FrameView, GazeView
+from visavis.recording.writer import Recorder
+from visavis.stimuli.panels import PanelFrame, choice_centre_m
+from visavis.stimuli.scene import Scene, SceneFrame
 
 HEAD = Pose(np.array([0.0, 1.6, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 OPTIONS = ("not at all", "somewhat", "very much")

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from lab.errors import ConfigError
-from protocol.parameters import Within, out_of_range, parameters_from
+from visavis.lab.errors import ConfigError
+from visavis.protocol.parameters import Within, out_of_range, parameters_from
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.errors import ConfigError, UsageError
-from protocol.questionnaires import (
+from visavis.lab.errors import ConfigError, UsageError
+from visavis.protocol.questionnaires import (
     available,
     load_questionnaire,
     read_answer,

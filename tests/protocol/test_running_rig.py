@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import pytest
 
-from devices import pump as pump_module
-from lab.clock import SimClock
-from lab.errors import DeviceDisconnected
-from lab.schema import SampleBatch
-from protocol.rig import Rig, RunningRig
 from tests.devices.test_pump import ToyDevice
+from visavis.devices import pump as pump_module
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import DeviceDisconnected
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.rig import Rig, RunningRig
 
 
 class OpenedToy(ToyDevice):

@@ -1,8 +1,8 @@
 from types import SimpleNamespace
 from typing import Any
 
-from devices.contracts import Fault
-from protocol.standing_faults import StandingFaults
+from visavis.devices.contracts import Fault
+from visavis.protocol.standing_faults import StandingFaults
 
 GONE = Fault("armband", "blocking", "disconnected; reconnecting", "look at its cable")
 

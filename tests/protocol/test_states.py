@@ -1,6 +1,6 @@
 import pytest
 
-from protocol.states import TRANSITIONS, ForbiddenTransition, SessionState, StateMachine
+from visavis.protocol.states import TRANSITIONS, ForbiddenTransition, SessionState, StateMachine
 
 
 def test_every_state_has_an_entry_in_the_table() -> None:

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from protocol.frame_loop import still_wanted
-from protocol.steps import Play, Silence
+from visavis.protocol.frame_loop import still_wanted
+from visavis.protocol.steps import Play, Silence
 
 PATTERN: Any = None  # not looked at here
 

@@ -7,10 +7,10 @@ import sys
 from itertools import count
 from pathlib import Path
 
-from lab.clock import NS_PER_S, SimClock, SystemClock
-from recording.folder import create_session
-from recording.writer import Recorder
 from tests.recording.sessions import PROBE, probe_batch, probe_manifest
+from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
+from visavis.recording.folder import create_session
+from visavis.recording.writer import Recorder
 
 
 def main(data_root: Path, threaded: bool) -> None:

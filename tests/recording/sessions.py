@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock
-from lab.schema import Field, SampleBatch, StreamSchema, empty_values
-from recording.folder import SessionFolder, create_session
-from recording.manifest import Manifest
-from recording.provenance import Provenance
-from recording.writer import Recorder
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock
+from visavis.lab.schema import Field, SampleBatch, StreamSchema, empty_values
+from visavis.recording.folder import SessionFolder, create_session
+from visavis.recording.manifest import Manifest
+from visavis.recording.provenance import Provenance
+from visavis.recording.writer import Recorder
 
 PROBE = StreamSchema(
     name="probe",

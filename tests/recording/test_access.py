@@ -8,17 +8,17 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from analysis.gaze.bids import write_bids
-from analysis.gaze.imported import read_gaze, report
-from cli.main import app
-from devices.wirelog import ReplayLink, TeeLink
-from lab.clock import SimClock
-from lab.errors import RecordingError
-from protocol.ledger import Ledger
-from recording.durable import make_folder, protect, share_with_group
-from recording.sealed import write_sealed
 from tests.analysis.gaze.test_import import vive_text
 from tests.recording.sessions import record_session
+from visavis.analysis.gaze.bids import write_bids
+from visavis.analysis.gaze.imported import read_gaze, report
+from visavis.cli.main import app
+from visavis.devices.wirelog import ReplayLink, TeeLink
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import RecordingError
+from visavis.protocol.ledger import Ledger
+from visavis.recording.durable import make_folder, protect, share_with_group
+from visavis.recording.sealed import write_sealed
 
 WIRES = Path(__file__).parents[1] / "wire"
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="access is inherited there")

@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from recording.bids import export_bids
-from recording.reader import Recording
 from tests.recording.test_export import ABOUT, BELT, gaze_session
+from visavis.recording.bids import export_bids
+from visavis.recording.reader import Recording
 
 STEM = "sub-P01_ses-001_task-stare"
 SESSION = Path("sub-P01") / "ses-001"

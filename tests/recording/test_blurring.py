@@ -10,12 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from analysis.gaze.aoi import aoi_of_samples
-from cli.main import app
-from lab.clock import NS_PER_S
-from lab.geometry import Vector
-from lab.schema import Field, StreamSchema
-from recording.blurring import (
+from tests.faults.sessions import lab as lab_of
+from tests.faults.sessions import perform
+from tests.recording.test_export import BELT, gaze_session
+from visavis.analysis.gaze.aoi import aoi_of_samples
+from visavis.cli.main import app
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.geometry import Vector
+from visavis.lab.schema import Field, StreamSchema
+from visavis.recording.blurring import (
     SEATED_EYE_M,
     SMOOTHING_S,
     STANDING_EYE_M,
@@ -30,13 +33,10 @@ from recording.blurring import (
     smoothed_turns,
     tells_length,
 )
-from recording.journal import encode_line
-from recording.reader import Recording
-from recording.sharing import SharedRecording, Sharing
-from stimuli.motion.skeleton import canonical_skeleton, forward
-from tests.faults.sessions import lab as lab_of
-from tests.faults.sessions import perform
-from tests.recording.test_export import BELT, gaze_session
+from visavis.recording.journal import encode_line
+from visavis.recording.reader import Recording
+from visavis.recording.sharing import SharedRecording, Sharing
+from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
 
 RATE_HZ = 90
 SEGMENTS = ("hips", "chest", "neck", "head", "left_upper_arm", "left_lower_arm", "left_hand")

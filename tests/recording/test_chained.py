@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recording.chained import append_lines, read_lines, repair_lines
-from recording.sealed import copy_path
+from visavis.recording.chained import append_lines, read_lines, repair_lines
+from visavis.recording.sealed import copy_path
 
 RECORDS = [{"event": "added", "label": f"{i:02d}A", "note": "é"} for i in range(12)]
 

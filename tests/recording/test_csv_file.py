@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from recording.csv_file import tell_neutralised, write_csv
+from visavis.recording.csv_file import tell_neutralised, write_csv
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_what_is_written_does_not_depend_on_how_much_is_held(
     mixed = [1.5, None, "x", -2, 1e-300] * 4
     table = pd.DataFrame({"mixed": mixed, "number": np.geomspace(1e-9, 1e9, 20)})
     write_csv(table, tmp_path / "whole.csv")
-    monkeypatch.setattr("recording.csv_file.CELLS_AT_ONCE", 3)
+    monkeypatch.setattr("visavis.recording.csv_file.CELLS_AT_ONCE", 3)
     write_csv(table, tmp_path / "pieces.csv")
 
     assert (tmp_path / "whole.csv").read_bytes() == (tmp_path / "pieces.csv").read_bytes()

@@ -12,16 +12,16 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import RecordingError, UsageError
-from lab.schema import Field, SampleBatch, StreamSchema, empty_values
-from recording.bids import NO_TIME, export_bids, rate_hz
-from recording.bids_about import DatasetAbout
-from recording.export import export_session, export_tables
-from recording.folder import create_session
-from recording.reader import Recording
-from recording.writer import Recorder
 from tests.recording.sessions import new_recorder, probe_batch, probe_manifest, record_session
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import RecordingError, UsageError
+from visavis.lab.schema import Field, SampleBatch, StreamSchema, empty_values
+from visavis.recording.bids import NO_TIME, export_bids, rate_hz
+from visavis.recording.bids_about import DatasetAbout
+from visavis.recording.export import export_session, export_tables
+from visavis.recording.folder import create_session
+from visavis.recording.reader import Recording
+from visavis.recording.writer import Recorder
 
 VECTOR = (3,)
 GAZE_LIKE = StreamSchema(

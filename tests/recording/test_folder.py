@@ -5,18 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from lab.clock import SimClock
-from lab.errors import RecordingError, UsageError
-from recording import durable
-from recording.folder import create_session, list_sessions, open_session, session_dir
-from recording.lock import is_held
-from recording.reader import Recording
 from tests.recording.sessions import (
     new_recorder,
     probe_manifest,
     record_session,
     record_trials,
 )
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import RecordingError, UsageError
+from visavis.recording import durable
+from visavis.recording.folder import create_session, list_sessions, open_session, session_dir
+from visavis.recording.lock import is_held
+from visavis.recording.reader import Recording
 
 
 def test_sessions_lie_where_the_layout_says(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_paths_with_spaces_and_accents_work(tmp_path: Path) -> None:
 HOLD = """
 import sys
 from pathlib import Path
-from recording.folder import open_session
+from visavis.recording.folder import open_session
 open_session(Path(sys.argv[1]))
 print("held", flush=True)
 sys.stdin.read()

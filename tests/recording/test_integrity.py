@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from lab.clock import NS_PER_MS, SimClock
-from recording.folder import create_session
-from recording.integrity import DAMAGED, LOST, analysed_trials, damage_of
-from recording.reader import Recording
-from recording.recovery import recover
 from tests.recording.sessions import new_recorder, probe_batch, probe_manifest
+from visavis.lab.clock import NS_PER_MS, SimClock
+from visavis.recording.folder import create_session
+from visavis.recording.integrity import DAMAGED, LOST, analysed_trials, damage_of
+from visavis.recording.reader import Recording
+from visavis.recording.recovery import recover
 
 ROWS = 100
 TRIAL_NS = ROWS * 10 * NS_PER_MS

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from recording.kept import KeptRecording
 from tests.visavis.sessions import perform
+from visavis.recording.kept import KeptRecording
 
 
 def test_a_kept_recording_says_what_the_recording_says_and_reads_each_file_once(

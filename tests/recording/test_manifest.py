@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lab.errors import RecordingError
-from recording.integrity import damage_of
-from recording.journal import encode_line
-from recording.journal_file import read_journal
-from recording.manifest import read_manifest
-from recording.reader import Recording
-from recording.recovery import recover
-from recording.sealed import seal, unseal
 from tests.recording.sessions import record_session
+from visavis.lab.errors import RecordingError
+from visavis.recording.integrity import damage_of
+from visavis.recording.journal import encode_line
+from visavis.recording.journal_file import read_journal
+from visavis.recording.manifest import read_manifest
+from visavis.recording.reader import Recording
+from visavis.recording.recovery import recover
+from visavis.recording.sealed import seal, unseal
 
 STORED = Path(__file__).parent / "data" / "format_1/simulated/probe/sub-P01/ses-001"
 
@@ -187,9 +187,9 @@ def test_a_data_folder_may_be_reached_through_a_link(session: Path, tmp_path: Pa
 
 
 def test_files_beside_the_streams_are_hashed_too(tmp_path: Path) -> None:
-    from lab.clock import SimClock
-    from recording.folder import create_session
     from tests.recording.sessions import new_recorder, probe_manifest
+    from visavis.lab.clock import SimClock
+    from visavis.recording.folder import create_session
 
     with create_session(tmp_path, probe_manifest()) as folder:
         recorder = new_recorder(folder, SimClock())

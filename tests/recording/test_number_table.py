@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from recording.number_table import holds_numbers, tsv_of_numbers
+from visavis.recording.number_table import holds_numbers, tsv_of_numbers
 
 EDGES = [
     0.0,

@@ -9,16 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.clock import NS_PER_MS, SimClock
-from lab.errors import RecordingError, UsageError
-from lab.schema import Field, StreamSchema
-from recording.columns import arrow_schema, stream_schema
-from recording.folder import create_session
-from recording.journal import decode_line, encode_line
-from recording.journal_file import read_journal
-from recording.manifest import read_manifest, write_manifest
-from recording.reader import Recording, component_names, require_one_kind
-from recording.stream_file import read_stream_file
 from tests.recording.sessions import (
     PROBE,
     new_recorder,
@@ -27,6 +17,16 @@ from tests.recording.sessions import (
     record_session,
     record_trials,
 )
+from visavis.lab.clock import NS_PER_MS, SimClock
+from visavis.lab.errors import RecordingError, UsageError
+from visavis.lab.schema import Field, StreamSchema
+from visavis.recording.columns import arrow_schema, stream_schema
+from visavis.recording.folder import create_session
+from visavis.recording.journal import decode_line, encode_line
+from visavis.recording.journal_file import read_journal
+from visavis.recording.manifest import read_manifest, write_manifest
+from visavis.recording.reader import Recording, component_names, require_one_kind
+from visavis.recording.stream_file import read_stream_file
 
 STORED = Path(__file__).parent / "data" / "format_1/simulated/probe/sub-P01/ses-001"
 STORED_2 = Path(__file__).parent / "data" / "format_2/simulated/probe/sub-P01/ses-001"

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.clock import SimClock
-from lab.errors import UsageError
-from recording.folder import create_session, open_session
-from recording.reader import Recording
-from recording.recovery import recover
 from tests.recording.sessions import (
     new_recorder,
     probe_manifest,
     record_session,
     record_trials,
 )
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import UsageError
+from visavis.recording.folder import create_session, open_session
+from visavis.recording.reader import Recording
+from visavis.recording.recovery import recover
 
 
 def killed_session(root: Path, mode: str, delay_s: float) -> tuple[Path, int]:

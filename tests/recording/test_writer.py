@@ -11,15 +11,6 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from lab.clock import NS_PER_S, SimClock, SystemClock
-from lab.errors import RecordingError
-from lab.schema import Field, SampleBatch, StreamSchema, empty_values
-from recording import durable
-from recording.columns import BatchEncoder
-from recording.folder import create_session
-from recording.journal import decode_line
-from recording.reader import Recording
-from recording.writer import Recorder
 from tests.recording.sessions import (
     PROBE,
     new_recorder,
@@ -28,6 +19,15 @@ from tests.recording.sessions import (
     record_session,
     record_trials,
 )
+from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
+from visavis.lab.errors import RecordingError
+from visavis.lab.schema import Field, SampleBatch, StreamSchema, empty_values
+from visavis.recording import durable
+from visavis.recording.columns import BatchEncoder
+from visavis.recording.folder import create_session
+from visavis.recording.journal import decode_line
+from visavis.recording.reader import Recording
+from visavis.recording.writer import Recorder
 
 
 def recorder_in(folder: Path, **options: object) -> Recorder:
@@ -293,10 +293,10 @@ def test_missing_and_nan_become_null_and_other_objects_are_refused(tmp_path: Pat
 LIMITED = """
 import resource, signal, sys
 from pathlib import Path
-from lab.clock import SimClock
-from lab.errors import RecordingError
-from recording.columns import BatchEncoder
-from recording.folder import create_session
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import RecordingError
+from visavis.recording.columns import BatchEncoder
+from visavis.recording.folder import create_session
 from tests.recording.sessions import new_recorder, probe_manifest, record_trials
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
@@ -335,7 +335,7 @@ for name in ("de_DE.UTF-8", "fr_FR.UTF-8", "de_DE.utf8"):
         continue
 else:
     locale.localeconv = lambda: {"decimal_point": ",", "thousands_sep": "."}
-from recording.export import export_session
+from visavis.recording.export import export_session
 from tests.recording.sessions import record_session
 path = record_session(Path(sys.argv[1]))
 export_session(path, "parquet", Path(sys.argv[1]) / "out")

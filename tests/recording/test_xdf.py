@@ -5,15 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import RecordingError
-from lab.schema import Field, SampleBatch, StreamSchema, empty_values
-from lab.xdf_channels import channels_of
-from recording.export import export_session
-from recording.folder import create_session
-from recording.reader import Recording
-from recording.writer import Recorder
 from tests.recording.sessions import PROBE, probe_manifest, record_session
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import RecordingError
+from visavis.lab.schema import Field, SampleBatch, StreamSchema, empty_values
+from visavis.lab.xdf_channels import channels_of
+from visavis.recording.export import export_session
+from visavis.recording.folder import create_session
+from visavis.recording.reader import Recording
+from visavis.recording.writer import Recorder
 
 pyxdf = pytest.importorskip("pyxdf", reason="pip install pyxdf")
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.cells import gap_angles_deg, group_dice, triangulate, walk
 from tests.reference.stats_compare import Failure, Outcome, total
+from visavis.analysis.cells import gap_angles_deg, group_dice, triangulate, walk
 
 PLACE_M = 1e-9
 ANGLE_DEG = 1e-6

@@ -16,7 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from analysis.collisions import (
+from tests.reference.cells_map import ANGLE_FIELDS, check_cells, check_dice
+from tests.reference.stats_compare import Failure, Outcome, total
+from visavis.analysis.collisions import (
     ClosedMesh,
     Settings,
     box,
@@ -28,9 +30,7 @@ from analysis.collisions import (
     sphere,
     union,
 )
-from lab.errors import LabError
-from tests.reference.cells_map import ANGLE_FIELDS, check_cells, check_dice
-from tests.reference.stats_compare import Failure, Outcome, total
+from visavis.lab.errors import LabError
 
 EXACT_REL = 1e-9
 DEFAULT_REL = 0.04

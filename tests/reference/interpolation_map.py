@@ -3,8 +3,8 @@
     python -m tests.reference.interpolation_map FILE...
 
 A file holds `meta.kind` (slerp, squad, lineuler, spring, mirror) and `cases`. Every entry of a
-case is mapped to a public call of `stimuli.motion`; one line per failing value, a closing count,
-exit status 1 when any value fails or an entry has no meaning here.
+case is mapped to a public call of `visavis.stimuli.motion`; one line per failing value, a closing
+count, exit status 1 when any value fails or an entry has no meaning here.
 """
 
 import argparse
@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from lab.errors import LabError
-from stimuli.motion.interpolation import Interpolation, KeyTimes, LinEuler, Slerp, Squad
-from stimuli.motion.rotations import mirrored_quat
-from stimuli.motion.spring import Spring
+from visavis.lab.errors import LabError
+from visavis.stimuli.motion.interpolation import Interpolation, KeyTimes, LinEuler, Slerp, Squad
+from visavis.stimuli.motion.rotations import mirrored_quat
+from visavis.stimuli.motion.spring import Spring
 
 Case = Mapping[str, Any]
 Checks = Mapping[str, Callable[[str, Case], Iterator["Check"]]]

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis import statistics
-from analysis.statistics.bayes import jzs_bayes_factor
-from analysis.statistics.clmm import clmm
-from analysis.statistics.gee import gee
-from analysis.statistics.lmm import LinearMixed, linear_mixed
-from analysis.statistics_report import Question, answer
 from tests.reference.stats_compare import both_ways, by_key, term_key, turned
+from visavis.analysis import statistics
+from visavis.analysis.statistics.bayes import jzs_bayes_factor
+from visavis.analysis.statistics.clmm import clmm
+from visavis.analysis.statistics.gee import gee
+from visavis.analysis.statistics.lmm import LinearMixed, linear_mixed
+from visavis.analysis.statistics_report import Question, answer
 
 Entry = Mapping[str, Any]
 MISSING = {"none": "error", "rows": "mixed", "subjects": "listwise"}

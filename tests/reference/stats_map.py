@@ -16,11 +16,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.statistics import StatisticsError
 from tests.reference.stats_compare import Failure, Outcome, compare, total
 from tests.reference.stats_factorial import FACTORIAL, Case
 from tests.reference.stats_printed import check_item, follow
 from tests.reference.stats_simple import SIMPLE
+from visavis.analysis.statistics import StatisticsError
 
 CALLS = {**FACTORIAL, **SIMPLE}
 

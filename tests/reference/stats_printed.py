@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from analysis.statistics import (
+from tests.reference.stats_compare import Failure, Outcome, compare, total
+from visavis.analysis.statistics import (
     PublishedCheck,
     adjust_p,
     published,
     studentized_range_sf,
 )
-from tests.reference.stats_compare import Failure, Outcome, compare, total
 
 Item = Mapping[str, Any]
 DEFAULT_TOLERANCE = {"rel": 1e-9, "abs": 1e-12}

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from analysis import statistics
-from analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
-from analysis.statistics.binomial import Binomial, binomial_test, sign_test
-from analysis.statistics.bradley_terry import bradley_terry
 from tests.reference.stats_compare import by_key
 from tests.reference.stats_factorial import Case, Entry, contrast_rows
+from visavis.analysis import statistics
+from visavis.analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
+from visavis.analysis.statistics.binomial import Binomial, binomial_test, sign_test
+from visavis.analysis.statistics.bradley_terry import bradley_terry
 
 
 def _within(case: Case) -> dict[str, Any]:

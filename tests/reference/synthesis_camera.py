@@ -5,20 +5,20 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import shapely
 
-from stimuli.camera.floors import Walkers, walkable_floors
-from stimuli.camera.following import Drive, follow
-from stimuli.camera.obstacles import Obstacles
-from stimuli.camera.shots import (
+from tests.reference.interpolation_map import Case, Check, unknown
+from visavis.stimuli.camera.floors import Walkers, walkable_floors
+from visavis.stimuli.camera.following import Drive, follow
+from visavis.stimuli.camera.obstacles import Obstacles
+from visavis.stimuli.camera.shots import (
     LogNormalLengths,
     flow_cosine,
     on_same_side,
     shot_distance_m,
     view_angle_deg,
 )
-from stimuli.camera.skeleton import medial_axis
-from stimuli.camera.tracks import RayRules, camera_places, middle_points, tracks_through
-from stimuli.rooms.outlined import outlined_room
-from tests.reference.interpolation_map import Case, Check, unknown
+from visavis.stimuli.camera.skeleton import medial_axis
+from visavis.stimuli.camera.tracks import RayRules, camera_places, middle_points, tracks_through
+from visavis.stimuli.rooms.outlined import outlined_room
 
 COMMON = {"name", "mode", "tol"}
 KEEPS_FROM_DEG = 30.0

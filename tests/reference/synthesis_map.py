@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from stimuli.motion.interpolation import KeyTimes, Squad
-from stimuli.motion.rotations import quat_about
-from stimuli.motion.spring import Spring
-from stimuli.motion.synthesis.gap_filling import Hold, best_segment, filled
-from stimuli.motion.synthesis.hybrid import Controls, pose_counts
-from stimuli.motion.synthesis.phrase_posture import CLASSES, Habits, Phrase, strongest
-from stimuli.motion.synthesis.pose_distance import pose_distance
-from stimuli.motion.synthesis.style_weights import fit_weights
 from tests.reference import interpolation_map, synthesis_camera
 from tests.reference.interpolation_map import Case, Check, Checks, Entries, unknown
+from visavis.stimuli.motion.interpolation import KeyTimes, Squad
+from visavis.stimuli.motion.rotations import quat_about
+from visavis.stimuli.motion.spring import Spring
+from visavis.stimuli.motion.synthesis.gap_filling import Hold, best_segment, filled
+from visavis.stimuli.motion.synthesis.hybrid import Controls, pose_counts
+from visavis.stimuli.motion.synthesis.phrase_posture import CLASSES, Habits, Phrase, strongest
+from visavis.stimuli.motion.synthesis.pose_distance import pose_distance
+from visavis.stimuli.motion.synthesis.style_weights import fit_weights
 
 HYBRID_ENTRIES = {
     "one_axis": {"mode", "axis", "angles_deg", "closed", "even_times", "samples"},

@@ -5,11 +5,18 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.character import MORPHS, Character, Eyeball, Material, Morph, SkinnedMesh
-from stimuli.motion.skeleton import Skeleton, canonical_skeleton
-from stimuli.picture import Camera, Light, Picture, PosedPeople, Prop, Room, StaticMesh
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.character import (
+    MORPHS,
+    Character,
+    Eyeball,
+    Material,
+    Morph,
+    SkinnedMesh,
+)
+from visavis.stimuli.motion.skeleton import Skeleton, canonical_skeleton
+from visavis.stimuli.picture import Camera, Light, Picture, PosedPeople, Prop, Room, StaticMesh
 
 LIMBS = (
     ("hips", "spine", 0.15, "pelvis", "cloth", (60, 70, 110)),

@@ -19,13 +19,13 @@ from unittest.mock import patch
 import moderngl
 import numpy as np
 
-from lab.geometry import Pose
-from stage.drawn_stage import default_views, eye_camera
-from stage.gl_calls import GlCalls
-from stage.renderer import Renderer
-from stage.targets import EyeTarget
-from stimuli.picture import Camera, Picture
 from tests.stage.test_golden import audience, station
+from visavis.lab.geometry import Pose
+from visavis.stage.drawn_stage import default_views, eye_camera
+from visavis.stage.gl_calls import GlCalls
+from visavis.stage.renderer import Renderer
+from visavis.stage.targets import EyeTarget
+from visavis.stimuli.picture import Camera, Picture
 
 Scene = Callable[[], tuple[Picture, Camera]]
 EYE_PX = (480, 540)

@@ -5,19 +5,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from experiments.stare.study import study
-from lab.config import LabConfig
-from lab.frame import FrameInfo
-from lab.geometry import Pose
-from protocol.plan import SessionPlan
-from recording.reader import Recording
-from stage.contracts import Viewer
-from stage.drawn_stage import DrawnStage
-from stage.renderer import Image
-from stimuli.scene import SceneFrame
 from tests.faults.sessions import request
 from visavis.experiment import StudyExperiment
+from visavis.experiments.stare.study import study
+from visavis.lab.config import LabConfig
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose
+from visavis.protocol.plan import SessionPlan
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new
+from visavis.stage.contracts import Viewer
+from visavis.stage.drawn_stage import DrawnStage
+from visavis.stage.renderer import Image
+from visavis.stimuli.scene import SceneFrame
 
 PARAMETERS = {"trial_s": 6.0, "practice_s": 2.0, "intertrial_s": 0.5, "repetitions": 1}
 

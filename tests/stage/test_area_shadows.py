@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
-from stage.errors import StageError
-from stage.frame_truth import DRAWN_VIEWS, SHADOWS
-from stage.renderer import Quality, Renderer
-from stimuli.picture import Camera, Light, Room
 from tests.stage import figures
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
+from visavis.stage.errors import StageError
+from visavis.stage.frame_truth import DRAWN_VIEWS, SHADOWS
+from visavis.stage.renderer import Quality, Renderer
+from visavis.stimuli.picture import Camera, Light, Room
 
 SIZE_PX = (240, 240)
 WIDE_M = 2.0

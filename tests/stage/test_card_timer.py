@@ -8,20 +8,20 @@ import moderngl
 import numpy as np
 import pytest
 
-from lab.clock import Clock, SimClock, SystemClock
-from lab.frame import FrameInfo
-from lab.schema import SampleBatch
-from stage.card_timer import GL_QUERY_RESULT_AVAILABLE, MAX_OPEN, CardTimer
-from stage.context import offscreen_context, release_offscreen
-from stage.drawn_stage import Display, DrawnStage, default_views
-from stage.errors import StageError
-from stage.frame_truth import DRAWN_GPU
-from stage.gl_calls import GlCalls
-from stage.renderer import LIGHTEST, Renderer
-from stimuli.picture import Picture
-from stimuli.scene import SceneFrame
 from tests.stage import figures
 from tests.stage.test_drawn_stage import HEAD, SIZE, _scene
+from visavis.lab.clock import Clock, SimClock, SystemClock
+from visavis.lab.frame import FrameInfo
+from visavis.lab.schema import SampleBatch
+from visavis.stage.card_timer import GL_QUERY_RESULT_AVAILABLE, MAX_OPEN, CardTimer
+from visavis.stage.context import offscreen_context, release_offscreen
+from visavis.stage.drawn_stage import Display, DrawnStage, default_views
+from visavis.stage.errors import StageError
+from visavis.stage.frame_truth import DRAWN_GPU
+from visavis.stage.gl_calls import GlCalls
+from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stimuli.picture import Picture
+from visavis.stimuli.scene import SceneFrame
 
 
 @pytest.fixture

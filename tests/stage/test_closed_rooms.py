@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stage.errors import StageError
-from stage.renderer import Quality, Renderer
-from stimuli.characters.character import MORPHS
-from stimuli.picture import Camera, Picture, PosedPeople, Room
-from stimuli.rooms.audience_room import audience_room
-from stimuli.rooms.office import office
-from stimuli.rooms.station import station
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import Quality, Renderer
+from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.picture import Camera, Picture, PosedPeople, Room
+from visavis.stimuli.rooms.audience_room import audience_room
+from visavis.stimuli.rooms.office import office
+from visavis.stimuli.rooms.station import station
 
 NOTHING = (255, 0, 255)
 STANDING = ((0.0, 1.65, 0.0), (-1.2, 1.65, -2.0), (2.4, 1.65, 1.2))

@@ -8,27 +8,27 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
-from stage.contact_shapes import soles_of
-from stage.errors import StageError
-from stage.identity import FAITHFUL, IdentityBuffer
-from stage.joint_rows import JointRows
-from stage.projection import projection, view
-from stage.renderer import LIGHTEST, Quality, Renderer
-from stimuli.characters.cast import load_cast
-from stimuli.characters.character import MORPHS, Character, Material
-from stimuli.dressing.casting import build_of
-from stimuli.dressing.office import room_from
-from stimuli.motion.kinds import Idle
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.picture import Block, Camera, Light, Picture, PosedPeople, Room
-from stimuli.rooms import furniture
-from stimuli.rooms.audience_room import audience_room
-from stimuli.rooms.gallery import gallery
-from stimuli.rooms.office import office
-from stimuli.rooms.solids import cylinder
-from stimuli.rooms.station import station
 from tests.stage import figures
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
+from visavis.stage.contact_shapes import soles_of
+from visavis.stage.errors import StageError
+from visavis.stage.identity import FAITHFUL, IdentityBuffer
+from visavis.stage.joint_rows import JointRows
+from visavis.stage.projection import projection, view
+from visavis.stage.renderer import LIGHTEST, Quality, Renderer
+from visavis.stimuli.characters.cast import load_cast
+from visavis.stimuli.characters.character import MORPHS, Character, Material
+from visavis.stimuli.dressing.casting import build_of
+from visavis.stimuli.dressing.office import room_from
+from visavis.stimuli.motion.kinds import Idle
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.picture import Block, Camera, Light, Picture, PosedPeople, Room
+from visavis.stimuli.rooms import furniture
+from visavis.stimuli.rooms.audience_room import audience_room
+from visavis.stimuli.rooms.gallery import gallery
+from visavis.stimuli.rooms.office import office
+from visavis.stimuli.rooms.solids import cylinder
+from visavis.stimuli.rooms.station import station
 
 SIZE_PX = (480, 360)
 AWAY_M = 3.5

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Renderer
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Renderer
 
 MAX_UPLOADS = 5
 """Joints, lamps, a camera for each eye, and the table of who stands at which level."""

@@ -9,12 +9,15 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lab.clock import NS_PER_S, SimClock
-from lab.errors import DesignError
-from lab.frame import FrameInfo
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from lab.schema import SampleBatch
-from stage.drawn_stage import (
+from tests.stage import figures
+from tests.stage.gl_counts import counted
+from tests.stage.test_own_body import SEGMENTS, sample
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import DesignError
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.lab.schema import SampleBatch
+from visavis.stage.drawn_stage import (
     GLANCE_PERIOD_NS,
     Display,
     DrawnStage,
@@ -22,17 +25,14 @@ from stage.drawn_stage import (
     default_views,
     eye_camera,
 )
-from stage.errors import StageError
-from stage.frame_truth import read_views
-from stage.own_body import OwnBody
-from stage.renderer import ON_PROCESSOR, Quality, Renderer
-from stage.small_picture import PROCESSOR_WIDTH_PX, WIDTH_PX
-from stage.stills import made_small
-from stimuli.picture import Camera, Picture
-from stimuli.scene import Agent, Scene, SceneFrame
-from tests.stage import figures
-from tests.stage.gl_counts import counted
-from tests.stage.test_own_body import SEGMENTS, sample
+from visavis.stage.errors import StageError
+from visavis.stage.frame_truth import read_views
+from visavis.stage.own_body import OwnBody
+from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
+from visavis.stage.small_picture import PROCESSOR_WIDTH_PX, WIDTH_PX
+from visavis.stage.stills import made_small
+from visavis.stimuli.picture import Camera, Picture
+from visavis.stimuli.scene import Agent, Scene, SceneFrame
 
 SIZE = (60, 72)
 HEAD = Pose(np.array([0.05, 1.55, 0.4]), quat_from_yaw_pitch_deg(4.0, -3.0))

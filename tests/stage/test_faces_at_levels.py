@@ -7,20 +7,20 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stage.errors import StageError
-from stage.levels import FACE_M, DetailRule, choose_levels, faces_px
-from stage.renderer import Quality, Renderer
-from stimuli.characters.cast import cast_names, load_character
-from stimuli.characters.character import Character
-from stimuli.characters.levels import LEVELS, lighter
-from stimuli.dressing.casting import build_of
-from stimuli.gaze.turning import Aimed
-from stimuli.motion.kinds import Idle
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.skeleton import forward
-from stimuli.picture import Camera, Picture
-from stimuli.rooms.plain import plain_room
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stage.errors import StageError
+from visavis.stage.levels import FACE_M, DetailRule, choose_levels, faces_px
+from visavis.stage.renderer import Quality, Renderer
+from visavis.stimuli.characters.cast import cast_names, load_character
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.levels import LEVELS, lighter
+from visavis.stimuli.dressing.casting import build_of
+from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.kinds import Idle
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.picture import Camera, Picture
+from visavis.stimuli.rooms.plain import plain_room
 
 AWAY_M, INNER_FACE_M = 4.0, 0.15
 FINER = 4

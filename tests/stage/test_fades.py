@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.clock import NS_PER_MS
-from stage.fades import Fades, FadeTimes
-from stimuli.picture import Picture
 from tests.stage import figures
+from visavis.lab.clock import NS_PER_MS
+from visavis.stage.fades import Fades, FadeTimes
+from visavis.stimuli.picture import Picture
 
 MARK = np.array([0.0, 1.5, -2.0])
 

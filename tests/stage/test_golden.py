@@ -16,17 +16,17 @@ import numpy.typing as npt
 import pytest
 from PIL import Image
 
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stage.context import draws_on_processor
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, ON_PROCESSOR, Quality, Renderer
-from stimuli.dressing.audience import audience_picture
-from stimuli.dressing.station import station_picture
-from stimuli.picture import Camera, Picture
-from stimuli.scene import SceneFrame
-from stimuli.scenes import audience as seats
-from stimuli.scenes import station_crowd
 from tests.stage import figures
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stage.context import draws_on_processor
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, ON_PROCESSOR, Quality, Renderer
+from visavis.stimuli.dressing.audience import audience_picture
+from visavis.stimuli.dressing.station import station_picture
+from visavis.stimuli.picture import Camera, Picture
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes import audience as seats
+from visavis.stimuli.scenes import station_crowd
 
 FOLDER = Path(__file__).parent.parent / "golden" / "stage"
 SIZE_PX = (240, 160)

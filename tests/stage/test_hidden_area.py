@@ -6,12 +6,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lab.frame import EyeView
-from stage.errors import StageError
-from stage.renderer import ON_PROCESSOR, Quality, Renderer
-from stage.targets import EyeTarget, hidden_corners
-from stimuli.picture import Camera
 from tests.stage import figures
+from visavis.lab.frame import EyeView
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
+from visavis.stage.targets import EyeTarget, hidden_corners
+from visavis.stimuli.picture import Camera
 
 SIZE = (90, 70)
 LEFT_BELOW = ((-1.0, -0.8), (0.2, -0.8), (-1.0, 0.4))

@@ -7,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lab.geometry import rotate
-from stage.errors import StageError
-from stage.identity import IdentityBuffer, IdentityImages
-from stimuli.motion.skeleton import forward
-from stimuli.picture import Camera, Picture
 from tests.stage import figures
+from visavis.lab.geometry import rotate
+from visavis.stage.errors import StageError
+from visavis.stage.identity import IdentityBuffer, IdentityImages
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.picture import Camera, Picture
 
 LEVEL = 1
 

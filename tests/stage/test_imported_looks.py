@@ -8,15 +8,15 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stage.errors import StageError
-from stage.renderer import Quality, Renderer
-from stimuli.characters.character import MORPHS, Character
-from stimuli.characters.gltf import import_gltf
-from stimuli.characters.storage import read_character, write_character
-from stimuli.picture import Camera, Light, Picture, PosedPeople, Room
-from stimuli.rooms.plain import plain_room
 from tests.stimuli.glb_figure import PLATE_AHEAD_M, Plate, write_glb
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import Quality, Renderer
+from visavis.stimuli.characters.character import MORPHS, Character
+from visavis.stimuli.characters.gltf import import_gltf
+from visavis.stimuli.characters.storage import read_character, write_character
+from visavis.stimuli.picture import Camera, Light, Picture, PosedPeople, Room
+from visavis.stimuli.rooms.plain import plain_room
 
 Codes = npt.NDArray[np.float64]
 Show = Callable[..., Codes]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from stage.errors import StageError
-from stage.movie import film_program, open_movie
+from visavis.stage.errors import StageError
+from visavis.stage.movie import film_program, open_movie
 
 SIZE = (64, 48)
 

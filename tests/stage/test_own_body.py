@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from devices.contracts import body_schema
-from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, quat_multiply, rotate
-from lab.schema import SampleBatch
-from stage.own_body import EYES_BEHIND_M, OwnBody, headless
-from stimuli.characters.body_parts import GROUPS, PART_INDEX
-from stimuli.characters.character import Character
-from stimuli.characters.sizing import LEG_BONES, with_limbs
-from stimuli.motion.skeleton import forward
 from tests.stage import figures
+from visavis.devices.contracts import body_schema
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, quat_multiply, rotate
+from visavis.lab.schema import SampleBatch
+from visavis.stage.own_body import EYES_BEHIND_M, OwnBody, headless
+from visavis.stimuli.characters.body_parts import GROUPS, PART_INDEX
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.sizing import LEG_BONES, with_limbs
+from visavis.stimuli.motion.skeleton import forward
 
 SEGMENTS = (
     "hips",

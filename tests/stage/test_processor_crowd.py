@@ -10,15 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
-from stage import processor_crowd
-from stage.baked_room import baked_room
-from stage.errors import StageError
-from stage.identity import FAITHFUL, IdentityBuffer, IdentityImages
-from stage.processor_layout import FreeRows
-from stage.renderer import LIGHTEST, Renderer
-from stage.targets import EyeTarget
-from stage.vertex_light import (
+from tests.stage import figures
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stage import processor_crowd
+from visavis.stage.baked_room import baked_room
+from visavis.stage.errors import StageError
+from visavis.stage.identity import FAITHFUL, IdentityBuffer, IdentityImages
+from visavis.stage.processor_layout import FreeRows
+from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stage.targets import EyeTarget
+from visavis.stage.vertex_light import (
     CODES_OF_ROOT,
     FACTORS_OF_ROOT,
     gather_front,
@@ -26,11 +27,10 @@ from stage.vertex_light import (
     light_points,
     looked_up,
 )
-from stage.vertices import room_vertices
-from stimuli.characters.cast import load_cast
-from stimuli.characters.character import Character
-from stimuli.picture import Light, Picture
-from tests.stage import figures
+from visavis.stage.vertices import room_vertices
+from visavis.stimuli.characters.cast import load_cast
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.picture import Light, Picture
 
 CHEQUERED = np.kron(
     np.array([[220, 60], [60, 220]], np.uint8)[..., None] * np.ones(3, np.uint8),
@@ -151,7 +151,7 @@ def test_room_is_drawn_when_everybody_is_out_of_view(renderer: Renderer) -> None
 
 
 def _counted(monkeypatch: pytest.MonkeyPatch, *names: str) -> Counter[str]:
-    """Return how often functions of `stage.processor_crowd` are called from now on."""
+    """Return how often functions of `visavis.stage.processor_crowd` are called from now on."""
     calls: Counter[str] = Counter()
 
     def counting(name: str, called: Callable[..., object]) -> Callable[..., object]:
@@ -268,7 +268,7 @@ def test_far_people_look_as_large_as_near_ones_with_fewer_triangles(
     picture = Picture(0, room, cast, figures.standing(cast, places))
     seen, shown = [], []
     for limit in (55.0, 1e-3):
-        monkeypatch.setattr("stage.renderer.TEXTURED_PX_PER_M", limit)
+        monkeypatch.setattr("visavis.stage.renderer.TEXTURED_PX_PER_M", limit)
         image = renderer.image(picture, figures.camera(half_deg=40), (240, 180)).astype(int)
         seen.append((image != (0, 255, 0)).any(axis=2).sum())
         shown.append(image[(image != (0, 255, 0)).any(axis=2)].mean(axis=0))
@@ -376,7 +376,7 @@ def test_pictures_are_the_same_without_what_falls_on_no_pixel(
     picture, camera = figures.picture(5), figures.camera(aspect=1.5)
     sizes = (48, 32), (150, 100)
     without = [renderer.image(picture, camera, size) for size in sizes]
-    monkeypatch.setattr("stage.renderer._grid", lambda *_: None)
+    monkeypatch.setattr("visavis.stage.renderer._grid", lambda *_: None)
     for expected, image in zip(
         [renderer.image(picture, camera, size) for size in sizes], without, strict=True
     ):

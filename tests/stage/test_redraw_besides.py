@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 
 import visavis.sessions.perform
-from cli.redraw import redraw
-from devices.registry import OPTION_MODELS
-from lab.config import load_config
-from lab.errors import UsageError
-from recording.folder import study_dir
-from recording.kept import KeptRecording
-from recording.reader import Recording
-from stage.drawn_stage import Display, default_views
-from stage.errors import StageError
-from stage.own_body import OwnBody
-from stage.renderer import LIGHTEST, Renderer
-from stimuli.dressing.casting import default_casting
-from stimuli.dressing.picture_of import picture_of
 from tests.faults.sessions import CONFIG
 from tests.stage.sessions import NowAndThen
 from tests.visavis.sessions import opened, perform
+from visavis.cli.redraw import redraw
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.config import load_config
+from visavis.lab.errors import UsageError
+from visavis.recording.folder import study_dir
+from visavis.recording.kept import KeptRecording
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.stage.drawn_stage import Display, default_views
+from visavis.stage.errors import StageError
+from visavis.stage.own_body import OwnBody
+from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.dressing.picture_of import picture_of
 
 
 @pytest.fixture(autouse=True)

@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 
 import visavis.sessions.perform
-from cli.redraw import redraw
-from devices.registry import OPTION_MODELS
-from lab.config import load_config
-from recording.folder import study_dir
-from recording.reader import Recording
-from stage.drawn_stage import Display, default_views
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Renderer
-from stimuli.dressing.picture_of import picture_of
 from tests.faults.sessions import CONFIG
 from tests.stage.sessions import NowAndThen
 from tests.visavis.sessions import STUDIES
 from visavis.catalogue import find_study
+from visavis.cli.redraw import redraw
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.config import load_config
+from visavis.recording.folder import study_dir
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.stage.drawn_stage import Display, default_views
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stimuli.dressing.picture_of import picture_of
 
 CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
 WAVING = {

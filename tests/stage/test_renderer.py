@@ -7,14 +7,14 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Quality, Renderer
-from stage.room_buffers import PropBuffers
-from stage.stills import made_small
-from stage.targets import EyeTarget
-from stimuli.picture import Panel, Picture
 from tests.stage import figures
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Quality, Renderer
+from visavis.stage.room_buffers import PropBuffers
+from visavis.stage.stills import made_small
+from visavis.stage.targets import EyeTarget
+from visavis.stimuli.picture import Panel, Picture
 
 
 @pytest.fixture(scope="module")

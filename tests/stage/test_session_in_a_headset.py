@@ -8,23 +8,23 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-import devices.sim.openvr.runtime
-import devices.sim.openxr.runtime
-import stage.drawn_stage
+import visavis.devices.sim.openvr.runtime
+import visavis.devices.sim.openxr.runtime
 import visavis.sessions.stages
-from devices.sim.native_build import find_compiler
-from devices.sim.openvr.runtime import SimulatedVrRuntime
-from devices.sim.openxr.runtime import SimulatedXrRuntime
-from lab.clock import NS_PER_S, SimClock
-from lab.config import DeviceConfig, LabConfig
-from lab.frame import FrameInfo
-from lab.geometry import Pose
-from stage.drawn_stage import DrawnStage
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Renderer
-from stimuli.scene import SceneFrame
+import visavis.stage.drawn_stage
 from tests.faults.sessions import events, lab
 from tests.stage.sessions import perform_shortest
+from visavis.devices.sim.native_build import find_compiler
+from visavis.devices.sim.openvr.runtime import SimulatedVrRuntime
+from visavis.devices.sim.openxr.runtime import SimulatedXrRuntime
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.config import DeviceConfig, LabConfig
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose
+from visavis.stage.drawn_stage import DrawnStage
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stimuli.scene import SceneFrame
 
 RATE_HZ = 20
 EVERY = 20
@@ -88,7 +88,7 @@ def thin_stage(monkeypatch: pytest.MonkeyPatch) -> None:
         Renderer(quality=LIGHTEST).close()
     except StageError as problem:
         pytest.skip(str(problem))
-    monkeypatch.setattr(stage.drawn_stage, "DrawnStage", _NowAndThen)
+    monkeypatch.setattr(visavis.stage.drawn_stage, "DrawnStage", _NowAndThen)
     monkeypatch.setattr(visavis.sessions.stages, "OFFSCREEN_PX", (48, 54))
 
 
@@ -127,7 +127,7 @@ def test_openvr_reads_back_what_was_drawn_and_faults_pause_without_loss(
             made.fails = True
             return super()._submit(*arguments)
 
-    monkeypatch.setattr(devices.sim.openvr.runtime, "SimulatedVrRuntime", Runtime)
+    monkeypatch.setattr(visavis.devices.sim.openvr.runtime, "SimulatedVrRuntime", Runtime)
     start_s, end_s = UNPLUGGED_S
     unplugged = {"kind": "disconnect", "start_s": start_s, "duration_s": end_s - start_s}
     recording = perform_shortest(_config(tmp_path, "openvr_headset", [unplugged]), (1, 2))
@@ -188,7 +188,7 @@ def test_openxr_reads_back_what_was_drawn_from_where_the_head_was(
             middle = np.mean([eye.position_m for eye in shown.eyes], axis=0)
             places.setdefault(len(places), tuple(middle))
 
-    monkeypatch.setattr(devices.sim.openxr.runtime, "SimulatedXrRuntime", Runtime)
+    monkeypatch.setattr(visavis.devices.sim.openxr.runtime, "SimulatedXrRuntime", Runtime)
     recording = perform_shortest(_config(tmp_path, "openxr_headset"))
 
     assert recording.status == "complete"

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 import visavis.sessions.perform
-from cli.redraw import recorded_frame, redraw
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DesignError, DeviceError, SessionAborted, UsageError
-from lab.frame import FrameInfo
-from lab.geometry import Pose
-from recording.reader import Recording
-from stage.contracts import GeometryStage, Viewer
-from stage.drawn_stage import Display, default_views
-from stage.errors import StageError
-from stage.fades import FadeTimes
-from stage.renderer import LIGHTEST, Renderer
-from stimuli.dressing.picture_of import picture_of
-from stimuli.scene import Scene, SceneFrame
 from tests.faults.sessions import TRIALS, events, lab, path_of, perform
 from tests.stage.sessions import NowAndThen, perform_shortest
+from visavis.cli.redraw import recorded_frame, redraw
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DesignError, DeviceError, SessionAborted, UsageError
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose
+from visavis.recording.reader import Recording
+from visavis.stage.contracts import GeometryStage, Viewer
+from visavis.stage.drawn_stage import Display, default_views
+from visavis.stage.errors import StageError
+from visavis.stage.fades import FadeTimes
+from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.scene import Scene, SceneFrame
 
 
 def test_recorded_frames_redraw_as_they_were(

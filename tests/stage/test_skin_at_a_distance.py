@@ -4,17 +4,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
-from stage.errors import StageError
-from stage.renderer import Quality, Renderer
-from stimuli.characters.cast import load_character
-from stimuli.dressing.casting import build_of
-from stimuli.gaze.turning import Aimed
-from stimuli.motion.kinds import Idle
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.skeleton import forward
-from stimuli.picture import Camera, Picture
-from stimuli.rooms.portrait import portrait_studio
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import Quality, Renderer
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.dressing.casting import build_of
+from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.kinds import Idle
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.picture import Camera, Picture
+from visavis.stimuli.rooms.portrait import portrait_studio
 
 PX_PER_DEG, FINER_PX, PLACES = 12.0, 6, 3
 FACE_M = (0.15, 0.19)

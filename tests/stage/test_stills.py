@@ -5,18 +5,18 @@ import numpy.typing as npt
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
-from stage.errors import StageError
-from stage.renderer import Quality, Renderer
-from stage.stills import Stills, made_small
-from stimuli.characters.cast import load_character
-from stimuli.dressing.casting import build_of
-from stimuli.gaze.turning import Aimed
-from stimuli.motion.kinds import Idle
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.picture import Camera, Picture
-from stimuli.rooms.portrait import portrait_studio
 from tests.stage import figures
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import Quality, Renderer
+from visavis.stage.stills import Stills, made_small
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.dressing.casting import build_of
+from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.kinds import Idle
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.picture import Camera, Picture
+from visavis.stimuli.rooms.portrait import portrait_studio
 
 SIZE_PX = (160, 120)
 FINER = 8

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
-from stage.errors import StageError
-from stage.renderer import LIGHTEST, Quality, Renderer
-from stimuli.characters.character import MORPHS
-from stimuli.picture import Camera, Picture, PosedPeople
-from stimuli.rooms.office import WINDOWS_X_M, office
-from stimuli.scenes import office as places
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Quality, Renderer
+from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.picture import Camera, Picture, PosedPeople
+from visavis.stimuli.rooms.office import WINDOWS_X_M, office
+from visavis.stimuli.scenes import office as places
 
 SIZE_PX = (240, 90)
 FINER = 6

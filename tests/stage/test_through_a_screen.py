@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from lab.geometry import Pose
-from lab.screen import FlatScreen
-from stage.drawn_stage import NOBODY, NOWHERE, eye_camera
-from stage.renderer import ON_PROCESSOR, Renderer
-from stage.targets import EyeTarget
-from stimuli.picture import Picture
+from visavis.lab.geometry import Pose
+from visavis.lab.screen import FlatScreen
+from visavis.stage.drawn_stage import NOBODY, NOWHERE, eye_camera
+from visavis.stage.renderer import ON_PROCESSOR, Renderer
+from visavis.stage.targets import EyeTarget
+from visavis.stimuli.picture import Picture
 
 SCREEN = FlatScreen(0.5, 0.3, 500, 300, 0.6, 0.03, -0.02)
 PLACE_M = np.array([0.0, 1.2, 0.0])

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.contracts import GAZE
-from lab.frame import EyeView
-from stage.mirror import gaze_in_picture, gaze_on_eye
+from visavis.devices.contracts import GAZE
+from visavis.lab.frame import EyeView
+from visavis.stage.mirror import gaze_in_picture, gaze_on_eye
 
 SHOW = """
 import numpy as np
-from cli.doctor.machine import monitors
-from stage.mirror import Mirror
-from stage.renderer import Renderer
-from stage.targets import EyeTarget
-from stage.window import Window
+from visavis.cli.doctor.machine import monitors
+from visavis.stage.mirror import Mirror
+from visavis.stage.renderer import Renderer
+from visavis.stage.targets import EyeTarget
+from visavis.stage.window import Window
 from tests.stage import figures
 
 window = Window("test", (320, 240))
@@ -97,6 +97,6 @@ def test_gaze_ring_follows_the_eye_of_the_picture_and_goes_with_the_gaze() -> No
 
 
 def test_pictures_without_a_window_load_no_library_of_windows() -> None:
-    code = "import sys, stage.drawn_stage; print('glfw' in sys.modules)"
+    code = "import sys, visavis.stage.drawn_stage; print('glfw' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "False" == done.stdout.strip()

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from PIL import Image
 
-from stimuli.motion.skeleton import canonical_skeleton
+from visavis.stimuli.motion.skeleton import canonical_skeleton
 
 _MIXAMO = {
     "hips": "Hips",

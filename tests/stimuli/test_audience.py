@@ -5,19 +5,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from lab.errors import DesignError
-from lab.geometry import angle_deg, unit, yaw_pitch_deg_of
-from stimuli.characters.body_parts import PARTS
-from stimuli.characters.cast import load_character
-from stimuli.characters.sizing import sized
-from stimuli.characters.skinning import skin_vertices
-from stimuli.dressing.audience import audience_picture
-from stimuli.motion.errors import MotionError
-from stimuli.motion.joint_limits import beyond_deg
-from stimuli.motion.skeleton import forward
-from stimuli.rooms.audience_room import STEP_HEIGHTS_M, room_before_m
-from stimuli.scene import SceneFrame
-from stimuli.scenes.audience import (
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import angle_deg, unit, yaw_pitch_deg_of
+from visavis.stimuli.characters.body_parts import PARTS
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.characters.sizing import sized
+from visavis.stimuli.characters.skinning import skin_vertices
+from visavis.stimuli.dressing.audience import audience_picture
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.joint_limits import beyond_deg
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.rooms.audience_room import STEP_HEIGHTS_M, room_before_m
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.audience import (
     ACTIVE_PLACES,
     AUDIENCE_TURN_DEG,
     MARK_M,
@@ -31,7 +31,7 @@ from stimuli.scenes.audience import (
     training_scene,
     zone_of,
 )
-from stimuli.visibility import SceneGeometry
+from visavis.stimuli.visibility import SceneGeometry
 
 CHARACTERS = tuple(f"c{i:02d}" for i in range(11))
 SCENE = audience_scene(CHARACTERS)

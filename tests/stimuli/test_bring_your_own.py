@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stage.errors import StageError
-from stimuli.motion.baking import baked
-from stimuli.motion.build import build_of_skeleton
-from stimuli.motion.bvh import write_bvh
-from stimuli.motion.bvh_clip import bvh_of_clip
-from stimuli.motion.kinds import Wave
-from stimuli.motion.people import Person
-from stimuli.motion.skeleton import canonical_skeleton
 from tests.stimuli.glb_figure import write_glb
+from visavis.stage.errors import StageError
+from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.build import build_of_skeleton
+from visavis.stimuli.motion.bvh import write_bvh
+from visavis.stimuli.motion.bvh_clip import bvh_of_clip
+from visavis.stimuli.motion.kinds import Wave
+from visavis.stimuli.motion.people import Person
+from visavis.stimuli.motion.skeleton import canonical_skeleton
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "bring-your-own.md"
 

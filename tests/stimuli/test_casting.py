@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.errors import DesignError
-from stimuli.characters.library import import_characters
-from stimuli.dressing import audience, casting
-from stimuli.dressing.casting import default_casting, members_of, use_cast
 from tests.stimuli.glb_figure import Plate, write_glb
+from visavis.lab.errors import DesignError
+from visavis.stimuli.characters.library import import_characters
+from visavis.stimuli.dressing import audience, casting
+from visavis.stimuli.dressing.casting import default_casting, members_of, use_cast
 
 
 @pytest.fixture

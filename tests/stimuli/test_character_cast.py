@@ -2,19 +2,19 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from lab.geometry import quat_from_yaw_pitch_deg, rotate
-from stimuli.characters.body_parts import PART_INDEX, PARTS
-from stimuli.characters.capsules import OUTSIDE_SHARE, PIECES
-from stimuli.characters.cast import DATA, cast_names, load_cast, load_character
-from stimuli.characters.character import MORPHS, Character
-from stimuli.characters.closing import closed_surface, collision_mesh, is_closed, volume_m3
-from stimuli.characters.coverage import seen_areas_m2, visible_area_m2
-from stimuli.characters.errors import CharacterError
-from stimuli.characters.sizing import sized
-from stimuli.characters.skinning import shaped_m, skin, skin_vertices
-from stimuli.characters.storage import read_character, write_character
-from stimuli.motion.clip import floor_of_rest_m
-from stimuli.motion.skeleton import canonical_skeleton, forward
+from visavis.lab.geometry import quat_from_yaw_pitch_deg, rotate
+from visavis.stimuli.characters.body_parts import PART_INDEX, PARTS
+from visavis.stimuli.characters.capsules import OUTSIDE_SHARE, PIECES
+from visavis.stimuli.characters.cast import DATA, cast_names, load_cast, load_character
+from visavis.stimuli.characters.character import MORPHS, Character
+from visavis.stimuli.characters.closing import closed_surface, collision_mesh, is_closed, volume_m3
+from visavis.stimuli.characters.coverage import seen_areas_m2, visible_area_m2
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.sizing import sized
+from visavis.stimuli.characters.skinning import shaped_m, skin, skin_vertices
+from visavis.stimuli.characters.storage import read_character, write_character
+from visavis.stimuli.motion.clip import floor_of_rest_m
+from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
 
 NAMES = cast_names()
 BODY = tuple(p for p in PART_INDEX if p not in ("none", "held_object"))

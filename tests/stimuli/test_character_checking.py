@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import cast_names, load_character
-from stimuli.characters.character import Character
-from stimuli.characters.checking import findings
-from stimuli.characters.closing import collision_mesh
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import cast_names, load_character
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.checking import findings
+from visavis.stimuli.characters.closing import collision_mesh
 
 
 @pytest.mark.parametrize("name", cast_names())

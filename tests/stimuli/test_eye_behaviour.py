@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.geometry import angle_deg, unit
-from stimuli.gaze.behaviour import (
+from visavis.lab.geometry import angle_deg, unit
+from visavis.stimuli.gaze.behaviour import (
     MAXIMUM_TURN_DEG,
     NEVER_NS,
     EyeBehaviour,
     saccade_duration_ms,
 )
-from stimuli.gaze.blinks import Blinks, draw_blinks, no_blinks
-from stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
+from visavis.stimuli.gaze.blinks import Blinks, draw_blinks, no_blinks
+from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
 
 MS = 1_000_000
 SCENE = audience_scene([f"c{i}" for i in range(11)])

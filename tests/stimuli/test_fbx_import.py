@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.errors import LabError
-from stimuli.characters import fbx
-from stimuli.characters.cast import load_character
-from stimuli.characters.fbx import find_blender
-from stimuli.characters.gltf import import_gltf
-from stimuli.characters.library import Imported, import_characters
 from tests.stimuli.glb_figure import write_glb
+from visavis.lab.errors import LabError
+from visavis.stimuli.characters import fbx
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.characters.fbx import find_blender
+from visavis.stimuli.characters.gltf import import_gltf
+from visavis.stimuli.characters.library import Imported, import_characters
 
 needs_blender = pytest.mark.skipif(
     find_blender() is None, reason="needs Blender: apt-get install blender python3-numpy"

@@ -10,20 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lab.geometry import angle_deg, unit
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import load_character
-from stimuli.characters.character import MORPHS, SkinnedMesh
-from stimuli.characters.closing import collision_mesh, is_closed
-from stimuli.characters.errors import CharacterError
-from stimuli.characters.gltf import import_gltf
-from stimuli.characters.gltf.eyes import fitted_eye, iris_colour
-from stimuli.characters.gltf.figure import Surface, read_figure
-from stimuli.characters.gltf.file import GltfFile, read_glb
-from stimuli.characters.gltf.looks import CLOTH_ROUGHNESS_01, SKIN_ROUGHNESS_01, linear_of, srgb_of
-from stimuli.characters.gltf.skin import like_the_face, look_of_face
-from stimuli.characters.library import import_characters, library_names
-from stimuli.motion.skeleton import canonical_skeleton
 from tests.stimuli.glb_figure import (
     HEAD_HALF_M,
     SKIN_SRGB,
@@ -34,6 +20,25 @@ from tests.stimuli.glb_figure import (
     write_glb,
 )
 from tests.stimuli.valid_avatars import avatar_files, needs_avatars
+from visavis.lab.geometry import angle_deg, unit
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.characters.character import MORPHS, SkinnedMesh
+from visavis.stimuli.characters.closing import collision_mesh, is_closed
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.gltf import import_gltf
+from visavis.stimuli.characters.gltf.eyes import fitted_eye, iris_colour
+from visavis.stimuli.characters.gltf.figure import Surface, read_figure
+from visavis.stimuli.characters.gltf.file import GltfFile, read_glb
+from visavis.stimuli.characters.gltf.looks import (
+    CLOTH_ROUGHNESS_01,
+    SKIN_ROUGHNESS_01,
+    linear_of,
+    srgb_of,
+)
+from visavis.stimuli.characters.gltf.skin import like_the_face, look_of_face
+from visavis.stimuli.characters.library import import_characters, library_names
+from visavis.stimuli.motion.skeleton import canonical_skeleton
 
 
 @pytest.fixture
@@ -227,7 +232,7 @@ def test_only_copies_for_measuring_are_bent_to_a_measure(
     def bent(thin: SkinnedMesh, full: SkinnedMesh) -> SkinnedMesh:
         return replace(thin, vertices_m=thin.vertices_m + np.float32(0.014))
 
-    monkeypatch.setattr("stimuli.characters.gltf.importing.matched", bent)
+    monkeypatch.setattr("visavis.stimuli.characters.gltf.importing.matched", bent)
     person = import_gltf(glb)
     for level, as_before in zip(person.levels, expected.levels, strict=True):
         np.testing.assert_array_equal(level.vertices_m, as_before.vertices_m)

@@ -4,8 +4,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stimuli.characters.character import Maps, Material, SkinnedMesh
-from stimuli.characters.gltf.islands import with_full_margins
+from visavis.stimuli.characters.character import Maps, Material, SkinnedMesh
+from visavis.stimuli.characters.gltf.islands import with_full_margins
 
 SIDE_PX = 128
 DARK, LIGHT, BESIDE = (30, 28, 40), (200, 160, 130), (250, 200, 170)

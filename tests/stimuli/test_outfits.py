@@ -6,13 +6,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import cast_names, load_character
-from stimuli.characters.character import Character, Material, MaterialKind, SkinnedMesh
-from stimuli.characters.garments import _between_others
-from stimuli.characters.gltf import import_gltf
-from stimuli.characters.outfits import TOPS, in_other_clothes
 from tests.stimuli.valid_avatars import avatar_files, needs_avatars
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import cast_names, load_character
+from visavis.stimuli.characters.character import Character, Material, MaterialKind, SkinnedMesh
+from visavis.stimuli.characters.garments import _between_others
+from visavis.stimuli.characters.gltf import import_gltf
+from visavis.stimuli.characters.outfits import TOPS, in_other_clothes
 
 CELL_PX = 16
 Colour = tuple[int, int, int]

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.geometry import Pose, quat_from_yaw_pitch_deg, rotate
-from stimuli.panels import DISTANCE_M, SIZE_M, choice_centre_m, choice_met, placed_before
-from stimuli.picture import Panel
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, rotate
+from visavis.stimuli.panels import DISTANCE_M, SIZE_M, choice_centre_m, choice_met, placed_before
+from visavis.stimuli.picture import Panel
 
 FORWARD = np.array([0.0, 0.0, -1.0])
 

@@ -3,15 +3,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.errors import DesignError
-from lab.geometry import rotate
-from stimuli.rooms import surfaces
-from stimuli.rooms.audience_room import Chair, audience_room, step_height_m
-from stimuli.rooms.office import office
-from stimuli.rooms.solids import box, cylinder, flat, joined, moved, turned, volume_m3
-from stimuli.rooms.station import board_face, board_pose, station
-from stimuli.scenes import audience, station_crowd
-from stimuli.scenes import office as office_places
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import rotate
+from visavis.stimuli.rooms import surfaces
+from visavis.stimuli.rooms.audience_room import Chair, audience_room, step_height_m
+from visavis.stimuli.rooms.office import office
+from visavis.stimuli.rooms.solids import box, cylinder, flat, joined, moved, turned, volume_m3
+from visavis.stimuli.rooms.station import board_face, board_pose, station
+from visavis.stimuli.scenes import audience, station_crowd
+from visavis.stimuli.scenes import office as office_places
 
 GREY = (120, 120, 120)
 ROOMS = (audience_room, station, office)

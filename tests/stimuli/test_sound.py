@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import wavfile
 
-from lab.errors import DataError
-from stimuli.sound import read_sound
+from visavis.lab.errors import DataError
+from visavis.stimuli.sound import read_sound
 
 RAMP = np.linspace(-0.9, 0.9, 500)
 KINDS = {

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from lab.errors import DesignError
-from stimuli.scenes.station_crowd import (
+from visavis.lab.errors import DesignError
+from visavis.stimuli.scenes.station_crowd import (
     BOARD_M,
     CONFIGURATIONS,
     PHONING,

@@ -6,18 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from lab.body_joints import BODY_JOINTS
-from stimuli.characters.closing import collision_mesh, volume_m3
-from stimuli.contact.body import (
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.stimuli.characters.closing import collision_mesh, volume_m3
+from visavis.stimuli.contact.body import (
     ARM_JOINTS,
     CAPSULE_JOINTS,
     REFERENCE_STATURE_M,
     CapsuleBody,
     capsule_body,
 )
-from stimuli.contact.figures import crowd_figures, over_capsules
-from stimuli.contact.idle import crowd_poses, people_of
-from stimuli.contact.touch import (
+from visavis.stimuli.contact.figures import crowd_figures, over_capsules
+from visavis.stimuli.contact.idle import crowd_poses, people_of
+from visavis.stimuli.contact.touch import (
     ASIDE_M,
     BACK_M,
     ELBOW_ASIDE_M,
@@ -28,10 +28,10 @@ from stimuli.contact.touch import (
     TouchSensor,
     segment_distance,
 )
-from stimuli.dressing.casting import default_casting
-from stimuli.dressing.station import station_picture
-from stimuli.motion.skeleton import forward
-from stimuli.scenes.station_crowd import (
+from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.dressing.station import station_picture
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.scenes.station_crowd import (
     CHARACTERS,
     PHONING,
     Crowd,

@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from lab.body_joints import BODY_JOINTS
-from lab.geometry import Vector, quat_conjugate, rotate
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import load_character
-from stimuli.characters.character import Character
-from stimuli.characters.outfits import in_other_clothes
-from stimuli.characters.skinning import skin_vertices
-from stimuli.contact.idle import crowd_poses, people_of
-from stimuli.dressing.audience import audience_picture
-from stimuli.dressing.casting import default_casting
-from stimuli.dressing.office import agents_of, office_picture
-from stimuli.dressing.station import station_picture
-from stimuli.motion.skeleton import forward
-from stimuli.picture import Picture
-from stimuli.scene import SceneFrame
-from stimuli.scenes import station_crowd as station_crowd_module
-from stimuli.scenes.audience import audience_scene
-from stimuli.scenes.office import OfficeScene
-from stimuli.scenes.station_crowd import PHONING, CrowdFrame, CrowdScene, station_crowd
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.geometry import Vector, quat_conjugate, rotate
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.outfits import in_other_clothes
+from visavis.stimuli.characters.skinning import skin_vertices
+from visavis.stimuli.contact.idle import crowd_poses, people_of
+from visavis.stimuli.dressing.audience import audience_picture
+from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.dressing.office import agents_of, office_picture
+from visavis.stimuli.dressing.station import station_picture
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.picture import Picture
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes import station_crowd as station_crowd_module
+from visavis.stimuli.scenes.audience import audience_scene
+from visavis.stimuli.scenes.office import OfficeScene
+from visavis.stimuli.scenes.station_crowd import PHONING, CrowdFrame, CrowdScene, station_crowd
 
 FEET = [BODY_JOINTS.index(f"{s}_{part}") for s in ("left", "right") for part in ("foot", "toes")]
 

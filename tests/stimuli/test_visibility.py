@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.geometry import angle_deg, quat_from_yaw_pitch_deg, rotate, unit
-from stimuli.scene import Agent, Capsule, Scene
-from stimuli.visibility import SceneGeometry
+from visavis.lab.geometry import angle_deg, quat_from_yaw_pitch_deg, rotate, unit
+from visavis.stimuli.scene import Agent, Capsule, Scene
+from visavis.stimuli.visibility import SceneGeometry
 
 ORIGIN = np.zeros((1, 3))
 ALONG = np.array([[0.0, 0.0, -1.0]])

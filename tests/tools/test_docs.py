@@ -67,7 +67,7 @@ def test_the_first_report_is_reached_by_its_page_alone(tmp_path: Path) -> None:
             told, words[asked] = f"_n{words[asked]}_", PEOPLE
         words = [word.replace(told, f"_n{PEOPLE}_") for word in words]
         done = subprocess.run(
-            [sys.executable, "-m", "cli.main", *words[1:]],
+            [sys.executable, "-m", "visavis.cli.main", *words[1:]],
             cwd=tmp_path,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             capture_output=True,

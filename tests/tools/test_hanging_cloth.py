@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from stimuli.characters.cast import cast_names, load_character
 from tools.character_making.drape import Fabric, draped, mantle_over
 from tools.character_making.occlusion import open_shares
 from tools.character_making.pieces import Piece, triangulated
+from visavis.stimuli.characters.cast import cast_names, load_character
 
 SIDE_M, STEPS = 0.4, 25
 

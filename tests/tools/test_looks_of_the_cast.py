@@ -8,14 +8,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lab.geometry import Vector, unit
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import cast_names, load_character
-from stimuli.characters.character import Character, SkinnedMesh
-from stimuli.characters.coverage import seen_tags, view_from
 from tools.character_making.cutting import border
 from tools.character_making.hair import STYLES
 from tools.character_making.recipes import CAST as RECIPES
+from visavis.lab.geometry import Vector, unit
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import cast_names, load_character
+from visavis.stimuli.characters.character import Character, SkinnedMesh
+from visavis.stimuli.characters.coverage import seen_tags, view_from
 
 RECIPE = {recipe.name: recipe for recipe in RECIPES}
 COLLARED = [name for name in cast_names() if RECIPE[name].garments[0].kind not in ("tee", "jumper")]

@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from lab.geometry import Vector
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import cast_names, load_character
-from stimuli.characters.character import Character
-from stimuli.characters.coverage import seen_tags, view_from
 from tools.character_making.recipes import CAST as RECIPES
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import cast_names, load_character
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.coverage import seen_tags, view_from
 
 RECIPE = {recipe.name: recipe for recipe in RECIPES}
 STEP_M = 0.0002

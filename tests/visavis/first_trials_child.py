@@ -11,11 +11,11 @@ from typing import Any
 
 from numba.core import event
 
-from protocol.frame_loop import FrameLoop
-from protocol.states import SessionState
-from protocol.steps import FrameView
 from tests.faults.sessions import TIMING
 from tests.visavis.test_every_study import on_kit, request_for
+from visavis.protocol.frame_loop import FrameLoop
+from visavis.protocol.states import SessionState
+from visavis.protocol.steps import FrameView
 from visavis.sessions.perform import get_ready, perform_new
 
 PERFORMED = (SessionState.INTERTRIAL, SessionState.TRIAL)

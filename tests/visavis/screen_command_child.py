@@ -17,15 +17,15 @@ from pathlib import Path
 import numpy as np
 import pylsl
 
-from cli.commands import session
-from cli.main import app
-from devices.sim.gaze.tracker_error import TrackerErrorModel
-from devices.sim.gazepoint import GazepointHost, GazepointSimulator
-from lab.clock import NS_PER_S, SystemClock
-from lab.geometry import unit
 from tests.devices.bodies import EYE_X_M
 from tests.visavis.screen_session_child import LAB, QUICK, STUDY, Onlooker, press
+from visavis.cli.commands import session
+from visavis.cli.main import app
+from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
+from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
 from visavis.experiment import StudyExperiment
+from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.geometry import unit
 
 SWAY_M, SWAY_S = (0.05, 0.02, 0.06), 30.0
 

@@ -13,16 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from devices.registry import OPTION_MODELS
-from devices.sim.gaze.tracker_error import TrackerErrorModel
-from devices.sim.gazepoint import GazepointHost, GazepointSimulator
-from lab.clock import SystemClock
-from lab.config import parse_config
-from lab.geometry import unit
-from protocol.gaze_setup import TargetTiming
-from protocol.operator import UnattendedOperator
 from tests.devices.bodies import FixatingBody
 from visavis.catalogue import find_study
+from visavis.devices.registry import OPTION_MODELS
+from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
+from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import parse_config
+from visavis.lab.geometry import unit
+from visavis.protocol.gaze_setup import TargetTiming
+from visavis.protocol.operator import UnattendedOperator
 from visavis.sessions.perform import perform_new, simulated_request
 
 EYES_M = np.array([0.0, 1.2, 0.0])

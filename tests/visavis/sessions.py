@@ -4,11 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from protocol.operator import Operator
-from recording.reader import Recording
 from tests.faults.sessions import lab
 from visavis.catalogue import find_study
 from visavis.opened import OpenedStudy
+from visavis.protocol.operator import Operator
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 
 STUDIES = Path(__file__).parent / "studies"

@@ -5,8 +5,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from recording.folder import study_dir
 from tests.visavis.sessions import opened, perform
+from visavis.recording.folder import study_dir
 from visavis.sessions.studies import analyse_study
 from visavis.sessions.study_folder import settle, wanted_settings
 

@@ -7,14 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
-from analysis.statistics_report import Question, answer
-from cli.quick_tracker import tracker_of
-from lab.errors import DesignError
-from visavis.analysis import Finding, answered
+from visavis.analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
+from visavis.analysis.statistics_report import Question, answer
+from visavis.cli.quick_tracker import tracker_of
 from visavis.compare import Compare
+from visavis.lab.errors import DesignError
 from visavis.measures import Measure
 from visavis.power import KitPower
+from visavis.study_analysis import Finding, answered
 
 CLIPS = tuple(f"c{i}" for i in range(7))
 ICC2: dict[str, Any] = {"test": "icc", "options": [("kind", "ICC2")], "claim": "they agree"}

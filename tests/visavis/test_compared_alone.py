@@ -6,12 +6,12 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from cli.quick_tracker import tracker_of
-from lab.errors import DesignError
-from visavis.analysis import answered
+from visavis.cli.quick_tracker import tracker_of
 from visavis.compare import Compare
+from visavis.lab.errors import DesignError
 from visavis.measures import Measure
 from visavis.power import KitPower
+from visavis.study_analysis import answered
 
 STUDY = """from visavis import Compare, Factor, Rating, Study
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from recording.integrity import DAMAGED, LOST
 from visavis.exclusions import REASON, STANDARD_RULES, limits_in_force, select
+from visavis.recording.integrity import DAMAGED, LOST
 
 
 def rows(*statuses: str) -> pd.DataFrame:

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from lab.errors import ConfigError, DesignError
 from tests.visavis.sessions import STUDIES, opened
 from visavis import Exclusion, derive
 from visavis.catalogue import digest_of, find_study
+from visavis.lab.errors import ConfigError, DesignError
 from visavis.opened import OpenedStudy
 from visavis.study import Study
 

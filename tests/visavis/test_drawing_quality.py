@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from lab.config import LabConfig, load_config
-from lab.config_files import EXAMPLE
-from lab.errors import ConfigError
-from stage.renderer import ON_PROCESSOR, Quality
+from visavis.lab.config import LabConfig, load_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import ConfigError
 from visavis.sessions.stages import _of_headset, quality_of
+from visavis.stage.renderer import ON_PROCESSOR, Quality
 
 
 def lab(folder: Path, *lines: str) -> LabConfig:

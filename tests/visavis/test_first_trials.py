@@ -10,19 +10,19 @@ from pathlib import Path
 
 import pytest
 
-from lab.config import load_config
-from lab.config_files import EXAMPLE
-from lab.errors import DeviceError, LabError, SessionAborted
-from lab.frame import FrameInfo
-from lab.geometry import Pose
-from stage.contracts import GeometryStage, Viewer
-from stimuli.dressing.picture_of import picture_of
-from stimuli.scene import SceneFrame
 from tests.faults.sessions import TIMING
 from tests.visavis.test_every_study import on_kit, request_for
 from visavis.catalogue import SHIPPED, find_study
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import DeviceError, LabError, SessionAborted
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose
 from visavis.sessions import perform
 from visavis.sessions.perform import get_ready
+from visavis.stage.contracts import GeometryStage, Viewer
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.scene import SceneFrame
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,9 +6,9 @@ from typing import Any, cast
 
 import pytest
 
-from lab.errors import DataError
-from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.lab.errors import DataError
+from visavis.recording.reader import Recording
 
 
 def recorded_with(**parameters: Any) -> Recording:

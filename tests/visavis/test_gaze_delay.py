@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.clock import NS_PER_MS
-from recording.reader import Recording
 from tests.faults.sessions import lab
 from tests.visavis.sessions import opened
+from visavis.lab.clock import NS_PER_MS
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 
 DELAY_MS = 24.0

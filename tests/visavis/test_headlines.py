@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report import Verdict, Verdicts
 from visavis import Compare, Factor, Rating, Study
-from visavis.analysis import StudyAnalysis
+from visavis.analysis.report import Verdict, Verdicts
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
 from visavis.pairs import Correlate, Family
 from visavis.report import _summary
+from visavis.study_analysis import StudyAnalysis
 
 Value = Callable[[Mapping[str, Any], np.random.Generator], float]
 GAZE = Factor("gaze", ["averted", "directed"])

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from analysis.session_check import check_session
-from analysis.session_verdict import Level
-from recording.reader import Recording
 from tests.cli.test_operator_screen import drawn
 from tests.faults.sessions import ScriptedOperator
 from tests.visavis.sessions import STUDIES, perform
+from visavis.analysis.session_check import check_session
+from visavis.analysis.session_verdict import Level
+from visavis.recording.reader import Recording
 
 OPERATOR = ScriptedOperator()
 

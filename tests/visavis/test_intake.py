@@ -7,8 +7,8 @@ import numpy.typing as npt
 import pandas as pd
 import pytest
 
-from analysis.gaze.aoi import LOST
-from analysis.gaze.targets import targets_of_part
+from visavis.analysis.gaze.aoi import LOST
+from visavis.analysis.gaze.targets import targets_of_part
 from visavis.intake import validations_of
 from visavis.looks import LooksOn
 

@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.stare.design import StareParameters
-from experiments.stare.study import plan_session
-from experiments.stare.trial import run_trial
-from lab.errors import DataError, DesignError
-from stimuli.scenes.audience import PLACES
 from tests.experiments.stare.performance import perform
+from visavis.experiments.stare.design import StareParameters
+from visavis.experiments.stare.study import plan_session
+from visavis.experiments.stare.trial import run_trial
+from visavis.lab.errors import DataError, DesignError
 from visavis.looks import (
     LOOK_COLUMNS,
     MAIN_MEASURES,
@@ -21,6 +20,7 @@ from visavis.looks import (
     trial_measures,
 )
 from visavis.measures import TrialRecord, dwell_on
+from visavis.stimuli.scenes.audience import PLACES
 
 MS = 1_000_000
 ACTIVE = PLACES.index("centre_far")

@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
-from cli.commands import session as commands
-from experiments.crowd.study import look_down
-from lab.clock import SimClock
-from lab.errors import UsageError
-from protocol.ledger import Ledger
-from protocol.own_body import read_own_body
-from protocol.steps import Answered, Mark, NextFrame, Prompt
 from tests.faults.sessions import lab
 from visavis.catalogue import find_study
+from visavis.cli.commands import session as commands
+from visavis.experiments.crowd.study import look_down
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import UsageError
+from visavis.protocol.ledger import Ledger
+from visavis.protocol.own_body import read_own_body
+from visavis.protocol.steps import Answered, Mark, NextFrame, Prompt
 from visavis.reading import still_view
 from visavis.sessions.perform import Request, body_of, simulated_request
 

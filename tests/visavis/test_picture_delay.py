@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 import visavis
-from lab.errors import DataError, UsageError
 from tests.visavis.sessions import opened, perform
+from visavis.lab.errors import DataError, UsageError
 from visavis.locked.deviations import deviations_between
 from visavis.picture_delay import LATE, read_sync_test, required_for
 from visavis.sessions.plan_lock import content_now

@@ -9,11 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 import visavis
-from cli.main import app
-from lab.clock import SimClock
-from lab.errors import DataError, UsageError
 from tests.faults.sessions import CONFIG
 from visavis.catalogue import find_study
+from visavis.cli.main import app
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import DataError, UsageError
 from visavis.locked.deviations import deviations_between
 from visavis.sessions.plan_lock import (
     LOCK_NAME,

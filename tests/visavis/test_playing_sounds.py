@@ -9,15 +9,15 @@ import pytest
 from scipy.io import wavfile
 from typer.testing import CliRunner
 
-from cli.main import app
-from devices.contracts import SOUND_EVENTS
-from lab.config import DeviceConfig
-from lab.config_files import EXAMPLE
-from lab.errors import ConfigError, DesignError
-from recording.reader import Recording
 from tests.faults.sessions import lab
 from visavis.catalogue import find_study
+from visavis.cli.main import app
+from visavis.devices.contracts import SOUND_EVENTS
 from visavis.dictionary import trial_columns
+from visavis.lab.config import DeviceConfig
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import ConfigError, DesignError
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 from visavis.sessions.rig import devices_for
 

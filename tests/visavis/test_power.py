@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.power import PowerRequest, jobs_of, run_job, summarise
-from cli.quick_tracker import tracker_of
-from lab.errors import DataError, UsageError
 from tests.visavis.sessions import STUDIES, opened
+from visavis.analysis.power import PowerRequest, jobs_of, run_job, summarise
+from visavis.cli.quick_tracker import tracker_of
 from visavis.compare import Compare
+from visavis.lab.errors import DataError, UsageError
 from visavis.power import KitPower, draw_people
 
 DUEL = str(STUDIES / "duel.py")

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.visavis.sessions import opened, perform
-from visavis.analysis import measures_of
 from visavis.measures import dwell_on
+from visavis.study_analysis import measures_of
 
 STUDY = """from visavis import Compare, Factor, Rating, Scene, Study, dwell_on
 

@@ -6,10 +6,10 @@ from typing import Any, cast
 
 import pytest
 
-from lab.clock import SIMULATED_EPOCH_ISO
-from recording.folder import study_dir
-from recording.manifest import Manifest
 from tests.visavis.sessions import opened
+from visavis.lab.clock import SIMULATED_EPOCH_ISO
+from visavis.recording.folder import study_dir
+from visavis.recording.manifest import Manifest
 from visavis.sessions.studies import _from_root, _origin
 from visavis.sessions.study_folder import settle, wanted_settings
 

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recording.reader import Recording
 from tests.recording.test_export import issues_of
 from tests.visavis.screen_command_child import EEG_HZ, MARKS, SWAY_M
+from visavis.recording.reader import Recording
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow
@@ -139,7 +139,7 @@ def test_what_frames_cost_is_told_by_whatever_drew_them(ran):
 def said(ran, *arguments, codes=(0,)):
     """What a command says in the lab's folder."""
     done = subprocess.run(
-        [sys.executable, "-m", "cli.main", *arguments],
+        [sys.executable, "-m", "visavis.cli.main", *arguments],
         cwd=ran.path.parents[4],
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,

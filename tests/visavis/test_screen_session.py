@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recording.reader import Recording
+from visavis.recording.reader import Recording
 
 ROOT = Path(__file__).parents[2]
 

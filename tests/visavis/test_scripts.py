@@ -1,14 +1,10 @@
 """Studies from a script: open, measure, simulate, analyse; folders that hide ours are told."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
 import visavis
-from lab.errors import UsageError
 from tests.visavis.sessions import STUDIES
+from visavis.lab.errors import UsageError
 
 
 @pytest.fixture(scope="module")
@@ -65,16 +61,3 @@ def test_every_public_name_can_be_imported() -> None:
 def test_name_that_is_none_lists_those_that_are() -> None:
     with pytest.raises(AttributeError, match="visavis has no 'Studi'; it has"):
         _ = visavis.Studi
-
-
-def test_folder_that_hides_a_package_of_ours_is_named(tmp_path: Path) -> None:
-    (tmp_path / "analysis").mkdir()
-    (tmp_path / "analysis" / "__init__.py").write_text("")
-    done = subprocess.run(
-        [sys.executable, "-c", "import visavis"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "hides the package 'analysis' of Visavis" in done.stderr

@@ -8,22 +8,22 @@ from typing import Any, cast
 
 import pytest
 
-from cli.app import load_lab
-from devices.registry import OPTION_MODELS
-from lab.config import LabConfig, parse_config
-from lab.config_files import EXAMPLE
-from lab.errors import DataError, UsageError
-from recording.reader import Recording
-from stimuli.characters.library import import_characters
-from stimuli.dressing import casting, gathering
-from stimuli.dressing.casting import default_casting, members_of
 from tests.stimuli.glb_figure import Plate, write_glb
+from visavis.cli.app import load_lab
+from visavis.devices.registry import OPTION_MODELS
 from visavis.films import Film
+from visavis.lab.config import LabConfig, parse_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import DataError, UsageError
 from visavis.page.film_store import FilmStore
+from visavis.recording.reader import Recording
 from visavis.scenes import Scene
 from visavis.sessions import simulation
 from visavis.sessions.cast import use_cast_of, use_recorded_cast
 from visavis.sessions.simulation import SimulationTask
+from visavis.stimuli.characters.library import import_characters
+from visavis.stimuli.dressing import casting, gathering
+from visavis.stimuli.dressing.casting import default_casting, members_of
 
 
 @pytest.fixture(autouse=True)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from lab.errors import DesignError
 from visavis.catalogue import find_study
+from visavis.lab.errors import DesignError
 from visavis.slips import forgotten_yields
 from visavis.trial import STEPS
 

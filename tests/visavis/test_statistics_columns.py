@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.statistics_report import TESTS
-from lab.errors import LabError
-from visavis.analysis import answered
+from visavis.analysis.statistics_report import TESTS
 from visavis.compare import AGREEMENT, Compare
 from visavis.dictionary import PEOPLE, STATISTICS
+from visavis.lab.errors import LabError
 from visavis.measures import Measure
+from visavis.study_analysis import answered
 
 LEVELS = {"a": ("x", "y"), "b": ("u", "v", "w"), "g": ("g1", "g2"), "h": ("h0", "h1", "h2")}
 DESIGNS: tuple[dict[str, Any], ...] = (

@@ -6,10 +6,10 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from lab.errors import ConfigError, DesignError, UsageError
 from tests.visavis.sessions import opened, perform
 from visavis.catalogue import find_study, study_of_file
 from visavis.exclusions import COUNTED, REASON
+from visavis.lab.errors import ConfigError, DesignError, UsageError
 from visavis.reading import read_trial
 from visavis.trial import TrialScript
 

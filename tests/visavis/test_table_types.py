@@ -3,18 +3,18 @@ import json
 import pandas as pd
 import pytest
 
-from analysis.plots import write_figure
-from analysis.report import ReportProvenance
-from experiments.stare.study import experiment_of, study
-from lab.errors import DataError
 from tests.experiments.stare.synthetic_rows import (
     analysed,
     anxiety_answers,
     study_rows,
     varied_rows,
 )
+from visavis.analysis.plots import write_figure
+from visavis.analysis.report import ReportProvenance
 from visavis.dictionary import trial_columns
+from visavis.experiments.stare.study import experiment_of, study
 from visavis.intake import questionnaire
+from visavis.lab.errors import DataError
 from visavis.outputs import write_study
 from visavis.table_types import column_type, typed
 

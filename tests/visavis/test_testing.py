@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from lab.errors import DesignError
 from tests.visavis.sessions import STUDIES
+from visavis.lab.errors import DesignError
 from visavis.opened import OpenedStudy
 from visavis.person import StudyPerson
 from visavis.testing import check_study

@@ -2,11 +2,11 @@
 
 import pytest
 
-from lab.clock import NS_PER_MS
-from protocol.columns import DELIVERED
-from recording.reader import Recording
 from tests.visavis.sessions import perform
 from visavis.dictionary import scene_column
+from visavis.lab.clock import NS_PER_MS
+from visavis.protocol.columns import DELIVERED
+from visavis.recording.reader import Recording
 from visavis.trial import DRAIN_MS
 
 SAID = {c.name: c.description for c in DELIVERED}

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from devices.registry import OPTION_MODELS
-from lab.clock import SimClock
-from lab.config import LabConfig, load_config
-from lab.errors import DataError, SessionAborted, UsageError
-from protocol.operator import Action, Command, UnattendedOperator
-from protocol.states import SessionState
-from recording.kept import KeptRecording
-from recording.reader import Recording
-from recording.stream_file import Columns
 from tests.faults.sessions import CONFIG, ScriptedOperator, lab
 from tests.visavis.sessions import opened, perform
 from visavis.catalogue import find_study
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.clock import SimClock
+from visavis.lab.config import LabConfig, load_config
+from visavis.lab.errors import DataError, SessionAborted, UsageError
+from visavis.protocol.operator import Action, Command, UnattendedOperator
+from visavis.protocol.states import SessionState
+from visavis.recording.kept import KeptRecording
+from visavis.recording.reader import Recording
+from visavis.recording.stream_file import Columns
 from visavis.sessions.perform import perform_new, perform_rest, simulated_request
 from visavis.sessions.verifying import compared, verify
 

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from visavis.analysis import StudyAnalysis
 from visavis.exclusions import PERSON_OUT, PRACTICE, REPEATED
+from visavis.study_analysis import StudyAnalysis
 from visavis.worth_a_look import Striking, looks_table, striking_trials
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from devices.conformance import check_headset, collect
-from devices.registry import built_in
-from lab.schema import SampleBatch
 from tests.devices.every_driver import capture, check_on_replay, checks_of
+from visavis.devices.conformance import check_headset, collect
+from visavis.devices.registry import built_in
+from visavis.lab.schema import SampleBatch
 
 FOLDER = Path(__file__).resolve().parent
 EXPECTED = FOLDER / "decoded.json"

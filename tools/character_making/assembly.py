@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector
-from stimuli.characters.character import Material, Morph, SkinnedMesh
-from stimuli.characters.rest_pose import heaviest, to_rest
 from tools.character_making.figure import Figure
 from tools.character_making.pieces import Indices, Piece, vertex_normals
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.character import Material, Morph, SkinnedMesh
+from visavis.stimuli.characters.rest_pose import heaviest, to_rest
 
 _MOVES_M = 2e-5
 

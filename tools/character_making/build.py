@@ -7,14 +7,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from lab.geometry import Vector
-from stimuli.characters.capsules import fitted_capsules
-from stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
-from stimuli.characters.coverage import seen_tags, view_from
-from stimuli.characters.errors import CharacterError
-from stimuli.characters.levels import LEVELS, LevelBudget, joined, lighter, thinned
-from stimuli.characters.measuring import MEASURING_TRIANGLES, matched, worst_area_error
-from stimuli.characters.tagging import face_of_head, parts_of_weights
 from tools.character_making.assembly import assembled
 from tools.character_making.clothes import (
     Stuff,
@@ -45,6 +37,14 @@ from tools.character_making.recipes import Garment, Recipe
 from tools.character_making.shoes import SOLE_M, shoe_field, shoes
 from tools.character_making.skin_canvas import SIZE, SkinCanvas
 from tools.character_making.skin_paint import base_colour, painted
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.capsules import fitted_capsules
+from visavis.stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
+from visavis.stimuli.characters.coverage import seen_tags, view_from
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.levels import LEVELS, LevelBudget, joined, lighter, thinned
+from visavis.stimuli.characters.measuring import MEASURING_TRIANGLES, matched, worst_area_error
+from visavis.stimuli.characters.tagging import face_of_head, parts_of_weights
 
 SOURCE = "Visavis, from the MakeHuman base mesh"
 LICENCE = "CC0-1.0"

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lab.geometry import Vector, unit
-from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.figure import SIDES, Figure
 from tools.character_making.pieces import Piece
+from visavis.lab.geometry import Vector, unit
+from visavis.stimuli.characters.body_parts import PART_INDEX
 
 TILE_M = 0.08
 """Side of one repeat of a cloth's texture."""

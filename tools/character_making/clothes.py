@@ -7,8 +7,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from lab.geometry import Vector, unit
-from stimuli.characters.tagging import parts_of_weights
 from tools.character_making.cloth_places import (
     Lines,
     limb_axis_distance,
@@ -28,6 +26,8 @@ from tools.character_making.pieces import (
     vertex_normals,
 )
 from tools.character_making.recipes import Garment
+from visavis.lab.geometry import Vector, unit
+from visavis.stimuli.characters.tagging import parts_of_weights
 
 KNIT = Fabric(ease_around=0.03)
 LOOSE = Fabric(ease_around=0.045, ease_along=0.04, bend=3.0)

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lab.geometry import Vector, unit
-from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.cloth_places import wrapped_uv
 from tools.character_making.clothes import Cut, cut_of
 from tools.character_making.cutting import border
@@ -15,6 +13,8 @@ from tools.character_making.figure import Figure
 from tools.character_making.makehuman import Indices
 from tools.character_making.pieces import Piece, triangulated, vertex_normals
 from tools.character_making.recipes import Garment
+from visavis.lab.geometry import Vector, unit
+from visavis.stimuli.characters.body_parts import PART_INDEX
 
 
 def collar(figure: Figure, cloth: Piece, garment: Garment, tone: Vector) -> list[Piece]:

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lab.geometry import Vector, unit
 from tools.character_making.figure import Figure
 from tools.character_making.hairline import hairline_field
 from tools.character_making.mantle import Head, Sheet, outwards
 from tools.character_making.noise import noise
 from tools.character_making.pieces import Piece
+from visavis.lab.geometry import Vector, unit
 
 _GUIDES = 67
 _LAYERS = ((0.45, -0.007), (0.8, -0.003), (1.0, 0.002))

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
-from lab.geometry import Vector
 from tools.character_making.pieces import Indices, Piece, kept, vertex_normals
+from visavis.lab.geometry import Vector
 
 
 def clipped(piece: Piece, outside: Vector) -> Piece:

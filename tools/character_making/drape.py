@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, cKDTree
 
-from lab.compiled import compiled
-from lab.geometry import Vector, unit
 from tools.character_making.makehuman import Indices
 from tools.character_making.pieces import Piece, vertex_normals
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector, unit
 
 _STEP_S = 1 / 400
 _STEPS, _TOUCHES = 640, 40

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lab.geometry import Vector
-from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.figure import SIDES, Figure
 from tools.character_making.makehuman import Indices
 from tools.character_making.pieces import Piece, kept, triangulated
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.body_parts import PART_INDEX
 
 _RINGS, _SECTORS = 18, 28
 

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector
+from visavis.lab.geometry import Vector
 
 _SIZE = 256
 

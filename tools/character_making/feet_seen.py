@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from stimuli.characters.character import Character, SkinnedMesh
-from stimuli.characters.coverage import seen_tags, view_from
-from stimuli.characters.skinning import skin_of
-from stimuli.motion.build import build_of_character
-from stimuli.motion.kinds import Idle, Sit, Walk
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.skeleton import forward
+from visavis.stimuli.characters.character import Character, SkinnedMesh
+from visavis.stimuli.characters.coverage import seen_tags, view_from
+from visavis.stimuli.characters.skinning import skin_of
+from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.kinds import Idle, Sit, Walk
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import forward
 
 _OUTSIDE, _INSIDE, _TROUSERS = 1, 2, 3
 _STEP_M = 0.0015

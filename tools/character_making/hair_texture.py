@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from lab.geometry import Vector
+from visavis.lab.geometry import Vector
 
 
 def streaks(rng: np.random.Generator) -> npt.NDArray[np.uint8]:

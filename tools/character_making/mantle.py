@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lab.geometry import Vector, unit
-from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.figure import Figure
 from tools.character_making.noise import noise
 from tools.character_making.pieces import Piece, vertex_normals
+from visavis.lab.geometry import Vector, unit
+from visavis.stimuli.characters.body_parts import PART_INDEX
 
 _FRONT = np.radians(119.0)
 """How far round from the back of the head the sheets reach: to the temples."""

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 
 @compiled

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab.compiled import compiled
-from lab.geometry import Vector
-from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.cutting import neighbours
 from tools.character_making.makehuman import Indices
 from tools.character_making.pieces import Piece, vertex_normals
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.body_parts import PART_INDEX
 
 _CELL_M = 0.004
 _REACH_M = 0.14

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
-from lab.geometry import Vector
+from visavis.lab.geometry import Vector
 
 Indices = npt.NDArray[np.int64]
 

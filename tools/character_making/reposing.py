@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from lab.geometry import Vector
-from stimuli.characters.rest_pose import FINGERS, PHALANGES, Rig, rig_of_marks
 from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.rest_pose import FINGERS, PHALANGES, Rig, rig_of_marks
 
 
 def _marks(source: MakeHuman, vertices_m: Vector) -> tuple[dict[str, Vector], dict[str, Vector]]:

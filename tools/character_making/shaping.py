@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from lab.geometry import Vector
 from tools.character_making.makehuman import MakeHuman
+from visavis.lab.geometry import Vector
 
 
 @dataclass(frozen=True)

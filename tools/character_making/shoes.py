@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab.geometry import Vector, unit
-from stimuli.characters.body_parts import PART_INDEX
 from tools.character_making.clothes import Stuff
 from tools.character_making.cutting import border, clipped, hanging, hemmed, neighbours
 from tools.character_making.figure import SIDES, Figure
 from tools.character_making.pieces import Indices, Piece, vertex_normals
+from visavis.lab.geometry import Vector, unit
+from visavis.stimuli.characters.body_parts import PART_INDEX
 
 SOLE_M = {"sneaker": 0.024, "loafer": 0.016, "boot": 0.026}
 _COLLAR_M = {"sneaker": 0.012, "loafer": 0.010, "boot": 0.07}

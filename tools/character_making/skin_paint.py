@@ -5,7 +5,6 @@ import numpy.typing as npt
 from numpy.random import Generator
 from scipy.spatial import cKDTree
 
-from lab.geometry import Vector
 from tools.character_making.cutting import neighbours
 from tools.character_making.figure import SIDES, Figure
 from tools.character_making.hair import Style
@@ -15,6 +14,7 @@ from tools.character_making.noise import noise
 from tools.character_making.pieces import Piece, vertex_normals
 from tools.character_making.recipes import Face
 from tools.character_making.skin_canvas import SIZE, SkinCanvas
+from visavis.lab.geometry import Vector
 
 HEADROOM = 0.82
 """Vertex colours are this much lighter than the skin, so that the texture can lighten too."""

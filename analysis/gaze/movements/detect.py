@@ -13,29 +13,29 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.event_kernels import fill_gaps, merge_runs, runs_where, speeds_deg_s
-from analysis.gaze.events import half_window, limit_ns, prepared
-from analysis.gaze.movements.engbert_kliegl import noise_deg_s, outside_ellipse
-from analysis.gaze.movements.finish_kernels import (
+from visavis.analysis.gaze.event_kernels import fill_gaps, merge_runs, runs_where, speeds_deg_s
+from visavis.analysis.gaze.events import half_window, limit_ns, prepared
+from visavis.analysis.gaze.movements.engbert_kliegl import noise_deg_s, outside_ellipse
+from visavis.analysis.gaze.movements.finish_kernels import (
     describe_events,
     drop_short,
     mark_between,
     mark_blinks,
     mark_fast_runs,
 )
-from analysis.gaze.movements.i2mc import clustering_weights, trim_borders
-from analysis.gaze.movements.kinds import Detector, Kinds, Movement, Movements
-from analysis.gaze.movements.nystrom_holmqvist import (
+from visavis.analysis.gaze.movements.i2mc import clustering_weights, trim_borders
+from visavis.analysis.gaze.movements.kinds import Detector, Kinds, Movement, Movements
+from visavis.analysis.gaze.movements.nystrom_holmqvist import (
     FIRST_PEAK_DEG_S,
     adapted_thresholds,
     mark_saccades,
 )
-from analysis.gaze.movements.pursuit import is_pursuit
-from analysis.gaze.movements.velocity import Rows, velocities_deg_s
-from analysis.gaze.stamps import Times
-from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import UsageError
-from lab.geometry import Vector, angle_deg
+from visavis.analysis.gaze.movements.pursuit import is_pursuit
+from visavis.analysis.gaze.movements.velocity import Rows, velocities_deg_s
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Vector, angle_deg
 
 DETECTOR_NAMES: Final[dict[Detector, str]] = {
     "engbert_kliegl": "Engbert–Kliegl",

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector
+from visavis.lab.geometry import Vector
 
 
 def noise_deg_s(velocity: Vector) -> tuple[float, float]:

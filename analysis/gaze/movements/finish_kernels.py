@@ -3,11 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.movements.kinds import Kinds, Movement
-from analysis.gaze.movements.velocity import Rows
-from analysis.gaze.stamps import Times
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.gaze.movements.kinds import Kinds, Movement
+from visavis.analysis.gaze.movements.velocity import Rows
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 SACCADE, OSCILLATION = int(Movement.SACCADE), int(Movement.OSCILLATION)
 FIXATION, PURSUIT = int(Movement.FIXATION), int(Movement.PURSUIT)

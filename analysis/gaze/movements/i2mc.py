@@ -8,10 +8,10 @@ weigh much, because gaze moved there.
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.movements.velocity import Rows
-from analysis.gaze.stamps import Times
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.gaze.movements.velocity import Rows
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 MAX_ROUNDS = 10
 

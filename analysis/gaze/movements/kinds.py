@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.events import Fixations
-from analysis.gaze.stamps import Times
-from lab.geometry import Vector
+from visavis.analysis.gaze.events import Fixations
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.geometry import Vector
 
 
 class Movement(IntEnum):

@@ -6,11 +6,11 @@ Own implementation of Nyström & Holmqvist (2010), Behavior Research Methods 42.
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.movements.kinds import Movement
-from analysis.gaze.movements.velocity import Rows
-from analysis.gaze.stamps import Times
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.analysis.gaze.movements.velocity import Rows
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 FIRST_PEAK_DEG_S = 100.0
 PEAK_SPREADS, ONSET_SPREADS = 6.0, 3.0

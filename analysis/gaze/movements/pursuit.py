@@ -15,11 +15,11 @@ from importlib.resources import files
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.movements.pursuit_kernels import cheapest_path, drift_features
-from analysis.gaze.movements.velocity import Rows
-from analysis.gaze.stamps import Times
-from lab.clock import NS_PER_MS
-from lab.geometry import Vector
+from visavis.analysis.gaze.movements.pursuit_kernels import cheapest_path, drift_features
+from visavis.analysis.gaze.movements.velocity import Rows
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.geometry import Vector
 
 WINDOWS_MS = (60, 120, 250, 500)
 TRIM_MS = 15
@@ -45,7 +45,10 @@ class PursuitWeights:
 @cache
 def fitted_weights() -> PursuitWeights:
     """Return the weights that ship with the package."""
-    with (files("analysis.gaze.movements") / WEIGHTS_FILE).open("rb") as file, np.load(file) as z:
+    with (
+        (files("visavis.analysis.gaze.movements") / WEIGHTS_FILE).open("rb") as file,
+        np.load(file) as z,
+    ):
         return PursuitWeights(**{name: z[name] for name in z.files})
 
 

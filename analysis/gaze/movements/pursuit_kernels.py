@@ -3,10 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.movements.velocity import Rows
-from analysis.gaze.stamps import Times
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.gaze.movements.velocity import Rows
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 NEIGHBOUR_NS = 150_000_000
 """Runs further apart than this say nothing of each other."""

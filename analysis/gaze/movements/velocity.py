@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.stamps import Times
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.analysis.gaze.stamps import Times
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 Rows = npt.NDArray[np.int64]
 

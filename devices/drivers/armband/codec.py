@@ -91,7 +91,7 @@ class Acknowledgement:
 
 @dataclass(frozen=True)
 class BandEvent:
-    """Something the band tells unasked; `code` indexes `devices.contracts.BAND_EVENTS`."""
+    """Something the band tells unasked; `code` indexes `visavis.devices.contracts.BAND_EVENTS`."""
 
     seq: int
     code: int

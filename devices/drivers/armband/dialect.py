@@ -6,9 +6,9 @@ Keeps no time and does no I/O.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from devices.contracts import PATTERN_NAMES, VibrationPattern
-from devices.drivers.armband import codec
-from devices.drivers.armband.codec import Answer
+from visavis.devices.contracts import PATTERN_NAMES, VibrationPattern
+from visavis.devices.drivers.armband import codec
+from visavis.devices.drivers.armband.codec import Answer
 
 FULL = 255
 

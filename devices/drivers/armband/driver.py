@@ -8,8 +8,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from devices.byte_links import ByteLink
-from devices.contracts import (
+from visavis.devices.byte_links import ByteLink
+from visavis.devices.contracts import (
     BAND,
     HAPTICS,
     ClockPair,
@@ -19,20 +19,20 @@ from devices.contracts import (
     Sink,
     VibrationPattern,
 )
-from devices.drivers.armband import codec
-from devices.drivers.armband.dialect import Drive, FramedDialect
-from devices.drivers.armband.ledger import band_batch, command_batch
-from devices.drivers.armband.spec import SERIAL_ARMBAND
-from devices.drivers.armband.status import BandStatus
-from devices.drivers.armband.traffic import GIVE_UP_NS, STOP_TRIES, TRY_NS, Traffic
-from devices.drivers.bands.limits import Limits
-from devices.lifecycle import HasLife, Lifecycle
-from devices.meter import StreamMeter
-from devices.spec import AnySpec
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.clock_fit import fit_clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
-from lab.schema import StreamSchema
+from visavis.devices.drivers.armband import codec
+from visavis.devices.drivers.armband.dialect import Drive, FramedDialect
+from visavis.devices.drivers.armband.ledger import band_batch, command_batch
+from visavis.devices.drivers.armband.spec import SERIAL_ARMBAND
+from visavis.devices.drivers.armband.status import BandStatus
+from visavis.devices.drivers.armband.traffic import GIVE_UP_NS, STOP_TRIES, TRY_NS, Traffic
+from visavis.devices.drivers.bands.limits import Limits
+from visavis.devices.lifecycle import HasLife, Lifecycle
+from visavis.devices.meter import StreamMeter
+from visavis.devices.spec import AnySpec
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.clock_fit import fit_clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
+from visavis.lab.schema import StreamSchema
 
 GREETING_NS = 250 * NS_PER_MS
 START_NS = 2 * NS_PER_S
@@ -127,7 +127,7 @@ class ArmbandDriver(HasLife):
         self._life.state = DeviceState.STREAMING
 
     def due_ns(self) -> int:
-        """Return when there is something to read or to send; see `devices.pump.Foreseeing`."""
+        """Return when there is something to read or to send (`visavis.devices.pump.Foreseeing`)."""
         return self._traffic.due_ns if self._life.state is DeviceState.STREAMING else 0
 
     def poll(self, timeout_s: float) -> int:

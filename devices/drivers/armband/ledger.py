@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from devices.contracts import BAND, HAPTICS, NO_DEVICE_TIME
-from lab.schema import SampleBatch, empty_values
+from visavis.devices.contracts import BAND, HAPTICS, NO_DEVICE_TIME
+from visavis.lab.schema import SampleBatch, empty_values
 
 SET, PATTERN, SILENCE, KEEP_ALIVE = range(4)
 """Codes of `HAPTICS.kind`."""

@@ -5,20 +5,20 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
-from devices.drivers.links.options import (
+from visavis.devices.drivers.links.options import (
     BandOptions,
     BleBandOptions,
     SerialBandOptions,
     own_link,
 )
-from devices.libraries import BLE, SERIAL
-from devices.options import SimulatedOptions
-from devices.spec import AnySpec, DriverSpec, Site, worn_as
+from visavis.devices.libraries import BLE, SERIAL
+from visavis.devices.options import SimulatedOptions
+from visavis.devices.spec import AnySpec, DriverSpec, Site, worn_as
 
 if TYPE_CHECKING:
-    from devices.byte_links import ByteLink
-    from devices.drivers.armband.driver import ArmbandDriver
-    from lab.clock import Clock
+    from visavis.devices.byte_links import ByteLink
+    from visavis.devices.drivers.armband.driver import ArmbandDriver
+    from visavis.lab.clock import Clock
 
 BAUD = 38_400
 
@@ -53,8 +53,8 @@ class SppArmbandOptions(BandOptions):
 
     def link(self, clock: "Clock") -> "ByteLink":
         """Return the paired serial port, or the way by address."""
-        from devices.drivers.links.rfcomm import RfcommLink
-        from devices.drivers.links.serial_port import SerialLink
+        from visavis.devices.drivers.links.rfcomm import RfcommLink
+        from visavis.devices.drivers.links.serial_port import SerialLink
 
         if self.port:
             return SerialLink(clock, port=self.port, baud=BAUD)
@@ -79,8 +79,8 @@ class SimulatedArmbandOptions(SimulatedOptions):
 
 
 def _armband(site: Site[Any], link: "ByteLink") -> "ArmbandDriver":
-    from devices.drivers.armband.dialect import FramedDialect
-    from devices.drivers.armband.driver import ArmbandDriver
+    from visavis.devices.drivers.armband.dialect import FramedDialect
+    from visavis.devices.drivers.armband.driver import ArmbandDriver
 
     rate_hz = site.options.max_rate_hz
     return ArmbandDriver(
@@ -94,7 +94,7 @@ SERIAL_ARMBAND: AnySpec = DriverSpec(
     options=SerialArmbandOptions,
     make=_armband,
     real=own_link,
-    simulated=worn_as("devices.sim.armband.simulator:ArmbandSimulator"),
+    simulated=worn_as("visavis.devices.sim.armband.simulator:ArmbandSimulator"),
     carries="bytes",
     vendor="Visavis",
     model="armband",

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from devices.contracts import Fault
-from devices.drivers.armband.codec import (
+from visavis.devices.contracts import Fault
+from visavis.devices.drivers.armband.codec import (
     BATTERY_EMPTY,
     BLIND,
     DISAGREED,

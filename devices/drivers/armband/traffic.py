@@ -1,19 +1,19 @@
 """Talk with an armband over a byte link: number commands, match answers, refresh, retry, give up.
 
-Nothing here knows of the life of a device; `devices.drivers.armband.driver` does. Commands may
-come from any thread, even from a signal handler in the midst of another command.
+Nothing here knows of the life of a device; `visavis.devices.drivers.armband.driver` does. Commands
+may come from any thread, even from a signal handler in the midst of another command.
 """
 
 import math
 import threading
 from collections.abc import Callable
 
-from devices.byte_links import ByteLink, ForeseeingPeer
-from devices.contracts import BAND_EVENTS, PATTERN_NAMES, ClockPair, VibrationPattern
-from devices.drivers.armband import codec
-from devices.drivers.armband.codec import Answer
-from devices.drivers.armband.dialect import Drive, FramedDialect
-from devices.drivers.armband.ledger import (
+from visavis.devices.byte_links import ByteLink, ForeseeingPeer
+from visavis.devices.contracts import BAND_EVENTS, PATTERN_NAMES, ClockPair, VibrationPattern
+from visavis.devices.drivers.armband import codec
+from visavis.devices.drivers.armband.codec import Answer
+from visavis.devices.drivers.armband.dialect import Drive, FramedDialect
+from visavis.devices.drivers.armband.ledger import (
     KEEP_ALIVE,
     PATTERN,
     SET,
@@ -23,9 +23,9 @@ from devices.drivers.armband.ledger import (
     Command,
     DeviceMicros,
 )
-from devices.drivers.armband.status import BandStatus
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout
+from visavis.devices.drivers.armband.status import BandStatus
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout
 
 REFRESH_NS = 50 * NS_PER_MS
 IDLE_REFRESH_NS = 200 * NS_PER_MS

@@ -11,7 +11,7 @@ import string
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from devices.drivers.bands.language import Condition, Notice, Refused, level
+from visavis.devices.drivers.bands.language import Condition, Notice, Refused, level
 
 MAX_LINE = 1024
 

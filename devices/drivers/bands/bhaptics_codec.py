@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Sequence
 
-from devices.drivers.bands.language import Condition, JsonReader, Notice, Ready, level
+from visavis.devices.drivers.bands.language import Condition, JsonReader, Notice, Ready, level
 
 FRAME_MS = 100
 FULL = 100

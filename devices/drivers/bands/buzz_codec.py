@@ -11,7 +11,14 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from devices.drivers.bands.language import Condition, JsonReader, Notice, Ready, Refused, level
+from visavis.devices.drivers.bands.language import (
+    Condition,
+    JsonReader,
+    Notice,
+    Ready,
+    Refused,
+    level,
+)
 
 MOTORS = 4
 FULL = 255

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from devices.contracts import VibrationPattern
+from visavis.devices.contracts import VibrationPattern
 
 
 @dataclass(slots=True)

@@ -12,8 +12,8 @@ import threading
 from collections.abc import Sequence
 from dataclasses import replace
 
-from devices.byte_links import ByteLink
-from devices.contracts import (
+from visavis.devices.byte_links import ByteLink
+from visavis.devices.contracts import (
     BAND,
     BAND_EVENTS,
     HAPTICS,
@@ -25,21 +25,21 @@ from devices.contracts import (
     Sink,
     VibrationPattern,
 )
-from devices.drivers.armband.ledger import (
+from visavis.devices.drivers.armband.ledger import (
     BandRow,
     band_batch,
     command_batch,
 )
-from devices.drivers.bands.language import BandLanguage, Condition, Notice, Ready, Refused
-from devices.drivers.bands.limits import MAX_TTL_MS, Limits
-from devices.drivers.bands.open_bands import open_bands
-from devices.drivers.bands.traffic import BandTraffic
-from devices.lifecycle import HasLife, Lifecycle
-from devices.meter import StreamMeter
-from devices.spec import AnySpec
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
-from lab.schema import StreamSchema
+from visavis.devices.drivers.bands.language import BandLanguage, Condition, Notice, Ready, Refused
+from visavis.devices.drivers.bands.limits import MAX_TTL_MS, Limits
+from visavis.devices.drivers.bands.open_bands import open_bands
+from visavis.devices.drivers.bands.traffic import BandTraffic
+from visavis.devices.lifecycle import HasLife, Lifecycle
+from visavis.devices.meter import StreamMeter
+from visavis.devices.spec import AnySpec
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
+from visavis.lab.schema import StreamSchema
 
 OPENING_AGAIN_NS = NS_PER_S
 RETRY_NS = 250 * NS_PER_MS

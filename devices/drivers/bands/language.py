@@ -1,4 +1,4 @@
-"""What a band that cannot acknowledge must offer to `devices.drivers.bands.driver`.
+"""What a band that cannot acknowledge must offer to `visavis.devices.drivers.bands.driver`.
 
 A language turns commands into messages and bytes into notices; it keeps no time and does no I/O.
 A message is what one `ByteLink.write` carries: a datagram, a notification, a report or a line.

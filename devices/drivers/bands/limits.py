@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from devices.contracts import VibrationPattern
-from lab.errors import DeviceError
+from visavis.devices.contracts import VibrationPattern
+from visavis.lab.errors import DeviceError
 
 MAX_PATTERN_MS = 2000
 MAX_TTL_MS = 10_000

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from devices.drivers.bands.language import Condition, Notice, level
+from visavis.devices.drivers.bands.language import Condition, Notice, level
 
 TTL_STEP_MS = 10
 MAX_REPORT_TTL_MS = 255 * TTL_STEP_MS

@@ -7,22 +7,22 @@ from urllib.parse import urlencode
 
 from pydantic import Field, field_validator, model_validator
 
-from devices.drivers.links.options import (
+from visavis.devices.drivers.links.options import (
     BandOptions,
     BleBandOptions,
     SerialBandOptions,
     own_link,
 )
-from devices.libraries import BLE, HID, SERIAL, USB, WEBSOCKETS
-from devices.options import Options
-from devices.spec import AnySpec, DriverSpec, Site, worn_as
-from lab.errors import ConfigError
+from visavis.devices.libraries import BLE, HID, SERIAL, USB, WEBSOCKETS
+from visavis.devices.options import Options
+from visavis.devices.spec import AnySpec, DriverSpec, Site, worn_as
+from visavis.lab.errors import ConfigError
 
 if TYPE_CHECKING:
-    from devices.byte_links import ByteLink
-    from devices.drivers.bands.driver import HostTimedBand
-    from devices.drivers.bands.language import BandLanguage
-    from lab.clock import Clock
+    from visavis.devices.byte_links import ByteLink
+    from visavis.devices.drivers.bands.driver import HostTimedBand
+    from visavis.devices.drivers.bands.language import BandLanguage
+    from visavis.lab.clock import Clock
 
 VHP_BAUD = 1_000_000
 PLAYER_REMEDY = "start the bHaptics Player on this computer, switch the unit on and pair it there"
@@ -36,7 +36,7 @@ def _within(numbers: list[int], count: int, what: str) -> list[int]:
 
 def _band(site: Site[Any], link: "ByteLink") -> "HostTimedBand":
     """Return the driver of a band; its options know the language, and perhaps the model."""
-    from devices.drivers.bands.driver import HostTimedBand
+    from visavis.devices.drivers.bands.driver import HostTimedBand
 
     options = site.options
     spec = replace(site.spec, model=options.model()) if hasattr(options, "model") else site.spec
@@ -58,7 +58,7 @@ class BuzzOptions(BleBandOptions):
 
     def language(self) -> "BandLanguage":
         """Return what it speaks."""
-        from devices.drivers.bands.buzz_codec import BuzzLanguage
+        from visavis.devices.drivers.bands.buzz_codec import BuzzLanguage
 
         return BuzzLanguage()
 
@@ -69,7 +69,7 @@ NEOSENSORY_BUZZ: AnySpec = DriverSpec(
     options=BuzzOptions,
     make=_band,
     real=own_link,
-    simulated=worn_as("devices.sim.bands.buzz:BuzzSimulator"),
+    simulated=worn_as("visavis.devices.sim.bands.buzz:BuzzSimulator"),
     carries="bytes",
     vendor="Neosensory",
     model="Buzz",
@@ -99,7 +99,7 @@ class VhpSlimOptions(BleBandOptions):
 
     def language(self) -> "BandLanguage":
         """Return what it speaks."""
-        from devices.drivers.bands.vhp_codec import VhpSlimLanguage
+        from visavis.devices.drivers.bands.vhp_codec import VhpSlimLanguage
 
         return VhpSlimLanguage(self.channels)
 
@@ -129,7 +129,7 @@ class VhpSleeveOptions(SerialBandOptions):
 
     def language(self) -> "BandLanguage":
         """Return what it speaks."""
-        from devices.drivers.bands.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage
+        from visavis.devices.drivers.bands.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage
 
         return VhpSleeveLanguage(self.channels, SLEEVE if self.board == "sleeve" else SLIM_BOARD)
 
@@ -142,7 +142,7 @@ VHP_SLIM = replace(
     NEOSENSORY_BUZZ,
     name="vhp_slim",
     options=VhpSlimOptions,
-    simulated=worn_as("devices.sim.bands.vhp:SlimBoardSimulator"),
+    simulated=worn_as("visavis.devices.sim.bands.vhp:SlimBoardSimulator"),
     vendor="Google (open hardware)",
     model="VHP slim board",
 )
@@ -152,7 +152,7 @@ VHP_SLEEVE: AnySpec = DriverSpec(
     options=VhpSleeveOptions,
     make=_band,
     real=own_link,
-    simulated=worn_as("devices.sim.bands.vhp:SleeveSimulator"),
+    simulated=worn_as("visavis.devices.sim.bands.vhp:SleeveSimulator"),
     carries="bytes",
     vendor="Google (open hardware)",
     model="VHP sleeve",
@@ -183,8 +183,8 @@ class BhapticsOptions(BandOptions):
 
     def link(self, clock: "Clock") -> "ByteLink":
         """Return the way to the Player."""
-        from devices.drivers.bands.bhaptics_codec import PATH
-        from devices.drivers.links.websocket import WebSocketLink
+        from visavis.devices.drivers.bands.bhaptics_codec import PATH
+        from visavis.devices.drivers.links.websocket import WebSocketLink
 
         query = urlencode({"app_id": self.app_id, "app_name": "Visavis"})
         url = f"ws://{self.address}:{self.port}{PATH}?{query}"
@@ -196,7 +196,7 @@ class BhapticsOptions(BandOptions):
 
     def language(self) -> "BandLanguage":
         """Return what it speaks."""
-        from devices.drivers.bands.bhaptics_codec import BhapticsLanguage
+        from visavis.devices.drivers.bands.bhaptics_codec import BhapticsLanguage
 
         return BhapticsLanguage(self.position, self.points)
 
@@ -211,7 +211,7 @@ BHAPTICS = DriverSpec(
     options=BhapticsOptions,
     make=_band,
     real=own_link,
-    simulated=worn_as("devices.sim.bands.bhaptics:BhapticsPlayerSimulator"),
+    simulated=worn_as("visavis.devices.sim.bands.bhaptics:BhapticsPlayerSimulator"),
     carries="bytes",
     vendor="bHaptics",
     model="Tactosy ForearmL",
@@ -262,7 +262,7 @@ class AsciiArmbandOptions(SerialBandOptions):
 
     def language(self) -> "BandLanguage":
         """Return the commands as a language; raises ValueError where a template is wrong."""
-        from devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
+        from visavis.devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
 
         given: dict[str, Any] = {
             k: tuple(v) if isinstance(v, list) else v for k, v in self.commands.model_dump().items()
@@ -286,7 +286,7 @@ ASCII_ARMBAND = replace(
     VHP_SLEEVE,
     name="ascii_armband",
     options=AsciiArmbandOptions,
-    simulated=worn_as("devices.sim.bands.plain:TextBandSimulator"),
+    simulated=worn_as("visavis.devices.sim.bands.plain:TextBandSimulator"),
     understood=TEXT_UNDERSTOOD,
     vendor="own firmware",
     model="text commands",
@@ -321,13 +321,13 @@ class HidArmbandOptions(BandOptions):
 
     def link(self, clock: "Clock") -> "ByteLink":
         """Return the way by hidapi."""
-        from devices.drivers.links.usb import HidLink
+        from visavis.devices.drivers.links.usb import HidLink
 
         return HidLink(clock, vid=self.vid, pid=self.pid, serial_number=self.serial_number)
 
     def language(self) -> "BandLanguage":
         """Return the layout as a language; raises ValueError where it does not fit."""
-        from devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
+        from visavis.devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
 
         given = self.layout.model_dump() | {"prefix": bytes.fromhex(self.layout.prefix)}
         if self.layout.report_id is None:
@@ -342,7 +342,7 @@ class UsbArmbandOptions(HidArmbandOptions):
 
     def link(self, clock: "Clock") -> "ByteLink":
         """Return the way by libusb."""
-        from devices.drivers.links.usb import UsbLink
+        from visavis.devices.drivers.links.usb import UsbLink
 
         return UsbLink(clock, vid=self.vid, pid=self.pid, serial_number=self.serial_number)
 
@@ -361,7 +361,7 @@ HID_ARMBAND = DriverSpec(
     options=HidArmbandOptions,
     make=_band,
     real=own_link,
-    simulated=worn_as("devices.sim.bands.plain:ReportBandSimulator"),
+    simulated=worn_as("visavis.devices.sim.bands.plain:ReportBandSimulator"),
     carries="bytes",
     understood=REPORTS_UNDERSTOOD,
     vendor="own firmware",
@@ -376,7 +376,7 @@ USB_ARMBAND = replace(
     HID_ARMBAND,
     name="usb_armband",
     options=UsbArmbandOptions,
-    simulated=worn_as("devices.sim.bands.plain:ReportBandSimulator", number=None),
+    simulated=worn_as("visavis.devices.sim.bands.plain:ReportBandSimulator", number=None),
     wire="USB",
     library=USB,
 )

@@ -4,13 +4,20 @@ import math
 import threading
 from collections.abc import Sequence
 
-from devices.byte_links import ByteLink
-from devices.contracts import PATTERN_NAMES, VibrationPattern
-from devices.drivers.armband.ledger import KEEP_ALIVE, NO_PATTERN, PATTERN, SET, SILENCE, Command
-from devices.drivers.bands.course import Course, share_01
-from devices.drivers.bands.language import BandLanguage
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceError
+from visavis.devices.byte_links import ByteLink
+from visavis.devices.contracts import PATTERN_NAMES, VibrationPattern
+from visavis.devices.drivers.armband.ledger import (
+    KEEP_ALIVE,
+    NO_PATTERN,
+    PATTERN,
+    SET,
+    SILENCE,
+    Command,
+)
+from visavis.devices.drivers.bands.course import Course, share_01
+from visavis.devices.drivers.bands.language import BandLanguage
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError
 
 STALL_NS = 150 * NS_PER_MS
 REFRESH_NS = 100 * NS_PER_MS

@@ -13,8 +13,8 @@ import struct
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from devices.drivers.armband.status import charge_01
-from devices.drivers.bands.language import Condition, Notice, level
+from visavis.devices.drivers.armband.status import charge_01
+from visavis.devices.drivers.bands.language import Condition, Notice, level
 
 START = 0xC8
 SLEEVE, SLIM_BOARD = 3, 4

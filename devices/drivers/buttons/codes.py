@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Mapping
 
-from devices.byte_links import ByteLink
-from devices.drivers.buttons.device import ButtonDevice, Press
-from devices.drivers.buttons.spec import BYTES
-from lab.clock import Clock
+from visavis.devices.byte_links import ByteLink
+from visavis.devices.drivers.buttons.device import ButtonDevice, Press
+from visavis.devices.drivers.buttons.spec import BYTES
+from visavis.lab.clock import Clock
 
 
 class ByteButtons(ButtonDevice):

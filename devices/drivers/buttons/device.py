@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from devices.byte_links import ByteLink, Chunk
-from devices.contracts import (
+from visavis.devices.byte_links import ByteLink, Chunk
+from visavis.devices.contracts import (
     NO_DEVICE_TIME,
     RESPONSES,
     ClockPair,
@@ -17,12 +17,12 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.lifecycle import HasLife, Lifecycle
-from devices.meter import StreamMeter
-from devices.spec import AnySpec
-from lab.clock import NS_PER_S, Clock
-from lab.errors import ConfigError, DeviceDisconnected, DeviceError
-from lab.schema import SampleBatch, StreamSchema
+from visavis.devices.lifecycle import HasLife, Lifecycle
+from visavis.devices.meter import StreamMeter
+from visavis.devices.spec import AnySpec
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import ConfigError, DeviceDisconnected, DeviceError
+from visavis.lab.schema import SampleBatch, StreamSchema
 
 AGAIN_S = 0.5
 RECONNECT_S = 0.2

@@ -8,12 +8,17 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from devices.byte_links import ByteLink, Chunk
-from devices.drivers.buttons.device import ButtonDevice, Press
-from devices.drivers.buttons.hid_reports import DESKTOP_PAGE, Layout, ReportReader, layout_of
-from devices.drivers.buttons.spec import HID_BUTTONS
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout, ProtocolViolation
+from visavis.devices.byte_links import ByteLink, Chunk
+from visavis.devices.drivers.buttons.device import ButtonDevice, Press
+from visavis.devices.drivers.buttons.hid_reports import (
+    DESKTOP_PAGE,
+    Layout,
+    ReportReader,
+    layout_of,
+)
+from visavis.devices.drivers.buttons.spec import HID_BUTTONS
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout, ProtocolViolation
 
 DESCRIBE = b"descriptor"
 DESCRIPTOR, REPORT = b"D", b"R"
@@ -52,7 +57,7 @@ class HidButtonLink:
 
     def open(self, deadline_s: float) -> None:
         """Find and open the device."""
-        from devices.drivers.hid_gaze.reports import hid_library
+        from visavis.devices.drivers.hid_gaze.reports import hid_library
 
         self.close()
         library = self._library if self._library is not None else hid_library()

@@ -7,7 +7,7 @@ any width and at any bit. Source: USB-IF's "Device class definition for HID" 1.1
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from devices.drivers.buttons.device import Press
+from visavis.devices.drivers.buttons.device import Press
 
 BUTTON_PAGE, DESKTOP_PAGE = 0x09, 0x01
 AXES = {0x30: "x", 0x31: "y", 0x32: "z", 0x33: "rx", 0x34: "ry", 0x35: "rz"}

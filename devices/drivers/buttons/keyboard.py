@@ -9,10 +9,10 @@ import threading
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
-from devices.byte_links import ByteLink, Chunk
-from devices.drivers.buttons.device import ButtonDevice, Press
-from devices.drivers.buttons.spec import KEYBOARD
-from lab.clock import NS_PER_S, Clock
+from visavis.devices.byte_links import ByteLink, Chunk
+from visavis.devices.drivers.buttons.device import ButtonDevice, Press
+from visavis.devices.drivers.buttons.spec import KEYBOARD
+from visavis.lab.clock import NS_PER_S, Clock
 
 KEYS = (
     *"0123456789abcdefghijklmnopqrstuvwxyz",

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from devices.libraries import HID, SERIAL
-from devices.options import SimulatedOptions
-from devices.spec import DriverSpec, Site, driven_by, imported
+from visavis.devices.libraries import HID, SERIAL
+from visavis.devices.options import SimulatedOptions
+from visavis.devices.spec import DriverSpec, Site, driven_by, imported
 
 if TYPE_CHECKING:
-    from devices.byte_links import ByteLink
+    from visavis.devices.byte_links import ByteLink
 
 Called = Annotated[dict[str, str], Field(json_schema_extra={"any_magnitude": True})]
 """What studies call some of a device's buttons, by the device's own names."""
@@ -33,14 +33,14 @@ class KeyboardOptions(ButtonOptions):
 
 
 def _window_keys(site: Site[KeyboardOptions]) -> "ByteLink":
-    from devices.drivers.buttons.keyboard import KeyLink
+    from visavis.devices.drivers.buttons.keyboard import KeyLink
 
     return KeyLink(site.clock)
 
 
 def _pressed_keys(site: Site[KeyboardOptions]) -> "ByteLink":
-    from devices.byte_links import MemoryLink
-    from devices.sim.buttons.keyboard import PressedKeys
+    from visavis.devices.byte_links import MemoryLink
+    from visavis.devices.sim.buttons.keyboard import PressedKeys
 
     names = {control: key for key, control in site.options.keys.items()}
     return MemoryLink(PressedKeys(site.watched, site.clock, site.faults, names), site.clock)
@@ -50,7 +50,7 @@ KEYBOARD = DriverSpec(
     name="keyboard",
     kind="responses",
     options=KeyboardOptions,
-    make=driven_by("devices.drivers.buttons.keyboard:Keyboard"),
+    make=driven_by("visavis.devices.drivers.buttons.keyboard:Keyboard"),
     real=_window_keys,
     simulated=_pressed_keys,
     carries="bytes",
@@ -96,7 +96,7 @@ class ByteOptions(SerialButtonOptions):
 
 
 def _serial(site: Site[Any]) -> "ByteLink":
-    from devices.drivers.links.serial_port import SerialLink
+    from visavis.devices.drivers.links.serial_port import SerialLink
 
     options = site.options
     return SerialLink(
@@ -111,7 +111,7 @@ def _serial(site: Site[Any]) -> "ByteLink":
 
 def _box(simulator: str) -> Callable[[Site[Any]], "ByteLink"]:
     def link(site: Site[Any]) -> "ByteLink":
-        from devices.byte_links import MemoryLink
+        from visavis.devices.byte_links import MemoryLink
 
         names = {control: key for key, control in site.options.keys.items()}
         peer = imported(simulator)(site.watched, site.clock, site.faults, names, seed=site.own_seed)
@@ -125,9 +125,9 @@ XID = DriverSpec(
     name="xid_buttons",
     kind="responses",
     options=XidOptions,
-    make=driven_by("devices.drivers.buttons.xid:XidButtons"),
+    make=driven_by("visavis.devices.drivers.buttons.xid:XidButtons"),
     real=_serial,
-    simulated=_box("devices.sim.buttons.boxes:XidPad"),
+    simulated=_box("visavis.devices.sim.buttons.boxes:XidPad"),
     carries="bytes",
     vendor="Cedrus",
     model="XID response pad",
@@ -143,9 +143,9 @@ BYTES = DriverSpec(
     name="byte_buttons",
     kind="responses",
     options=ByteOptions,
-    make=driven_by("devices.drivers.buttons.codes:ByteButtons"),
+    make=driven_by("visavis.devices.drivers.buttons.codes:ByteButtons"),
     real=_serial,
-    simulated=_box("devices.sim.buttons.boxes:ByteBox"),
+    simulated=_box("visavis.devices.sim.buttons.boxes:ByteBox"),
     carries="bytes",
     vendor="any",
     model="serial button box",
@@ -171,7 +171,7 @@ class HidButtonOptions(ButtonOptions):
 
 
 def _hid(site: Site[HidButtonOptions]) -> "ByteLink":
-    from devices.drivers.buttons.hid import HidButtonLink
+    from visavis.devices.drivers.buttons.hid import HidButtonLink
 
     options = site.options
     return HidButtonLink(
@@ -183,9 +183,9 @@ HID_BUTTONS = DriverSpec(
     name="hid_buttons",
     kind="responses",
     options=HidButtonOptions,
-    make=driven_by("devices.drivers.buttons.hid:HidButtons"),
+    make=driven_by("visavis.devices.drivers.buttons.hid:HidButtons"),
     real=_hid,
-    simulated=_box("devices.sim.buttons.gamepad:Gamepad"),
+    simulated=_box("visavis.devices.sim.buttons.gamepad:Gamepad"),
     carries="bytes",
     vendor="any",
     model="HID gamepad or button box",

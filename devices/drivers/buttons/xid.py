@@ -8,11 +8,11 @@ button in one byte, and the timer.
 import struct
 from collections.abc import Iterable, Mapping
 
-from devices.byte_links import ByteLink
-from devices.drivers.buttons.device import ButtonDevice, Press
-from devices.drivers.buttons.spec import XID
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceTimeout, ProtocolViolation
+from visavis.devices.byte_links import ByteLink
+from visavis.devices.drivers.buttons.device import ButtonDevice, Press
+from visavis.devices.drivers.buttons.spec import XID
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceTimeout, ProtocolViolation
 
 WHO, IN_XID_MODE, TO_XID_MODE = b"_c1", b"_xid0", b"c10"
 ANSWER_LENGTH = len(IN_XID_MODE)

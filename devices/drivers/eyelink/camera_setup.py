@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from devices.drivers.eyelink.codec import screen_coordinates
-from lab.errors import DeviceError, DeviceNotFound
+from visavis.devices.drivers.eyelink.codec import screen_coordinates
+from visavis.lab.errors import DeviceError, DeviceNotFound
 
 RESULTS = {
     0: "the host calls the calibration good",

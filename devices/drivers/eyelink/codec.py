@@ -8,8 +8,8 @@ missing numbers, and 4294967295 a time that is not known.
 import math
 import struct
 
-from devices.contracts import SessionName
-from devices.drivers.streaming.gaze_rays import (
+from visavis.devices.contracts import SessionName
+from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
     NAN,
     Eye,

@@ -1,23 +1,24 @@
 """Drive an SR Research EyeLink through the vendor's pylink.
 
-Codec: `devices.drivers.eyelink.codec`. Transport: `devices.drivers.eyelink.library`. A screen-based
-tracker: rays are in the head frame of `streaming.gaze_rays.Screen`, from eyes at the viewing
-place. Proven on pylink's own dummy and a stand-in of its surface; never yet on a real tracker.
+Codec: `visavis.devices.drivers.eyelink.codec`. Transport:
+`visavis.devices.drivers.eyelink.library`. A screen-based tracker: rays are in the head frame of
+`streaming.gaze_rays.Screen`, from eyes at the viewing place. Proven on pylink's own dummy and a
+stand-in of its surface; never yet on a real tracker.
 """
 
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from devices.contracts import CalibrationOutcome, ClockPair, DeviceState, SessionName
-from devices.drivers.eyelink import codec
-from devices.drivers.eyelink.library import TIME, VERDICT
-from devices.drivers.eyelink.spec import EYELINK
-from devices.drivers.streaming.gaze_device import GazeDevice
-from devices.drivers.streaming.gaze_rays import Sample, Screen
-from devices.transports import Exchange, Frames, Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceTimeout
+from visavis.devices.contracts import CalibrationOutcome, ClockPair, DeviceState, SessionName
+from visavis.devices.drivers.eyelink import codec
+from visavis.devices.drivers.eyelink.library import TIME, VERDICT
+from visavis.devices.drivers.eyelink.spec import EYELINK
+from visavis.devices.drivers.streaming.gaze_device import GazeDevice
+from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceTimeout
 
 ASK_WITHIN_NS = NS_PER_S // 5
 NO_RESULT = 1000

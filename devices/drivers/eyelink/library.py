@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from devices.drivers.eyelink.codec import (
+from visavis.devices.drivers.eyelink.codec import (
     LEFT,
     NO_TIME,
     RIGHT,
@@ -19,9 +19,9 @@ from devices.drivers.eyelink.codec import (
     message_text,
     screen_coordinates,
 )
-from devices.transports import Exchange, Frames, Message
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
 SAMPLE_TYPE = 200
 LOOK_AGAIN_NS = NS_PER_MS // 5

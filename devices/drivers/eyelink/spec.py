@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
-from devices.libraries import PYLINK
-from devices.spec import DriverSpec, Site, driven_by, streamed_by
+from visavis.devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
+from visavis.devices.libraries import PYLINK
+from visavis.devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+    from visavis.devices.transports import MessageTransport
 
 
 class EyeLinkOptions(ScreenOptions):
@@ -38,7 +38,7 @@ class EyeLinkOptions(ScreenOptions):
 
 
 def _library(site: Site[EyeLinkOptions]) -> "MessageTransport":
-    from devices.drivers.eyelink.library import EyeLinkLibrary
+    from visavis.devices.drivers.eyelink.library import EyeLinkLibrary
 
     given = site.options
     pixels = (given.screen_width_px, given.screen_height_px)
@@ -46,8 +46,8 @@ def _library(site: Site[EyeLinkOptions]) -> "MessageTransport":
 
 
 def _set_up(site: Site[EyeLinkOptions]) -> str:
-    from devices.drivers.eyelink.camera_setup import FullScreen, set_up
-    from devices.drivers.eyelink.library import eyelink_library
+    from visavis.devices.drivers.eyelink.camera_setup import FullScreen, set_up
+    from visavis.devices.drivers.eyelink.library import eyelink_library
 
     return set_up(site.options.address, FullScreen(), eyelink_library())
 
@@ -56,9 +56,9 @@ EYELINK = DriverSpec(
     name="eyelink",
     kind="eye tracker",
     options=EyeLinkOptions,
-    make=driven_by("devices.drivers.eyelink.driver:EyeLink"),
+    make=driven_by("visavis.devices.drivers.eyelink.driver:EyeLink"),
     real=_library,
-    simulated=streamed_by("devices.sim.eyelink:EyeLinkSimulator"),
+    simulated=streamed_by("visavis.devices.sim.eyelink:EyeLinkSimulator"),
     set_up=_set_up,
     vendor="SR Research",
     model="EyeLink",

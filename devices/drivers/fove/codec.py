@@ -9,7 +9,7 @@ import math
 import struct
 from collections.abc import Mapping
 
-from devices.drivers.streaming.gaze_rays import (
+from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
     NAN,
     Eye,

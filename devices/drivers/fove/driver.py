@@ -1,22 +1,23 @@
 """Drive a FOVE headset's eye tracker through the vendor's FoveClient library.
 
-Codec: `devices.drivers.fove.codec`. Transport: `devices.drivers.fove.library.FoveLibrary`, or its
-simulator in memory. The device's clock has an unspecified epoch and cannot be asked: the offset
-comes from the least delayed arrivals. Calibration is the runtime's own, drawn by it.
+Codec: `visavis.devices.drivers.fove.codec`. Transport:
+`visavis.devices.drivers.fove.library.FoveLibrary`, or its simulator in memory. The device's clock
+has an unspecified epoch and cannot be asked: the offset comes from the least delayed arrivals.
+Calibration is the runtime's own, drawn by it.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from devices.contracts import CalibrationOutcome, DeviceState, Fault
-from devices.drivers.fove import codec
-from devices.drivers.fove.library import ANSWER, SERVICE_REMEDY
-from devices.drivers.fove.spec import FOVE
-from devices.drivers.streaming.gaze_device import GazeDevice
-from devices.drivers.streaming.gaze_rays import Sample
-from devices.transports import Frames, Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceError, DeviceNotFound, ProtocolViolation
+from visavis.devices.contracts import CalibrationOutcome, DeviceState, Fault
+from visavis.devices.drivers.fove import codec
+from visavis.devices.drivers.fove.library import ANSWER, SERVICE_REMEDY
+from visavis.devices.drivers.fove.spec import FOVE
+from visavis.devices.drivers.streaming.gaze_device import GazeDevice
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.transports import Frames, Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceError, DeviceNotFound, ProtocolViolation
 
 STATE_EVERY_NS = NS_PER_S // 10
 PROBE_EVERY_NS = NS_PER_S

@@ -11,11 +11,11 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from devices.arrivals import Arrivals
-from devices.drivers.fove.codec import EYE_FRAME, GONE, NO_UPDATE, OK, TIMED_OUT, error_text
-from devices.transports import Exchange, Frames, Message
-from lab.clock import Clock
-from lab.errors import DeviceNotFound, ProtocolViolation
+from visavis.devices.arrivals import Arrivals
+from visavis.devices.drivers.fove.codec import EYE_FRAME, GONE, NO_UPDATE, OK, TIMED_OUT, error_text
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceNotFound, ProtocolViolation
 
 CAPABILITIES = 8 | 32 | 1 << 14
 """Eye tracking, presence of a user, pupil radius."""

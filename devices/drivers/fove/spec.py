@@ -2,9 +2,9 @@
 
 from pydantic import Field
 
-from devices.drivers.streaming.options import EyeDistanceMm
-from devices.options import GazeTiming, StreamOptions
-from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+from visavis.devices.drivers.streaming.options import EyeDistanceMm
+from visavis.devices.options import GazeTiming, StreamOptions
+from visavis.devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 
 class FoveOptions(GazeTiming, StreamOptions):
@@ -20,9 +20,9 @@ FOVE = DriverSpec(
     name="fove",
     kind="eye tracker",
     options=FoveOptions,
-    make=driven_by("devices.drivers.fove.driver:Fove"),
-    real=wired_by("devices.drivers.fove.library:FoveLibrary", "library_path"),
-    simulated=streamed_by("devices.sim.fove:FoveSimulator"),
+    make=driven_by("visavis.devices.drivers.fove.driver:Fove"),
+    real=wired_by("visavis.devices.drivers.fove.library:FoveLibrary", "library_path"),
+    simulated=streamed_by("visavis.devices.sim.fove:FoveSimulator"),
     vendor="FOVE",
     model="FOVE headset",
     wire="vendor library",

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 from xml.sax.saxutils import escape, unescape
 
-from devices.drivers.streaming.gaze_rays import (
+from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
     NAN,
     Eye,

@@ -1,21 +1,21 @@
 """Drive a Gazepoint eye tracker through its Open Gaze server.
 
-Codec: `devices.drivers.gazepoint.codec`. Transport: a TCP stream. A screen-based tracker: rays are
-in the head frame of `streaming.gaze_rays.Screen`. The server's clock cannot be asked; on
+Codec: `visavis.devices.drivers.gazepoint.codec`. Transport: a TCP stream. A screen-based tracker:
+rays are in the head frame of `streaming.gaze_rays.Screen`. The server's clock cannot be asked; on
 one computer its ticks are the host's own performance counter.
 """
 
 from collections.abc import Iterable
 from dataclasses import replace
 
-from devices.contracts import CalibrationOutcome, DeviceState
-from devices.drivers.gazepoint import codec
-from devices.drivers.gazepoint.spec import GAZEPOINT
-from devices.drivers.streaming.gaze_device import GazeDevice
-from devices.drivers.streaming.gaze_rays import Sample, Screen
-from devices.transports import Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import ProtocolViolation
+from visavis.devices.contracts import CalibrationOutcome, DeviceState
+from visavis.devices.drivers.gazepoint import codec
+from visavis.devices.drivers.gazepoint.spec import GAZEPOINT
+from visavis.devices.drivers.streaming.gaze_device import GazeDevice
+from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import ProtocolViolation
 
 OLDEST_API = 2.0
 USUAL_TICKS_PER_S = 10_000_000

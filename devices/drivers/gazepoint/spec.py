@@ -4,12 +4,12 @@ from typing import Any
 
 from pydantic import Field
 
-from devices.drivers.streaming.options import (
+from visavis.devices.drivers.streaming.options import (
     EyeDistanceMm,
     OffsetMm,
     ScreenOptions,
 )
-from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+from visavis.devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 REMEDY = "start Gazepoint Control, connect the tracker, and check address, port 4242 and firewall"
 
@@ -41,11 +41,11 @@ GAZEPOINT = DriverSpec(
     name="gazepoint",
     kind="eye tracker",
     options=GazepointOptions,
-    make=driven_by("devices.drivers.gazepoint.driver:Gazepoint"),
+    make=driven_by("visavis.devices.drivers.gazepoint.driver:Gazepoint"),
     real=wired_by(
-        "devices.drivers.links.stream_socket:StreamSocket", "address", "port", remedy=REMEDY
+        "visavis.devices.drivers.links.stream_socket:StreamSocket", "address", "port", remedy=REMEDY
     ),
-    simulated=streamed_by("devices.sim.gazepoint:GazepointSimulator"),
+    simulated=streamed_by("visavis.devices.sim.gazepoint:GazepointSimulator"),
     vendor="Gazepoint",
     model="Gazepoint",
     wire="TCP",

@@ -8,7 +8,14 @@ down, z toward the viewer); the largest value means unavailable. Never raises on
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from devices.drivers.streaming.gaze_rays import LOST, NO_EYE, Screen, Triple, gaze_row, ray_between
+from visavis.devices.drivers.streaming.gaze_rays import (
+    LOST,
+    NO_EYE,
+    Screen,
+    Triple,
+    gaze_row,
+    ray_between,
+)
 
 USAGE_PAGE = 0x12
 EYE_TRACKER = 0x01

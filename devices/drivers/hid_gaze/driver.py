@@ -8,13 +8,13 @@ directions. Its clock cannot be asked, and the unit of its stamps is found from 
 from collections.abc import Iterable
 from dataclasses import replace
 
-from devices.drivers.hid_gaze import codec
-from devices.drivers.hid_gaze.spec import HID_GAZE
-from devices.drivers.streaming.gaze_device import GazeDevice
-from devices.drivers.streaming.gaze_rays import Sample, Screen
-from devices.transports import Message, MessageTransport
-from lab.clock import Clock
-from lab.errors import ProtocolViolation
+from visavis.devices.drivers.hid_gaze import codec
+from visavis.devices.drivers.hid_gaze.spec import HID_GAZE
+from visavis.devices.drivers.streaming.gaze_device import GazeDevice
+from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import Clock
+from visavis.lab.errors import ProtocolViolation
 
 STEPS_FOR_UNIT = 12
 MODE_GAZE_AND_EYES = 2

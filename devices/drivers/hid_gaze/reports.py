@@ -5,10 +5,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from devices.drivers.hid_gaze.codec import EYE_TRACKER, INPUT, USAGE_PAGE, walk_descriptor
-from devices.transports import Exchange, Frames, Message
-from lab.clock import Clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
+from visavis.devices.drivers.hid_gaze.codec import EYE_TRACKER, INPUT, USAGE_PAGE, walk_descriptor
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
 
 MAX_REPORTS = 1000
 

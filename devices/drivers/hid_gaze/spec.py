@@ -2,9 +2,9 @@
 
 from pydantic import Field
 
-from devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
-from devices.libraries import HID
-from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+from visavis.devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
+from visavis.devices.libraries import HID
+from visavis.devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 
 class HidGazeOptions(ScreenOptions):
@@ -22,9 +22,9 @@ HID_GAZE = DriverSpec(
     name="hid_gaze",
     kind="eye tracker",
     options=HidGazeOptions,
-    make=driven_by("devices.drivers.hid_gaze.driver:HidGaze"),
-    real=wired_by("devices.drivers.hid_gaze.reports:HidReports", "serial"),
-    simulated=streamed_by("devices.sim.hid_gaze:HidGazeSimulator"),
+    make=driven_by("visavis.devices.drivers.hid_gaze.driver:HidGaze"),
+    real=wired_by("visavis.devices.drivers.hid_gaze.reports:HidReports", "serial"),
+    simulated=streamed_by("visavis.devices.sim.hid_gaze:HidGazeSimulator"),
     vendor="HID",
     model="HID eye tracker",
     wire="USB HID",

@@ -14,9 +14,9 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as TooLate
 from typing import Any, TypeVar
 
-from devices.byte_links import Chunk
-from lab.clock import Clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
+from visavis.devices.byte_links import Chunk
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
 T = TypeVar("T")
 

@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, model_validator
 
-from devices.options import SimulatedOptions
+from visavis.devices.options import SimulatedOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from devices.byte_links import ByteLink
-    from devices.spec import Site
-    from lab.clock import Clock
+    from visavis.devices.byte_links import ByteLink
+    from visavis.devices.spec import Site
+    from visavis.lab.clock import Clock
 
 
 class SerialOptions(SimulatedOptions):
@@ -26,7 +26,7 @@ class SerialOptions(SimulatedOptions):
 
     def serial_link(self, clock: "Clock", baud: int) -> "ByteLink":
         """Return the port; raises DeviceNotFound when the options name none."""
-        from devices.drivers.links.serial_port import SerialLink
+        from visavis.devices.drivers.links.serial_port import SerialLink
 
         return SerialLink(
             clock,
@@ -75,7 +75,7 @@ class BleBandOptions(BandOptions):
 
     def link(self, clock: "Clock") -> "ByteLink":
         """Return the link to the first band that fits."""
-        from devices.drivers.links.ble import BleLink
+        from visavis.devices.drivers.links.ble import BleLink
 
         return BleLink(clock, address=self.address, name=self.name, splits=self.splits)
 

@@ -10,9 +10,9 @@ import socket
 import threading
 from collections.abc import Callable, Sequence
 
-from devices.byte_links import Chunk
-from lab.clock import Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+from visavis.devices.byte_links import Chunk
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 MAX_BYTES = 4096
 WRITE_TIMEOUT_S = 0.5

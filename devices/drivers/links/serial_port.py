@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from errno import EACCES
 from typing import Any
 
-from devices.byte_links import Chunk
-from lab.clock import Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+from visavis.devices.byte_links import Chunk
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 BAUD = 38_400
 WRITE_TIMEOUT_S = 0.2

@@ -4,9 +4,9 @@ import select
 import socket
 from collections.abc import Sequence
 
-from devices.transports import Exchange, Frames, Message
-from lab.clock import Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 CHUNK_BYTES = 65_536
 WRITE_TIMEOUT_S = 0.5

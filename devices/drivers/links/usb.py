@@ -9,9 +9,9 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
-from devices.byte_links import Chunk
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+from visavis.devices.byte_links import Chunk
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 REMEDY = "plug the band in, then look at `visavis devices list`"
 LINUX_REMEDY = f"{REMEDY}; on Linux a udev rule must let you use it (visavis devices rules)"

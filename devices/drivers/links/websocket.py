@@ -5,9 +5,9 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
-from devices.byte_links import Chunk
-from lab.clock import Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound
+from visavis.devices.byte_links import Chunk
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 MAX_AT_ONCE = 64
 MIN_WAIT_S = 0.0005

@@ -11,11 +11,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from devices.drivers.lsl.spec import LSL_BODY
-from devices.drivers.streaming.body_device import BodyDevice, BodySample
-from devices.transports import Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import ConfigError, ProtocolViolation
+from visavis.devices.drivers.lsl.spec import LSL_BODY
+from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import ConfigError, ProtocolViolation
 
 POSITION = ("PositionX", "PositionY", "PositionZ")
 TURN = ("OrientationA", "OrientationB", "OrientationC", "OrientationD")

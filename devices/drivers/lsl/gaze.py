@@ -1,22 +1,23 @@
 """Drive any eye tracker that is offered as an LSL gaze stream; Tobii trackers by TittaLSL's too.
 
-Codec: `devices.drivers.lsl.gaze_codec`. Transport: `devices.drivers.lsl.inlet.LslInlet`. The
-device's time is the sender's raw stamp; offsets are LSL's own measurements, all kept. LSL numbers
-no samples, so lost ones show in the spacing of stamps alone.
+Codec: `visavis.devices.drivers.lsl.gaze_codec`. Transport:
+`visavis.devices.drivers.lsl.inlet.LslInlet`. The device's time is the sender's raw stamp; offsets
+are LSL's own measurements, all kept. LSL numbers no samples, so lost ones show in the spacing of
+stamps alone.
 """
 
 from collections.abc import Iterable
 from dataclasses import replace
 
-from devices.drivers.lsl import gaze_codec as codec
-from devices.drivers.lsl.inlet import read_offset
-from devices.drivers.lsl.spec import LSL_GAZE, TOBII_LSL
-from devices.drivers.streaming.gaze_device import GazeDevice
-from devices.drivers.streaming.gaze_rays import Sample, Screen
-from devices.transports import Frames, Message, MessageTransport
-from lab.clock import Clock
-from lab.errors import ProtocolViolation
-from lab.schema import StreamSchema
+from visavis.devices.drivers.lsl import gaze_codec as codec
+from visavis.devices.drivers.lsl.inlet import read_offset
+from visavis.devices.drivers.lsl.spec import LSL_GAZE, TOBII_LSL
+from visavis.devices.drivers.streaming.gaze_device import GazeDevice
+from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.transports import Frames, Message, MessageTransport
+from visavis.lab.clock import Clock
+from visavis.lab.errors import ProtocolViolation
+from visavis.lab.schema import StreamSchema
 
 
 class LslGaze(GazeDevice):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from devices.drivers.streaming.gaze_rays import (
+from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
     NAN,
     NO_EYE,

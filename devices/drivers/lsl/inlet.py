@@ -12,11 +12,11 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from devices.contracts import ClockPair
-from devices.drivers.lsl.outlet import lsl_library
-from devices.transports import Exchange, Frames, Message
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceTimeout
+from visavis.devices.contracts import ClockPair
+from visavis.devices.drivers.lsl.outlet import lsl_library
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceTimeout
 
 OFFSET = struct.Struct("<dd")
 """Seconds: local minus remote clock, and the round trip it was measured with."""

@@ -12,10 +12,10 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceNotFound
-from lab.schema import SampleBatch, StreamSchema
-from lab.xdf_channels import channels_of, content_type, describe, flat_values
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceNotFound
+from visavis.lab.schema import SampleBatch, StreamSchema
+from visavis.lab.xdf_channels import channels_of, content_type, describe, flat_values
 
 CLOCK_READINGS = 20
 UNSAFE = set("\r\n;#[]=,{}")

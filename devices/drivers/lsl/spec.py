@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
-from devices.libraries import LSL
-from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site, driven_by, streamed_by
+from visavis.devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
+from visavis.devices.libraries import LSL
+from visavis.devices.options import StreamOptions
+from visavis.devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+    from visavis.devices.transports import MessageTransport
 
 LISTENS = ("UDP 16571-16604", "TCP 16572-16604")
 GAZE_REMEDY = (
@@ -77,8 +77,8 @@ BodySite = Site[LslBodyOptions]
 
 
 def _inlet(site: "Site[LslGazeOptions] | Site[LslStreamOptions]") -> "MessageTransport":
-    from devices.drivers.lsl.inlet import LslInlet
-    from devices.drivers.lsl.outlet import LslScope
+    from visavis.devices.drivers.lsl.inlet import LslInlet
+    from visavis.devices.drivers.lsl.outlet import LslScope
 
     options = site.options
     session = options.session_id
@@ -92,7 +92,7 @@ def _inlet(site: "Site[LslGazeOptions] | Site[LslStreamOptions]") -> "MessageTra
 
 
 def _body_inlet(site: BodySite) -> "MessageTransport":
-    from devices.drivers.lsl.inlet import LslInlet
+    from visavis.devices.drivers.lsl.inlet import LslInlet
 
     options = site.options
     return LslInlet(
@@ -104,9 +104,9 @@ LSL_GAZE = DriverSpec(
     name="lsl_gaze",
     kind="eye tracker",
     options=LslGazeOptions,
-    make=driven_by("devices.drivers.lsl.gaze:LslGaze"),
+    make=driven_by("visavis.devices.drivers.lsl.gaze:LslGaze"),
     real=_inlet,
-    simulated=streamed_by("devices.sim.lsl.gaze:LslGazeSimulator"),
+    simulated=streamed_by("visavis.devices.sim.lsl.gaze:LslGazeSimulator"),
     vendor="LSL",
     model="LSL gaze stream",
     wire="LSL",
@@ -121,8 +121,8 @@ LSL_GAZE = DriverSpec(
 TOBII_LSL = replace(
     LSL_GAZE,
     name="tobii_lsl",
-    make=driven_by("devices.drivers.lsl.gaze:TobiiLsl"),
-    simulated=streamed_by("devices.sim.lsl.gaze:TittaSimulator"),
+    make=driven_by("visavis.devices.drivers.lsl.gaze:TobiiLsl"),
+    simulated=streamed_by("visavis.devices.sim.lsl.gaze:TittaSimulator"),
     vendor="Tobii",
     model="Tobii by LSL",
 )
@@ -130,9 +130,9 @@ LSL_BODY = DriverSpec(
     name="lsl_body",
     kind="body tracker",
     options=LslBodyOptions,
-    make=driven_by("devices.drivers.lsl.body:LslBody"),
+    make=driven_by("visavis.devices.drivers.lsl.body:LslBody"),
     real=_body_inlet,
-    simulated=streamed_by("devices.sim.lsl.body:LslBodySimulator"),
+    simulated=streamed_by("visavis.devices.sim.lsl.body:LslBodySimulator"),
     model="LSL motion stream",
     wire="LSL",
     remedy="start the program that sends the stream and check name, session id and firewall",
@@ -146,9 +146,9 @@ LSL_STREAM = DriverSpec(
     name="lsl_stream",
     kind="other",
     options=LslStreamOptions,
-    make=driven_by("devices.drivers.lsl.stream:LslStream"),
+    make=driven_by("visavis.devices.drivers.lsl.stream:LslStream"),
     real=_inlet,
-    simulated=streamed_by("devices.sim.lsl.stream:LslStreamSimulator"),
+    simulated=streamed_by("visavis.devices.sim.lsl.stream:LslStreamSimulator"),
     vendor="LSL",
     model="LSL stream",
     wire="LSL",

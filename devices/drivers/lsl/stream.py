@@ -1,8 +1,8 @@
 """Record any LSL stream: EEG, skin conductance, a respiration belt, another program's markers.
 
-Transport: `devices.drivers.lsl.inlet.LslInlet`. The stream is named for its role and has a column
-per channel, by the labels of the stream's own description; its stamps stay the sender's, and LSL's
-clock offsets are kept as exchanges. Text (a stream of markers) is UTF-8 in a column of bytes.
+Transport: `visavis.devices.drivers.lsl.inlet.LslInlet`. The stream is named for its role and has a
+column per channel, by the labels of the stream's own description; its stamps stay the sender's, and
+LSL's clock offsets are kept as exchanges. Text (a stream of markers) is UTF-8 in a column of bytes.
 """
 
 import json
@@ -14,18 +14,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import ClockPair, Fault
-from devices.drivers.lsl.gaze_codec import StreamInfo, parse_info
-from devices.drivers.lsl.inlet import read_offset
-from devices.drivers.lsl.spec import LSL_STREAM
-from devices.drivers.streaming.exchange_log import ExchangeLog
-from devices.drivers.streaming.stream_device import StreamDevice
-from devices.transports import Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.clock_fit import ClockFit, fit_clock
-from lab.errors import DataError, ProtocolViolation
-from lab.schema import Field, StreamSchema
-from lab.ucum import code_of
+from visavis.devices.contracts import ClockPair, Fault
+from visavis.devices.drivers.lsl.gaze_codec import StreamInfo, parse_info
+from visavis.devices.drivers.lsl.inlet import read_offset
+from visavis.devices.drivers.lsl.spec import LSL_STREAM
+from visavis.devices.drivers.streaming.exchange_log import ExchangeLog
+from visavis.devices.drivers.streaming.stream_device import StreamDevice
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.clock_fit import ClockFit, fit_clock
+from visavis.lab.errors import DataError, ProtocolViolation
+from visavis.lab.schema import Field, StreamSchema
+from visavis.lab.ucum import code_of
 
 TEXT_BYTES = 256
 MAX_CHANNELS = 4096

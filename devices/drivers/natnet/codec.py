@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from lab.errors import DataError
+from visavis.lab.errors import DataError
 
 CONNECT, SERVER_INFO, REQUEST_MODEL, MODEL, FRAME, KEEP_ALIVE, UNRECOGNISED = 0, 1, 4, 5, 7, 10, 100
 OLDEST, NEWEST_KNOWN = (3, 0), (4, 2)

@@ -1,6 +1,6 @@
 """Receive a moving body from OptiTrack Motive over NatNet (UDP 1510 and 1511).
 
-Codec: `devices.drivers.natnet.codec`. Device time is the middle of the cameras' exposure on
+Codec: `visavis.devices.drivers.natnet.codec`. Device time is the middle of the cameras' exposure on
 Motive's clock; it goes one way, so `health` fits it by the lower envelope of the arrivals. Motive
 must stream with y up; a T-pose faces +z there and −z here, so its world is turned by 180° about y,
 or by what `yaw_deg` says.
@@ -11,13 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from devices.drivers.natnet import codec
-from devices.drivers.natnet.spec import NATNET
-from devices.drivers.streaming.body_device import BodyDevice, BodySample
-from devices.transports import Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import ConfigError, DataError, DeviceTimeout, ProtocolViolation
-from lab.geometry import quat_conjugate, quat_from_yaw_pitch_deg, quat_multiply, rotate
+from visavis.devices.drivers.natnet import codec
+from visavis.devices.drivers.natnet.spec import NATNET
+from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import ConfigError, DataError, DeviceTimeout, ProtocolViolation
+from visavis.lab.geometry import quat_conjugate, quat_from_yaw_pitch_deg, quat_multiply, rotate
 
 COMMAND_PORT, DATA_PORT, GROUP = 1510, 1511, "239.255.42.99"
 KEEP_ALIVE_EVERY_NS = NS_PER_S

@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site, driven_by, streamed_by
+from visavis.devices.options import StreamOptions
+from visavis.devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+    from visavis.devices.transports import MessageTransport
 
 
 class NatNetOptions(StreamOptions):
@@ -30,7 +30,7 @@ class NatNetOptions(StreamOptions):
 
     def for_simulator(self) -> dict[str, Any]:
         """Return rate, drift and what moves: the bodies named, or a skeleton."""
-        from devices.drivers.natnet.driver import MOTIVE_BONES
+        from visavis.devices.drivers.natnet.driver import MOTIVE_BONES
 
         skeleton = "" if self.bodies else self.skeleton or "Participant"
         bodies = self.bodies or MOTIVE_BONES
@@ -41,7 +41,7 @@ Here = Site[NatNetOptions]
 
 
 def _motive(site: Here) -> "MessageTransport":
-    from devices.datagrams import UdpTransport
+    from visavis.devices.datagrams import UdpTransport
 
     options = site.options
     group = options.multicast_group
@@ -57,9 +57,9 @@ NATNET = DriverSpec(
     name="natnet",
     kind="body tracker",
     options=NatNetOptions,
-    make=driven_by("devices.drivers.natnet.driver:NatNet"),
+    make=driven_by("visavis.devices.drivers.natnet.driver:NatNet"),
     real=_motive,
-    simulated=streamed_by("devices.sim.natnet:NatNetSimulator"),
+    simulated=streamed_by("visavis.devices.sim.natnet:NatNetSimulator"),
     vendor="OptiTrack",
     model="Motive",
     wire="UDP",

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from devices.drivers.streaming.gaze_rays import (
+from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
     NAN,
     Eye,

@@ -1,8 +1,9 @@
 """Drive a Pupil Labs Neon through the Companion app's network API.
 
-Codec: `devices.drivers.neon.codec`. Transport: `devices.drivers.neon.network.NeonNetwork` (HTTP,
-WebSocket, RTSP and time echo by pupil-labs-realtime-api), or its simulator in memory. The phone's
-clock counts whole milliseconds when asked, so single exchanges are good to half of one.
+Codec: `visavis.devices.drivers.neon.codec`. Transport:
+`visavis.devices.drivers.neon.network.NeonNetwork` (HTTP, WebSocket, RTSP and time echo by
+pupil-labs-realtime-api), or its simulator in memory. The phone's clock counts whole milliseconds
+when asked, so single exchanges are good to half of one.
 """
 
 import json
@@ -14,15 +15,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import ClockPair, DeviceState, Fault, Health
-from devices.drivers.neon import codec
-from devices.drivers.neon.spec import NEON
-from devices.drivers.streaming.gaze_device import GazeDevice
-from devices.drivers.streaming.gaze_rays import Sample
-from devices.transports import Frames, Message, MessageTransport
-from lab.clock import NS_PER_MS, Clock
-from lab.errors import DeviceError, DeviceNotFound
-from lab.geometry import Vector
+from visavis.devices.contracts import ClockPair, DeviceState, Fault, Health
+from visavis.devices.drivers.neon import codec
+from visavis.devices.drivers.neon.spec import NEON
+from visavis.devices.drivers.streaming.gaze_device import GazeDevice
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.transports import Frames, Message, MessageTransport
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.errors import DeviceError, DeviceNotFound
+from visavis.lab.geometry import Vector
 
 ECHO = struct.Struct("!Q")
 HALF_MS_NS = NS_PER_MS // 2

@@ -13,11 +13,11 @@ from collections.abc import Coroutine, Sequence
 from concurrent.futures import TimeoutError as NotInTime
 from typing import Any
 
-from devices.arrivals import Arrivals
-from devices.drivers.neon.codec import STAMP
-from devices.transports import Exchange, Frames, Message
-from lab.clock import NS_PER_MS, Clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
+from visavis.devices.arrivals import Arrivals
+from visavis.devices.drivers.neon.codec import STAMP
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
 ECHO = struct.Struct("!Q")
 ECHO_TIMEOUT_S = 1.0

@@ -2,9 +2,9 @@
 
 from pydantic import Field
 
-from devices.libraries import NEON as NEON_LIBRARY
-from devices.options import GazeTiming, StreamOptions
-from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+from visavis.devices.libraries import NEON as NEON_LIBRARY
+from visavis.devices.options import GazeTiming, StreamOptions
+from visavis.devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 REMEDY = (
     "start the Neon Companion app, put phone and computer into one network, and check the "
@@ -34,9 +34,11 @@ NEON = DriverSpec(
     name="neon",
     kind="eye tracker",
     options=NeonOptions,
-    make=driven_by("devices.drivers.neon.driver:Neon"),
-    real=wired_by("devices.drivers.neon.network:NeonNetwork", "address", "port", remedy=REMEDY),
-    simulated=streamed_by("devices.sim.neon:NeonSimulator"),
+    make=driven_by("visavis.devices.drivers.neon.driver:Neon"),
+    real=wired_by(
+        "visavis.devices.drivers.neon.network:NeonNetwork", "address", "port", remedy=REMEDY
+    ),
+    simulated=streamed_by("visavis.devices.sim.neon:NeonSimulator"),
     vendor="Pupil Labs",
     model="Neon",
     wire="HTTP, RTSP",

@@ -10,14 +10,14 @@ from dataclasses import replace
 
 import msgpack
 
-from devices.contracts import DeviceState, Fault, Health
-from devices.drivers.openvr import codec
-from devices.drivers.openvr.spec import OPENVR_CONTROLLERS
-from devices.drivers.runtimes.controllers import SIDES, Change, Ray, RuntimeControllers
-from devices.drivers.streaming.message_device import UNREADABLE, legible
-from devices.transports import Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceError, ProtocolViolation
+from visavis.devices.contracts import DeviceState, Fault, Health
+from visavis.devices.drivers.openvr import codec
+from visavis.devices.drivers.openvr.spec import OPENVR_CONTROLLERS
+from visavis.devices.drivers.runtimes.controllers import SIDES, Change, Ray, RuntimeControllers
+from visavis.devices.drivers.streaming.message_device import UNREADABLE, legible
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, ProtocolViolation
 
 AXES = {"trigger axis": 2, "trackpad x": 0, "trackpad y": 1}
 """Axis -> its place among x and y of the runtime's axes (openvr.h, k_EButton_Axis)."""

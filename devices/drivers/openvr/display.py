@@ -8,11 +8,11 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from devices.drivers.openvr import codec
-from devices.drivers.streaming.message_device import legible
-from lab.clock import NS_PER_S
-from lab.errors import ProtocolViolation
-from lab.frame import EyeView
+from visavis.devices.drivers.openvr import codec
+from visavis.devices.drivers.streaming.message_device import legible
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import ProtocolViolation
+from visavis.lab.frame import EyeView
 
 MOVED_BASE_STATION_M = 0.005
 

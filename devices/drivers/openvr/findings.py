@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from devices.contracts import Fault
-from devices.drivers.openvr.spec import OPENVR_HEADSET
+from visavis.devices.contracts import Fault
+from visavis.devices.drivers.openvr.spec import OPENVR_HEADSET
 
 FOCUS_LOST = "CompositorError_DoNotHaveFocus"
 COMPOSITOR_REMEDIES = {

@@ -1,10 +1,10 @@
 """Drive a headset through an OpenVR runtime (SteamVR): pace, poses, submission, frame truth.
 
-Codec: `devices.drivers.openvr.codec`. Wire: `devices.drivers.openvr.library`, a `.wire` replay,
-or any `MessageTransport` with the same requests. The pose of a frame is the runtime's prediction
-for that frame's light; its `t_device_ns` is `predicted_display_ns`. Images drawn from a later pose
-(`late_head`) are handed over with it. All of it, `wait_frame` and
-`submit` included, belongs to the thread that draws.
+Codec: `visavis.devices.drivers.openvr.codec`. Wire: `visavis.devices.drivers.openvr.library`, a
+`.wire` replay, or any `MessageTransport` with the same requests. The pose of a frame is the
+runtime's prediction for that frame's light; its `t_device_ns` is `predicted_display_ns`. Images
+drawn from a later pose (`late_head`) are handed over with it. All of it, `wait_frame` and `submit`
+included, belongs to the thread that draws.
 """
 
 import math
@@ -17,18 +17,18 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import HEAD, DeviceState, Fault
-from devices.drivers.openvr import codec
-from devices.drivers.openvr.display import BaseStations, add_timing, read_display
-from devices.drivers.openvr.findings import COMPOSITOR_REMEDIES, FOCUS_LOST, Findings
-from devices.drivers.openvr.spec import OPENVR_HEADSET
-from devices.drivers.runtimes.headset import CALL_TIMEOUT_S, RuntimeHeadset
-from devices.drivers.streaming.message_device import legible
-from devices.transports import Exchange, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceError
-from lab.frame import FrameInfo
-from lab.geometry import Pose, rotate
+from visavis.devices.contracts import HEAD, DeviceState, Fault
+from visavis.devices.drivers.openvr import codec
+from visavis.devices.drivers.openvr.display import BaseStations, add_timing, read_display
+from visavis.devices.drivers.openvr.findings import COMPOSITOR_REMEDIES, FOCUS_LOST, Findings
+from visavis.devices.drivers.openvr.spec import OPENVR_HEADSET
+from visavis.devices.drivers.runtimes.headset import CALL_TIMEOUT_S, RuntimeHeadset
+from visavis.devices.drivers.streaming.message_device import legible
+from visavis.devices.transports import Exchange, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceError
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose, rotate
 
 BASE_STATIONS_EVERY_NS = 2 * NS_PER_S
 REMAINING = struct.Struct("<d")

@@ -18,11 +18,11 @@ from typing import Any
 
 import msgpack
 
-from devices.drivers.openvr.codec import MAX_DEVICES, VSYNC
-from devices.drivers.runtimes.loader_output import loader_output_logged
-from devices.transports import Exchange, Frames, Message
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceError, DeviceNotFound
+from visavis.devices.drivers.openvr.codec import MAX_DEVICES, VSYNC
+from visavis.devices.drivers.runtimes.loader_output import loader_output_logged
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceError, DeviceNotFound
 
 SIMULATED_RUNTIME = "Visavis"
 """A runtime whose version begins so is our simulator."""

@@ -4,15 +4,15 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from devices.libraries import OPENVR
-from devices.options import SimulatedOptions, StreamOptions
-from devices.spec import DriverSpec, Site, driven_by
+from visavis.devices.libraries import OPENVR
+from visavis.devices.options import SimulatedOptions, StreamOptions
+from visavis.devices.spec import DriverSpec, Site, driven_by
 
 if TYPE_CHECKING:
-    from devices.contracts import Body
-    from devices.drivers.openvr.library import OpenVrLibrary
-    from devices.sim.openvr.runtime import SimulatedVrRuntime
-    from devices.transports import MessageTransport
+    from visavis.devices.contracts import Body
+    from visavis.devices.drivers.openvr.library import OpenVrLibrary
+    from visavis.devices.sim.openvr.runtime import SimulatedVrRuntime
+    from visavis.devices.transports import MessageTransport
 
 
 class OpenVrHeadsetOptions(SimulatedOptions):
@@ -40,7 +40,7 @@ class OpenVrTrackersOptions(StreamOptions):
 
 def _library(site: Site[Any]) -> "OpenVrLibrary":
     """Return the rig's connection to the runtime."""
-    from devices.drivers.openvr.library import OpenVrLibrary
+    from visavis.devices.drivers.openvr.library import OpenVrLibrary
 
     if "openvr" not in site.shared:
         site.shared["openvr"] = OpenVrLibrary(site.clock, application="other")
@@ -50,7 +50,7 @@ def _library(site: Site[Any]) -> "OpenVrLibrary":
 
 def _runtime(site: Site[Any], body: "Body") -> "SimulatedVrRuntime":
     """Return the rig's simulated runtime, started."""
-    from devices.sim.openvr.runtime import SimulatedVrRuntime
+    from visavis.devices.sim.openvr.runtime import SimulatedVrRuntime
 
     if "openvr runtime" not in site.shared:
         rate_hz = getattr(site.options, "display_rate_hz", 90.0)
@@ -94,7 +94,7 @@ OPENVR_HEADSET = DriverSpec(
     name="openvr_headset",
     kind="headset",
     options=OpenVrHeadsetOptions,
-    make=driven_by("devices.drivers.openvr.headset:OpenVrHeadset"),
+    make=driven_by("visavis.devices.drivers.openvr.headset:OpenVrHeadset"),
     real=_showing_wire,
     simulated=_simulated_showing_wire,
     model="OpenVR headset",
@@ -112,7 +112,7 @@ OPENVR_CONTROLLERS = DriverSpec(
     name="openvr_controllers",
     kind="responses",
     options=OpenVrControllersOptions,
-    make=driven_by("devices.drivers.openvr.controllers:OpenVrControllers"),
+    make=driven_by("visavis.devices.drivers.openvr.controllers:OpenVrControllers"),
     real=_wire,
     simulated=_simulated_wire,
     model="OpenVR controllers",
@@ -129,7 +129,7 @@ OPENVR_TRACKERS = DriverSpec(
     name="openvr_trackers",
     kind="body tracker",
     options=OpenVrTrackersOptions,
-    make=driven_by("devices.drivers.openvr.trackers:OpenVrTrackers"),
+    make=driven_by("visavis.devices.drivers.openvr.trackers:OpenVrTrackers"),
     real=_wire,
     simulated=_worn_wire,
     model="OpenVR trackers",

@@ -10,13 +10,13 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgpack
 import numpy as np
 
-from devices.drivers.openvr import codec
-from devices.drivers.openvr.spec import OPENVR_TRACKERS
-from devices.drivers.streaming.body_device import BodyDevice, BodySample
-from devices.transports import Exchange, Frames, Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import ConfigError, DeviceError, ProtocolViolation
-from lab.geometry import Pose, quat_conjugate, quat_multiply, rotate
+from visavis.devices.drivers.openvr import codec
+from visavis.devices.drivers.openvr.spec import OPENVR_TRACKERS
+from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
+from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import ConfigError, DeviceError, ProtocolViolation
+from visavis.lab.geometry import Pose, quat_conjugate, quat_multiply, rotate
 
 LEARN_EVERY_NS = 5 * NS_PER_S
 NOWHERE = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))

@@ -10,15 +10,15 @@ from dataclasses import replace
 
 import msgpack
 
-from devices.contracts import DeviceState, Fault
-from devices.drivers.openvr.trackers import PolledPoses
-from devices.drivers.openxr.actions import BUTTON_STATES, BUTTONS, HAND, HANDS
-from devices.drivers.openxr.packing import INSTANT, pose_of
-from devices.drivers.openxr.spec import OPENXR_CONTROLLERS
-from devices.drivers.runtimes.controllers import Change, Ray, RuntimeControllers
-from devices.transports import Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, ProtocolViolation
+from visavis.devices.contracts import DeviceState, Fault
+from visavis.devices.drivers.openvr.trackers import PolledPoses
+from visavis.devices.drivers.openxr.actions import BUTTON_STATES, BUTTONS, HAND, HANDS
+from visavis.devices.drivers.openxr.packing import INSTANT, pose_of
+from visavis.devices.drivers.openxr.spec import OPENXR_CONTROLLERS
+from visavis.devices.drivers.runtimes.controllers import Change, Ray, RuntimeControllers
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, ProtocolViolation
 
 TRIGGER_AXIS = "trigger axis"
 RATE_HZ = 90.0

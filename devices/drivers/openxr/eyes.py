@@ -11,8 +11,8 @@ import struct
 from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, NamedTuple, Protocol
 
-from devices.drivers.openxr.packing import number, numbers
-from lab.clock import NS_PER_S, Clock
+from visavis.devices.drivers.openxr.packing import number, numbers
+from visavis.lab.clock import NS_PER_S, Clock
 
 HTC, FB = "XR_HTC_eye_tracker", "XR_FB_eye_tracking_social"
 PER_EYE = (HTC, FB)

@@ -1,11 +1,11 @@
 """Take eye gaze from an OpenXR runtime.
 
 XR_EXT_eye_gaze_interaction gives one combined ray, no eyes and no pupils. Where a runtime tells
-each eye (`devices.drivers.openxr.eyes`) these are taken: two rays, with HTC's extension also pupils
-and how open the eyes are. Runtimes may smooth or predict either
-without saying so ("may_be_smoothed" among the capabilities in the manifest): use it for looking-at
-measures, not for saccades. A location without its
-valid flags is "no data". The sample's own time comes with it where the runtime tells it.
+each eye (`visavis.devices.drivers.openxr.eyes`) these are taken: two rays, with HTC's extension
+also pupils and how open the eyes are. Runtimes may smooth or predict either without saying so
+("may_be_smoothed" among the capabilities in the manifest): use it for looking-at measures, not for
+saccades. A location without its valid flags is "no data". The sample's own time comes with it where
+the runtime tells it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,12 +14,12 @@ from typing import Literal
 
 import msgpack
 
-from devices.contracts import ClockPair
-from devices.drivers.openvr.trackers import PolledPoses
-from devices.drivers.openxr.eyes import EYES, FB, HTC
-from devices.drivers.openxr.packing import LOCATED
-from devices.drivers.openxr.spec import OPENXR_GAZE
-from devices.drivers.streaming.gaze_rays import (
+from visavis.devices.contracts import ClockPair
+from visavis.devices.drivers.openvr.trackers import PolledPoses
+from visavis.devices.drivers.openxr.eyes import EYES, FB, HTC
+from visavis.devices.drivers.openxr.packing import LOCATED
+from visavis.devices.drivers.openxr.spec import OPENXR_GAZE
+from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
     NAN,
     NO_EYE,
@@ -29,10 +29,10 @@ from devices.drivers.streaming.gaze_rays import (
     diameter_mm,
     gaze_row,
 )
-from devices.drivers.streaming.openness import GazeAndOpenness
-from devices.transports import Message, MessageTransport
-from lab.clock import Clock
-from lab.errors import DeviceNotFound
+from visavis.devices.drivers.streaming.openness import GazeAndOpenness
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceNotFound
 
 ORIENTATION_VALID, POSITION_VALID = 1, 2
 ORIENTATION_TRACKED = 4

@@ -12,10 +12,10 @@ import struct
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from devices.current_gl import SRGB8_ALPHA8, GlContext, GlCopies, current_context
-from lab.clock import NS_PER_S
-from lab.errors import DeviceNotFound
-from lab.frame import EyeView
+from visavis.devices.current_gl import SRGB8_ALPHA8, GlContext, GlCopies, current_context
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DeviceNotFound
+from visavis.lab.frame import EyeView
 
 OPENGL = "XR_KHR_opengl_enable"
 EGL = "XR_MNDX_egl_enable"

@@ -16,17 +16,17 @@ from dataclasses import replace
 import msgpack
 import numpy as np
 
-from devices.contracts import DeviceState, Fault
-from devices.drivers.openxr.graphics import packed_images
-from devices.drivers.openxr.packing import FRAME, LATE, pose_of
-from devices.drivers.openxr.spec import OPENXR_HEADSET
-from devices.drivers.runtimes.headset import CALL_TIMEOUT_S, HeadPose, RuntimeHeadset
-from devices.drivers.streaming.message_device import legible
-from devices.transports import MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceError, ProtocolViolation
-from lab.frame import EyeView, FrameInfo
-from lab.geometry import Pose, Vector, quat_multiply, rotate
+from visavis.devices.contracts import DeviceState, Fault
+from visavis.devices.drivers.openxr.graphics import packed_images
+from visavis.devices.drivers.openxr.packing import FRAME, LATE, pose_of
+from visavis.devices.drivers.openxr.spec import OPENXR_HEADSET
+from visavis.devices.drivers.runtimes.headset import CALL_TIMEOUT_S, HeadPose, RuntimeHeadset
+from visavis.devices.drivers.streaming.message_device import legible
+from visavis.devices.transports import MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceError, ProtocolViolation
+from visavis.lab.frame import EyeView, FrameInfo
+from visavis.lab.geometry import Pose, Vector, quat_multiply, rotate
 
 MAX_AHEAD_NS = 60 * NS_PER_S
 """A display time further off is none."""

@@ -5,7 +5,7 @@ before it was opened: then it is bound to the OpenGL context that is current. A 
 (its name, its arguments) with an answer (the name of the error, empty for none, then packed
 numbers), so that a `TeeTransport` around the transport writes a `.wire` log. One session serves
 every device of the process. Times are XrTime (ns) as the runtime gives them, next to the same
-instant on the session's clock (`devices.drivers.openxr.runtime_time`).
+instant on the session's clock (`visavis.devices.drivers.openxr.runtime_time`).
 
 Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `frame`, `late`, `show`, `views`,
 `hidden`, `size`, `buzz`.
@@ -18,14 +18,14 @@ from typing import Any
 
 import msgpack
 
-from devices.drivers.openxr.actions import (
+from visavis.devices.drivers.openxr.actions import (
     BUTTON_STATES,
     HAND,
     HANDS,
     OpenXrActions,
     supports_gaze,
 )
-from devices.drivers.openxr.eyes import (
+from visavis.devices.drivers.openxr.eyes import (
     HTC,
     SUPPORTED,
     EyesOfRuntime,
@@ -34,14 +34,14 @@ from devices.drivers.openxr.eyes import (
     extension_for_eyes,
     packed_eyes,
 )
-from devices.drivers.openxr.graphics import (
+from visavis.devices.drivers.openxr.graphics import (
     VISIBILITY_MASK,
     EyeImages,
     GraphicsBinding,
     ask_graphics_requirements,
     hidden_area,
 )
-from devices.drivers.openxr.packing import (
+from visavis.devices.drivers.openxr.packing import (
     FRAME,
     INSTANT,
     LATE,
@@ -50,12 +50,16 @@ from devices.drivers.openxr.packing import (
     numbers,
     packed_views,
 )
-from devices.drivers.openxr.runtime_time import RuntimeTime, performance_counter, time_extension
-from devices.drivers.openxr.wire import OpenXrTransport
-from devices.drivers.runtimes.loader_output import loader_output_logged
-from devices.transports import Frames
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceNotFound
+from visavis.devices.drivers.openxr.runtime_time import (
+    RuntimeTime,
+    performance_counter,
+    time_extension,
+)
+from visavis.devices.drivers.openxr.wire import OpenXrTransport
+from visavis.devices.drivers.runtimes.loader_output import loader_output_logged
+from visavis.devices.transports import Frames
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceNotFound
 
 HEADLESS = "XR_MND_headless"
 EYE_GAZE = "XR_EXT_eye_gaze_interaction"

@@ -1,7 +1,7 @@
 """Ask an OpenXR runtime, in a process of its own, whether it tells gaze.
 
-Run as `python -m devices.drivers.openxr.offer`, it asks the runtime that `XR_RUNTIME_JSON` names
-and prints JSON. A process can load one runtime only, and a vendor's may end it.
+Run as `python -m visavis.devices.drivers.openxr.offer`, it asks the runtime that `XR_RUNTIME_JSON`
+names and prints JSON. A process can load one runtime only, and a vendor's may end it.
 """
 
 import contextlib
@@ -15,9 +15,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from devices.drivers.openxr.actions import supports_gaze
-from devices.drivers.openxr.eyes import SUPPORTED, extension_for_eyes
-from devices.drivers.openxr.library import EYE_GAZE
+from visavis.devices.drivers.openxr.actions import supports_gaze
+from visavis.devices.drivers.openxr.eyes import SUPPORTED, extension_for_eyes
+from visavis.devices.drivers.openxr.library import EYE_GAZE
 
 PATIENCE_S = 20.0
 """Some runtimes start their service when they are asked."""
@@ -44,7 +44,7 @@ class Offer:
 def ask(manifest: Path) -> Offer | None:
     """Return what the runtime of a manifest offers; None when it cannot be asked."""
     environment: Mapping[str, str] = {**os.environ, "XR_RUNTIME_JSON": str(manifest)}
-    command = [sys.executable, "-m", "devices.drivers.openxr.offer"]
+    command = [sys.executable, "-m", "visavis.devices.drivers.openxr.offer"]
     try:
         done = subprocess.run(  # noqa: S603 - ourselves
             command, capture_output=True, text=True, timeout=PATIENCE_S, env=environment, check=True

@@ -9,8 +9,8 @@ import platform
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceNotFound
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceNotFound
 
 TIMESPEC = "XR_KHR_convert_timespec_time"
 PERFORMANCE_COUNTER = "XR_KHR_win32_convert_performance_counter_time"

@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
-from devices.libraries import OPENXR
-from devices.options import GazeTiming, SimulatedOptions
-from devices.spec import DriverSpec, Site, driven_by
+from visavis.devices.libraries import OPENXR
+from visavis.devices.options import GazeTiming, SimulatedOptions
+from visavis.devices.spec import DriverSpec, Site, driven_by
 
 if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+    from visavis.devices.transports import MessageTransport
 
 
 class OpenXrHeadsetOptions(SimulatedOptions):
@@ -41,7 +41,7 @@ class OpenXrGazeOptions(GazeTiming, SimulatedOptions):
 
 def _wire(site: Site[Any]) -> "MessageTransport":
     """Return a wire to the rig's session."""
-    from devices.drivers.openxr.library import OpenXrLibrary
+    from visavis.devices.drivers.openxr.library import OpenXrLibrary
 
     if "openxr" not in site.shared:
         site.shared["openxr"] = OpenXrLibrary(site.clock)
@@ -50,7 +50,7 @@ def _wire(site: Site[Any]) -> "MessageTransport":
 
 
 def _simulated_wire(site: Site[Any]) -> "MessageTransport":
-    from devices.sim.openxr.runtime import SimulatedXrRuntime
+    from visavis.devices.sim.openxr.runtime import SimulatedXrRuntime
 
     if "openxr runtime" not in site.shared:
         rate_hz = getattr(site.options, "display_rate_hz", 90.0)
@@ -67,7 +67,7 @@ OPENXR_HEADSET = DriverSpec(
     name="openxr_headset",
     kind="headset",
     options=OpenXrHeadsetOptions,
-    make=driven_by("devices.drivers.openxr.headset:OpenXrHeadset"),
+    make=driven_by("visavis.devices.drivers.openxr.headset:OpenXrHeadset"),
     real=_wire,
     simulated=_simulated_wire,
     model="OpenXR headset",
@@ -84,7 +84,7 @@ OPENXR_CONTROLLERS = DriverSpec(
     name="openxr_controllers",
     kind="responses",
     options=OpenXrControllersOptions,
-    make=driven_by("devices.drivers.openxr.controllers:OpenXrControllers"),
+    make=driven_by("visavis.devices.drivers.openxr.controllers:OpenXrControllers"),
     real=_wire,
     simulated=_simulated_wire,
     model="OpenXR controllers",
@@ -101,7 +101,7 @@ OPENXR_GAZE = DriverSpec(
     name="openxr_gaze",
     kind="eye tracker",
     options=OpenXrGazeOptions,
-    make=driven_by("devices.drivers.openxr.gaze:OpenXrGaze"),
+    make=driven_by("visavis.devices.drivers.openxr.gaze:OpenXrGaze"),
     real=_wire,
     simulated=_simulated_wire,
     model="OpenXR eye gaze",

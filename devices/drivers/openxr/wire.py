@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from devices.transports import Exchange, Frames, Message
-from lab.clock import Clock
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import Clock
 
 
 class SharedSession(Protocol):

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from devices.contracts import GAZE
-from devices.drivers.pupil import codec
-from lab.errors import ProtocolViolation
+from visavis.devices.contracts import GAZE
+from visavis.devices.drivers.pupil import codec
+from visavis.lab.errors import ProtocolViolation
 
 OLDEST_VERSION = (2, 0)
 """The first version whose headset calibration takes 3-D references (HMD3DChoreographyPlugin)."""

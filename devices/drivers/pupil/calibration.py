@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from devices.contracts import CalibrationOutcome
-from devices.drivers.pupil import codec
-from lab.geometry import Vector
+from visavis.devices.contracts import CalibrationOutcome
+from visavis.devices.drivers.pupil import codec
+from visavis.lab.geometry import Vector
 
 
 class HmdCalibration:

@@ -12,10 +12,10 @@ from typing import Any
 
 import msgpack
 
-from devices.contracts import GAZE
-from devices.drivers.streaming.gaze_rays import diameter_mm
-from devices.plausible import is_place
-from lab.geometry import Vector
+from visavis.devices.contracts import GAZE
+from visavis.devices.drivers.streaming.gaze_rays import diameter_mm
+from visavis.devices.plausible import is_place
+from visavis.lab.geometry import Vector
 
 GAZE_TOPIC = b"gaze.3d."
 NOTIFY_TOPIC = b"notify."

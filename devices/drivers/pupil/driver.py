@@ -1,8 +1,9 @@
 """Drive a Pupil Labs Core eye tracker through Pupil Capture's network API.
 
-Codec: `devices.drivers.pupil.codec`. Transport: any `devices.transports.MessageTransport`.
-Capture's clock is never set: offsets come from repeated `t` requests, all of them kept. Its
-stream has no sample counter, so `seq` counts what arrived and loss shows in the stamps alone.
+Codec: `visavis.devices.drivers.pupil.codec`. Transport: any
+`visavis.devices.transports.MessageTransport`. Capture's clock is never set: offsets come from
+repeated `t` requests, all of them kept. Its stream has no sample counter, so `seq` counts what
+arrived and loss shows in the stamps alone.
 """
 
 import contextlib
@@ -14,19 +15,26 @@ from typing import Any
 
 import numpy as np
 
-from devices.contracts import GAZE, CalibrationOutcome, ClockPair, DeviceState, Fault, SessionName
-from devices.drivers.pupil import codec
-from devices.drivers.pupil.answers import ROW_BYTES, check_version, eyes_seen, read_port
-from devices.drivers.pupil.calibration import HmdCalibration
-from devices.drivers.pupil.layout import GazeDecoder
-from devices.drivers.pupil.spec import PUPIL_CORE
-from devices.drivers.pupil.stopped_parts import StoppedParts
-from devices.drivers.streaming.gaze_device import GazeDevice
-from devices.drivers.streaming.gaze_rays import Sample
-from devices.transports import Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceError, ProtocolViolation
-from lab.geometry import Vector
+from visavis.devices.contracts import (
+    GAZE,
+    CalibrationOutcome,
+    ClockPair,
+    DeviceState,
+    Fault,
+    SessionName,
+)
+from visavis.devices.drivers.pupil import codec
+from visavis.devices.drivers.pupil.answers import ROW_BYTES, check_version, eyes_seen, read_port
+from visavis.devices.drivers.pupil.calibration import HmdCalibration
+from visavis.devices.drivers.pupil.layout import GazeDecoder
+from visavis.devices.drivers.pupil.spec import PUPIL_CORE
+from visavis.devices.drivers.pupil.stopped_parts import StoppedParts
+from visavis.devices.drivers.streaming.gaze_device import GazeDevice
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceError, ProtocolViolation
+from visavis.lab.geometry import Vector
 
 TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
 COMMAND_TIMEOUT_S = 1.0

@@ -14,11 +14,11 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import GAZE
-from devices.drivers.pupil import codec
-from devices.drivers.streaming.gaze_rays import MAX_PUPIL_MM, MIN_PUPIL_MM
-from devices.plausible import MAX_FAR_M
-from lab.compiled import compiled
+from visavis.devices.contracts import GAZE
+from visavis.devices.drivers.pupil import codec
+from visavis.devices.drivers.streaming.gaze_rays import MAX_PUPIL_MM, MIN_PUPIL_MM
+from visavis.devices.plausible import MAX_FAR_M
+from visavis.lab.compiled import compiled
 
 Bytes = npt.NDArray[np.uint8]
 Places = npt.NDArray[np.int64]

@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from devices.libraries import ZMQ
-from devices.options import GazeTiming, StreamOptions
-from devices.spec import DriverSpec, Site, driven_by, wired_by
+from visavis.devices.libraries import ZMQ
+from visavis.devices.options import GazeTiming, StreamOptions
+from visavis.devices.spec import DriverSpec, Site, driven_by, wired_by
 
 if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+    from visavis.devices.transports import MessageTransport
 
 
 REMEDY = (
@@ -37,10 +37,10 @@ Here = Site[PupilCoreOptions]
 
 def _simulated_capture(site: Here) -> "MessageTransport":
     """Return a simulator in memory, or on real sockets when the clock is real."""
-    from devices.sim.zmq_host import ZmqHost
-    from devices.transports import MemoryTransport, ZmqTransport
+    from visavis.devices.sim.zmq_host import ZmqHost
+    from visavis.devices.transports import MemoryTransport, ZmqTransport
 
-    simulator = site.peer("devices.sim.pupil.capture:PupilCoreSimulator")
+    simulator = site.peer("visavis.devices.sim.pupil.capture:PupilCoreSimulator")
     if site.clock.is_virtual:
         return MemoryTransport(simulator, site.clock)
     host = site.stack.enter_context(ZmqHost(simulator, site.clock))
@@ -51,8 +51,8 @@ PUPIL_CORE = DriverSpec(
     name="pupil_core",
     kind="eye tracker",
     options=PupilCoreOptions,
-    make=driven_by("devices.drivers.pupil.driver:PupilCore"),
-    real=wired_by("devices.transports:ZmqTransport", "address", "port"),
+    make=driven_by("visavis.devices.drivers.pupil.driver:PupilCore"),
+    real=wired_by("visavis.devices.transports:ZmqTransport", "address", "port"),
     simulated=_simulated_capture,
     vendor="Pupil Labs",
     model="Core",

@@ -8,15 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from devices.contracts import POINTER, RESPONSES, DeviceState, Health
-from devices.drivers.streaming.message_device import MessageDevice, legible
-from devices.meter import StreamMeter
-from devices.plausible import is_place
-from devices.spec import AnySpec
-from devices.transports import MessageTransport
-from lab.clock import Clock
-from lab.errors import ConfigError, DeviceDisconnected, DeviceError
-from lab.schema import SampleBatch, StreamSchema
+from visavis.devices.contracts import POINTER, RESPONSES, DeviceState, Health
+from visavis.devices.drivers.streaming.message_device import MessageDevice, legible
+from visavis.devices.meter import StreamMeter
+from visavis.devices.plausible import is_place
+from visavis.devices.spec import AnySpec
+from visavis.devices.transports import MessageTransport
+from visavis.lab.clock import Clock
+from visavis.lab.errors import ConfigError, DeviceDisconnected, DeviceError
+from visavis.lab.schema import SampleBatch, StreamSchema
 
 SIDES = ("left", "right")
 ATTEMPT_S = 0.2

@@ -5,16 +5,16 @@ from abc import abstractmethod
 
 import numpy as np
 
-from devices.contracts import DeviceState, Health
-from devices.drivers.streaming.message_device import MessageDevice, legible
-from devices.frame_streams import HEAD_ROW, FrameStreams
-from devices.plausible import is_place
-from devices.spec import AnySpec
-from devices.transports import MessageTransport
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
-from lab.frame import EyeView, FrameInfo
-from lab.schema import StreamSchema
+from visavis.devices.contracts import DeviceState, Health
+from visavis.devices.drivers.streaming.message_device import MessageDevice, legible
+from visavis.devices.frame_streams import HEAD_ROW, FrameStreams
+from visavis.devices.plausible import is_place
+from visavis.devices.spec import AnySpec
+from visavis.devices.transports import MessageTransport
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
+from visavis.lab.frame import EyeView, FrameInfo
+from visavis.lab.schema import StreamSchema
 
 CALL_TIMEOUT_S = 5.0
 RECONNECT_S = 0.2

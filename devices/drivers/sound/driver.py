@@ -15,18 +15,18 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
-from devices.drivers.sound.mixing import Mixer, Voice
-from devices.lifecycle import HasLife, Lifecycle
-from devices.meter import StreamMeter
-from devices.spec import AnySpec
-from devices.streams import SOUND, SOUND_EVENTS
-from lab.clock import NS_PER_S, Clock
-from lab.clock_fit import latest_quick, offset_ns
-from lab.errors import DeviceDisconnected, DeviceError
-from lab.geometry import Pose, Vector
-from lab.schema import SampleBatch, empty_values
-from stimuli.sound import Sound
+from visavis.devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
+from visavis.devices.drivers.sound.mixing import Mixer, Voice
+from visavis.devices.lifecycle import HasLife, Lifecycle
+from visavis.devices.meter import StreamMeter
+from visavis.devices.spec import AnySpec
+from visavis.devices.streams import SOUND, SOUND_EVENTS
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.clock_fit import latest_quick, offset_ns
+from visavis.lab.errors import DeviceDisconnected, DeviceError
+from visavis.lab.geometry import Pose, Vector
+from visavis.lab.schema import SampleBatch, empty_values
+from visavis.stimuli.sound import Sound
 
 BEGAN, ENDED, STOPPED, UNDERFLOW = (
     SOUND_EVENTS.index(name) for name in ("began", "ended", "stopped", "underflow")

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
-from lab.geometry import Pose, Vector, quat_conjugate, rotate
+from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
 
 HEAD_RADIUS_M = 0.0875
 SOUND_M_S = 343.0

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from devices.libraries import SOUNDDEVICE
-from devices.options import SimulatedOptions
-from devices.spec import AnySpec, DriverSpec, Site, imported
+from visavis.devices.libraries import SOUNDDEVICE
+from visavis.devices.options import SimulatedOptions
+from visavis.devices.spec import AnySpec, DriverSpec, Site, imported
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from devices.contracts import Device
+    from visavis.devices.contracts import Device
 
 
 class SoundCardOptions(SimulatedOptions):
@@ -31,7 +31,7 @@ class SoundCardOptions(SimulatedOptions):
 
 
 def _make(site: Site[SoundCardOptions], load: "Callable[[], Any] | SimulatedCard") -> "Device":
-    make = imported("devices.drivers.sound.driver:SoundCard")
+    make = imported("visavis.devices.drivers.sound.driver:SoundCard")
     device: Device = make(
         site.role,
         load,
@@ -45,7 +45,7 @@ def _make(site: Site[SoundCardOptions], load: "Callable[[], Any] | SimulatedCard
 
 
 def _real(site: Site[SoundCardOptions]) -> "Callable[[], Any]":
-    return lambda: imported("devices.sync.audio:sound_library")()
+    return lambda: imported("visavis.devices.sync.audio:sound_library")()
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class SimulatedCard:
     def __call__(self) -> Any:
         """Return the library of a card that plays to nobody."""
         options = self.site.options
-        return imported("devices.sim.sound_card:SimulatedPortAudio")(
+        return imported("visavis.devices.sim.sound_card:SimulatedPortAudio")(
             self.site.clock,
             faults=self.site.faults,
             latency_ms=options.latency_ms,

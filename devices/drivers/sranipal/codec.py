@@ -9,7 +9,7 @@ import math
 import struct
 from typing import NamedTuple
 
-from devices.drivers.streaming.gaze_rays import (
+from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
     NAN,
     Eye,
@@ -19,7 +19,7 @@ from devices.drivers.streaming.gaze_rays import (
     gaze_row,
     unit_triple,
 )
-from lab.clock import NS_PER_MS
+from visavis.lab.clock import NS_PER_MS
 
 EYE = "Q3f3fff2f"
 EYE_DATA = struct.Struct(f"<?3xii4x{EYE}{EYE}{EYE}?3xfi10i4x6f")

@@ -1,19 +1,19 @@
 """Drive the eye tracker of a Vive Pro Eye through SRanipal: per-eye rays, pupils, openness.
 
-Codec: `devices.drivers.sranipal.codec`. Transport: `devices.drivers.sranipal.library`. A frame that
-was missed leaves a hole in `seq`. Calibration is
-the vendor's own, in SteamVR. How open the eyes are is a second stream, `openness`.
+Codec: `visavis.devices.drivers.sranipal.codec`. Transport:
+`visavis.devices.drivers.sranipal.library`. A frame that was missed leaves a hole in `seq`.
+Calibration is the vendor's own, in SteamVR. How open the eyes are is a second stream, `openness`.
 """
 
 from collections.abc import Iterable
 
-from devices.drivers.sranipal import codec
-from devices.drivers.sranipal.spec import VIVE_PRO_EYE
-from devices.drivers.streaming.gaze_rays import Sample
-from devices.drivers.streaming.openness import GazeAndOpenness
-from devices.transports import Message, MessageTransport
-from lab.clock import Clock
-from lab.errors import DeviceNotFound
+from visavis.devices.drivers.sranipal import codec
+from visavis.devices.drivers.sranipal.spec import VIVE_PRO_EYE
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.drivers.streaming.openness import GazeAndOpenness
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import Clock
+from visavis.lab.errors import DeviceNotFound
 
 
 class ViveProEye(GazeAndOpenness):

@@ -10,11 +10,11 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
-from devices.arrivals import Arrivals
-from devices.drivers.sranipal.codec import EYE_DATA
-from devices.transports import Exchange, Frames, Message
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceNotFound
+from visavis.devices.arrivals import Arrivals
+from visavis.devices.drivers.sranipal.codec import EYE_DATA
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceNotFound
 
 EYE_V2 = 2
 """The kind of module: eyes, second version of the data."""

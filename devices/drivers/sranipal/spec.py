@@ -2,8 +2,8 @@
 
 from pydantic import Field
 
-from devices.options import GazeTiming, StreamOptions
-from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+from visavis.devices.options import GazeTiming, StreamOptions
+from visavis.devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 
 class SranipalOptions(GazeTiming, StreamOptions):
@@ -18,9 +18,9 @@ VIVE_PRO_EYE = DriverSpec(
     name="vive_pro_eye",
     kind="eye tracker",
     options=SranipalOptions,
-    make=driven_by("devices.drivers.sranipal.driver:ViveProEye"),
-    real=wired_by("devices.drivers.sranipal.library:SranipalLibrary", "library_path"),
-    simulated=streamed_by("devices.sim.sranipal:SranipalSimulator"),
+    make=driven_by("visavis.devices.drivers.sranipal.driver:ViveProEye"),
+    real=wired_by("visavis.devices.drivers.sranipal.library:SranipalLibrary", "library_path"),
+    simulated=streamed_by("visavis.devices.sim.sranipal:SranipalSimulator"),
     vendor="HTC",
     model="Vive Pro Eye",
     wire="vendor library",

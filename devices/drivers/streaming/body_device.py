@@ -11,14 +11,14 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import Fault, body_schema
-from devices.drivers.streaming.stream_device import StreamDevice
-from devices.plausible import are_places
-from devices.segment_watch import SegmentWatch
-from devices.spec import AnySpec
-from devices.transports import MessageTransport
-from lab.clock import Clock
-from lab.geometry import Vector
+from visavis.devices.contracts import Fault, body_schema
+from visavis.devices.drivers.streaming.stream_device import StreamDevice
+from visavis.devices.plausible import are_places
+from visavis.devices.segment_watch import SegmentWatch
+from visavis.devices.spec import AnySpec
+from visavis.devices.transports import MessageTransport
+from visavis.lab.clock import Clock
+from visavis.lab.geometry import Vector
 
 Severity = Literal["warning", "blocking"]
 Flags = npt.NDArray[np.bool_]

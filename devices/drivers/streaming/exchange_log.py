@@ -1,7 +1,7 @@
 """Keep a device's time exchanges, and notice when its clock has jumped between two of them."""
 
-from devices.contracts import ClockPair
-from lab.clock import NS_PER_MS
+from visavis.devices.contracts import ClockPair
+from visavis.lab.clock import NS_PER_MS
 
 JUMP_NS = 20 * NS_PER_MS
 RECENT = 60

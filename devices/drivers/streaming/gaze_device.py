@@ -1,7 +1,8 @@
 """The life every eye tracker's driver shares: exchanges of time, eyes seen, commands, refusals.
 
 A driver adds a codec and says how to connect, what a message holds and which verbs it has. All
-wires are `devices.transports.MessageTransport`s, so each can be teed to a `.wire` log and replayed.
+wires are `visavis.devices.transports.MessageTransport`s, so each can be teed to a `.wire` log and
+replayed.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -10,19 +11,19 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import GAZE, CalibrationOutcome, ClockPair, DeviceState, Fault
-from devices.drivers.streaming.exchange_log import ExchangeLog
-from devices.drivers.streaming.gaze_findings import SeenEyes, eye_faults, stream_faults
-from devices.drivers.streaming.gaze_rays import Sample, rows_to_values
-from devices.drivers.streaming.sample_numbers import SampleNumbers
-from devices.drivers.streaming.stream_device import StreamDevice
-from devices.drivers.streaming.wire_thread import WireThread
-from devices.spec import AnySpec
-from devices.transports import MemoryTransport, MessageTransport
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.clock_fit import ClockFit, fit_clock, offset_ns
-from lab.errors import DeviceError, DeviceTimeout
-from lab.geometry import Vector
+from visavis.devices.contracts import GAZE, CalibrationOutcome, ClockPair, DeviceState, Fault
+from visavis.devices.drivers.streaming.exchange_log import ExchangeLog
+from visavis.devices.drivers.streaming.gaze_findings import SeenEyes, eye_faults, stream_faults
+from visavis.devices.drivers.streaming.gaze_rays import Sample, rows_to_values
+from visavis.devices.drivers.streaming.sample_numbers import SampleNumbers
+from visavis.devices.drivers.streaming.stream_device import StreamDevice
+from visavis.devices.drivers.streaming.wire_thread import WireThread
+from visavis.devices.spec import AnySpec
+from visavis.devices.transports import MemoryTransport, MessageTransport
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.clock_fit import ClockFit, fit_clock, offset_ns
+from visavis.lab.errors import DeviceError, DeviceTimeout
+from visavis.lab.geometry import Vector
 
 COMMAND_TIMEOUT_S = 2.0
 RECENT_BATCHES = 90
@@ -78,7 +79,9 @@ class GazeDevice(StreamDevice[Sample]):
         return super().poll(timeout_s)
 
     def put_off(self) -> bool:
-        """Tell whether a later poll may deliver what has come; see `devices.pump.Postponing`."""
+        """Tell whether a later poll may deliver what has come; see
+        `visavis.devices.pump.Postponing`.
+        """
         if self._put_off is None or self._life.state is not DeviceState.STREAMING:
             return False
         if self._interval_ns is not None and self._clock.now_ns() >= self._next_exchange_ns:

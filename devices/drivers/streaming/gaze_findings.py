@@ -3,8 +3,8 @@
 from collections import deque
 from collections.abc import Sequence
 
-from devices.contracts import Fault
-from devices.meter import StreamMeter
+from visavis.devices.contracts import Fault
+from visavis.devices.meter import StreamMeter
 
 ANSWERS_MISSED_S = 3.0
 EYES_LOST_BELOW_01 = 0.1

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import GAZE
-from devices.plausible import is_place
+from visavis.devices.contracts import GAZE
+from visavis.devices.plausible import is_place
 
 Triple = tuple[float, float, float]
 

@@ -12,15 +12,15 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from devices.byte_links import ByteLink
-from devices.contracts import Fault
-from devices.drivers.streaming.message_device import UNREADABLE
-from devices.drivers.streaming.stream_device import StreamDevice
-from devices.spec import AnySpec
-from devices.transports import Exchange, Frames, Message
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceTimeout
-from lab.schema import Field, StreamSchema
+from visavis.devices.byte_links import ByteLink
+from visavis.devices.contracts import Fault
+from visavis.devices.drivers.streaming.message_device import UNREADABLE
+from visavis.devices.drivers.streaming.stream_device import StreamDevice
+from visavis.devices.spec import AnySpec
+from visavis.devices.transports import Exchange, Frames, Message
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceTimeout
+from visavis.lab.schema import Field, StreamSchema
 
 MAX_LINE = 4096
 MAX_STAMP_NS = 2**62

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import msgpack
 
-from devices.contracts import ClockPair, DeviceState, Fault, Sink
-from devices.lifecycle import HasLife, Lifecycle
-from devices.spec import AnySpec
-from devices.transports import Exchange, Frames, Message, MessageTransport
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceError, DeviceTimeout, ProtocolViolation
+from visavis.devices.contracts import ClockPair, DeviceState, Fault, Sink
+from visavis.devices.lifecycle import HasLife, Lifecycle
+from visavis.devices.spec import AnySpec
+from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceError, DeviceTimeout, ProtocolViolation
 
 ATTEMPT_EVERY_NS = 500 * NS_PER_MS
 """How often a driver tries to reach a peer that is gone; less often where samples are rare."""

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lab.clock import NS_PER_MS
-from lab.clock_fit import ClockFit, fit_one_way
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.clock_fit import ClockFit, fit_one_way
 
 BUCKET_NS = 100 * NS_PER_MS
 MAX_BUCKETS = 6000

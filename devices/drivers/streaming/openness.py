@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import Health
-from devices.drivers.streaming.gaze_device import GazeDevice
-from devices.drivers.streaming.gaze_rays import NAN, Sample
-from lab.schema import Field, SampleBatch, StreamSchema
+from visavis.devices.contracts import Health
+from visavis.devices.drivers.streaming.gaze_device import GazeDevice
+from visavis.devices.drivers.streaming.gaze_rays import NAN, Sample
+from visavis.lab.schema import Field, SampleBatch, StreamSchema
 
 OPENNESS = StreamSchema(
     "openness",

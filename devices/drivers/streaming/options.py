@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from devices.options import GazeTiming, StreamOptions
+from visavis.devices.options import GazeTiming, StreamOptions
 
 if TYPE_CHECKING:
-    from devices.drivers.streaming.gaze_rays import Screen
+    from visavis.devices.drivers.streaming.gaze_rays import Screen
 
 PositiveMm = Annotated[float, Field(gt=0, le=10_000)]
 OffsetMm = Annotated[float, Field(ge=-5000, le=5000)]
@@ -25,7 +25,7 @@ class ScreenOptions(GazeTiming, StreamOptions):
 
     def screen(self) -> "Screen":
         """Return the screen, for driver and simulator."""
-        from devices.drivers.streaming.gaze_rays import Screen
+        from visavis.devices.drivers.streaming.gaze_rays import Screen
 
         return Screen(
             **{

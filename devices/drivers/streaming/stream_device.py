@@ -8,16 +8,16 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import DeviceState, Fault, Health
-from devices.drivers.streaming.message_device import ATTEMPT_EVERY_NS, MessageDevice, named
-from devices.drivers.streaming.one_way_clock import OneWayClock
-from devices.meter import StreamMeter
-from devices.spec import AnySpec
-from devices.transports import Message, MessageTransport
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.clock_fit import ClockFit
-from lab.errors import DeviceDisconnected, DeviceError
-from lab.schema import SampleBatch, StreamSchema
+from visavis.devices.contracts import DeviceState, Fault, Health
+from visavis.devices.drivers.streaming.message_device import ATTEMPT_EVERY_NS, MessageDevice, named
+from visavis.devices.drivers.streaming.one_way_clock import OneWayClock
+from visavis.devices.meter import StreamMeter
+from visavis.devices.spec import AnySpec
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.clock_fit import ClockFit
+from visavis.lab.errors import DeviceDisconnected, DeviceError
+from visavis.lab.schema import SampleBatch, StreamSchema
 
 ATTEMPT_S = 0.4
 ATTEMPT_PERIODS = 3

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NoAnswerInTime
 
-from lab.errors import DeviceError, DeviceTimeout
+from visavis.lab.errors import DeviceError, DeviceTimeout
 
 
 class WireThread:

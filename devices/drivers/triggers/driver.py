@@ -11,16 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from devices.byte_links import ByteLink
-from devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
-from devices.drivers.triggers.labjack_codec import AnswerReader, lines_out, set_lines
-from devices.drivers.triggers.pulses import Pulse, PulseTrain, Step
-from devices.lifecycle import HasLife, Lifecycle
-from devices.meter import StreamMeter
-from devices.spec import AnySpec
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout
-from lab.schema import Field, SampleBatch, StreamSchema
+from visavis.devices.byte_links import ByteLink
+from visavis.devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
+from visavis.devices.drivers.triggers.labjack_codec import AnswerReader, lines_out, set_lines
+from visavis.devices.drivers.triggers.pulses import Pulse, PulseTrain, Step
+from visavis.devices.lifecycle import HasLife, Lifecycle
+from visavis.devices.meter import StreamMeter
+from visavis.devices.spec import AnySpec
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout
+from visavis.lab.schema import Field, SampleBatch, StreamSchema
 
 AGAIN_NS = NS_PER_S // 2
 ANSWER_S = 0.5

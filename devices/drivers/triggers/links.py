@@ -11,9 +11,9 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from devices.byte_links import Chunk
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound
+from visavis.devices.byte_links import Chunk
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 PARALLEL_REMEDY = (
     "Linux: load ppdev, unload lp (sudo modprobe ppdev; sudo rmmod lp) and join the group lp; "
@@ -154,7 +154,7 @@ class MarkerLink(_Lines):
     def open(self, deadline_s: float) -> None:
         """Announce the stream."""
         if self._lsl is None:
-            from devices.drivers.lsl.outlet import lsl_library
+            from visavis.devices.drivers.lsl.outlet import lsl_library
 
             self._lsl = lsl_library()
         name, source_id = self._called

@@ -6,7 +6,7 @@ Pure: time comes in, what has to be written comes out.
 from collections import deque
 from dataclasses import dataclass
 
-from lab.clock import NS_PER_MS
+from visavis.lab.clock import NS_PER_MS
 
 
 @dataclass(frozen=True)

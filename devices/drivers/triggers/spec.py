@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, field_validator
 
-from devices.drivers.links.options import SerialOptions
-from devices.libraries import LSL, SERIAL, USB
-from devices.options import SimulatedOptions
-from devices.spec import AnySpec, DriverSpec, Site, imported, spoken_by
+from visavis.devices.drivers.links.options import SerialOptions
+from visavis.devices.libraries import LSL, SERIAL, USB
+from visavis.devices.options import SimulatedOptions
+from visavis.devices.spec import AnySpec, DriverSpec, Site, imported, spoken_by
 
 if TYPE_CHECKING:
-    from devices.byte_links import ByteLink
-    from devices.contracts import Device
+    from visavis.devices.byte_links import ByteLink
+    from visavis.devices.contracts import Device
 
 LABJACK_VID, U3_PID = 0x0CD5, 0x0003
 
@@ -66,7 +66,7 @@ class LslTriggerOptions(TriggerOptions):
 
 
 def _make(site: Site[Any], wire: Any) -> "Device":
-    driver = imported("devices.drivers.triggers.driver:TriggerOut")
+    driver = imported("visavis.devices.drivers.triggers.driver:TriggerOut")
     device: Device = driver(
         site.role, wire, site.clock, spec=site.spec, **site.options.for_trigger()
     )
@@ -74,7 +74,7 @@ def _make(site: Site[Any], wire: Any) -> "Device":
 
 
 def _make_labjack(site: Site[Any], wire: Any) -> "Device":
-    make = imported("devices.drivers.triggers.driver:labjack")
+    make = imported("visavis.devices.drivers.triggers.driver:labjack")
     device: Device = make(site.role, wire, site.clock, spec=site.spec, **site.options.for_trigger())
     return device
 
@@ -84,13 +84,13 @@ def _serial(site: Site[SerialTriggerOptions]) -> "ByteLink":
 
 
 def _parallel(site: Site[ParallelTriggerOptions]) -> "ByteLink":
-    from devices.drivers.triggers.links import ParallelLink
+    from visavis.devices.drivers.triggers.links import ParallelLink
 
     return ParallelLink(site.clock, site.options.port)
 
 
 def _labjack(site: Site[LabJackTriggerOptions]) -> "ByteLink":
-    from devices.drivers.links.usb import UsbLink
+    from visavis.devices.drivers.links.usb import UsbLink
 
     options = site.options
     return UsbLink(
@@ -99,7 +99,7 @@ def _labjack(site: Site[LabJackTriggerOptions]) -> "ByteLink":
 
 
 def _markers(site: Site[LslTriggerOptions]) -> "ByteLink":
-    from devices.drivers.triggers.links import MarkerLink
+    from visavis.devices.drivers.triggers.links import MarkerLink
 
     return MarkerLink(site.clock, site.options.stream_name, site.options.source_id)
 
@@ -110,7 +110,7 @@ SERIAL_TRIGGERS: AnySpec = DriverSpec(
     options=SerialTriggerOptions,
     make=_make,
     real=_serial,
-    simulated=spoken_by("devices.sim.triggers:LinesPeer"),
+    simulated=spoken_by("visavis.devices.sim.triggers:LinesPeer"),
     carries="bytes",
     model="serial trigger box",
     wire="serial port",
@@ -140,7 +140,7 @@ LABJACK_TRIGGERS = replace(
     options=LabJackTriggerOptions,
     make=_make_labjack,
     real=_labjack,
-    simulated=spoken_by("devices.sim.triggers:LabJackPeer"),
+    simulated=spoken_by("visavis.devices.sim.triggers:LabJackPeer"),
     vendor="LabJack",
     model="U3 or U6",
     wire="USB",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector
+from visavis.lab.geometry import Vector
 
 Flags = npt.NDArray[np.bool_]
 

@@ -1,18 +1,18 @@
 """Receive a moving body from Xsens MVN's network streamer (UDP 9763, type 02).
 
-Codec: `devices.drivers.xsens.codec`. The stream goes one way: MVN's time code (ms since its
+Codec: `visavis.devices.drivers.xsens.codec`. The stream goes one way: MVN's time code (ms since its
 session began) is `t_device_ns`, and `health` fits it to the host's clock by the lower envelope of
 the arrivals. MVN's z-up world becomes ours; where its x axis points is where −z points.
 """
 
 from collections.abc import Iterable
 
-from devices.drivers.streaming.body_device import BodyDevice, BodySample
-from devices.drivers.xsens import codec
-from devices.drivers.xsens.spec import XSENS
-from devices.transports import Message, MessageTransport
-from lab.clock import NS_PER_MS, Clock
-from lab.errors import DeviceTimeout
+from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
+from visavis.devices.drivers.xsens import codec
+from visavis.devices.drivers.xsens.spec import XSENS
+from visavis.devices.transports import Message, MessageTransport
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.errors import DeviceTimeout
 
 
 class XsensMvn(BodyDevice):

@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site, driven_by, streamed_by
+from visavis.devices.options import StreamOptions
+from visavis.devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+    from visavis.devices.transports import MessageTransport
 
 
 class XsensOptions(StreamOptions):
@@ -25,7 +25,7 @@ Here = Site[XsensOptions]
 
 
 def _streamer(site: Here) -> "MessageTransport":
-    from devices.datagrams import UdpTransport
+    from visavis.devices.datagrams import UdpTransport
 
     return UdpTransport(site.clock, local_port=site.options.port)
 
@@ -34,9 +34,9 @@ XSENS = DriverSpec(
     name="xsens",
     kind="body tracker",
     options=XsensOptions,
-    make=driven_by("devices.drivers.xsens.driver:XsensMvn"),
+    make=driven_by("visavis.devices.drivers.xsens.driver:XsensMvn"),
     real=_streamer,
-    simulated=streamed_by("devices.sim.xsens:XsensSimulator"),
+    simulated=streamed_by("visavis.devices.sim.xsens:XsensSimulator"),
     vendor="Movella",
     model="Xsens MVN",
     wire="UDP",

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from devices.drivers.armband import codec
-from devices.drivers.armband.codec import Acknowledgement, BandEvent, Frame, Welcome
+from visavis.devices.drivers.armband import codec
+from visavis.devices.drivers.armband.codec import Acknowledgement, BandEvent, Frame, Welcome
 
 DEAD_MAN_US = 250_000
 MAX_TTL_MS = 10_000

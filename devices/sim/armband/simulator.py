@@ -1,8 +1,9 @@
 """Simulate an armband at its wire: link delays and faults, firmware, motors with inertia.
 
-A virtual clock drives it through `devices.byte_links.MemoryLink`; `devices.testing.armband_pty`
-hosts the same on a pseudo-terminal. Motors follow their drive with a first-order lag; not
-modelled: skin and strap, motor spread, magnetic coupling, radio collisions.
+A virtual clock drives it through `visavis.devices.byte_links.MemoryLink`;
+`visavis.devices.testing.armband_pty` hosts the same on a pseudo-terminal. Motors follow their drive
+with a first-order lag; not modelled: skin and strap, motor spread, magnetic coupling, radio
+collisions.
 """
 
 import math
@@ -12,13 +13,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from devices.byte_links import Chunk
-from devices.contracts import MovingBody
-from devices.faults import FaultSchedule
-from devices.sim.armband.firmware import HIGHEST_DUTY, ArmbandFirmware, Surroundings
-from devices.sim.wire_noise import WireNoise
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound
+from visavis.devices.byte_links import Chunk
+from visavis.devices.contracts import MovingBody
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.armband.firmware import HIGHEST_DUTY, ArmbandFirmware, Surroundings
+from visavis.devices.sim.wire_noise import WireNoise
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 BAUD = 38_400
 BITS_PER_BYTE = 10

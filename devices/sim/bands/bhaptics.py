@@ -8,8 +8,8 @@ registered patterns, rotation, paths, other positions, the radio between Player 
 import json
 from typing import Any
 
-from devices.sim.bands.peer import BandPeer
-from lab.clock import NS_PER_MS
+from visavis.devices.sim.bands.peer import BandPeer
+from visavis.lab.clock import NS_PER_MS
 
 POINTS = 6
 STATUS_NS = 500 * NS_PER_MS

@@ -13,7 +13,7 @@ import json
 import re
 from typing import Any
 
-from devices.sim.bands.peer import BandPeer
+from visavis.devices.sim.bands.peer import BandPeer
 
 MOTORS = 4
 LINE = re.compile(rb"\r\n|\r|\n")

@@ -8,12 +8,12 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
 
-from devices.byte_links import Chunk
-from devices.contracts import MovingBody
-from devices.faults import FaultSchedule, WireFault
-from devices.sim.wire_noise import WireNoise
-from lab.clock import NS_PER_MS, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound
+from visavis.devices.byte_links import Chunk
+from visavis.devices.contracts import MovingBody
+from visavis.devices.faults import FaultSchedule, WireFault
+from visavis.devices.sim.wire_noise import WireNoise
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 
 class BandPeer(ABC):

@@ -8,7 +8,7 @@ itself. Not modelled: board resets on opening, endpoints that stall.
 import re
 from typing import Any
 
-from devices.sim.bands.peer import BandPeer
+from visavis.devices.sim.bands.peer import BandPeer
 
 MOTOR = re.compile(rb"M(\d) (\d+)$")
 

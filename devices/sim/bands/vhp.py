@@ -10,8 +10,8 @@ serial time-out.
 import struct
 from typing import Any
 
-from devices.sim.bands.peer import BandPeer
-from lab.clock import NS_PER_MS
+from visavis.devices.sim.bands.peer import BandPeer
+from visavis.lab.clock import NS_PER_MS
 
 TACTORS = 12
 FRAME_NS = 4_096_000

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from devices.contracts import (
+from visavis.devices.contracts import (
     FRAME_TIMING,
     HEAD,
     Body,
@@ -22,16 +22,16 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.faults import FaultSchedule
-from devices.frame_streams import HEAD_ROW
-from devices.lifecycle import Lifecycle, OnSessionClock
-from devices.meter import StreamMeter
-from devices.sim.body.spec import SIMULATED_HEADSET
-from lab.clock import NS_PER_S, Clock
-from lab.errors import ConfigError
-from lab.frame import FrameInfo
-from lab.geometry import Pose
-from lab.schema import SampleBatch, StreamSchema
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.frame_streams import HEAD_ROW
+from visavis.devices.lifecycle import Lifecycle, OnSessionClock
+from visavis.devices.meter import StreamMeter
+from visavis.devices.sim.body.spec import SIMULATED_HEADSET
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import ConfigError
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose
+from visavis.lab.schema import SampleBatch, StreamSchema
 
 MILLI_HZ = 1000
 
@@ -120,7 +120,9 @@ class SimulatedHeadset(OnSessionClock):
         return delivered
 
     def put_off(self) -> bool:
-        """Tell whether poses and timing may be delivered later; see `devices.pump.Postponing`."""
+        """Tell whether poses and timing may be delivered later; see
+        `visavis.devices.pump.Postponing`.
+        """
         return self._clock.is_virtual and len(self._pending) < MAX_FRAMES_HELD
 
     def head_now(self) -> Pose | None:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import EYES_DTYPE, OneStretch
-from lab.geometry import Vector, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
-from stimuli.motion.skeleton import canonical_skeleton
+from visavis.devices.contracts import EYES_DTYPE, OneStretch
+from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
+from visavis.stimuli.motion.skeleton import canonical_skeleton
 
 EYE_X_M = 0.032
 EYE_HEIGHT_M = 1.63

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from devices.contracts import (
+from visavis.devices.contracts import (
     RESPONSES,
     Body,
     DeviceState,
@@ -19,14 +19,14 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.faults import FaultSchedule
-from devices.lifecycle import Lifecycle, OnSessionClock
-from devices.meter import StreamMeter
-from devices.sim.body.spec import SIMULATED_RESPONSES
-from devices.sim.wire_noise import WireNoise
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound, ProtocolViolation
-from lab.schema import SampleBatch, StreamSchema
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.lifecycle import Lifecycle, OnSessionClock
+from visavis.devices.meter import StreamMeter
+from visavis.devices.sim.body.spec import SIMULATED_RESPONSES
+from visavis.devices.sim.wire_noise import WireNoise
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, ProtocolViolation
+from visavis.lab.schema import SampleBatch, StreamSchema
 
 DEFAULT_CONTROLS = ("trigger",)
 AWAY = "the simulated response device is away"
@@ -108,7 +108,7 @@ class SimulatedResponses(OnSessionClock):
     def due_ns(self) -> int:
         """Return before when nothing is pressed; 0 where the body cannot tell, or a fault may be.
 
-        See `devices.pump.Foreseeing`.
+        See `visavis.devices.pump.Foreseeing`.
         """
         if self._hand is None or self._faults.faults:
             return 0

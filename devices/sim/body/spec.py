@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from devices.options import SimulatedOptions
-from devices.spec import DriverSpec, Site, no_wire
+from visavis.devices.options import SimulatedOptions
+from visavis.devices.spec import DriverSpec, Site, no_wire
 
 if TYPE_CHECKING:
-    from devices.sim.body.headset import SimulatedHeadset
-    from devices.sim.body.responses import SimulatedResponses
-    from devices.sim.body.tracker import SimulatedBodyTracker
+    from visavis.devices.sim.body.headset import SimulatedHeadset
+    from visavis.devices.sim.body.responses import SimulatedResponses
+    from visavis.devices.sim.body.tracker import SimulatedBodyTracker
 
 
 class SimulatedHeadsetOptions(SimulatedOptions):
@@ -30,7 +30,7 @@ class SimulatedResponsesOptions(SimulatedOptions):
 
 
 def _headset(site: Site[SimulatedHeadsetOptions], _: None) -> "SimulatedHeadset":
-    from devices.sim.body.headset import SimulatedHeadset
+    from visavis.devices.sim.body.headset import SimulatedHeadset
 
     rate_hz = site.options.display_rate_hz
     return SimulatedHeadset(
@@ -39,7 +39,7 @@ def _headset(site: Site[SimulatedHeadsetOptions], _: None) -> "SimulatedHeadset"
 
 
 def _tracker(site: Site[SimulatedBodyOptions], _: None) -> "SimulatedBodyTracker":
-    from devices.sim.body.tracker import SimulatedBodyTracker
+    from visavis.devices.sim.body.tracker import SimulatedBodyTracker
 
     rate_hz = site.options.rate_hz
     return SimulatedBodyTracker(
@@ -48,7 +48,7 @@ def _tracker(site: Site[SimulatedBodyOptions], _: None) -> "SimulatedBodyTracker
 
 
 def _responses(site: Site[SimulatedResponsesOptions], _: None) -> "SimulatedResponses":
-    from devices.sim.body.responses import SimulatedResponses
+    from visavis.devices.sim.body.responses import SimulatedResponses
 
     return SimulatedResponses(
         site.role, site.watched, site.clock, faults=site.faults, seed=site.own_seed

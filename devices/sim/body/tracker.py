@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import (
+from visavis.devices.contracts import (
     DeviceState,
     Fault,
     Health,
@@ -19,15 +19,15 @@ from devices.contracts import (
     Sink,
     body_schema,
 )
-from devices.faults import FaultSchedule
-from devices.lifecycle import Lifecycle, OnSessionClock
-from devices.meter import StreamMeter
-from devices.segment_watch import SegmentWatch
-from devices.sim.body.spec import SIMULATED_BODY
-from lab.body_joints import BODY_JOINTS
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected
-from lab.schema import SampleBatch, StreamSchema, empty_values
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.lifecycle import Lifecycle, OnSessionClock
+from visavis.devices.meter import StreamMeter
+from visavis.devices.segment_watch import SegmentWatch
+from visavis.devices.sim.body.spec import SIMULATED_BODY
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected
+from visavis.lab.schema import SampleBatch, StreamSchema, empty_values
 
 MAX_BACKLOG_NS = NS_PER_S
 
@@ -76,7 +76,7 @@ class SimulatedBodyTracker(OnSessionClock):
         self._life.state = DeviceState.STREAMING
 
     def due_ns(self) -> int:
-        """Return when the next sample is taken; see `devices.pump.Foreseeing`."""
+        """Return when the next sample is taken; see `visavis.devices.pump.Foreseeing`."""
         return 0 if self._faults.faults else self._next * self._period_ns
 
     def poll(self, timeout_s: float) -> int:

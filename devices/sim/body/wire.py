@@ -10,13 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import MovingBody
-from devices.faults import FaultSchedule
-from devices.sim.wire_noise import WireNoise
-from devices.transports import Frames, Message
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import ConfigError
-from lab.geometry import Vector
+from visavis.devices.contracts import MovingBody
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.wire_noise import WireNoise
+from visavis.devices.transports import Frames, Message
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import ConfigError
+from visavis.lab.geometry import Vector
 
 MILLI_HZ = 1000
 _DELAY_STREAM, _GARBAGE_STREAM = 0xD1, 0x6B
@@ -24,7 +24,7 @@ _LOSS, _DUPLICATE, _REORDER, _GARBAGE = range(4)
 
 
 class BodyWire(ABC):
-    """Follow `devices.transports.Peer`: sample a body's segments and stream them.
+    """Follow `visavis.devices.transports.Peer`: sample a body's segments and stream them.
 
     Sample k is taken at `k * 10**9 // rate_hz` ns of the session clock, counted from the first
     after the simulator is made. Its clock starts at `epoch_ns` and runs `drift_ppm` fast.

@@ -5,8 +5,8 @@ Not modelled: the voice key and light sensors of a Cedrus pad, its lines out.
 
 import struct
 
-from devices.sim.buttons.presses import PressingPeer
-from lab.clock import NS_PER_MS
+from visavis.devices.sim.buttons.presses import PressingPeer
+from visavis.lab.clock import NS_PER_MS
 
 
 class XidPad(PressingPeer):

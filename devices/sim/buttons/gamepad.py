@@ -5,10 +5,10 @@ Not modelled: triggers, rumble, a stick that does not come back to its middle.
 
 from collections.abc import Mapping
 
-from devices.contracts import Body
-from devices.faults import FaultSchedule
-from devices.sim.buttons.presses import PressingPeer
-from lab.clock import Clock
+from visavis.devices.contracts import Body
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.buttons.presses import PressingPeer
+from visavis.lab.clock import Clock
 
 BUTTONS = 10
 DESCRIPTOR = bytes.fromhex(

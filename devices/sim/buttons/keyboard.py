@@ -1,6 +1,6 @@
 """A keyboard whose keys a simulated body presses, as the participant's window would tell them."""
 
-from devices.sim.buttons.presses import PressingPeer
+from visavis.devices.sim.buttons.presses import PressingPeer
 
 
 class PressedKeys(PressingPeer):

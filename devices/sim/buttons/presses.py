@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from devices.byte_links import Chunk
-from devices.contracts import Body
-from devices.faults import FaultSchedule
-from lab.clock import NS_PER_MS, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound
+from visavis.devices.byte_links import Chunk
+from visavis.devices.contracts import Body
+from visavis.devices.faults import FaultSchedule
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 WIRE_NS = NS_PER_MS
 AWAY = "the simulated response device is away"

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector, angle_deg, unit
-from lab.rotation_fit import fit_turn
+from visavis.lab.geometry import Vector, angle_deg, unit
+from visavis.lab.rotation_fit import fit_turn
 
 MATCH_WITHIN_S = 0.034
 MATCHES_NEEDED = 9

@@ -12,9 +12,9 @@ from typing import NamedTuple, Required, TypedDict
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import Body
-from devices.faults import FaultSchedule
-from devices.sim.gaze.tracker_error import (
+from visavis.devices.contracts import Body
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.gaze.tracker_error import (
     N_SLOW,
     N_WHITE,
     StretchNoise,
@@ -23,8 +23,8 @@ from devices.sim.gaze.tracker_error import (
     draw_systematic,
     measured_directions,
 )
-from devices.transports import Frames, Message
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.devices.transports import Frames, Message
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 
 MILLI_HZ = 1000
 OPEN_EYE_01 = 0.5

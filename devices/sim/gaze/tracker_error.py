@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lab.compiled import compiled
+from visavis.lab.compiled import compiled
 
 Floats = npt.NDArray[np.float64]
 

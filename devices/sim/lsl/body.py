@@ -1,6 +1,6 @@
 """An LSL motion stream of a moving body, as an inlet of ours hands it over.
 
-The bytes are those of `devices.drivers.lsl.inlet`: a stamp and the channels, all doubles.
+The bytes are those of `visavis.devices.drivers.lsl.inlet`: a stamp and the channels, all doubles.
 Not modelled: LSL's discovery, its buffers and its clock exchanges (liblsl's own, tested for the
 outlets over the loopback).
 """
@@ -9,12 +9,12 @@ import struct
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from devices.contracts import MovingBody, body_schema
-from devices.faults import FaultSchedule
-from devices.sim.body.wire import BodyWire
-from lab.clock import NS_PER_S, Clock
-from lab.geometry import Vector
-from lab.xdf_channels import describe
+from visavis.devices.contracts import MovingBody, body_schema
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.body.wire import BodyWire
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.geometry import Vector
+from visavis.lab.xdf_channels import describe
 
 
 class LslBodySimulator(BodyWire):

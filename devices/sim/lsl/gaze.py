@@ -9,12 +9,12 @@ import threading
 from typing import Any, Unpack
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from devices.contracts import GAZE, Body
-from devices.drivers.streaming.gaze_rays import Screen
-from devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
-from devices.transports import Frames
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.xdf_channels import describe
+from visavis.devices.contracts import GAZE, Body
+from visavis.devices.drivers.streaming.gaze_rays import Screen
+from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
+from visavis.devices.transports import Frames
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.xdf_channels import describe
 
 NAN = float("nan")
 OFFSET = struct.Struct("<dd")

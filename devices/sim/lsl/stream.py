@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import Unpack
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from devices.contracts import Body
-from devices.drivers.lsl.inlet import OFFSET
-from devices.sim.gaze.source import GazePeer, Measuring, Shot
-from devices.transports import Frames
-from lab.clock import NS_PER_S
+from visavis.devices.contracts import Body
+from visavis.devices.drivers.lsl.inlet import OFFSET
+from visavis.devices.sim.gaze.source import GazePeer, Measuring, Shot
+from visavis.devices.transports import Frames
+from visavis.lab.clock import NS_PER_S
 
 ROUND_TRIP_S = 2e-4
 

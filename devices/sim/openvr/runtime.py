@@ -23,17 +23,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import Body
-from devices.drivers.openvr.library import OpenVrLibrary
-from devices.faults import FaultSchedule
-from devices.sim.image_reader import ImageReader
-from devices.sim.native_build import build_library
-from devices.sim.openvr.events import button_of, packed_event
-from devices.sim.openvr.tables import FunctionTables, table_header
-from devices.sim.openvr.world import CONTROLLER, POSE_BYTES, SimulatedVrWorld
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceError, DeviceNotFound
-from lab.geometry import Vector
+from visavis.devices.contracts import Body
+from visavis.devices.drivers.openvr.library import OpenVrLibrary
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.image_reader import ImageReader
+from visavis.devices.sim.native_build import build_library
+from visavis.devices.sim.openvr.events import button_of, packed_event
+from visavis.devices.sim.openvr.tables import FunctionTables, table_header
+from visavis.devices.sim.openvr.world import CONTROLLER, POSE_BYTES, SimulatedVrWorld
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceError, DeviceNotFound
+from visavis.lab.geometry import Vector
 
 MILLI_HZ = 1000
 MAKER = "Visavis"

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from devices.contracts import Body, MovingBody
-from devices.faults import FaultSchedule
-from lab.geometry import rotate
+from visavis.devices.contracts import Body, MovingBody
+from visavis.devices.faults import FaultSchedule
+from visavis.lab.geometry import rotate
 
 HMD, CONTROLLER, TRACKER, BASE_STATION = 1, 2, 3, 4
 SLOTS = 64

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from devices.contracts import Body
-from devices.drivers.openxr.eyes import FB, HTC
+from visavis.devices.contracts import Body
+from visavis.devices.drivers.openxr.eyes import FB, HTC
 
 SUCCESS, RUNTIME_FAILURE, VALIDATION_FAILURE = 0, -2, -1
 EYE_X_M = 0.0315

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from devices.contracts import Body, MovingBody
-from lab.geometry import rotate
+from visavis.devices.contracts import Body, MovingBody
+from visavis.lab.geometry import rotate
 
 SUCCESS, SESSION_NOT_FOCUSED = 0, 8
 PATH_UNSUPPORTED, ACTIONSETS_NOT_ATTACHED = -22, -46

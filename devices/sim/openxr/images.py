@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from devices.current_gl import SRGB8_ALPHA8
-from devices.drivers.openxr.graphics import BINDING_TYPES
-from devices.sim.image_reader import ImageReader
+from visavis.devices.current_gl import SRGB8_ALPHA8
+from visavis.devices.drivers.openxr.graphics import BINDING_TYPES
+from visavis.devices.sim.image_reader import ImageReader
 
 SUCCESS, TIMEOUT_EXPIRED = 0, 1
 CALL_ORDER_INVALID, LAYER_INVALID, RECT_INVALID = -37, -23, -25

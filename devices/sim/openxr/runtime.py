@@ -23,21 +23,21 @@ from typing import Any
 
 import numpy as np
 
-from devices.contracts import Body
-from devices.drivers.openxr.graphics import EGL, OPENGL, VISIBILITY_MASK
-from devices.drivers.openxr.library import EYE_GAZE, HEADLESS, OpenXrLibrary
-from devices.drivers.openxr.runtime_time import FROM_COUNTER, TIMESPEC
-from devices.faults import FaultSchedule
-from devices.sim.native_build import build_library
-from devices.sim.openxr.eyes import (
+from visavis.devices.contracts import Body
+from visavis.devices.drivers.openxr.graphics import EGL, OPENGL, VISIBILITY_MASK
+from visavis.devices.drivers.openxr.library import EYE_GAZE, HEADLESS, OpenXrLibrary
+from visavis.devices.drivers.openxr.runtime_time import FROM_COUNTER, TIMESPEC
+from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.native_build import build_library
+from visavis.devices.sim.openxr.eyes import (
     SUPPORTS_HTC,
     SimulatedEyes,
     turned_to,
 )
-from devices.sim.openxr.hands import SimulatedHands
-from devices.sim.openxr.images import CALL_ORDER_INVALID, SimulatedImages
-from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceNotFound
+from visavis.devices.sim.openxr.hands import SimulatedHands
+from visavis.devices.sim.openxr.images import CALL_ORDER_INVALID, SimulatedImages
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceNotFound
 
 EPOCH_NS = 7_000_000_000_000
 """What the runtime's clock shows when the session's shows zero."""

@@ -2,7 +2,8 @@
 
 Not modelled: eye images and the pupil detector, eye-camera matching (every datum pairs two
 pupils of one instant, or one pupil), the scene camera's optics (`norm_pos` is a pinhole's),
-slow slippage of the headset, other plug-ins. The bytes are those of `devices.sim.pupil.wire`.
+slow slippage of the headset, other plug-ins. The bytes are those of
+`visavis.devices.sim.pupil.wire`.
 """
 
 from collections import deque
@@ -13,10 +14,10 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import Body, RecallingBody
-from devices.faults import FaultSchedule, WireFault
-from devices.sim.gaze.calibration import CalibrationJudge
-from devices.sim.gaze.tracker_error import (
+from visavis.devices.contracts import Body, RecallingBody
+from visavis.devices.faults import FaultSchedule, WireFault
+from visavis.devices.sim.gaze.calibration import CalibrationJudge
+from visavis.devices.sim.gaze.tracker_error import (
     N_SLOW,
     N_WHITE,
     StretchNoise,
@@ -25,7 +26,7 @@ from devices.sim.gaze.tracker_error import (
     draw_systematic,
     measured_directions,
 )
-from devices.sim.pupil.wire import (
+from visavis.devices.sim.pupil.wire import (
     BINOCULAR_TOPIC,
     COLUMN,
     GAZE_VALUES,
@@ -34,10 +35,10 @@ from devices.sim.pupil.wire import (
     pack_notification,
     write_datums,
 )
-from devices.transports import Frames, Message
-from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.compiled import compiled
-from lab.geometry import Vector
+from visavis.devices.transports import Frames, Message
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
 
 Floats = npt.NDArray[np.float64]
 Times = npt.NDArray[np.int64]

@@ -13,7 +13,7 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from lab.compiled import compiled
+from visavis.lab.compiled import compiled
 
 Floats = npt.NDArray[np.float64]
 

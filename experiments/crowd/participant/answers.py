@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.crowd.participant.traits import Person
+from visavis.experiments.crowd.participant.traits import Person
 from visavis.person import plain_answer
 
 _SUBSCALES = ("agency", "change", "ownership")

@@ -13,17 +13,23 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import EYES_DTYPE, PressesNothing
-from experiments.crowd.participant.answers import answer_question
-from experiments.crowd.participant.route import STEP_M, Way, choose_gaps, gap_graph, way_through
-from experiments.crowd.participant.traits import (
+from visavis.devices.contracts import EYES_DTYPE, PressesNothing
+from visavis.experiments.crowd.participant.answers import answer_question
+from visavis.experiments.crowd.participant.route import (
+    STEP_M,
+    Way,
+    choose_gaps,
+    gap_graph,
+    way_through,
+)
+from visavis.experiments.crowd.participant.traits import (
     DEFAULT_POPULATION,
     SPREAD,
     Population,
     draw_person,
     in_form,
 )
-from experiments.crowd.participant.walking import (
+from visavis.experiments.crowd.participant.walking import (
     ALARM,
     CAUTION,
     HEADING,
@@ -37,13 +43,13 @@ from experiments.crowd.participant.walking import (
     walker_head,
     walker_poses,
 )
-from lab.body_joints import BODY_JOINTS
-from lab.chance import generator
-from lab.errors import DataError
-from lab.geometry import Vector, quat_conjugate, rotate, unit
-from stimuli.contact.body import REFERENCE_STATURE_M, bones
-from stimuli.scene import SceneFrame
-from stimuli.scenes.station_crowd import READING_M, START_M, CrowdFrame, CrowdScene
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.chance import generator
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
+from visavis.stimuli.contact.body import REFERENCE_STATURE_M, bones
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.station_crowd import READING_M, START_M, CrowdFrame, CrowdScene
 
 MAX_ROWS: Final = 30_000
 """Steps of a stretch that are walked; after five minutes the body stands."""
@@ -57,7 +63,7 @@ _ARRIVED_M = 0.06
 
 
 class CrowdParticipant(PressesNothing):
-    """Implement `protocol.participants.SimulatedParticipant` with limbs and a skin.
+    """Implement `visavis.protocol.participants.SimulatedParticipant` with limbs and a skin.
 
     `index` and `seed` make the person; `effect=False` disconnects the vibration from them.
     """

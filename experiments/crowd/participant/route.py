@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import Delaunay
 
-from lab.compiled import compiled
-from lab.geometry import Vector
-from stimuli.scenes.station_crowd import Crowd, body_radius_m
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.scenes.station_crowd import Crowd, body_radius_m
 
 ENTRY_M: Final = 2.4
 """From the ends of the way one enters the crowd through its outer gaps at most this far away."""

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from lab.geometry import Vector
+from visavis.lab.geometry import Vector
 
 
 @dataclass(frozen=True)

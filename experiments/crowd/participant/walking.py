@@ -5,79 +5,79 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from experiments.crowd.participant.route import STEP_M
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.route import STEP_M
+from visavis.experiments.crowd.participant.traits import (
     ALARM_FORGOTTEN as T_ALARM_FORGOTTEN,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     ALARM_MARGIN as T_ALARM_MARGIN,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     ALARM_PER_S as T_ALARM_PER_S,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     ALARM_SLOWING as T_ALARM_SLOWING,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     CAREFUL_MARGIN as T_CAREFUL_MARGIN,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     CAUTION_FORGOTTEN as T_CAUTION_FORGOTTEN,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     CAUTION_PER_S as T_CAUTION_PER_S,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     CAUTION_TUCK as T_CAUTION_TUCK,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     CAUTION_WANDER as T_CAUTION_WANDER,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     DEPTH as T_DEPTH,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     FREE_SPEED as T_FREE_SPEED,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     MARGIN as T_MARGIN,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     NARROW_SLOWING as T_NARROW_SLOWING,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     STRIDE as T_STRIDE,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     SWING as T_SWING,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     TUCK as T_TUCK,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     TURN_LIMIT as T_TURN_LIMIT,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     TURN_S as T_TURN_S,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     TURN_SLOWING as T_TURN_SLOWING,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     WANDER as T_WANDER,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     WANDER_S as T_WANDER_S,
 )
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.traits import (
     WIDTH as T_WIDTH,
 )
-from lab.body_joints import BODY_JOINTS
-from lab.compiled import compiled
-from lab.geometry import Vector
-from stimuli.contact.body import REFERENCE_STATURE_M, bones
-from stimuli.contact.idle import hang_joint, turned
-from stimuli.motion.slerp_kernels import forward_rows
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.contact.body import REFERENCE_STATURE_M, bones
+from visavis.stimuli.contact.idle import hang_joint, turned
+from visavis.stimuli.motion.slerp_kernels import forward_rows
 
 STEP_S: Final = 0.01
 STEP_NS: Final = 10_000_000

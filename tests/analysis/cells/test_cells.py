@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
-from analysis.cells import (
+from visavis.analysis.cells import (
     AllInLine,
     CellError,
     Cocircular,

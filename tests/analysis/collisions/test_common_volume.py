@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from analysis.collisions import (
+from benchmarks.posed_bodies import posed_pair
+from visavis.analysis.collisions import (
     ClosedMesh,
     CollisionError,
     Settings,
@@ -20,8 +21,7 @@ from analysis.collisions import (
     sphere,
     union,
 )
-from benchmarks.posed_bodies import posed_pair
-from lab.geometry import quat_from_yaw_pitch_deg, rotate
+from visavis.lab.geometry import quat_from_yaw_pitch_deg, rotate
 
 EXACT = Settings(always_exact=True)
 COLUMNS = Settings(exact_faces=0)

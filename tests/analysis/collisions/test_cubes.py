@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.collisions import Rule, Settings, box, common_volume, inside_out, union
+from visavis.analysis.collisions import Rule, Settings, box, common_volume, inside_out, union
 
 CELL_M = 0.01
 LOOSE = Settings(cell_m=CELL_M, require_contact=False)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.collisions import (
+from visavis.analysis.collisions import (
     MalformedMesh,
     NonFiniteMesh,
     NotOrientable,

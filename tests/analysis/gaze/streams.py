@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector, direction_from_yaw_pitch_deg
+from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg
 
 ON, OTHER, OFF, LOST = 3, 5, -1, -2
 TRIAL_NS = 16_000_000_000

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from analysis.gaze.aoi import (
+from visavis.analysis.gaze.aoi import (
     LOST,
     NONE,
     SENSITIVITY_PADS_DEG,
@@ -12,7 +12,7 @@ from analysis.gaze.aoi import (
     aoi_of_samples,
     pad_for_accuracy_deg,
 )
-from lab.errors import UsageError
+from visavis.lab.errors import UsageError
 
 
 def decide(angles, radii, limits, hit, pad_deg=1.0, dtype=np.float64):

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.gaze.events import (
+from tests.analysis.gaze.streams import looks, shaken, stamps
+from visavis.analysis.gaze.events import (
     IDT_HEADSET,
     IDT_SCREEN,
     IVT_HEADSET,
@@ -12,15 +13,14 @@ from analysis.gaze.events import (
     detect_idt,
     detect_ivt,
 )
-from lab.errors import DataError, UsageError
-from lab.geometry import (
+from visavis.lab.errors import DataError, UsageError
+from visavis.lab.geometry import (
     angle_deg,
     direction_from_yaw_pitch_deg,
     quat_conjugate,
     quat_from_yaw_pitch_deg,
     rotate,
 )
-from tests.analysis.gaze.streams import looks, shaken, stamps
 
 THREE = looks([(0, 0), (10, 0), (10, 10)], [60, 36, 96])
 """500, 300 and 800 ms at 120 Hz."""

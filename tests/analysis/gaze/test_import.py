@@ -8,13 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from analysis.gaze.bids import read_bids, write_bids
-from analysis.gaze.foreign import GazeRecording, axes_matrix, eye_samples
-from analysis.gaze.imported import movements_of, prepare, quality_table, read_gaze, report
-from analysis.gaze.mapped_csv import mapping_of, read_mapping
-from analysis.gaze.movements.kinds import Movement
-from lab.errors import ConfigError, DataError, UsageError
-from lab.geometry import (
+from tests.analysis.gaze.streams import looks, shaken, stamps
+from visavis.analysis.gaze.bids import read_bids, write_bids
+from visavis.analysis.gaze.foreign import GazeRecording, axes_matrix, eye_samples
+from visavis.analysis.gaze.imported import movements_of, prepare, quality_table, read_gaze, report
+from visavis.analysis.gaze.mapped_csv import mapping_of, read_mapping
+from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.lab.errors import ConfigError, DataError, UsageError
+from visavis.lab.geometry import (
     angle_deg,
     direction_from_yaw_pitch_deg,
     quat_conjugate,
@@ -22,7 +23,6 @@ from lab.geometry import (
     rotate,
     yaw_pitch_deg_of,
 )
-from tests.analysis.gaze.streams import looks, shaken, stamps
 
 VIVE_COLUMNS = (
     "time(100ns);time_stamp(ms);time(UnityVideoPlayer);frame;eye_valid_L;eye_valid_R;openness_L;"

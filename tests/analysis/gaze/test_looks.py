@@ -6,8 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from analysis.gaze.looks import LookParameters, looks_on, measure_trial, time_by_aoi
-from lab.errors import DataError, UsageError
 from tests.analysis.gaze.streams import (
     LOST,
     OFF,
@@ -18,6 +16,8 @@ from tests.analysis.gaze.streams import (
     stamps,
     trial,
 )
+from visavis.analysis.gaze.looks import LookParameters, looks_on, measure_trial, time_by_aoi
+from visavis.lab.errors import DataError, UsageError
 
 
 def measure(areas, t_ns=None, **options):

@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.gaze.pupil import PupilParameters, foreshortening, prepared_pupil, response
-from lab.errors import UsageError
-from lab.geometry import direction_from_yaw_pitch_deg
 from tests.analysis.gaze.streams import stamps
+from visavis.analysis.gaze.pupil import PupilParameters, foreshortening, prepared_pupil, response
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import direction_from_yaw_pitch_deg
 
 N = 600
 T = stamps(N)

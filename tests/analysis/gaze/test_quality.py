@@ -3,12 +3,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.gaze.events import detect_ivt
-from analysis.gaze.loss import combined_direction, frozen_samples, loss, usable_samples
-from analysis.gaze.quality import accuracy, moving_precision_deg, precision, validate
-from lab.errors import UsageError
-from lab.geometry import angle_deg, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg, rotate
 from tests.analysis.gaze.streams import looks, shaken, stamps
+from visavis.analysis.gaze.events import detect_ivt
+from visavis.analysis.gaze.loss import combined_direction, frozen_samples, loss, usable_samples
+from visavis.analysis.gaze.quality import accuracy, moving_precision_deg, precision, validate
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import (
+    angle_deg,
+    direction_from_yaw_pitch_deg,
+    quat_from_yaw_pitch_deg,
+    rotate,
+)
 
 AHEAD = np.array([0.0, 0.0, -1.0])
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.gaze import events
 from benchmarks.gaze_detectors.__main__ import OWN, main
 from benchmarks.gaze_detectors.peers import PEERS
 from benchmarks.gaze_detectors.rates import DETECTORS
 from benchmarks.gaze_detectors.sets import SETS
+from visavis.analysis.gaze import events
 from visavis.looks import DEFAULT_MEASURE_PARAMETERS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "gaze.md").read_text(encoding="utf-8")

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from analysis.gaze.sensitivity import sensitivity_of_trial
 from tests.analysis.gaze.streams import TRIAL_NS, TRIAL_ROWS, stamps
+from visavis.analysis.gaze.sensitivity import sensitivity_of_trial
 
 
 def test_each_pad_and_minimum_has_its_row():

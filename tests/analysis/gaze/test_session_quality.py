@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.gaze.movements.kinds import Movement
-from analysis.gaze.session_page import headline_facts, session_page
-from analysis.gaze.session_quality import SessionQuality, session_quality
-from analysis.report import render_page
-from lab.errors import DataError
-from recording.reader import Recording
 from tests.visavis.sessions import perform
+from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.analysis.gaze.session_page import headline_facts, session_page
+from visavis.analysis.gaze.session_quality import SessionQuality, session_quality
+from visavis.analysis.report import render_page
+from visavis.lab.errors import DataError
+from visavis.recording.reader import Recording
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from analysis.plots import new_figure
-from analysis.plots.panels import left_out_lines, paired_lines, published_mark
+from visavis.analysis.plots import new_figure
+from visavis.analysis.plots.panels import left_out_lines, paired_lines, published_mark
 
 
 def test_published_means_lie_within_the_axes_and_hidden_people_do_not_widen_them() -> None:

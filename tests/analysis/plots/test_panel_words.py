@@ -1,7 +1,7 @@
 """Words of measures stay within their panel."""
 
-from analysis.plots import new_figure
-from analysis.plots.panels import wrapped
+from visavis.analysis.plots import new_figure
+from visavis.analysis.plots.panels import wrapped
 
 WORDS = "Number of fixations on the agent by velocity (I-VT)"
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from analysis.plots import draw, new_figure, svg_for_page
-from analysis.plots.panels import ALL, left_out_lines, paired_lines
-from analysis.plots.written import svg_text
-from analysis.report.blocks import (
+from visavis.analysis.plots import draw, new_figure, svg_for_page
+from visavis.analysis.plots.panels import ALL, left_out_lines, paired_lines
+from visavis.analysis.plots.written import svg_text
+from visavis.analysis.report.blocks import (
     Cell,
     Column,
     Facts,
@@ -24,7 +24,7 @@ from analysis.report.blocks import (
     Verdict,
     Verdicts,
 )
-from analysis.report.page import write_page
+from visavis.analysis.report.page import write_page
 
 SVG = '<svg viewBox="0 0 {0} 200" width="{0}pt" xmlns="http://www.w3.org/2000/svg"></svg>'
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.report.notation import (
+from visavis.analysis.report.notation import (
     decimal,
     fraction,
     mean_sd,

@@ -2,7 +2,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from analysis.report import (
+from visavis.analysis.report import (
     Bullets,
     Cell,
     Code,
@@ -19,7 +19,7 @@ from analysis.report import (
     render_page,
     write_page,
 )
-from lab.errors import UsageError
+from visavis.lab.errors import UsageError
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 

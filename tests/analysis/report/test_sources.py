@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-from analysis.report.sources import on_virtual_clock, provenance_of_sessions
-from lab.clock import SIMULATED_EPOCH_ISO
-from recording.manifest import Manifest
-from recording.provenance import Provenance
+from visavis.analysis.report.sources import on_virtual_clock, provenance_of_sessions
+from visavis.lab.clock import SIMULATED_EPOCH_ISO
+from visavis.recording.manifest import Manifest
+from visavis.recording.provenance import Provenance
 
 
 def session(began_iso: str, *, is_simulated: bool = True) -> Manifest:

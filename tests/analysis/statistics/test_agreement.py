@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from analysis.statistics import errors
-from analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
-from analysis.statistics.binomial import binomial_test, sign_test, sign_test_of_one
+from visavis.analysis.statistics import errors
+from visavis.analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
+from visavis.analysis.statistics.binomial import binomial_test, sign_test, sign_test_of_one
 
 RATINGS = arrays.arrays(
     np.int64, st.tuples(st.integers(4, 12), st.integers(2, 4)), elements=st.integers(1, 5)

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import statistics
-from analysis.statistics import errors
-from lab.errors import DataError
 from tests.analysis.statistics.designs import Frame, changed, mixed_frame, rows, within_frame
+from visavis.analysis import statistics
+from visavis.analysis.statistics import errors
+from visavis.lab.errors import DataError
 
 DESIGN = {"subject": "subject", "within": ("A", "B")}
 MIXED = {"subject": "subject", "within": ("B",), "between": ("G",)}

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
 
-from analysis.statistics import errors
-from analysis.statistics.bradley_terry import BradleyTerry, bradley_terry
+from visavis.analysis.statistics import errors
+from visavis.analysis.statistics.bradley_terry import BradleyTerry, bradley_terry
 
 LIKES = {"a": 0.0, "b": 0.4, "c": 1.0}
 ROLES = {"first": "first", "second": "second", "subject": "who"}

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from scipy import special
 
-from analysis.statistics.clmm import clmm
-from analysis.statistics.cumulative_link import CumulativeFit, fit_cumulative
-from analysis.statistics.design import Codes
-from analysis.statistics.errors import (
+from tests.analysis.statistics.designs import Frame, changed, mixed_frame, within_frame
+from visavis.analysis.statistics.clmm import clmm
+from visavis.analysis.statistics.cumulative_link import CumulativeFit, fit_cumulative
+from visavis.analysis.statistics.design import Codes
+from visavis.analysis.statistics.errors import (
     ConstantResponse,
     NotConverged,
     NotNumeric,
@@ -22,8 +23,7 @@ from analysis.statistics.errors import (
     UnknownColumn,
     UnknownMethod,
 )
-from analysis.statistics.results import Array
-from tests.analysis.statistics.designs import Frame, changed, mixed_frame, within_frame
+from visavis.analysis.statistics.results import Array
 
 TWO = {"subject": "subject", "within": ("A", "B")}
 

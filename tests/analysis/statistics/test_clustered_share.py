@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.statistics.binomial import binomial_test, clustered_share
-from analysis.statistics.errors import TooFewSubjects
+from visavis.analysis.statistics.binomial import binomial_test, clustered_share
+from visavis.analysis.statistics.errors import TooFewSubjects
 
 
 def test_answers_that_people_only_repeat_are_worth_no_more_than_one_each() -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.statistics import compare_paired, correct_family
-from analysis.statistics.signed_rank import SignedRank
-from analysis.statistics.t_tests import TTest
+from visavis.analysis.statistics import compare_paired, correct_family
+from visavis.analysis.statistics.signed_rank import SignedRank
+from visavis.analysis.statistics.t_tests import TTest
 
 NORMAL = np.array([-1.2, -0.7, -0.3, 0.0, 0.2, 0.6, 0.9, 1.4]) + 1.0
 SKEWED = np.array([0.01, 0.02, 0.02, 0.03, 0.05, 0.06, 0.4, 30.0])

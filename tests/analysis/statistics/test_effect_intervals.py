@@ -6,14 +6,14 @@ import pytest
 import statsmodels.api as sm
 from scipy import optimize, stats
 
-from analysis import statistics
-from analysis.statistics.bradley_terry import bradley_terry
-from analysis.statistics.clmm import clmm
-from analysis.statistics.contrasts import Contrasts
-from analysis.statistics.gee import gee
-from analysis.statistics.lmm import linear_mixed
-from analysis.statistics.results import Effect
 from tests.analysis.statistics.designs import Frame, mixed_frame, rows, within_frame
+from visavis.analysis import statistics
+from visavis.analysis.statistics.bradley_terry import bradley_terry
+from visavis.analysis.statistics.clmm import clmm
+from visavis.analysis.statistics.contrasts import Contrasts
+from visavis.analysis.statistics.gee import gee
+from visavis.analysis.statistics.lmm import linear_mixed
+from visavis.analysis.statistics.results import Effect
 
 TWO = {"subject": "subject", "within": ("A", "B")}
 

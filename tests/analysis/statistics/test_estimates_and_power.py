@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from matplotlib.collections import FillBetweenPolyCollection, PathCollection
 from scipy import stats
 
-from analysis import statistics
-from analysis.statistics.errors import MissingValue, StatisticsError, UnequalLength
+from visavis.analysis import statistics
+from visavis.analysis.statistics.errors import MissingValue, StatisticsError, UnequalLength
 
 
 def test_equivalence_holds_exactly_when_the_interval_lies_inside_the_bounds() -> None:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis import statistics
-from analysis.statistics.errors import UnknownMethod
-from analysis.statistics.gee import gee
 from tests.analysis.statistics.designs import mixed_frame, within_frame
+from visavis.analysis import statistics
+from visavis.analysis.statistics.errors import UnknownMethod
+from visavis.analysis.statistics.gee import gee
 
 WITHIN = {"subject": "subject", "within": ("A", "B")}
 MIXED = {"subject": "subject", "within": ("B",), "between": ("G",)}

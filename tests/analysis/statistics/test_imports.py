@@ -6,7 +6,7 @@ import sys
 CODE = """
 import sys
 import numpy as np
-from analysis import statistics
+from visavis.analysis import statistics
 frame = {
     "s": np.repeat(np.arange(6), 4), "a": np.tile([0, 0, 1, 1], 6), "b": np.tile([0, 1], 12),
     "y": np.random.default_rng(1).normal(size=24),

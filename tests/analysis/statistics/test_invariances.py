@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis import statistics
-from analysis.statistics.anova import Anova
 from tests.analysis.statistics.designs import Frame, mixed_frame, rows, within_frame
+from visavis.analysis import statistics
+from visavis.analysis.statistics.anova import Anova
 
 SEEDS = st.integers(0, 10_000)
 

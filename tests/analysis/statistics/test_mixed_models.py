@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.statistics import art_anova, mixed_anova, rm_anova
-from analysis.statistics.errors import (
+from tests.analysis.statistics.designs import Frame, changed, mixed_frame, rows, within_frame
+from visavis.analysis.statistics import art_anova, mixed_anova, rm_anova
+from visavis.analysis.statistics.errors import (
     ConstantResponse,
     MissingValue,
     NotNumeric,
@@ -12,9 +13,8 @@ from analysis.statistics.errors import (
     UnknownColumn,
     UnknownMethod,
 )
-from analysis.statistics.gee import gee
-from analysis.statistics.lmm import linear_mixed
-from tests.analysis.statistics.designs import Frame, changed, mixed_frame, rows, within_frame
+from visavis.analysis.statistics.gee import gee
+from visavis.analysis.statistics.lmm import linear_mixed
 
 TWO = {"subject": "subject", "within": ("A", "B")}
 

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special, stats
 
-from analysis.statistics import published
-from analysis.statistics.errors import StatisticsError
-from analysis.statistics.printed import judge, read_printed
+from visavis.analysis.statistics import published
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.printed import judge, read_printed
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
-from analysis.statistics import (
+from visavis.analysis.statistics import (
     adjust_p,
     independent_t,
     one_sample_t,
@@ -24,7 +24,7 @@ from analysis.statistics import (
     stars,
     wilcoxon_signed_rank,
 )
-from analysis.statistics.effects import eta_interval, noncentral_t_bounds
+from visavis.analysis.statistics.effects import eta_interval, noncentral_t_bounds
 
 WHOLE = st.lists(st.integers(-4, 4), min_size=4, max_size=9).filter(any)
 

@@ -11,9 +11,9 @@ import pytest
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
-from analysis.statistics import describe, rm_anova
-from analysis.statistics_report import Question, answer
-from lab.errors import DataError, LabError, UsageError
+from visavis.analysis.statistics import describe, rm_anova
+from visavis.analysis.statistics_report import Question, answer
+from visavis.lab.errors import DataError, LabError, UsageError
 
 RM = Question("rm", dv="y", within=("A",), subject="s")
 
@@ -32,7 +32,7 @@ def people(n: int = 12, trials: int = 1, seed: int = 3) -> pd.DataFrame:
 
 CODE = """
 import sys
-import analysis.statistics_report
+import visavis.analysis.statistics_report
 heavy = ("cli", "typer", "rich", "statsmodels")
 print([name for name in heavy if name in sys.modules])
 """

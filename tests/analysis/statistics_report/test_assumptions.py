@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.statistics_report import Question, answer
-from analysis.statistics_report.assumptions import draw_assumptions, residuals
-from analysis.statistics_report.written import write_outcome
+from visavis.analysis.statistics_report import Question, answer
+from visavis.analysis.statistics_report.assumptions import draw_assumptions, residuals
+from visavis.analysis.statistics_report.written import write_outcome
 
 
 def people(n: int = 12) -> pd.DataFrame:

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.statistics_report import Question, answer, table_of, with_error_rates
-from analysis.statistics_report.error_rate import _People, _without
-from analysis.statistics_report.prepare import prepare, read
-from lab.errors import UsageError
+from visavis.analysis.statistics_report import Question, answer, table_of, with_error_rates
+from visavis.analysis.statistics_report.error_rate import _People, _without
+from visavis.analysis.statistics_report.prepare import prepare, read
+from visavis.lab.errors import UsageError
 
 ART = Question("art", dv="y", within=("A", "B"), subject="s")
 RM = Question("rm", dv="y", within=("A", "B"), subject="s")

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cli.desk.link import (
+from tests.cli.test_operator_screen import STATUS
+from visavis.cli.desk.link import (
     ACTIONS,
     MAX_TEXT,
     About,
@@ -29,11 +30,11 @@ from cli.desk.link import (
     meeting_name,
     told,
 )
-from cli.desk.seen import GAZE_KEPT, Looking
-from cli.desk.watch import SessionWatch
-from lab.clock import NS_PER_MS, NS_PER_S, StopWatch
-from lab.geometry import Pose
-from protocol.operator import (
+from visavis.cli.desk.seen import GAZE_KEPT, Looking
+from visavis.cli.desk.watch import SessionWatch
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, StopWatch
+from visavis.lab.geometry import Pose
+from visavis.protocol.operator import (
     KEYS,
     Action,
     BodyContact,
@@ -41,12 +42,11 @@ from protocol.operator import (
     SessionStatus,
     UnattendedOperator,
 )
-from protocol.steps import FrameView, GazeView
-from stage.contracts import Glance
-from stimuli.picture import Camera
-from stimuli.scene import Agent, Scene, SceneFrame
-from stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, station_crowd
-from tests.cli.test_operator_screen import STATUS
+from visavis.protocol.steps import FrameView, GazeView
+from visavis.stage.contracts import Glance
+from visavis.stimuli.picture import Camera
+from visavis.stimuli.scene import Agent, Scene, SceneFrame
+from visavis.stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, station_crowd
 
 PATIENCE_S = 20.0
 
@@ -229,7 +229,7 @@ def test_a_stranger_at_a_killed_sessions_port_hides_no_session(
     says: bytes, link: SessionLink, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # who says something is waited for, however busy the computer
-    monkeypatch.setattr("cli.desk.watch.HELLO_S", PATIENCE_S if says else 0.05)
+    monkeypatch.setattr("visavis.cli.desk.watch.HELLO_S", PATIENCE_S if says else 0.05)
     left = meeting_folder() / f"{meeting_name(tmp_path)}-0.json"  # comes before the session's
     link.show(STATUS)
 

@@ -16,25 +16,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cli.desk import server as desk_server
-from cli.desk.link import About, SessionLink
-from cli.desk.server import DeskServer
-from devices.contracts import Fault
-from lab.clock import StopWatch
-from lab.config_files import EXAMPLE
-from protocol.operator import (
+from tests.cli.desk.test_link import Glancing, seen
+from tests.cli.test_operator_screen import STATUS
+from tests.faults.sessions import lab
+from visavis.cli.desk import server as desk_server
+from visavis.cli.desk.link import About, SessionLink
+from visavis.cli.desk.server import DeskServer
+from visavis.devices.contracts import Fault
+from visavis.lab.clock import StopWatch
+from visavis.lab.config_files import EXAMPLE
+from visavis.protocol.operator import (
     Action,
     BodyContact,
     Command,
     SessionStatus,
     UnattendedOperator,
 )
-from protocol.states import SessionState
-from recording.reader import Recording
-from stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, station_crowd
-from tests.cli.desk.test_link import Glancing, seen
-from tests.cli.test_operator_screen import STATUS
-from tests.faults.sessions import lab
+from visavis.protocol.states import SessionState
+from visavis.recording.reader import Recording
+from visavis.stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, station_crowd
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
@@ -362,7 +362,7 @@ def test_everything_fits_at_every_width(
 
 def started(root: Path, *arguments: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [sys.executable, "-u", "-m", "cli.main", *arguments],
+        [sys.executable, "-u", "-m", "visavis.cli.main", *arguments],
         cwd=root,
         env=os.environ
         | {"XDG_CACHE_HOME": str(root / "cache"), "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"},

@@ -7,17 +7,17 @@ from typing import Any
 
 import pytest
 
-from cli.commands.desk import _desk_server
-from cli.desk.people import Verdicts, people_today
-from lab.clock import SystemClock
-from lab.config import LabConfig
-from lab.errors import ConfigError, SessionAborted
-from protocol.ledger import Ledger
-from protocol.operator import Action, Command
-from protocol.states import SessionState
-from recording.folder import study_dir
-from recording.reader import Recording
 from tests.faults.sessions import ScriptedOperator, lab, path_of, perform
+from visavis.cli.commands.desk import _desk_server
+from visavis.cli.desk.people import Verdicts, people_today
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import LabConfig
+from visavis.lab.errors import ConfigError, SessionAborted
+from visavis.protocol.ledger import Ledger
+from visavis.protocol.operator import Action, Command
+from visavis.protocol.states import SessionState
+from visavis.recording.folder import study_dir
+from visavis.recording.reader import Recording
 from visavis.sessions.study_check import SIMULATED_PREFIX
 from visavis.sessions.study_folder import StudySettings, settle
 
@@ -80,7 +80,7 @@ def test_a_whole_session_of_today_is_judged_and_one_of_another_day_counted(
     found = today(config)["S01B"]
     assert ("complete", "") == (found["state"], found["command"])
     assert found["verdict"]["answer"].startswith("They can leave")
-    monkeypatch.setattr("cli.desk.people._is_today", lambda changed_s: False)
+    monkeypatch.setattr("visavis.cli.desk.people._is_today", lambda changed_s: False)
     found = today(config)
     assert ("S01B" in found, 1) == (False, found["before"])
 
@@ -90,7 +90,7 @@ def test_a_session_broken_off_on_another_day_still_waits_to_be_gone_on_with(
 ) -> None:
     with pytest.raises(SessionAborted):
         perform(config, ScriptedOperator((SessionState.TRIAL, 3, 5, Command(Action.ABORT))))
-    monkeypatch.setattr("cli.desk.people._is_today", lambda changed_s: False)
+    monkeypatch.setattr("visavis.cli.desk.people._is_today", lambda changed_s: False)
     found = today(config)
     assert ("interrupted", 0) == (found["S01B"]["state"], found["before"])
 
@@ -105,7 +105,7 @@ def test_a_session_is_read_once_for_as_long_as_it_does_not_change(
     def read_again(path: Path) -> Recording:
         raise AssertionError(f"{path} was read again")
 
-    monkeypatch.setattr("cli.desk.people.Recording", read_again)
+    monkeypatch.setattr("visavis.cli.desk.people.Recording", read_again)
     assert first == people_today(config, verdicts)
     os.utime(session_of(config) / "manifest.json")  # as going on with it does
     with pytest.raises(AssertionError, match="ses-001 was read again"):

@@ -8,13 +8,13 @@ from typing import Any
 import aiohttp
 import pytest
 
-from cli.desk import server as desk_server
-from cli.desk.link import About, SessionLink
-from cli.desk.server import DeskServer
-from protocol.operator import Action, Command, UnattendedOperator
 from tests.cli.test_operator_screen import STATUS
 from tests.faults.sessions import lab
+from visavis.cli.desk import server as desk_server
+from visavis.cli.desk.link import About, SessionLink
+from visavis.cli.desk.server import DeskServer
 from visavis.page.server import KEY
+from visavis.protocol.operator import Action, Command, UnattendedOperator
 
 PATIENCE_S = 30.0
 FOUND = {"made_wall_iso": "2026-01-01T00:00:00+00:00", "count": {}, "findings": []}

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cameras.sections import equivalence, sides
-from experiments.cameras.study import CAMERAS, PAIRS, could_tell, faults, study
-from experiments.cameras.walks import WALKS, walked
+from visavis.experiments.cameras.sections import equivalence, sides
+from visavis.experiments.cameras.study import CAMERAS, PAIRS, could_tell, faults, study
+from visavis.experiments.cameras.walks import WALKS, walked
 from visavis.filmed import FilmSeen
 from visavis.films import Film
 from visavis.opened import OpenedStudy

@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from devices.registry import OPTION_MODELS
-from lab.config import LabConfig, load_config
-from lab.config_files import EXAMPLE
-from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.config import LabConfig, load_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import Request, perform_new, simulated_request
 
 

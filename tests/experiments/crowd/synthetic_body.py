@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.crowd.walks import Walk
-from stimuli.contact.idle import crowd_poses, people_of
-from stimuli.scenes.station_crowd import START_M, Crowd, station_crowd
+from visavis.experiments.crowd.walks import Walk
+from visavis.stimuli.contact.idle import crowd_poses, people_of
+from visavis.stimuli.scenes.station_crowd import START_M, Crowd, station_crowd
 
 STATURE_M = 1.75
 

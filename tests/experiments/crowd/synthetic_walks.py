@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.crowd.design import CONDITIONS
-from experiments.crowd.measures import MeasuredWalk, crowd_cells
-from experiments.crowd.measuring import narrow_gaps
-from stimuli.scenes.station_crowd import station_crowd
+from visavis.experiments.crowd.design import CONDITIONS
+from visavis.experiments.crowd.measures import MeasuredWalk, crowd_cells
+from visavis.experiments.crowd.measuring import narrow_gaps
+from visavis.stimuli.scenes.station_crowd import station_crowd
 
 COLLISIONS = (71.0, 62.8, 60.7)
 VOLUME = (0.8, 0.6, 0.65)

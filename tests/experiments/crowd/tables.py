@@ -5,13 +5,13 @@ from typing import Any, Final
 
 import pandas as pd
 
-from experiments.crowd.design import CONTROL_GROUP, GROUPS, HAPTICS_GROUP
-from experiments.crowd.measures import DEFAULT_MEASURES, MeasureParameters
-from experiments.crowd.study import study
-from recording.reader import Recording
-from visavis.analysis import StudyAnalysis
+from visavis.experiments.crowd.design import CONTROL_GROUP, GROUPS, HAPTICS_GROUP
+from visavis.experiments.crowd.measures import DEFAULT_MEASURES, MeasureParameters
+from visavis.experiments.crowd.study import study
 from visavis.intake import SessionIntake
 from visavis.opened import OpenedStudy
+from visavis.recording.reader import Recording
+from visavis.study_analysis import StudyAnalysis
 
 OPENED: Final = OpenedStudy(study)
 QUICK: Final = {"n_permutations": 49, "n_splits": 10}

@@ -4,16 +4,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.crowd import published
-from experiments.crowd.comparisons import PAIRS, PRIMARY, PathThresholds
-from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC
-from experiments.crowd.measures import MeasureParameters
-from experiments.crowd.measuring import narrow_gaps
-from experiments.crowd.sections import collision_facts
-from lab.errors import ConfigError, DataError, UsageError
-from recording.integrity import DAMAGED, LOST
 from tests.experiments.crowd.synthetic_walks import tables, walks
 from tests.experiments.crowd.tables import OPENED, analysed
+from visavis.experiments.crowd import published
+from visavis.experiments.crowd.comparisons import PAIRS, PRIMARY, PathThresholds
+from visavis.experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC
+from visavis.experiments.crowd.measures import MeasureParameters
+from visavis.experiments.crowd.measuring import narrow_gaps
+from visavis.experiments.crowd.sections import collision_facts
+from visavis.lab.errors import ConfigError, DataError, UsageError
+from visavis.recording.integrity import DAMAGED, LOST
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from experiments.crowd.measuring import sex_of
-from protocol.questionnaires import load_questionnaire, read_answer
+from visavis.experiments.crowd.measuring import sex_of
 from visavis.intake import blocks_of
+from visavis.protocol.questionnaires import load_questionnaire, read_answer
 
 
 def recording(answers: dict[tuple[str, str], str | None]) -> Any:

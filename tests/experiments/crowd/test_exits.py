@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-import devices.sim.armband.simulator
-from devices.sim.armband.simulator import ArmbandSimulator
-from experiments.crowd.haptics import BAND_ROLES
-from lab.errors import SessionAborted
-from protocol.operator import Action, Command
-from protocol.states import SessionState
-from recording.reader import Recording
+import visavis.devices.sim.armband.simulator
 from tests.experiments.crowd.sessions import request
 from tests.faults.sessions import ScriptedOperator, events
+from visavis.devices.sim.armband.simulator import ArmbandSimulator
+from visavis.experiments.crowd.haptics import BAND_ROLES
+from visavis.lab.errors import SessionAborted
+from visavis.protocol.operator import Action, Command
+from visavis.protocol.states import SessionState
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new
 
 HAPTIC_WALK = (SessionState.TRIAL, 3)
@@ -51,7 +51,7 @@ def bands(monkeypatch: pytest.MonkeyPatch) -> dict[str, ArmbandSimulator]:
         made(self, role, *args, **settings)
         worn[role] = self
 
-    monkeypatch.setattr(devices.sim.armband.simulator.ArmbandSimulator, "__init__", make)
+    monkeypatch.setattr(visavis.devices.sim.armband.simulator.ArmbandSimulator, "__init__", make)
     return worn
 
 

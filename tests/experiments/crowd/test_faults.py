@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from experiments.crowd.design import CrowdParameters
-from experiments.crowd.haptics import BAND_ROLES
-from experiments.crowd.measures import MeasureParameters
-from experiments.crowd.trial import run_trial
-from experiments.crowd.walks import walks
-from lab.body_joints import BODY_JOINTS
-from lab.errors import DesignError
-from protocol.plan import Trial
-from protocol.steps import NextFrame, Reflex, Silence, TrialInterrupted
 from tests.experiments.crowd.sessions import session
 from tests.experiments.crowd.tables import measured
 from visavis.catalogue import find_study
+from visavis.experiments.crowd.design import CrowdParameters
+from visavis.experiments.crowd.haptics import BAND_ROLES
+from visavis.experiments.crowd.measures import MeasureParameters
+from visavis.experiments.crowd.trial import run_trial
+from visavis.experiments.crowd.walks import walks
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.errors import DesignError
+from visavis.protocol.plan import Trial
+from visavis.protocol.steps import NextFrame, Reflex, Silence, TrialInterrupted
 
 QUICK = MeasureParameters(surface="capsules")
 HAPTIC_TRIAL = Trial(

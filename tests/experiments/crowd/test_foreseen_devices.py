@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import pytest
 
-import devices.pump
+import visavis.devices.pump
 from tests.experiments.crowd.sessions import session
 
 
@@ -19,7 +19,7 @@ def test_recording_is_the_same_however_often_devices_are_polled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     foreseen = session(tmp_path / "foreseen", limit_s=12.0)
-    monkeypatch.setattr(devices.pump, "Foreseeing", Nobody)
+    monkeypatch.setattr(visavis.devices.pump, "Foreseeing", Nobody)
     polled = session(tmp_path / "polled", limit_s=12.0)
     trials = foreseen.trials().set_index("condition")
     assert trials.loc["Haptic", "contacts_online"] > 5

@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 import visavis
-from cli.main import app
-from lab.clock import SimClock
-from lab.config_files import EXAMPLE
 from tests.experiments.crowd.tables import OPENED
+from visavis.cli.main import app
+from visavis.lab.clock import SimClock
+from visavis.lab.config_files import EXAMPLE
 from visavis.locked.deviations import deviations_between
 from visavis.sessions.plan_lock import content_now, lock_plan, read_lock
 from visavis.sessions.studies import Quiet, analyse_study

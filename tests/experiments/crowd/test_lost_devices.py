@@ -6,14 +6,14 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.crowd.measures import MeasureParameters
-from experiments.crowd.pulses import pulse_rows
-from protocol.operator import Action, Command
-from protocol.states import SessionState
-from recording.reader import Recording
 from tests.experiments.crowd.sessions import request, session
 from tests.experiments.crowd.tables import measured
 from tests.faults.sessions import ScriptedOperator
+from visavis.experiments.crowd.measures import MeasureParameters
+from visavis.experiments.crowd.pulses import pulse_rows
+from visavis.protocol.operator import Action, Command
+from visavis.protocol.states import SessionState
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new
 
 ROLE = "armband_right_forearm"

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.crowd.measures import MeasureParameters
-from experiments.crowd.measuring import PIECES, trials_of
-from lab.errors import ConfigError, DataError, UsageError
-from recording.reader import Recording
 from tests.experiments.crowd.sessions import session
 from tests.experiments.crowd.tables import OPENED
+from visavis.experiments.crowd.measures import MeasureParameters
+from visavis.experiments.crowd.measuring import PIECES, trials_of
 from visavis.intake import SessionIntake
+from visavis.lab.errors import ConfigError, DataError, UsageError
 from visavis.pieces import MeasuredTrial
+from visavis.recording.reader import Recording
 from visavis.sessions.piecewise import (
     TrialJob,
     kept_at,

@@ -2,10 +2,10 @@
 
 import pytest
 
-from experiments.crowd.design import CrowdParameters
-from experiments.crowd.patterns import PATTERNS
-from lab.errors import ConfigError, DesignError, UsageError
 from visavis.catalogue import find_study
+from visavis.experiments.crowd.design import CrowdParameters
+from visavis.experiments.crowd.patterns import PATTERNS
+from visavis.lab.errors import ConfigError, DesignError, UsageError
 from visavis.sessions.study_folder import read_parameters
 
 UNUSABLE = (

@@ -2,10 +2,15 @@
 
 import numpy as np
 
-from analysis.gait import clearance_m
-from experiments.crowd.participant.participant import CrowdParticipant
-from lab.body_joints import BODY_JOINTS
-from stimuli.scenes.station_crowd import EMPTY_STATION, CrowdFrame, CrowdScene, station_crowd
+from visavis.analysis.gait import clearance_m
+from visavis.experiments.crowd.participant.participant import CrowdParticipant
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.stimuli.scenes.station_crowd import (
+    EMPTY_STATION,
+    CrowdFrame,
+    CrowdScene,
+    station_crowd,
+)
 
 NO_GAZE = np.empty((0, 3))
 STEP_NS = 100_000_000

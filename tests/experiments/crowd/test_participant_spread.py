@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.crowd_participants import PUBLISHED, quick_study
-from experiments.crowd.design import CONDITIONS
-from experiments.crowd.published import PARTICIPANTS, TESTS
+from visavis.experiments.crowd.design import CONDITIONS
+from visavis.experiments.crowd.published import PARTICIPANTS, TESTS
 
 SEED = 2026
 """One on which nothing was fitted."""

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.crowd import pedestrian
-from experiments.crowd.pedestrian import (
+from tests.experiments.crowd.synthetic_body import carried
+from visavis.experiments.crowd import pedestrian
+from visavis.experiments.crowd.pedestrian import (
     load_pedpy,
     pedestrian_measures,
     trajectory_table,
     write_pedpy_files,
 )
-from lab.errors import UsageError
-from tests.experiments.crowd.synthetic_body import carried
+from visavis.lab.errors import UsageError
 
 needs_pedpy = pytest.mark.skipif(
     not pedestrian.has_pedpy(), reason="install PedPy: pip install 'visavis[pedestrian]'"

@@ -5,15 +5,15 @@ from typing import Any
 
 import pytest
 
-import experiments.crowd.trial
-from experiments.crowd.study import plan_session, study
-from experiments.crowd.trial import crowd_scene, laid_out
-from lab.config import Room
-from lab.errors import ConfigError, DeviceError
-from protocol.demands import unmet
-from protocol.experiment import Demands
+import visavis.experiments.crowd.trial
 from tests.experiments.crowd.sessions import request, session
 from visavis.experiment import StudyExperiment
+from visavis.experiments.crowd.study import plan_session, study
+from visavis.experiments.crowd.trial import crowd_scene, laid_out
+from visavis.lab.config import Room
+from visavis.lab.errors import ConfigError, DeviceError
+from visavis.protocol.demands import unmet
+from visavis.protocol.experiment import Demands
 
 ARM = ("upper_arm", "lower_arm", "hand")
 
@@ -71,7 +71,7 @@ def test_crowds_are_laid_out_before_anything_is_shown(monkeypatch: pytest.Monkey
     def too_late(configuration: int, density: float) -> None:
         raise AssertionError(f"crowd {configuration} is laid out while somebody looks")
 
-    monkeypatch.setattr(experiments.crowd.trial, "station_crowd", too_late)
+    monkeypatch.setattr(visavis.experiments.crowd.trial, "station_crowd", too_late)
     for trial in plan_session(0, 1, **two).trials:
         crowd, _ = crowd_scene(trial)
         assert len(crowd.position_m) > 80

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.crowd.pulses import ASKED_WITHIN_NS, PATTERN, pulse_rows
-from lab.clock import NS_PER_MS
-from recording.reader import Recording
+from visavis.experiments.crowd.pulses import ASKED_WITHIN_NS, PATTERN, pulse_rows
+from visavis.lab.clock import NS_PER_MS
+from visavis.recording.reader import Recording
 
 ROLE = "armband_left_forearm"
 

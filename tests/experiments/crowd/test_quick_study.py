@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gait import crossing_angles_deg, step_length_m, walk_measures
-from experiments.crowd.collision_measures import collision_rows, walk_volumes
-from experiments.crowd.design import AFTER, BEFORE, HAPTIC, CrowdParameters
-from experiments.crowd.measures import cells_of
-from experiments.crowd.participant.participant import CrowdParticipant
-from experiments.crowd.quick_measures import quick_measures
-from experiments.crowd.quick_study import quick_walk, walked
-from experiments.crowd.study import plan_session
-from experiments.crowd.walks import STEP_NS, Walk
-from lab.body_joints import BODY_JOINTS
-from stimuli.scenes.station_crowd import BOARD_M, START_M
+from visavis.analysis.gait import crossing_angles_deg, step_length_m, walk_measures
 from visavis.catalogue import find_study
+from visavis.experiments.crowd.collision_measures import collision_rows, walk_volumes
+from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC, CrowdParameters
+from visavis.experiments.crowd.measures import cells_of
+from visavis.experiments.crowd.participant.participant import CrowdParticipant
+from visavis.experiments.crowd.quick_measures import quick_measures
+from visavis.experiments.crowd.quick_study import quick_walk, walked
+from visavis.experiments.crowd.study import plan_session
+from visavis.experiments.crowd.walks import STEP_NS, Walk
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.stimuli.scenes.station_crowd import BOARD_M, START_M
 
 ONE = {"configuration": [1]}
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from experiments.crowd.design import CrowdParameters
-from experiments.crowd.haptics import BAND_ROLES, MOTORS
-from experiments.crowd.reflex import ContactReflex
-from lab.body_joints import BODY_JOINTS
-from lab.clock import NS_PER_MS
-from protocol.steps import BodyView, Play, Silence
-from stimuli.contact.idle import crowd_poses, people_of
-from stimuli.scenes.station_crowd import ROOM_SIDE_M, station_crowd
+from visavis.experiments.crowd.design import CrowdParameters
+from visavis.experiments.crowd.haptics import BAND_ROLES, MOTORS
+from visavis.experiments.crowd.reflex import ContactReflex
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.clock import NS_PER_MS
+from visavis.protocol.steps import BodyView, Play, Silence
+from visavis.stimuli.contact.idle import crowd_poses, people_of
+from visavis.stimuli.scenes.station_crowd import ROOM_SIDE_M, station_crowd
 
 CROWD = station_crowd(1)
 STEP_NS = 10 * NS_PER_MS

@@ -6,11 +6,11 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from analysis.report import ReportProvenance, SessionSource
-from experiments.crowd.columns import TRIALS
-from lab.errors import DataError
 from tests.experiments.crowd.synthetic_walks import tables, walks
 from tests.experiments.crowd.tables import OPENED, analysed
+from visavis.analysis.report import ReportProvenance, SessionSource
+from visavis.experiments.crowd.columns import TRIALS
+from visavis.lab.errors import DataError
 from visavis.outputs import write_study
 
 PROVENANCE = ReportProvenance("crowd", "1", "virtual time", commands=("visavis analyse crowd",))

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.crowd.haptics import BAND_ROLES
-from lab.clock import NS_PER_S
-from lab.errors import SessionAborted
-from recording.reader import Recording
 from tests.experiments.crowd.sessions import request
+from visavis.experiments.crowd.haptics import BAND_ROLES
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import SessionAborted
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, perform_rest
 
 PARAMETERS = {"configurations": [1, 2], "limit_s": 15.0}

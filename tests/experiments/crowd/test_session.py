@@ -4,15 +4,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.session_check import check_session
-from experiments.crowd.design import CONDITIONS
-from experiments.crowd.haptics import BAND_ROLES
-from experiments.crowd.measures import MeasureParameters
-from experiments.crowd.walks import walks
-from stimuli.contact.body import ARM_JOINTS, capsule_body
-from stimuli.contact.touch import TouchSensor
 from tests.experiments.crowd.sessions import session
 from tests.experiments.crowd.tables import measured
+from visavis.analysis.session_check import check_session
+from visavis.experiments.crowd.design import CONDITIONS
+from visavis.experiments.crowd.haptics import BAND_ROLES
+from visavis.experiments.crowd.measures import MeasureParameters
+from visavis.experiments.crowd.walks import walks
+from visavis.stimuli.contact.body import ARM_JOINTS, capsule_body
+from visavis.stimuli.contact.touch import TouchSensor
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.crowd.participant.participant import CrowdParticipant
-from experiments.crowd.participant.route import STEP_M
-from experiments.crowd.participant.traits import (
+from visavis.experiments.crowd.participant.participant import CrowdParticipant
+from visavis.experiments.crowd.participant.route import STEP_M
+from visavis.experiments.crowd.participant.traits import (
     ALARM_MARGIN,
     ALARM_PER_S,
     CAREFUL_MARGIN,
@@ -22,7 +22,7 @@ from experiments.crowd.participant.traits import (
     draw_person,
     in_form,
 )
-from experiments.crowd.participant.walking import (
+from visavis.experiments.crowd.participant.walking import (
     ALARM,
     CAUTION,
     N_JOINTS,
@@ -31,9 +31,9 @@ from experiments.crowd.participant.walking import (
     advance,
     walker_pose,
 )
-from experiments.crowd.participant.walking import TUCK as TUCKED
-from lab.body_joints import BODY_JOINTS
-from stimuli.contact.body import bones
+from visavis.experiments.crowd.participant.walking import TUCK as TUCKED
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.stimuli.contact.body import bones
 
 
 def traits_of(many=600, population=DEFAULT_POPULATION, *, feels=True):

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from experiments.crowd.design import CrowdParameters
-from experiments.crowd.study import plan_session
-from experiments.crowd.trial import run_trial
-from lab.clock import NS_PER_S
-from lab.geometry import Pose
-from protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show, Silence
-from stimuli.scenes.station_crowd import BOARD_M, READ_WITHIN_M, START_M, CrowdFrame
+from visavis.experiments.crowd.design import CrowdParameters
+from visavis.experiments.crowd.study import plan_session
+from visavis.experiments.crowd.trial import run_trial
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.geometry import Pose
+from visavis.protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show, Silence
+from visavis.stimuli.scenes.station_crowd import BOARD_M, READ_WITHIN_M, START_M, CrowdFrame
 
 FRAME_NS = NS_PER_S // 100
 """A whole number of frames is a second."""

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collisions import (
+from tests.experiments.crowd.synthetic_body import STATURE_M, carried, nowhere_near
+from visavis.analysis.collisions import (
     MalformedMesh,
     NonFiniteMesh,
     OpenMesh,
@@ -14,8 +15,8 @@ from analysis.collisions import (
     enclosed_volume_m3,
     sphere,
 )
-from analysis.collisions.pair import measure_within
-from analysis.collisions.skinned import (
+from visavis.analysis.collisions.pair import measure_within
+from visavis.analysis.collisions.skinned import (
     SkinnedBody,
     box_of_meetings,
     group_boxes,
@@ -23,21 +24,24 @@ from analysis.collisions.skinned import (
     pack,
     posed_boxes,
 )
-from experiments.crowd.collision_measures import SURFACE_REACH_M, collision_rows, walk_volumes
-from experiments.crowd.measures import MeasureParameters, measure_walk
-from experiments.crowd.surfaces import (
+from visavis.experiments.crowd.collision_measures import (
+    SURFACE_REACH_M,
+    collision_rows,
+    walk_volumes,
+)
+from visavis.experiments.crowd.measures import MeasureParameters, measure_walk
+from visavis.experiments.crowd.surfaces import (
     avatar_of,
     checked_surface,
     crowd_surfaces,
     own_surface,
     person_surface,
 )
-from lab.body_joints import BODY_JOINTS
-from stimuli.characters.closing import collision_mesh
-from stimuli.contact.idle import crowd_poses, people_of
-from stimuli.dressing.casting import default_casting
-from stimuli.scenes.station_crowd import CHARACTERS, station_crowd
-from tests.experiments.crowd.synthetic_body import STATURE_M, carried, nowhere_near
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.stimuli.characters.closing import collision_mesh
+from visavis.stimuli.contact.idle import crowd_poses, people_of
+from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.scenes.station_crowd import CHARACTERS, station_crowd
 
 SURFACES = ("characters", "light")
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.crowd.walks import later_than_all_before, standing_still, steps_within
+from visavis.experiments.crowd.walks import later_than_all_before, standing_still, steps_within
 
 MS = 1_000_000
 

@@ -9,12 +9,12 @@ import pytest
 
 from benchmarks.hybrid_votes import held
 from benchmarks.simulated_tracker import tracker_of
-from experiments.hybrid.clips import CLIPS, Flaws, hybrid_clip, key_frame_clip, period_s
-from experiments.hybrid.sections import consistency, sign_test_p
-from experiments.hybrid.study import looks_of, study
-from stimuli.motion.clip import placed_joints
+from visavis.experiments.hybrid.clips import CLIPS, Flaws, hybrid_clip, key_frame_clip, period_s
+from visavis.experiments.hybrid.sections import consistency, sign_test_p
+from visavis.experiments.hybrid.study import looks_of, study
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
+from visavis.stimuli.motion.clip import placed_joints
 
 PEOPLE = 31
 MANY = 150

@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from analysis.statistics import oneway_anova, tukey_hsd
-from analysis.statistics.results import Array
 from benchmarks.simulated_tracker import tracker_of
-from experiments.interpolation import published
-from experiments.interpolation.gestures import (
+from visavis.analysis.statistics import oneway_anova, tukey_hsd
+from visavis.analysis.statistics.results import Array
+from visavis.experiments.interpolation import published
+from visavis.experiments.interpolation.gestures import (
     GESTURES,
     KEYS,
     METHODS,
@@ -18,11 +18,11 @@ from experiments.interpolation.gestures import (
     seconds_of,
     source_of,
 )
-from experiments.interpolation.study import ERROR_SD, PERSON_SD, naturalness_of, study
-from stimuli.motion.clip import placed_joints
-from stimuli.motion.interpolation import Method
+from visavis.experiments.interpolation.study import ERROR_SD, PERSON_SD, naturalness_of, study
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
+from visavis.stimuli.motion.clip import placed_joints
+from visavis.stimuli.motion.interpolation import Method
 
 MAX_KEY_ERROR_M = 1e-9
 MAX_OFF_M = 0.15
@@ -99,7 +99,7 @@ def test_simulated_raters_give_means_near_the_printed_ones(judged: pd.DataFrame)
 def test_raters_see_the_motion_and_not_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     swapped: dict[str, Method] = {"lineuler": "squad", "slerp": "slerp", "squad": "lineuler"}
     monkeypatch.setattr(
-        "experiments.interpolation.study.motion_of", lambda g, m: motion_of(g, swapped[m])
+        "visavis.experiments.interpolation.study.motion_of", lambda g, m: motion_of(g, swapped[m])
     )
     opened = OpenedStudy(study)
     rows = quick_study(opened, opened.experiment({}), tracker_of, range(97), seed=3).trials

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from lab.geometry import Pose, unit
-from protocol.steps import (
+from visavis.lab.geometry import Pose, unit
+from visavis.protocol.steps import (
     Answered,
     FrameView,
     GazeView,
@@ -18,9 +18,9 @@ from protocol.steps import (
     Row,
     Show,
 )
-from stimuli.scene import SceneFrame
-from stimuli.scenes.audience import PARTICIPANT_EYE_M
-from stimuli.visibility import SceneGeometry
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M
+from visavis.stimuli.visibility import SceneGeometry
 
 FRAME_NS = 11_111_111
 SAMPLE_NS = 8_333_333

@@ -2,10 +2,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.stare.study import study
-from lab.errors import UsageError
 from tests.experiments.stare.synthetic_rows import analysed, anxiety_answers, study_rows
 from visavis.exclusions import Selection, mean_error_deg
+from visavis.experiments.stare.study import study
+from visavis.lab.errors import UsageError
 from visavis.opened import OpenedStudy
 
 LIMIT_DEG = 2.5

@@ -4,8 +4,14 @@ import pytest
 from scipy import stats
 
 from benchmarks.stare_studies import condition_means, describe
-from experiments.stare import published
-from experiments.stare.comparisons import (
+from tests.experiments.stare.synthetic_rows import (
+    analysed,
+    anxiety_answers,
+    study_rows,
+    varied_rows,
+)
+from visavis.experiments.stare import published
+from visavis.experiments.stare.comparisons import (
     ALL_MEASURES,
     CONDITION_TESTS,
     DWELL,
@@ -13,16 +19,10 @@ from experiments.stare.comparisons import (
     FIXATION_COUNT,
     MEASURES,
 )
-from experiments.stare.conclusions import conclude
-from experiments.stare.design import CONDITIONS
-from experiments.stare.study import experiment_of
-from lab.errors import DataError
-from tests.experiments.stare.synthetic_rows import (
-    analysed,
-    anxiety_answers,
-    study_rows,
-    varied_rows,
-)
+from visavis.experiments.stare.conclusions import conclude
+from visavis.experiments.stare.design import CONDITIONS
+from visavis.experiments.stare.study import experiment_of
+from visavis.lab.errors import DataError
 from visavis.outputs import statistics_rows
 from visavis.pairs import (
     Agreement,

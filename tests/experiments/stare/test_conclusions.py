@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.stare.comparisons import (
+from visavis.experiments.stare.comparisons import (
     ALL_MEASURES,
     ANXIETY_TESTS,
     CONDITION_TESTS,
@@ -10,8 +10,8 @@ from experiments.stare.comparisons import (
     FIXATION_COUNT,
     MEASURES,
 )
-from experiments.stare.conclusions import RULE, STARED_AT, conclude
-from experiments.stare.design import CONDITIONS
+from visavis.experiments.stare.conclusions import RULE, STARED_AT, conclude
+from visavis.experiments.stare.design import CONDITIONS
 from visavis.pairs import compare, correlate, count_agreement
 
 PAIRS = (("A", "D"), ("A", "AD"), ("A", "DA"))

@@ -1,7 +1,7 @@
 import pandas as pd
 import pytest
 
-from experiments.stare.sections import gaze_changes
+from visavis.experiments.stare.sections import gaze_changes
 
 MS = 1_000_000
 

@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.contracts import EYES_DTYPE
-from lab.geometry import angle_deg, rotate, unit
-from stimuli.scene import Scene, SceneFrame
-from stimuli.scenes.audience import (
+from visavis.devices.contracts import EYES_DTYPE
+from visavis.lab.geometry import angle_deg, rotate, unit
+from visavis.observer import Observer
+from visavis.stimuli.scene import Scene, SceneFrame
+from visavis.stimuli.scenes.audience import (
     ACTIVE_PLACES,
     MARK_M,
     PARTICIPANT_EYE_M,
@@ -18,7 +19,6 @@ from stimuli.scenes.audience import (
     audience_scene,
     black_scene,
 )
-from visavis.observer import Observer
 
 MS = 1_000_000
 SAMPLE_NS = 8_333_333

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks.simulated_tracker import tracker_of
-from experiments.stare.design import MAX_AGENTS, MIN_AGENTS
-from experiments.stare.study import study
-from lab.config import load_config
-from lab.config_files import EXAMPLE
+from visavis.experiments.stare.design import MAX_AGENTS, MIN_AGENTS
+from visavis.experiments.stare.study import study
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
 from visavis.sessions.simulation import SimulationTask, measure_one, simulate_one

@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 
 from benchmarks.simulated_tracker import tracker_of
-from experiments.stare.design import (
+from visavis.experiments.stare.design import (
     CONDITIONS,
     DEFAULT_PARAMETERS,
     MAX_AGENTS,
     MIN_AGENTS,
     StareParameters,
 )
-from experiments.stare.quick_study import quick_trials
-from experiments.stare.study import experiment_of
-from experiments.stare.study import study as stare
-from stimuli.scene import SceneFrame
+from visavis.experiments.stare.quick_study import quick_trials
+from visavis.experiments.stare.study import experiment_of
+from visavis.experiments.stare.study import study as stare
 from visavis.looks import MAIN_MEASURES
 from visavis.observer import Observer
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
+from visavis.stimuli.scene import SceneFrame
 
 EXPERIMENT = experiment_of()
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from cli.quick_tracker import tracker_of
-from experiments.stare.published import MEANS, PARTICIPANTS, TESTS
+from visavis.cli.quick_tracker import tracker_of
+from visavis.experiments.stare.published import MEANS, PARTICIPANTS, TESTS
 from visavis.looks import DWELL_MS, FIRST_FIXATION_DURATION_MS, FIXATION_COUNT
 from visavis.observer import Observer
 from visavis.observer.temperament import DEFAULT_POPULATION, draw_temperament

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.stare.design import CONDITIONS
-from experiments.stare.published import (
+from visavis.experiments.stare.design import CONDITIONS
+from visavis.experiments.stare.published import (
     COMPARISONS,
     CORRELATIONS,
     INCONSISTENCIES,
@@ -20,9 +20,9 @@ from experiments.stare.published import (
     ZONE_TESTS,
     ZONE_THRESHOLDS,
 )
-from stimuli.scenes.audience import ACTIVE_PLACES
 from visavis.looks import DWELL_MS, MAIN_MEASURES
 from visavis.pairs import Printed
+from visavis.stimuli.scenes.audience import ACTIVE_PLACES
 
 DF = PARTICIPANTS - 1
 T_TESTS = {key: row for key, row in TESTS.items() if row.statistic is not None}

@@ -5,17 +5,17 @@ from html.parser import HTMLParser
 import pandas as pd
 import pytest
 
-from analysis.report import ReportProvenance, SessionSource
-from experiments.stare.study import experiment_of, study
-from lab.errors import DataError, UsageError
 from tests.experiments.stare.synthetic_rows import (
     analysed,
     anxiety_answers,
     study_rows,
     varied_rows,
 )
+from visavis.analysis.report import ReportProvenance, SessionSource
+from visavis.experiments.stare.study import experiment_of, study
 from visavis.family_report import agreement_table
 from visavis.intake import questionnaire
+from visavis.lab.errors import DataError, UsageError
 from visavis.methods import method_paragraphs
 from visavis.opened import OpenedStudy
 from visavis.outputs import write_study

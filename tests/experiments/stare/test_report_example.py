@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from analysis.gaze.targets import GazeTargets
-from experiments.stare.trial_example import causing_look_ms, trial_example
-from lab.errors import DataError
+from visavis.analysis.gaze.targets import GazeTargets
+from visavis.experiments.stare.trial_example import causing_look_ms, trial_example
+from visavis.lab.errors import DataError
 
 STEP_NS = 8_000_000
 ROW = {

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.stare.design import StareParameters
-from experiments.stare.study import experiment_of, plan_session
-from experiments.stare.trial import run_trial
-from lab.geometry import angle_deg, unit
-from protocol.plan import Trial
-from protocol.steps import TrialInterrupted
-from stimuli.scene import SceneFrame
-from stimuli.scenes.audience import MARK_M, PARTICIPANT_EYE_M, PLACES, SPEAKER_EYE_M
 from tests.experiments.stare.performance import FRAME_NS, SAMPLE_NS, Performance, perform
+from visavis.experiments.stare.design import StareParameters
+from visavis.experiments.stare.study import experiment_of, plan_session
+from visavis.experiments.stare.trial import run_trial
+from visavis.lab.geometry import angle_deg, unit
+from visavis.protocol.plan import Trial
+from visavis.protocol.steps import TrialInterrupted
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.audience import MARK_M, PARTICIPANT_EYE_M, PLACES, SPEAKER_EYE_M
 
 MS = 1_000_000
 PARAMS = StareParameters(trial_s=2.0, intertrial_s=0.5, practice_s=1.0)

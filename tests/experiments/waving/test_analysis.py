@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report import ReportProvenance
-from analysis.statistics.published import check_f
-from experiments.waving.clips import TECHNIQUES
-from experiments.waving.sections import relative_confusion, warping_section
-from experiments.waving.study import DIRECTIONS, study
-from lab.errors import DataError
+from visavis.analysis.report import ReportProvenance
+from visavis.analysis.statistics.published import check_f
+from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.sections import relative_confusion, warping_section
+from visavis.experiments.waving.study import DIRECTIONS, study
+from visavis.lab.errors import DataError
 from visavis.opened import OpenedStudy
 from visavis.outputs import statistics_rows, write_study
 

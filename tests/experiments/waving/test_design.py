@@ -4,12 +4,18 @@ from collections import Counter
 
 import pytest
 
-from experiments.waving import clips
-from experiments.waving.clips import DEFAULT_MAKING, TECHNIQUES
-from experiments.waving.study import DIRECTIONS, study, who_question
-from lab.errors import DesignError
-from stimuli.scenes.office import CLERKS, CUSTOMERS, PARTICIPANT_PLACES, STANDING_EYE_M, neighbour
+from visavis.experiments.waving import clips
+from visavis.experiments.waving.clips import DEFAULT_MAKING, TECHNIQUES
+from visavis.experiments.waving.study import DIRECTIONS, study, who_question
+from visavis.lab.errors import DesignError
 from visavis.opened import OpenedStudy
+from visavis.stimuli.scenes.office import (
+    CLERKS,
+    CUSTOMERS,
+    PARTICIPANT_PLACES,
+    STANDING_EYE_M,
+    neighbour,
+)
 from visavis.trial import TrialScript
 
 WAVING = OpenedStudy(study)

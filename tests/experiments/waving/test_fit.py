@@ -7,7 +7,6 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from analysis.statistics import art_anova
 from benchmarks.waving_fit import (
     CHECK_SEED,
     FIT_SEED,
@@ -30,7 +29,9 @@ from benchmarks.waving_fit import (
     varied,
     waves_of,
 )
-from experiments.waving.judgement import (
+from tests.experiments.waving.test_participant_spread import SEEN
+from visavis.analysis.statistics import art_anova
+from visavis.experiments.waving.judgement import (
     DEFAULT_POPULATION,
     Person,
     Population,
@@ -39,9 +40,8 @@ from experiments.waving.judgement import (
     noise_deg,
     worth_of,
 )
-from experiments.waving.perception import Evidence
-from lab.errors import UsageError
-from tests.experiments.waving.test_participant_spread import SEEN
+from visavis.experiments.waving.perception import Evidence
+from visavis.lab.errors import UsageError
 
 BEARING = np.array([-24.0, -12.5, 0.0, 12.5, 24.0])
 POPULATION = replace(DEFAULT_POPULATION, lapse_01=0.1)

@@ -5,8 +5,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from experiments.waving.judgement import DEFAULT_POPULATION, Person, draw_person, judge
-from experiments.waving.perception import Evidence
+from visavis.experiments.waving.judgement import DEFAULT_POPULATION, Person, draw_person, judge
+from visavis.experiments.waving.perception import Evidence
 
 BEARING = np.array([-24.0, -12.5, 0.0, 12.5, 24.0])
 PERSON = Person(1.0, 0.0, 0.0, 6.0, 1.0, 25, "man")

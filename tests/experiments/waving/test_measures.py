@@ -3,9 +3,9 @@
 import pandas as pd
 import pytest
 
-from experiments.waving.clips import TECHNIQUES
-from experiments.waving.sections import relative_confusion
-from experiments.waving.study import DIRECTIONS, study
+from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.sections import relative_confusion
+from visavis.experiments.waving.study import DIRECTIONS, study
 from visavis.measures import aggregated
 from visavis.opened import OpenedStudy
 

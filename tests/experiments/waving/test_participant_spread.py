@@ -20,9 +20,9 @@ from benchmarks.waving_fit import (
     expected,
     waves_of,
 )
-from experiments.waving.clips import TECHNIQUES
-from experiments.waving.judgement import DEFAULT_POPULATION
-from experiments.waving.quick_study import STIMULI, evidence_for
+from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.judgement import DEFAULT_POPULATION
+from visavis.experiments.waving.quick_study import STIMULI, evidence_for
 
 SEEN = dict(np.load(Path(__file__).with_name("seen_waves.npz")))
 

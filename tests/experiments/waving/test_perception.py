@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from experiments.waving.clips import Making, study_wave
-from experiments.waving.perception import CUE_PARTS, evidence_of, reach_of
-from experiments.waving.quick_study import gaze_of
-from stimuli.dressing.office_view import eye_at
-from stimuli.scenes.office import CLERKS, CUSTOMERS, PARTICIPANT_PLACES
+from visavis.experiments.waving.clips import Making, study_wave
+from visavis.experiments.waving.perception import CUE_PARTS, evidence_of, reach_of
+from visavis.experiments.waving.quick_study import gaze_of
+from visavis.stimuli.dressing.office_view import eye_at
+from visavis.stimuli.scenes.office import CLERKS, CUSTOMERS, PARTICIPANT_PLACES
 
 PLAIN = Making(wave_s=0.6, increment=0.0)
 

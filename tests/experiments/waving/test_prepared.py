@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
-import experiments.waving.clips as clips
-from experiments.waving.clips import study_wave, wave_of
-from experiments.waving.study import making_of
-from stimuli.motion.warping.track import Reached
+import visavis.experiments.waving.clips as clips
 from visavis.catalogue import find_study
+from visavis.experiments.waving.clips import study_wave, wave_of
+from visavis.experiments.waving.study import making_of
+from visavis.stimuli.motion.warping.track import Reached
 
 
 @pytest.fixture

@@ -5,12 +5,12 @@ from itertools import combinations
 
 import pytest
 
-from experiments.waving import quick_study
-from experiments.waving.clips import Making, study_wave
-from experiments.waving.perception import evidence_of, reach_view
-from experiments.waving.quick_study import evidence_for, gaze_of, surroundings_sha256
-from stimuli.dressing.office_view import eye_at
-from stimuli.scenes.office import neighbour
+from visavis.experiments.waving import quick_study
+from visavis.experiments.waving.clips import Making, study_wave
+from visavis.experiments.waving.perception import evidence_of, reach_view
+from visavis.experiments.waving.quick_study import evidence_for, gaze_of, surroundings_sha256
+from visavis.stimuli.dressing.office_view import eye_at
+from visavis.stimuli.scenes.office import neighbour
 
 AHEAD = Making(before_s=0.3, wave_s=0.6, increment=0.0)
 STIMULI = [
@@ -22,7 +22,7 @@ STIMULI = [
 
 @pytest.fixture(autouse=True)
 def nothing_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr("lab.kept.user_cache_path", lambda *_, **__: tmp_path)
+    monkeypatch.setattr("visavis.lab.kept.user_cache_path", lambda *_, **__: tmp_path)
     evidence_for.cache_clear()
     yield
     evidence_for.cache_clear()

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from benchmarks.waving_quick import quick_analysis, quick_session, quick_study
-from cli.quick_tracker import tracker_of
-from devices.registry import OPTION_MODELS
-from lab.config import load_config
-from lab.config_files import EXAMPLE
-from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.cli.quick_tracker import tracker_of
+from visavis.devices.registry import OPTION_MODELS
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE
 from visavis.power import KitPower
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 
 PILOT = {

@@ -6,18 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.waving.clips import UNITS, Making, StudyWave, base_clip, study_wave
-from experiments.waving.study import SCENE_SEED, study, told_of, track_shown, wave_record
-from lab.clock import NS_PER_S
-from lab.geometry import Pose, angle_deg, rotate, turn_towards, unit
-from protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
-from stimuli.dressing.office import office_picture, office_scene, pose_of_waver
-from stimuli.motion.skeleton import forward
-from stimuli.motion.warping.track import Reached, WarpTrack, key_record
-from stimuli.motion.warping.units import units_named
-from stimuli.panels import choice_centre_m
-from stimuli.scenes.office import OfficeFrame, OfficeScene
+from visavis.experiments.waving.clips import UNITS, Making, StudyWave, base_clip, study_wave
+from visavis.experiments.waving.study import SCENE_SEED, study, told_of, track_shown, wave_record
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.geometry import Pose, angle_deg, rotate, turn_towards, unit
 from visavis.opened import OpenedStudy
+from visavis.protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
+from visavis.stimuli.dressing.office import office_picture, office_scene, pose_of_waver
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.motion.warping.track import Reached, WarpTrack, key_record
+from visavis.stimuli.motion.warping.units import units_named
+from visavis.stimuli.panels import choice_centre_m
+from visavis.stimuli.scenes.office import OfficeFrame, OfficeScene
 
 QUICK = {"before_s": 0.3, "wave_s": 0.4, "after_s": 0.1, "increment": 0.0}
 MAKING = Making(0.3, 0.4, 0.0)

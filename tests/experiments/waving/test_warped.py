@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.waving.clips import (
+from visavis.experiments.waving.clips import (
     DEFAULT_MAKING,
     WARPING,
     Making,
@@ -13,8 +13,8 @@ from experiments.waving.clips import (
     situation_of,
     study_wave,
 )
-from stimuli.dressing.office_view import eye_at, view_of
-from stimuli.motion.warping.control import see
+from visavis.stimuli.dressing.office_view import eye_at, view_of
+from visavis.stimuli.motion.warping.control import see
 
 CLERK, PLACE = "clerk_left", "place_3"
 ALLOWED = 0.1 * DEFAULT_MAKING.increment

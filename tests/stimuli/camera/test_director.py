@@ -5,14 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.clock import NS_PER_S
-from lab.errors import DesignError
-from lab.geometry import Vector
-from stimuli.camera.choosing import is_free, place_on, points_of_interest
-from stimuli.camera.director import STYLES, Cut, Director, FilmedPlace, Moment, Style, prepare
-from stimuli.camera.obstacles import NOBODY
-from stimuli.camera.shots import LogNormalLengths, ShotSize, view_angle_deg
-from stimuli.rooms.outlined import outlined_room
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Vector
+from visavis.stimuli.camera.choosing import is_free, place_on, points_of_interest
+from visavis.stimuli.camera.director import (
+    STYLES,
+    Cut,
+    Director,
+    FilmedPlace,
+    Moment,
+    Style,
+    prepare,
+)
+from visavis.stimuli.camera.obstacles import NOBODY
+from visavis.stimuli.camera.shots import LogNormalLengths, ShotSize, view_angle_deg
+from visavis.stimuli.rooms.outlined import outlined_room
 
 RING = [[0, 0], [16, 0], [16, 12], [0, 12]]
 BLOCK = [[4, 4], [12, 4], [12, 8], [4, 8]]

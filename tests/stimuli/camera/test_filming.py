@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from lab.clock import NS_PER_S
-from lab.errors import DesignError
-from lab.geometry import Vector
-from stimuli.camera.director import Moment
-from stimuli.camera.filming import FilmingCamera, Follower, TakingTurns
-from stimuli.camera.obstacles import Obstacles
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Vector
+from visavis.stimuli.camera.director import Moment
+from visavis.stimuli.camera.filming import FilmingCamera, Follower, TakingTurns
+from visavis.stimuli.camera.obstacles import Obstacles
 
 AHEAD = np.array([0.0, 0.0, -1.0])
 

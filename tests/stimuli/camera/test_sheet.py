@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from lab.geometry import Pose, Vector
-from stimuli.camera.obstacles import NOBODY
-from stimuli.camera.sheet import FilmLog
-from stimuli.camera.shots import ShotSize
-from stimuli.picture import Camera
-from stimuli.rooms.plain import plain_room
+from visavis.lab.geometry import Pose, Vector
+from visavis.stimuli.camera.obstacles import NOBODY
+from visavis.stimuli.camera.sheet import FilmLog
+from visavis.stimuli.camera.shots import ShotSize
+from visavis.stimuli.picture import Camera
+from visavis.stimuli.rooms.plain import plain_room
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 HEAD = np.array([0.0, 1.6, 0.0])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lab.errors import DesignError
-from stimuli.camera.following import Drive, follow, pulled
-from stimuli.camera.shots import (
+from visavis.lab.errors import DesignError
+from visavis.stimuli.camera.following import Drive, follow, pulled
+from visavis.stimuli.camera.shots import (
     LogNormalLengths,
     flow_cosine,
     image_velocity,
@@ -13,7 +13,7 @@ from stimuli.camera.shots import (
     shot_size_score,
     view_angle_deg,
 )
-from stimuli.motion.spring import Spring
+from visavis.stimuli.motion.spring import Spring
 
 HERE = np.array([0.0, 1.6, 0.0])
 SOUTH = np.array([0.0, 1.6, 4.0])

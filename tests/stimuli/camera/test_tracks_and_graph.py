@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
-from lab.errors import DesignError
-from lab.geometry import Vector
-from stimuli.camera.director import Director, Moment, Style, prepare
-from stimuli.camera.floors import Floor, walkable_floors
-from stimuli.camera.graph import (
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Vector
+from visavis.stimuli.camera.director import Director, Moment, Style, prepare
+from visavis.stimuli.camera.floors import Floor, walkable_floors
+from visavis.stimuli.camera.graph import (
     CameraGraph,
     GraphRules,
     floor_table,
@@ -19,12 +19,12 @@ from stimuli.camera.graph import (
     small_triangles,
     track_graph,
 )
-from stimuli.camera.obstacles import Obstacles
-from stimuli.camera.shots import ShotSize
-from stimuli.camera.skeleton import medial_axis
-from stimuli.camera.tracks import TrackRules, camera_places, tracks_through, wall_tracks
-from stimuli.rooms.outlined import outlined_room
-from stimuli.rooms.plain import plain_room
+from visavis.stimuli.camera.obstacles import Obstacles
+from visavis.stimuli.camera.shots import ShotSize
+from visavis.stimuli.camera.skeleton import medial_axis
+from visavis.stimuli.camera.tracks import TrackRules, camera_places, tracks_through, wall_tracks
+from visavis.stimuli.rooms.outlined import outlined_room
+from visavis.stimuli.rooms.plain import plain_room
 
 L_SHAPE = [[0, 0], [14, 0], [14, 3], [3, 3], [3, 12], [0, 12]]
 NEAR = 1e-6

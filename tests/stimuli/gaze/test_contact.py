@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from stimuli.gaze.contact import avoiding_looks, contact_looks
-from stimuli.gaze.gaze_plan import LookAt
-from stimuli.motion.errors import MotionError
+from visavis.stimuli.gaze.contact import avoiding_looks, contact_looks
+from visavis.stimuli.gaze.gaze_plan import LookAt
+from visavis.stimuli.motion.errors import MotionError
 
 OBSERVER = LookAt(2.0, "observer")
 LONG_S = 20_000.0

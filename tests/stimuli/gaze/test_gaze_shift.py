@@ -7,22 +7,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.geometry import (
+from visavis.lab.geometry import (
     Vector,
     angle_deg,
     direction_from_yaw_pitch_deg,
     rotate,
     unit,
 )
-from stimuli.characters.character import MORPHS
-from stimuli.gaze.gaze_plan import GazePlan, LookAt
-from stimuli.gaze.turning import Aimed
-from stimuli.motion.build import Build, build_of_skeleton
-from stimuli.motion.errors import MotionError
-from stimuli.motion.kinds import Idle, Kind, Sit
-from stimuli.motion.people import HeldHeads, PeopleMotion, Person
-from stimuli.motion.skeleton import canonical_skeleton, forward
-from stimuli.picture import PosedPeople
+from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.gaze.gaze_plan import GazePlan, LookAt
+from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.build import Build, build_of_skeleton
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.kinds import Idle, Kind, Sit
+from visavis.stimuli.motion.people import HeldHeads, PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
+from visavis.stimuli.picture import PosedPeople
 
 AHEAD = np.array([0.0, 0.0, -1.0])
 EYES = ("left_eye", "right_eye")

@@ -5,19 +5,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lab.geometry import Vector, angle_deg, rotate, unit
-from stimuli.dressing.audience import audience_picture
-from stimuli.dressing.casting import build_of, default_casting
-from stimuli.dressing.gathering import gathering_picture
-from stimuli.gaze.behaviour import EyeBehaviour
-from stimuli.gaze.blinks import Blinks
-from stimuli.gaze.lines import lines_of_gaze
-from stimuli.motion.people import PeopleMotion
-from stimuli.motion.seating import seated_under_eyes
-from stimuli.motion.skeleton import forward
-from stimuli.rooms.audience_room import HIP_BEHIND_EYES_M, step_height_m
-from stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
+from visavis.lab.geometry import Vector, angle_deg, rotate, unit
 from visavis.scenes import Staging, WithEyes, two_people
+from visavis.stimuli.dressing.audience import audience_picture
+from visavis.stimuli.dressing.casting import build_of, default_casting
+from visavis.stimuli.dressing.gathering import gathering_picture
+from visavis.stimuli.gaze.behaviour import EyeBehaviour
+from visavis.stimuli.gaze.blinks import Blinks
+from visavis.stimuli.gaze.lines import lines_of_gaze
+from visavis.stimuli.motion.people import PeopleMotion
+from visavis.stimuli.motion.seating import seated_under_eyes
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.rooms.audience_room import HIP_BEHIND_EYES_M, step_height_m
+from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
 
 NAMES = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
 OBSERVER_M = PARTICIPANT_EYE_M + np.array([0.05, -0.02, 0.03])
@@ -71,7 +71,7 @@ def test_both_staring_eyes_meet_the_observer_within_a_tenth_of_a_degree(watched)
 
 def test_eyes_at_rest_meet_the_observer_at_every_moment_while_heads_sway(monkeypatch):
     """A gaze taken from where the study has the eyes would miss by the head's sway."""
-    monkeypatch.setattr("stimuli.gaze.turning.fixation_rows", lambda *_: None)
+    monkeypatch.setattr("visavis.stimuli.gaze.turning.fixation_rows", lambda *_: None)
     centres, lines, _ = _seen(range(0, 16_000_000_000, 10 * STEP_NS))
 
     assert 0.01 > angle_deg(lines, unit(OBSERVER_M - centres)).max()
@@ -87,7 +87,7 @@ def test_fixating_eyes_drift_and_jump_but_stay_within_half_a_degree(watched):
 
 @pytest.mark.parametrize("active", ["left", "right"])
 def test_eyes_of_people_who_sit_together_meet_the_observer_too(active, monkeypatch):
-    monkeypatch.setattr("stimuli.gaze.turning.fixation_rows", lambda *_: None)
+    monkeypatch.setattr("visavis.stimuli.gaze.turning.fixation_rows", lambda *_: None)
     shown = two_people(Staging(np.random.default_rng(1), 2.0), active=active, eyes="directed")
     view = SimpleNamespace(
         head_valid=True, head=SimpleNamespace(position_m=OBSERVER_M), t_ns=STEP_NS

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import quat_multiply
-from stimuli.motion.clip import Clip, Frames
-from stimuli.motion.rotations import quat_exp
-from stimuli.motion.skeleton import Skeleton, canonical_skeleton
 from tests.stimuli.motion.rotation_cases import random_quats
+from visavis.lab.geometry import quat_multiply
+from visavis.stimuli.motion.clip import Clip, Frames
+from visavis.stimuli.motion.rotations import quat_exp
+from visavis.stimuli.motion.skeleton import Skeleton, canonical_skeleton
 
 CANONICAL = canonical_skeleton()
 

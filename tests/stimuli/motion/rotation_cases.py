@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from lab.geometry import quat_multiply
-from stimuli.motion.rotations import quat_exp
+from visavis.lab.geometry import quat_multiply
+from visavis.stimuli.motion.rotations import quat_exp
 
 Array = Any
 

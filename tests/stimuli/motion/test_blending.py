@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.geometry import quat_conjugate, quat_multiply
-from stimuli.motion.blending import CrossFade, InertialTransition, blended, eased
-from stimuli.motion.clip import Motion
-from stimuli.motion.errors import MotionError
-from stimuli.motion.rotations import slerp
 from tests.stimuli.motion.motions import CANONICAL, Spinning, random_clip, wandering
 from tests.stimuli.motion.rotation_cases import Array, apart_deg, same, seeds
+from visavis.lab.geometry import quat_conjugate, quat_multiply
+from visavis.stimuli.motion.blending import CrossFade, InertialTransition, blended, eased
+from visavis.stimuli.motion.clip import Motion
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.rotations import slerp
 
 quick = settings(max_examples=20, deadline=None)
 

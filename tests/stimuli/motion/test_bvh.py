@@ -8,13 +8,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lab.errors import UsageError
-from stimuli.motion.bvh import CHANNELS, Bvh, BvhJoint, format_bvh, parse_bvh, read_bvh, write_bvh
-from stimuli.motion.bvh_clip import bvh_of_clip, clip_of_bvh
-from stimuli.motion.clip import placed_joints
-from stimuli.motion.errors import BvhError, MotionError
 from tests.stimuli.motion.motions import SMALL_BVH, random_clip
 from tests.stimuli.motion.rotation_cases import same, seeds
+from visavis.lab.errors import UsageError
+from visavis.stimuli.motion.bvh import (
+    CHANNELS,
+    Bvh,
+    BvhJoint,
+    format_bvh,
+    parse_bvh,
+    read_bvh,
+    write_bvh,
+)
+from visavis.stimuli.motion.bvh_clip import bvh_of_clip, clip_of_bvh
+from visavis.stimuli.motion.clip import placed_joints
+from visavis.stimuli.motion.errors import BvhError, MotionError
 
 quick = settings(max_examples=25, deadline=None)
 NUMBERS = st.floats(-1e6, 1e6)

@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.geometry import quat_multiply, rotate
-from stimuli.motion.clip import (
+from tests.stimuli.motion.motions import CANONICAL, random_clip, random_skeleton, wandering
+from tests.stimuli.motion.rotation_cases import random_quats, same, seeds, steps_of
+from visavis.lab.geometry import quat_multiply, rotate
+from visavis.stimuli.motion.clip import (
     Clip,
     KeyPoses,
     cut,
@@ -21,11 +23,9 @@ from stimuli.motion.clip import (
     standing_on_floor,
     worn_by,
 )
-from stimuli.motion.errors import MotionError
-from stimuli.motion.interpolation import KeyTimes, Method, interpolate
-from stimuli.motion.skeleton import Skeleton, canonical_skeleton, forward, local_of_world
-from tests.stimuli.motion.motions import CANONICAL, random_clip, random_skeleton, wandering
-from tests.stimuli.motion.rotation_cases import random_quats, same, seeds, steps_of
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.interpolation import KeyTimes, Method, interpolate
+from visavis.stimuli.motion.skeleton import Skeleton, canonical_skeleton, forward, local_of_world
 
 quick = settings(max_examples=25, deadline=None)
 

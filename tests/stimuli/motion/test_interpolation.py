@@ -7,19 +7,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.spatial.transform import Slerp as ScipySlerp
 
-from lab.geometry import quat_multiply
-from stimuli.motion.errors import MotionError
-from stimuli.motion.interpolation import (
-    Interpolation,
-    KeyTimes,
-    LinEuler,
-    Method,
-    Slerp,
-    Spline,
-    Squad,
-    interpolate,
-)
-from stimuli.motion.rotations import quat_conjugate, quat_from_euler, slerp, slerp_as_given
 from tests.stimuli.motion.rotation_cases import (
     Array,
     apart_deg,
@@ -29,6 +16,19 @@ from tests.stimuli.motion.rotation_cases import (
     spin,
     steps_of,
 )
+from visavis.lab.geometry import quat_multiply
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.interpolation import (
+    Interpolation,
+    KeyTimes,
+    LinEuler,
+    Method,
+    Slerp,
+    Spline,
+    Squad,
+    interpolate,
+)
+from visavis.stimuli.motion.rotations import quat_conjugate, quat_from_euler, slerp, slerp_as_given
 
 METHODS: tuple[Method, ...] = ("lineuler", "slerp", "squad")
 quick = settings(max_examples=40, deadline=None)

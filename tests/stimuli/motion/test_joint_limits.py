@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.geometry import Vector
-from stimuli.motion.build import Build, build_of_skeleton
-from stimuli.motion.joint_limits import (
+from visavis.lab.geometry import Vector
+from visavis.stimuli.motion.build import Build, build_of_skeleton
+from visavis.stimuli.motion.joint_limits import (
     LOWER_DEG,
     UPPER_DEG,
     beyond_deg,
@@ -17,7 +17,7 @@ from stimuli.motion.joint_limits import (
     joint_angles_deg,
     turns_of_angles,
 )
-from stimuli.motion.kinds import (
+from visavis.stimuli.motion.kinds import (
     Crouch,
     Idle,
     Kind,
@@ -30,8 +30,8 @@ from stimuli.motion.kinds import (
     WatchBoard,
     Wave,
 )
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.skeleton import canonical_skeleton
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import canonical_skeleton
 
 NAMES = canonical_skeleton().names
 SHARE = st.floats(0.0, 1.0)

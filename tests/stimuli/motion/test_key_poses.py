@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from experiments.interpolation.gestures import source_of
-from stimuli.motion.errors import MotionError
-from stimuli.motion.synthesis.key_poses import (
+from visavis.experiments.interpolation.gestures import source_of
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.synthesis.key_poses import (
     between_keys,
     continuous_euler_rad,
     key_frames,

@@ -4,17 +4,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lab.geometry import Vector, quat_conjugate, rotate
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import load_cast
-from stimuli.characters.character import Character
-from stimuli.characters.gltf import import_gltf
-from stimuli.characters.skinning import skin_vertices
-from stimuli.motion.build import MAX_ELBOW_BESIDE_M, build_of_character
-from stimuli.motion.kinds import Sit
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.skeleton import forward
 from tests.stimuli.valid_avatars import avatar_files, needs_avatars
+from visavis.lab.geometry import Vector, quat_conjugate, rotate
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import load_cast
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.gltf import import_gltf
+from visavis.stimuli.characters.skinning import skin_vertices
+from visavis.stimuli.motion.build import MAX_ELBOW_BESIDE_M, build_of_character
+from visavis.stimuli.motion.kinds import Sit
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import forward
 
 CAST = load_cast()
 SEEDS = (0, 1, 2)

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.geometry import Vector, rotate
-from stimuli.motion.build import Build, build_of_skeleton
-from stimuli.motion.kinds import Idle, Run, Walk, gait_duration_s
-from stimuli.motion.people import Doing, PeopleMotion, Person
-from stimuli.motion.posture import B_BALL_Y, B_HEEL, B_LEG
-from stimuli.motion.skeleton import canonical_skeleton, forward
+from visavis.lab.geometry import Vector, rotate
+from visavis.stimuli.motion.build import Build, build_of_skeleton
+from visavis.stimuli.motion.kinds import Idle, Run, Walk, gait_duration_s
+from visavis.stimuli.motion.people import Doing, PeopleMotion, Person
+from visavis.stimuli.motion.posture import B_BALL_Y, B_HEEL, B_LEG
+from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
 
 STEP_S = 1 / 240
 SIDES = ("left", "right")

@@ -5,15 +5,15 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial import cKDTree
 
-from lab.geometry import Vector
-from stimuli.characters.cast import load_cast, load_character
-from stimuli.characters.character import Character
-from stimuli.characters.skinning import skin_of
-from stimuli.motion.build import build_of_character
-from stimuli.motion.kinds import Sit, Walk
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.skeleton import forward
 from tools.character_making.recipes import CAST as RECIPES
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.cast import load_cast, load_character
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.skinning import skin_of
+from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.kinds import Sit, Walk
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import forward
 
 CAST = load_cast()
 STRIDE_S = np.arange(2.0, 3.1, 0.15)

@@ -6,15 +6,15 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from lab.geometry import Vector, rotate
-from stimuli.motion.build import Build, build_of_skeleton
-from stimuli.motion.clip import Clip
-from stimuli.motion.errors import MotionError
-from stimuli.motion.holding import held_in_hand
-from stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Wave
-from stimuli.motion.people import Doing, HeldHeads, PeopleMotion, Person
-from stimuli.motion.seating import eyes_of, seated_under_eyes
-from stimuli.motion.skeleton import Placement, Skeleton, canonical_skeleton, forward
+from visavis.lab.geometry import Vector, rotate
+from visavis.stimuli.motion.build import Build, build_of_skeleton
+from visavis.stimuli.motion.clip import Clip
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.holding import held_in_hand
+from visavis.stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Wave
+from visavis.stimuli.motion.people import Doing, HeldHeads, PeopleMotion, Person
+from visavis.stimuli.motion.seating import eyes_of, seated_under_eyes
+from visavis.stimuli.motion.skeleton import Placement, Skeleton, canonical_skeleton, forward
 
 KINDS: tuple[Kind, ...] = (
     Idle("hanging"),

@@ -6,14 +6,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import load_cast
-from stimuli.characters.character import Character
-from stimuli.characters.skinning import skin_of
-from stimuli.motion.build import build_of_character, build_of_skeleton
-from stimuli.motion.kinds import Sit
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.skeleton import canonical_skeleton, forward
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import load_cast
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.skinning import skin_of
+from visavis.stimuli.motion.build import build_of_character, build_of_skeleton
+from visavis.stimuli.motion.kinds import Sit
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
 
 SEAT_M = 0.45
 CAST = load_cast()

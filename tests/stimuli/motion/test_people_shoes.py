@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from stimuli.characters.cast import cast_names, load_character
-from stimuli.characters.character import Character
 from tools.character_making.feet_seen import MAX_SEEN_M2, POSES, feet_hold, worst_mm2
+from visavis.stimuli.characters.cast import cast_names, load_character
+from visavis.stimuli.characters.character import Character
 
 
 @pytest.mark.parametrize("name", cast_names())

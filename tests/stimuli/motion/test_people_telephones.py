@@ -6,23 +6,23 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from lab.geometry import Vector, quat_conjugate, rotate, unit
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.cast import load_cast
-from stimuli.characters.character import Character
-from stimuli.characters.checking import findings
-from stimuli.characters.gltf import import_gltf
-from stimuli.characters.skinning import skin_vertices
-from stimuli.dressing.telephone import holding_telephone
-from stimuli.motion import posture as p
-from stimuli.motion.build import build_of_character
-from stimuli.motion.joint_limits import beyond_deg
-from stimuli.motion.kinds import Phone
-from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.skeleton import Placement, forward
-from stimuli.motion.telephoning import head_skin_m, mouth_corner_m, tragus_m
 from tests.stimuli.glb_figure import write_glb
 from tests.stimuli.valid_avatars import avatar_files, needs_avatars
+from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import load_cast
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.checking import findings
+from visavis.stimuli.characters.gltf import import_gltf
+from visavis.stimuli.characters.skinning import skin_vertices
+from visavis.stimuli.dressing.telephone import holding_telephone
+from visavis.stimuli.motion import posture as p
+from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.joint_limits import beyond_deg
+from visavis.stimuli.motion.kinds import Phone
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import Placement, forward
+from visavis.stimuli.motion.telephoning import head_skin_m, mouth_corner_m, tragus_m
 
 CAST = load_cast()
 Side = Literal["left", "right"]

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.geometry import (
+from tests.stimuli.motion.motions import CANONICAL, wandering
+from tests.stimuli.motion.rotation_cases import random_quats, same, seeds
+from visavis.lab.geometry import (
     Vector,
     quat_conjugate,
     quat_from_yaw_pitch_deg,
@@ -15,16 +17,14 @@ from lab.geometry import (
     rotate,
     unit,
 )
-from stimuli.motion.bvh import format_bvh, parse_bvh
-from stimuli.motion.bvh_clip import bvh_of_clip, clip_of_bvh
-from stimuli.motion.clip import Clip, placed_joints, worn_by
-from stimuli.motion.errors import MotionError
-from stimuli.motion.joint_names import match_joints
-from stimuli.motion.retarget import LIMB_BONES, retarget, retargeting_error
-from stimuli.motion.rotations import quat_between, quat_exp
-from stimuli.motion.skeleton import Skeleton, canonical_skeleton, forward, local_of_world
-from tests.stimuli.motion.motions import CANONICAL, wandering
-from tests.stimuli.motion.rotation_cases import random_quats, same, seeds
+from visavis.stimuli.motion.bvh import format_bvh, parse_bvh
+from visavis.stimuli.motion.bvh_clip import bvh_of_clip, clip_of_bvh
+from visavis.stimuli.motion.clip import Clip, placed_joints, worn_by
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.joint_names import match_joints
+from visavis.stimuli.motion.retarget import LIMB_BONES, retarget, retargeting_error
+from visavis.stimuli.motion.rotations import quat_between, quat_exp
+from visavis.stimuli.motion.skeleton import Skeleton, canonical_skeleton, forward, local_of_world
 
 quick = settings(max_examples=15, deadline=None)
 IDENTITY_MAP = {name: name for name in CANONICAL.names}

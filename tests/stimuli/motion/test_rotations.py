@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lab.geometry import quat_multiply, rotate, unit
-from stimuli.motion.errors import MotionError
-from stimuli.motion.rotations import (
+from tests.stimuli.motion.rotation_cases import random_quats, same, seeds
+from visavis.lab.geometry import quat_multiply, rotate, unit
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.rotations import (
     continuous,
     euler_from_quat,
     mirrored_quat,
@@ -23,7 +24,6 @@ from stimuli.motion.rotations import (
     slerp,
     weighted_mean,
 )
-from tests.stimuli.motion.rotation_cases import random_quats, same, seeds
 
 ORDERS = ["".join(p) for p in permutations("XYZ")]
 quick = settings(max_examples=40, deadline=None)

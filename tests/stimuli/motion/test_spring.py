@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from stimuli.motion.errors import MotionError
-from stimuli.motion.spring import Spring
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.spring import Spring
 
 
 @settings(max_examples=20, deadline=None)

@@ -4,12 +4,12 @@ from functools import cache
 
 import numpy as np
 
-from lab.geometry import quat_from_yaw_pitch_deg, quat_multiply
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.motion.clip import Clip, standing
-from stimuli.motion.skeleton import canonical_skeleton
-from stimuli.motion.warping.perceived import SeenBody
-from stimuli.rooms.solids import box
+from visavis.lab.geometry import quat_from_yaw_pitch_deg, quat_multiply
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.motion.clip import Clip, standing
+from visavis.stimuli.motion.skeleton import canonical_skeleton
+from visavis.stimuli.motion.warping.perceived import SeenBody
+from visavis.stimuli.rooms.solids import box
 
 PART_OF_JOINT = {
     "head": "face", "neck": "neck", "upper_chest": "torso", "chest": "torso", "spine": "torso",

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from stage.errors import StageError
-from stage.identity import IdentityBuffer
-from stimuli.characters.cast import load_character
-from stimuli.characters.character import MORPHS
-from stimuli.motion.warping.cases import case_named, staged
-from stimuli.motion.warping.perceived import perceived, seen_body
-from stimuli.picture import Picture, PosedPeople, Room
-from stimuli.rooms.furniture import placed
+from visavis.stage.errors import StageError
+from visavis.stage.identity import IdentityBuffer
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.motion.warping.cases import case_named, staged
+from visavis.stimuli.motion.warping.perceived import perceived, seen_body
+from visavis.stimuli.picture import Picture, PosedPeople, Room
+from visavis.stimuli.rooms.furniture import placed
 
 LEVEL = 0
 

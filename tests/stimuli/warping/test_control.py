@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stimuli.motion.errors import MotionError
-from stimuli.motion.joint_limits import beyond_deg, clamped
-from stimuli.motion.warping.clips import smoothed, warp_clip
-from stimuli.motion.warping.control import (
+from tests.stimuli.warping.bodies import arm_raised, box_person, waving_clip
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.joint_limits import beyond_deg, clamped
+from visavis.stimuli.motion.warping.clips import smoothed, warp_clip
+from visavis.stimuli.motion.warping.control import (
     ControlSettings,
     Situation,
     capped,
@@ -19,11 +20,10 @@ from stimuli.motion.warping.control import (
     steer,
     wanted_features,
 )
-from stimuli.motion.warping.features import FeatureTarget, register_feature
-from stimuli.motion.warping.outlook import looking_at, outlook
-from stimuli.motion.warping.units import UNITS, turned_by, units_named
-from stimuli.rooms.solids import box
-from tests.stimuli.warping.bodies import arm_raised, box_person, waving_clip
+from visavis.stimuli.motion.warping.features import FeatureTarget, register_feature
+from visavis.stimuli.motion.warping.outlook import looking_at, outlook
+from visavis.stimuli.motion.warping.units import UNITS, turned_by, units_named
+from visavis.stimuli.rooms.solids import box
 
 CENTRE = np.array([0.0, 1.1, 0.0])
 CAREFUL = ControlSettings()

@@ -4,15 +4,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.clock import NS_PER_S, SimClock
-from stimuli.motion.errors import MotionError
-from stimuli.motion.warping.control import ControlSettings
-from stimuli.motion.warping.features import FeatureTarget
-from stimuli.motion.warping.online import OnlineWarp
-from stimuli.motion.warping.outlook import looking_at, outlook
-from stimuli.motion.warping.units import units_named
-from stimuli.rooms.solids import box
 from tests.stimuli.warping.bodies import arm_raised, box_person, waving_clip
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.warping.control import ControlSettings
+from visavis.stimuli.motion.warping.features import FeatureTarget
+from visavis.stimuli.motion.warping.online import OnlineWarp
+from visavis.stimuli.motion.warping.outlook import looking_at, outlook
+from visavis.stimuli.motion.warping.units import units_named
+from visavis.stimuli.rooms.solids import box
 
 CENTRE = np.array([0.0, 1.1, 0.0])
 FRAME_NS = NS_PER_S // 90

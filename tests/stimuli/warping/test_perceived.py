@@ -6,18 +6,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.geometry import Pose
-from stimuli.characters.body_parts import PART_INDEX
-from stimuli.motion.errors import MotionError
-from stimuli.motion.warping.features import (
+from tests.stimuli.warping.bodies import arm_raised, box_person
+from visavis.lab.geometry import Pose
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.warping.features import (
     EDGE_PX,
     FeatureTarget,
     fine_values_of,
     parse_feature,
     values_of,
 )
-from stimuli.motion.warping.outlook import looking_at, outlook, packed_eye
-from stimuli.motion.warping.perceived import (
+from visavis.stimuli.motion.warping.outlook import looking_at, outlook, packed_eye
+from visavis.stimuli.motion.warping.perceived import (
     SeenBody,
     holding,
     mask_of,
@@ -25,11 +26,10 @@ from stimuli.motion.warping.perceived import (
     posed_points,
     refuse_observer_inside,
 )
-from stimuli.motion.warping.raster_kernels import BOTH_SIDES
-from stimuli.motion.warping.units import turned_by, units_named
-from stimuli.picture import Light
-from stimuli.rooms.solids import box
-from tests.stimuli.warping.bodies import arm_raised, box_person
+from visavis.stimuli.motion.warping.raster_kernels import BOTH_SIDES
+from visavis.stimuli.motion.warping.units import turned_by, units_named
+from visavis.stimuli.picture import Light
+from visavis.stimuli.rooms.solids import box
 
 CENTRE = np.array([0.0, 1.1, 0.0])
 WHOLE = ("head", "trunk", "arms", "legs", "neck")

@@ -5,16 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.geometry import unit
-from stimuli.gaze.turning import Aimed
-from stimuli.motion.baking import baked
-from stimuli.motion.build import build_of_skeleton
-from stimuli.motion.errors import MotionError
-from stimuli.motion.kinds import Idle, Talk, Walk, Wave
-from stimuli.motion.people import Person
-from stimuli.motion.skeleton import canonical_skeleton
-from stimuli.motion.warping.outlook import looking_at, outlook
-from stimuli.motion.warping.reaction import (
+from tests.stimuli.warping.bodies import arm_raised, box_person
+from visavis.lab.geometry import unit
+from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.build import build_of_skeleton
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.kinds import Idle, Talk, Walk, Wave
+from visavis.stimuli.motion.people import Person
+from visavis.stimuli.motion.skeleton import canonical_skeleton
+from visavis.stimuli.motion.warping.outlook import looking_at, outlook
+from visavis.stimuli.motion.warping.reaction import (
     SeenMotion,
     WaveCues,
     WaveRule,
@@ -23,8 +24,7 @@ from stimuli.motion.warping.reaction import (
     looked_at,
     wave_cues,
 )
-from stimuli.rooms.solids import box
-from tests.stimuli.warping.bodies import arm_raised, box_person
+from visavis.stimuli.rooms.solids import box
 
 WAVE = Wave(hand="right")
 

@@ -5,18 +5,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stimuli.motion.clip import Clip
-from stimuli.motion.errors import MotionError
-from stimuli.motion.joint_limits import beyond_deg
-from stimuli.motion.skeleton import Skeleton
-from stimuli.motion.warping.clips import warp_clip
-from stimuli.motion.warping.control import ControlSettings
-from stimuli.motion.warping.features import FeatureTarget, grain_of
-from stimuli.motion.warping.outlook import looking_at, outlook
-from stimuli.motion.warping.trajectory import joined
-from stimuli.motion.warping.units import units_named
-from stimuli.rooms.solids import box
 from tests.stimuli.warping.bodies import box_person, waving_clip
+from visavis.stimuli.motion.clip import Clip
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.joint_limits import beyond_deg
+from visavis.stimuli.motion.skeleton import Skeleton
+from visavis.stimuli.motion.warping.clips import warp_clip
+from visavis.stimuli.motion.warping.control import ControlSettings
+from visavis.stimuli.motion.warping.features import FeatureTarget, grain_of
+from visavis.stimuli.motion.warping.outlook import looking_at, outlook
+from visavis.stimuli.motion.warping.trajectory import joined
+from visavis.stimuli.motion.warping.units import units_named
+from visavis.stimuli.rooms.solids import box
 
 CENTRE = np.array([0.0, 1.1, 0.0])
 

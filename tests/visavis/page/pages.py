@@ -7,16 +7,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lab.clock import SimClock
-from lab.config import LabConfig
-from recording.folder import SessionFolder, create_session, open_session
-from recording.manifest import Manifest
-from recording.provenance import provenance
-from recording.reader import Recording
-from recording.writer import VIRTUAL_TIME_BATCH_NS, Recorder
 from tests.faults.sessions import lab
 from visavis.catalogue import find_study
 from visavis.experiment import StudyExperiment
+from visavis.lab.clock import SimClock
+from visavis.lab.config import LabConfig
 from visavis.opened import OpenedStudy
 from visavis.page.course import Notes, Visit, course
 from visavis.page.desk import PageDesk, Past
@@ -24,6 +19,11 @@ from visavis.page.film_store import film_store
 from visavis.page.perform import past_of
 from visavis.page.steps import PageStep
 from visavis.page.visitor import Visitor, visitor_of
+from visavis.recording.folder import SessionFolder, create_session, open_session
+from visavis.recording.manifest import Manifest
+from visavis.recording.provenance import provenance
+from visavis.recording.reader import Recording
+from visavis.recording.writer import VIRTUAL_TIME_BATCH_NS, Recorder
 
 STUDY = Path(__file__).parents[1] / "studies" / "films.py"
 SEED = 1

@@ -6,9 +6,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from lab.config import LabConfig
-from recording.reader import Recording
 from tests.visavis.page.pages import SEED, config, experiment, study
+from visavis.lab.config import LabConfig
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import perform_new, simulated_request
 
 ASKED = ("lively", "livelier", "effort")

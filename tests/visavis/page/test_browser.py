@@ -14,12 +14,12 @@ from typing import Any
 
 import pytest
 
-from lab.clock import StopWatch
-from lab.config_files import EXAMPLE
-from recording.folder import session_dir
-from recording.reader import Recording
 from tests.visavis.page.pages import STUDY
+from visavis.lab.clock import StopWatch
+from visavis.lab.config_files import EXAMPLE
 from visavis.page.desk import ASLEEP, RELOADED, RESTARTED
+from visavis.recording.folder import session_dir
+from visavis.recording.reader import Recording
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
@@ -47,7 +47,7 @@ class Server:
             "COLUMNS": "200",
         }
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "cli.main", *arguments, "--devices", "sim"],
+            [sys.executable, "-m", "visavis.cli.main", *arguments, "--devices", "sim"],
             cwd=self.root,
             env=environment,
             text=True,

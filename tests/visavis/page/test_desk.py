@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.clock import NS_PER_S
-from lab.errors import DesignError
-from recording.reader import Recording
 from tests.visavis.page.pages import TAB, begun, gone_on, study
 from visavis.careless import Careless
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DesignError
 from visavis.page.desk import ASLEEP, LEASE_NS, RELOADED, RESTARTED
 from visavis.page.errors import OpenElsewhereError, PageError
 from visavis.page.server import FILES, SITE
 from visavis.page.spoken import HOW_MANY, NOT_HEARD, heard, spoken, spoken_digits
+from visavis.recording.reader import Recording
 
 
 def answers_in(path: Path) -> list[tuple[str, Any]]:

@@ -15,19 +15,19 @@ from typing import Any
 
 import pytest
 
-from lab.clock import StopWatch, SystemClock
-from lab.errors import DesignError, UsageError
-from protocol.experiment import untold
-from protocol.ledger import Ledger
-from protocol.operator import UnattendedOperator
-from recording.reader import Recording
 from tests.visavis.page.pages import config
 from visavis.catalogue import find_study
 from visavis.experiment import StudyExperiment
+from visavis.lab.clock import StopWatch, SystemClock
+from visavis.lab.errors import DesignError, UsageError
 from visavis.page.elsewhere.bundle import steps_of_place, write_bundle
 from visavis.page.elsewhere.results import import_runs, read_runs
 from visavis.page.film_store import FilmStore, film_store
 from visavis.page.spoken import heard, spoken_digits
+from visavis.protocol.experiment import untold
+from visavis.protocol.ledger import Ledger
+from visavis.protocol.operator import UnattendedOperator
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import Request
 
 PATIENCE_S = 60.0

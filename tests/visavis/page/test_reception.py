@@ -12,14 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.interpolation.study import study as interpolation
-from lab.clock import SimClock
-from lab.errors import DataError, UsageError
-from protocol.ledger import Ledger
-from protocol.operator import UnattendedOperator
-from recording.reader import Recording
 from tests.visavis.page.pages import SEED, config, experiment, study
 from visavis.experiment import StudyExperiment
+from visavis.experiments.interpolation.study import study as interpolation
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import DataError, UsageError
 from visavis.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.page.client import arrive, visit
 from visavis.page.errors import PageError
@@ -29,6 +26,9 @@ from visavis.page.reception import IDLE_NS, Brake, Reception, Rules
 from visavis.page.server import KEY, PageServer
 from visavis.page.steps import PageStep
 from visavis.page.visitor import Visitor, visitor_of
+from visavis.protocol.ledger import Ledger
+from visavis.protocol.operator import UnattendedOperator
+from visavis.recording.reader import Recording
 from visavis.sessions.perform import Request
 
 

@@ -17,7 +17,7 @@ def trial(t):
 """
 CODE = """
 import sys
-import cli.commands.serving
+import visavis.cli.commands.serving
 import visavis.page.reception
 from visavis.catalogue import find_study
 films = find_study(sys.argv[1]).experiment({}).films

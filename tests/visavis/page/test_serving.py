@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from recording.reader import Recording
 from visavis.page.server import KEY
+from visavis.recording.reader import Recording
 
 STUDY = """
 from visavis import Factor, Rating, Study
@@ -25,7 +25,7 @@ study = Study("many", factors=[Factor("number", [1, 2, 3, 4])], on="browser", us
 def trial(t):
     yield t.ask(Rating("answer", 1, 9))
 """
-COMMAND = [sys.executable, "-c", "from cli.main import main; main()"]
+COMMAND = [sys.executable, "-c", "from visavis.cli.main import main; main()"]
 
 
 def begun(root: Path, port: str = "0") -> tuple[subprocess.Popen[str], str]:

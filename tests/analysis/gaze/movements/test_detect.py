@@ -5,21 +5,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.gaze.movements.detect import (
+from tests.analysis.gaze.streams import looks, shaken, stamps
+from visavis.analysis.gaze.movements.detect import (
     AUTO,
     DETECTOR_NAMES,
     MovementParameters,
     detect_movements,
 )
-from analysis.gaze.movements.kinds import Movement, fixations_of
-from lab.errors import DataError, UsageError
-from lab.geometry import (
+from visavis.analysis.gaze.movements.kinds import Movement, fixations_of
+from visavis.lab.errors import DataError, UsageError
+from visavis.lab.geometry import (
     direction_from_yaw_pitch_deg,
     quat_conjugate,
     quat_from_yaw_pitch_deg,
     rotate,
 )
-from tests.analysis.gaze.streams import looks, shaken, stamps
 
 RATE_HZ = 250.0
 PLACES_DEG = [(0, 0), (10, 0), (10, 8), (-4, 3), (2, -6), (8, 1)]

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from analysis.gaze.movements.engbert_kliegl import noise_deg_s, outside_ellipse
-from analysis.gaze.movements.i2mc import clustering_weights, trim_borders
-from analysis.gaze.movements.nystrom_holmqvist import adapted_thresholds
-from analysis.gaze.movements.velocity import velocities_deg_s
-from lab.geometry import direction_from_yaw_pitch_deg
 from tests.analysis.gaze.streams import stamps
+from visavis.analysis.gaze.movements.engbert_kliegl import noise_deg_s, outside_ellipse
+from visavis.analysis.gaze.movements.i2mc import clustering_weights, trim_borders
+from visavis.analysis.gaze.movements.nystrom_holmqvist import adapted_thresholds
+from visavis.analysis.gaze.movements.velocity import velocities_deg_s
+from visavis.lab.geometry import direction_from_yaw_pitch_deg
 
 
 def test_velocity_is_the_five_point_mean_of_engbert_and_kliegl():

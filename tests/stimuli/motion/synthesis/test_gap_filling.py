@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stimuli.motion.errors import MotionError
-from stimuli.motion.synthesis.gap_filling import Hold, best_segment, filled
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.synthesis.gap_filling import Hold, best_segment, filled
 
 SEEDS = st.integers(0, 2**31)
 

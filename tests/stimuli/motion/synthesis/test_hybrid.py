@@ -5,15 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stimuli.motion.baking import baked
-from stimuli.motion.build import build_of_skeleton
-from stimuli.motion.clip import mirrored, placed_joints
-from stimuli.motion.errors import MotionError
-from stimuli.motion.kinds import Walk
-from stimuli.motion.people import Person
-from stimuli.motion.skeleton import canonical_skeleton
-from stimuli.motion.spring import Spring
-from stimuli.motion.synthesis.hybrid import (
+from tests.stimuli.motion.motions import wandering
+from tests.stimuli.motion.rotation_cases import same
+from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.build import build_of_skeleton
+from visavis.stimuli.motion.clip import mirrored, placed_joints
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.kinds import Walk
+from visavis.stimuli.motion.people import Person
+from visavis.stimuli.motion.skeleton import canonical_skeleton
+from visavis.stimuli.motion.spring import Spring
+from visavis.stimuli.motion.synthesis.hybrid import (
     Sprung,
     authored_poses,
     gait,
@@ -21,8 +23,6 @@ from stimuli.motion.synthesis.hybrid import (
     pose_counts,
     to_and_fro,
 )
-from tests.stimuli.motion.motions import wandering
-from tests.stimuli.motion.rotation_cases import same
 
 SEEDS = st.integers(0, 2**31)
 

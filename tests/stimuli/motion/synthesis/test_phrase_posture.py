@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.errors import DataError
-from stimuli.motion.synthesis.phrase_posture import CLASSES, Habits, Phrase
+from visavis.lab.errors import DataError
+from visavis.stimuli.motion.synthesis.phrase_posture import CLASSES, Habits, Phrase
 
 POSTURES = st.tuples(
     st.sampled_from(["LH", "RH", "2H"]),

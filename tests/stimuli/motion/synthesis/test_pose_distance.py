@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from stimuli.motion.errors import MotionError
-from stimuli.motion.synthesis.pose_distance import pose_distance
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.synthesis.pose_distance import pose_distance
 
 
 def test_mean_is_over_poses_and_joints_and_a_match_lies_below_the_limit() -> None:

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.errors import DataError
-from stimuli.motion.synthesis.style_weights import b_spline, fit_weights
+from visavis.lab.errors import DataError
+from visavis.stimuli.motion.synthesis.style_weights import b_spline, fit_weights
 
 
 @given(st.integers(0, 2**31), st.integers(6, 20), st.integers(1, 4))

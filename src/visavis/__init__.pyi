@@ -1,0 +1,60 @@
+"""The public names of Visavis, each with its home: the one list of them.
+
+Type checkers read it as it stands; `__init__.py` imports a name of it when it is first used.
+"""
+
+from visavis.analysis import collisions as collisions
+from visavis.analysis import gaze as gaze
+from visavis.analysis import statistics as statistics
+from visavis.analysis.statistics_report import Question as Question
+from visavis.analysis.statistics_report import answer as answer
+from visavis.careless import Careless as Careless
+from visavis.compare import Compare as Compare
+from visavis.confusion import Confusion as Confusion
+from visavis.deriving import derive as derive
+from visavis.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
+from visavis.exclusions import STANDARD_RULES as STANDARD_RULES
+from visavis.exclusions import Exclusion as Exclusion
+from visavis.films import Directed as Directed
+from visavis.films import Film as Film
+from visavis.films import Following as Following
+from visavis.films import Lens as Lens
+from visavis.films import Pair as Pair
+from visavis.films import Placed as Placed
+from visavis.looks import LooksOn as LooksOn
+from visavis.measures import Measure as Measure
+from visavis.measures import TrialRecord as TrialRecord
+from visavis.measures import column as column
+from visavis.measures import dwell_on as dwell_on
+from visavis.measures import first_fixation_on as first_fixation_on
+from visavis.measures import fixations_on as fixations_on
+from visavis.pairs import Correlate as Correlate
+from visavis.pairs import Pairs as Pairs
+from visavis.pairs import Printed as Printed
+from visavis.person import Seen as Seen
+from visavis.person import unopinionated as unopinionated
+from visavis.pieces import MeasuredTrial as MeasuredTrial
+from visavis.pieces import Pieces as Pieces
+from visavis.protocol.design import Factor as Factor
+from visavis.protocol.orders import never_next_to as never_next_to
+from visavis.protocol.orders import no_more_than as no_more_than
+from visavis.protocol.parameters import Within as Within
+from visavis.responses import Choice as Choice
+from visavis.responses import Keys as Keys
+from visavis.responses import Number as Number
+from visavis.responses import Pointing as Pointing
+from visavis.responses import Rating as Rating
+from visavis.responses import SideBySide as SideBySide
+from visavis.responses import Text as Text
+from visavis.scenes import Scene as Scene
+from visavis.scenes import Staging as Staging
+from visavis.scripts import Session as Session
+from visavis.scripts import StudyData as StudyData
+from visavis.scripts import analyse as analyse
+from visavis.scripts import open_study as open_study
+from visavis.scripts import simulate as simulate
+from visavis.scripts import tables as tables
+from visavis.stimuli.sound import Sound as Sound
+from visavis.study import Source as Source
+from visavis.study import Study as Study
+from visavis.study_analysis import Conclusion as Conclusion

@@ -1,0 +1,154 @@
+"""Ask one question, whatever it is asked on: a board, a ray, gaze, keys, or the terminal.
+
+Every way ends in an `Answer`: the option chosen, how, when it was asked and when answered.
+"""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.geometry import Pose, Vector, rotate, yaw_pitch_deg_of
+from visavis.protocol.boards import (
+    AHEAD,
+    CONFIRM,
+    Ray,
+    Showing,
+    Ways,
+    ask_on_board,
+    newer_ray,
+    shown,
+)
+from visavis.protocol.boards import frame as frame
+from visavis.protocol.steps import Answered, Ask, FrameView, Scalar, Show, Step
+from visavis.stimuli.picture import Panel
+
+Asking: TypeAlias = Generator[Step, FrameView | Answered | None, "Answer"]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was answered: `option` is None when the question was left out.
+
+    `by` is "ray", "gaze", "keys", "keyboard" or "operator" (given over after the limit); `pose`
+    is what pointed, where something did. `view` is the frame of the answer.
+    """
+
+    option: str | None
+    by: str
+    asked_ns: int
+    answered_ns: int
+    view: FrameView
+    pose: Pose | None = None
+
+    @property
+    def ms(self) -> float:
+        """Time from the frame that showed the question to the answer."""
+        return (self.answered_ns - self.asked_ns) / NS_PER_MS
+
+
+def asked_on_board(
+    panel: Panel,
+    options: tuple[str, ...],
+    question_id: str,
+    ways: Ways,
+    view: FrameView,
+    show: Showing,
+) -> Asking:
+    """Ask on a board: pointed at and confirmed, looked at for long, a digit, else the operator.
+
+    `show` returns the step that shows the board in a frame, None while nothing changes.
+    """
+    chosen = yield from ask_on_board(panel, ways, show(view, panel), show)
+    if chosen.choice is not None:
+        by = "gaze" if chosen.by.startswith("gaze") else chosen.by
+        t_ns, option = chosen.view.t_ns, options[chosen.choice]
+        return Answer(option, by, chosen.asked_ns, t_ns, chosen.view, chosen.pose)
+    view, asked_ns = chosen.view, chosen.asked_ns
+    return (
+        yield from asked_elsewhere(
+            question_id, panel.text, options, panel.choices, view, "operator", asked_ns
+        )
+    )
+
+
+def asked_elsewhere(
+    question_id: str,
+    prompt: str,
+    options: tuple[str, ...],
+    labels: tuple[str, ...],
+    view: FrameView,
+    by: str = "keyboard",
+    asked_ns: int | None = None,
+) -> Asking:
+    """Ask whoever answers at the terminal; without `options` the answer is free text."""
+    began_ns = view.t_ns if asked_ns is None else asked_ns
+    reply = yield Ask(question_id, prompt, labels)
+    view = yield from frame()
+    said = reply.answer if isinstance(reply, Answered) else None
+    option = said if said is None or not options else options[labels.index(said)]
+    return Answer(option, by, began_ns, view.t_ns, view)
+
+
+def pressed(
+    controls: tuple[str, ...],
+    limit_s: float,
+    view: FrameView,
+    from_ns: int,
+    each_frame: Callable[[FrameView], Show | None],
+) -> Asking:
+    """Wait for one of several controls, timed from `from_ns`; missing after `limit_s`.
+
+    The answer bears the time at which the press was heard, not that of the frame after it.
+    """
+    until_ns = from_ns + round(limit_s * NS_PER_S)
+    while True:
+        heard_ns = view.pressed_ns or (view.t_ns,) * len(view.pressed)
+        for control, t_ns in zip(view.pressed, heard_ns, strict=True):
+            if control in controls and from_ns < t_ns <= until_ns:
+                return Answer(control, "keys", from_ns, t_ns, view)
+        if view.t_ns >= until_ns:
+            return Answer(None, "nothing in time", from_ns, view.t_ns, view)
+        yield from shown(each_frame(view))
+        view = yield from frame()
+
+
+def pointed(
+    limit_s: float, view: FrameView, each_frame: Callable[[FrameView], Show | None]
+) -> Asking:
+    """Wait until a direction is pointed at and confirmed."""
+    asked_ns = view.t_ns
+    until_ns = asked_ns + round(limit_s * NS_PER_S)
+    ray: Ray | None = None
+    while view.t_ns < until_ns:
+        ray = newer_ray(ray, view)
+        if ray is not None and any(c in CONFIRM for c in view.pressed) and view.t_ns > asked_ns:
+            return Answer("", "ray", asked_ns, view.t_ns, view, ray.pose)
+        yield from shown(each_frame(view))
+        view = yield from frame()
+    return Answer(None, "nothing in time", asked_ns, view.t_ns, view)
+
+
+def direction_columns(
+    name: str, pose: Pose | None, heads_m: Vector, places: tuple[str, ...], within_deg: float = 10.0
+) -> dict[str, Scalar | None]:
+    """Return who and where was pointed at: the nearest head (n, 3) within an angle of the ray."""
+    if pose is None:
+        return {name: None, f"{name}_yaw_deg": None, f"{name}_pitch_deg": None}
+    forward = rotate(pose.orientation_wxyz, AHEAD)
+    yaw_deg, pitch_deg = yaw_pitch_deg_of(forward)
+    who: str | None = None
+    if len(places):
+        to = heads_m - pose.position_m
+        to = to / np.linalg.norm(to, axis=1, keepdims=True)
+        chord = np.linalg.norm(to - forward, axis=1)
+        nearest = int(np.argmin(chord))
+        if np.degrees(2 * np.arcsin(min(1.0, float(chord[nearest]) / 2))) <= within_deg:
+            who = places[nearest]
+    return {
+        name: who,
+        f"{name}_yaw_deg": round(float(yaw_deg), 3),
+        f"{name}_pitch_deg": round(float(pitch_deg), 3),
+    }

@@ -1,0 +1,306 @@
+"""character import, list and sheet: the people at hand, and those of the lab's own."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal, cast
+
+import typer
+from rich.table import Table
+
+from visavis.cli.app import (
+    ConfigOption,
+    JsonOption,
+    app,
+    console,
+    load_lab,
+    new_file,
+    say,
+    say_json,
+    say_plainly,
+    say_written,
+    verbatim,
+)
+from visavis.cli.telling import say_when_compiling
+from visavis.lab.config import LabConfig
+from visavis.lab.errors import UsageError
+from visavis.lab.yaml_lines import ProblemsError, read_document
+from visavis.stimuli.characters.cast import cast_names, load_character
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.checking import findings
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.gltf import Gender
+from visavis.stimuli.characters.library import import_characters, library_names, people_in
+
+characters = typer.Typer(
+    help="People for scenes: list them, import your own, look at them.", no_args_is_help=True
+)
+app.add_typer(characters, name="character")
+
+SHEET_TILE_PX = (480, 300)
+VALID_ADDRESS = "https://github.com/c-frame/valid-avatars-glb"
+VALID_LICENCE = "MIT, T. Do 2022"
+VALID_TOLD = f"""VALID: 210 adults of seven ethnicities in five outfits, whose labels people from
+33 countries validated (Do, Zelenty, Gonzalez-Franco and McMahan, 2023, Frontiers in Virtual
+Reality 4:1248915, doi 10.3389/frvir.2023.1248915). Licence: {VALID_LICENCE}; cite the article.
+
+  1. As .glb they lie at {VALID_ADDRESS} (454 MB).
+     There choose Code, then Download ZIP.
+  2. visavis character fetch valid valid-avatars-glb-main.zip --only '*_Casual'
+  3. visavis character sheet valid.png
+
+Reading them needs `pip install visavis[avatars]`."""
+
+LibraryOption = Annotated[
+    Path | None,
+    typer.Option("--library", help="Folder of imported characters; the lab's when left out."),
+]
+
+
+def library_of(config: LabConfig) -> Path:
+    """Return the folder in which a lab keeps its characters."""
+    return config.characters
+
+
+def _row(character: Character, origin: str) -> dict[str, object]:
+    return {
+        "name": character.name,
+        "gender": character.gender,
+        "stature_m": character.stature_m,
+        "age_years": character.age_years,
+        "triangles": [len(mesh.triangles) for mesh in character.levels],
+        "origin": origin,
+        "licence": character.licence,
+    }
+
+
+@characters.command("list")
+def list_characters(
+    config: ConfigOption = None, library: LibraryOption = None, as_json: JsonOption = False
+) -> None:
+    """Name everybody who can stand in a scene.
+
+    Example: visavis character list
+    """
+    folder = library or library_of(
+        load_lab(config, only_simulates=True, quiet=as_json, with_cast=False)
+    )
+    rows = [_row(load_character(name), "Visavis") for name in cast_names()]
+    rows += [_row(load_character(folder / f"{n}.npz"), "imported") for n in library_names(folder)]
+    if as_json:
+        say_json(rows)
+        return
+    table = Table("name", "gender", "height", "age", "triangles", "origin")
+    for row in rows:
+        age = "" if row["age_years"] is None else f"{row['age_years']:.0f}"
+        levels = " / ".join(str(n) for n in cast("list[int]", row["triangles"]))
+        table.add_row(
+            str(row["name"]),
+            str(row["gender"]),
+            f"{row['stature_m']:.2f} m",
+            age,
+            levels,
+            str(row["origin"]),
+        )
+    console.print(table)
+
+
+@characters.command("sheet")
+def sheet_command(
+    png: Annotated[Path, typer.Argument(help="Picture to write.")],
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Whom to draw; when left out all imported ones, or the people who come with "
+            "Visavis where nobody was imported."
+        ),
+    ] = None,
+    at: Annotated[str, typer.Option(help="Distances in metres, such as 1,2,3.5,5,8.")] = "",
+    px_per_deg: Annotated[
+        float, typer.Option(help="Pixels a degree of the display, for --at.")
+    ] = 12.0,
+    gaze: Annotated[
+        bool,
+        typer.Option("--gaze", help="With --at: say how well it is told at whom they look."),
+    ] = False,
+    config: ConfigOption = None,
+    library: LibraryOption = None,
+) -> None:
+    """Draw people's faces at conversation distance: look at people before you use them.
+
+    With --gaze a simulated observer tells, from the pixels, eyes on it from eyes 10° aside; half of
+    its answers are right by chance. That takes some seconds a face.
+
+    Example: visavis character sheet imported.png
+    """
+    from visavis.cli.preview.people import distance_sheet, people_sheet
+    from visavis.cli.preview.pictures import check_picture_name
+
+    check_picture_name(png)
+    new_file(png)
+    distances_m = _distances_m(at)
+    if gaze and not distances_m:
+        raise UsageError("--gaze needs --at with the distances in metres, such as --at 2,3.5,5")
+    if not 1 <= px_per_deg <= 120:
+        raise UsageError("--px-per-deg goes from 1 to 120")
+    folder = library or library_of(load_lab(config, only_simulates=True, with_cast=False))
+    imported = library_names(folder)
+    wanted = tuple(names or imported or (() if library else cast_names()))
+    if not wanted:
+        raise UsageError(f"nobody has been imported into {folder}; see visavis character import")
+    strangers = [n for n in wanted if n not in (*imported, *cast_names())]
+    if strangers:
+        known = ", ".join((*imported, *cast_names()))
+        raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {known}")
+    people = [load_character(folder / f"{n}.npz" if n in imported else n) for n in wanted]
+    say_when_compiling()
+    drawn = (
+        distance_sheet(people, distances_m, px_per_deg)
+        if distances_m
+        else people_sheet(SHEET_TILE_PX, people)
+    )
+    drawn.save(png)
+    say_written(png)
+    if gaze:
+        _tell_gaze(people, distances_m, px_per_deg)
+
+
+def _tell_gaze(
+    people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
+) -> None:
+    """Say for everybody how often eyes on the observer are told from eyes 10° aside."""
+    from visavis.cli.preview.readable_gaze import LIMIT_01, readable_at
+
+    for person, distance_m, right_01 in readable_at(people, distances_m, px_per_deg):
+        line = f"{person.name}: gaze told at {distance_m:g} m in {right_01:.0%} of looks"
+        if right_01 < LIMIT_01:
+            line += f"  [yellow]below {LIMIT_01:.0%}: let them look from nearer[/]"
+        say(line)
+
+
+@characters.command("import")
+def import_command(
+    source: Annotated[Path, typer.Argument(help="A .glb, .vrm or .fbx file, or a folder of them.")],
+    config: ConfigOption = None,
+    library: LibraryOption = None,
+    gender: Annotated[
+        str | None, typer.Option(help="female or male, where names of files do not say it.")
+    ] = None,
+    joint_map: Annotated[
+        Path | None,
+        typer.Option(
+            help="YAML file of joints of ours and the file's bones, where names tell not."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Import glTF characters into the lab's library; one line a file. FBX files need Blender.
+
+    Example: visavis character import avatars/
+    """
+    if gender not in (None, "female", "male"):
+        raise UsageError(f"--gender takes female or male, not {gender!r}")
+    folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
+    known = cast("Literal['female', 'male'] | None", gender)
+    said = None if joint_map is None else _joints_said(joint_map)
+    _import(source, folder, known, said, as_json=as_json)
+
+
+@characters.command("fetch")
+def fetch_command(
+    which: Annotated[str, typer.Argument(help="valid: the VALID avatars.")],
+    download: Annotated[
+        Path | None, typer.Argument(help="What you downloaded: a .zip, or the folder.")
+    ] = None,
+    only: Annotated[
+        str, typer.Option(help="Which files, such as '*_Casual'; all when left out.")
+    ] = "*",
+    config: ConfigOption = None,
+    library: LibraryOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say where people that others made lie, or import them from what you downloaded.
+
+    Example: visavis character fetch valid valid-avatars-glb.zip --only '*_Casual'
+    """
+    if which != "valid":
+        raise UsageError(f"nothing is known of {which!r}; known: valid")
+    if download is None:
+        if as_json:
+            say_json({"name": which, "address": VALID_ADDRESS, "licence": VALID_LICENCE})
+        else:
+            say_plainly(VALID_TOLD)
+        return
+    folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
+    with people_in(download, only) as found:
+        _import(found, folder, None, None, as_json=as_json)
+
+
+def _distances_m(text: str) -> tuple[float, ...]:
+    """Return the distances of "1,2,3.5"; none of an empty text.
+
+    Raises:
+        UsageError: they are no numbers from 0.3 to 30.
+    """
+    try:
+        found = tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError:
+        found = (0.0,)
+    if not all(0.3 <= d <= 30 for d in found):
+        raise UsageError(f"--at {text!r}; write metres from 0.3 to 30, such as 1,2,3.5,5,8")
+    return found
+
+
+def _joints_said(path: Path) -> dict[str, str]:
+    """Return the bones of a file for joints of ours.
+
+    Raises:
+        UsageError: it is no list of names.
+        ProblemsError: a joint is given twice.
+    """
+    document = read_document(path)
+    data = document.data
+    if document.problems:
+        raise ProblemsError(path, list(document.problems))
+    if not isinstance(data, dict) or not all(isinstance(v, str) for v in data.values()):
+        raise UsageError(f"{path}: write one line a joint, such as `left_upper_arm: Bone_014`")
+    return {str(ours): theirs for ours, theirs in data.items()}
+
+
+def _import(
+    source: Path,
+    folder: Path,
+    gender: Gender | None,
+    joint_map: dict[str, str] | None,
+    *,
+    as_json: bool,
+) -> None:
+    rows: list[dict[str, object]] = []
+    failed = 0
+    for result in import_characters(source, folder, gender=gender, joint_map=joint_map):
+        if result.character is None:
+            failed += 1
+            rows.append({"file": str(result.source), "problem": result.problem})
+            line = f"[bold red]not imported[/]  {verbatim(result.problem)}"
+        else:
+            odd = (*result.odd, *findings(result.character))
+            row = _row(result.character, "imported")
+            rows.append({"file": str(result.source), **row, "findings": list(odd)})
+            line = (
+                f"[green]imported[/]  {verbatim(result.character.name)}: "
+                f"{result.character.gender}, {result.character.stature_m:.2f} m"
+            )
+            line += "".join(f"\n  [yellow]look:[/] {verbatim(text)}" for text in odd)
+        if not as_json:
+            say(line)
+    if as_json:
+        say_json(rows)
+    elif failed < len(rows):
+        say(
+            f"They are in {verbatim(folder)}; name them in a scene as above. Look at them first: "
+            "visavis character sheet imported.png --at 1,2,3.5,5,8 --gaze"
+        )
+    if failed:
+        raise CharacterError(
+            f"{failed} of {len(rows)} files could not be imported; mend them as said above and "
+            "import them again"
+        )

@@ -1,0 +1,251 @@
+"""check, recover: what a session left behind."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from visavis.analysis.foreign_check import check_foreign
+from visavis.analysis.report.notation import counted
+from visavis.analysis.session_check import check_session
+from visavis.analysis.session_verdict import Level, SessionCheck
+from visavis.cli.app import (
+    ConfigOption,
+    JsonOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    say,
+    say_json,
+    say_plainly,
+    verbatim,
+)
+from visavis.cli.studies import folder_of, require_session, session_of
+from visavis.lab.errors import RecordingError
+from visavis.recording.reader import Recording
+from visavis.recording.recovery import recover as recover_session
+from visavis.sessions.study_check import is_study, repair_study, study_problems
+from visavis.sessions.study_folder import session_folders
+
+EXIT_RED = 5
+DATA_SET = "dataset_description.json"
+STYLE = {Level.GREEN: "green", Level.AMBER: "yellow", Level.RED: "bold red"}
+MARK = {Level.GREEN: "✓", Level.AMBER: "!", Level.RED: "✗"}
+PRESSES = (
+    "responses are presses of keys and buttons; who chooses an answer by looking at it needs none"
+)
+ANSWER = {
+    Level.GREEN: "They can leave.",
+    Level.AMBER: "They can leave once you have looked at this.",
+    Level.RED: "Keep them here.",
+}
+
+
+@app.command()
+def check(
+    session_path: SessionArgument,
+    participant: OfParticipant = "",
+    trials: Annotated[bool, typer.Option("--trials", help="List every trial.")] = False,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Can they leave? Compare what was planned with what was recorded.
+
+    Of a study's folder, every file of every session is verified, settings and ledger too.
+
+    Recordings made elsewhere (an XDF file, a BIDS data set) are judged by their times: missing
+    clock offsets, stamps that go back, gaps, rates, streams apart from the others.
+
+    Example: visavis check data/simulated/stare/sub-S07H/ses-001
+    """
+    if session_path.suffix.lower() == ".xdf" or (session_path / DATA_SET).is_file():
+        _check_foreign(session_path, as_json=as_json)
+        return
+    if participant:
+        session_path = session_of(session_path, config, participant)
+    elif not session_path.is_dir():
+        session_path = folder_of(session_path, config)
+    if is_study(session_path):
+        _check_study(session_path, as_json=as_json, list_trials=trials)
+        return
+    require_session(session_path)
+    verdict = check_session(Recording(session_path))
+    if as_json:
+        content = {**asdict(verdict), "redo": verdict.redo, "verdict": verdict.level.name.lower()}
+        say_json(content)
+    else:
+        print_check(verdict, session_path, list_trials=trials)
+    if verdict.level is Level.RED:
+        raise typer.Exit(EXIT_RED)
+
+
+def _check_foreign(path: Path, *, as_json: bool) -> None:
+    verdicts = check_foreign(path)
+    if as_json:
+        content = [{**asdict(v), "level": v.level.name.lower()} for v in verdicts]
+        say_json(content)
+    else:
+        for verdict in verdicts:
+            rate = "" if verdict.rate_hz is None else f", {verdict.rate_hz:.1f} Hz"
+            say(
+                f"[{STYLE[verdict.level]}]{MARK[verdict.level]}[/] [b]{verbatim(verdict.name)}[/]  "
+                f"{verdict.samples} samples{rate}"
+                + ("" if verdict.findings else "  nothing wrong with its times")
+            )
+            for what, to_do in verdict.findings:
+                say(f"    {verbatim(what)}\n      → {verbatim(to_do)}")
+    if any(v.level is Level.RED for v in verdicts):
+        raise typer.Exit(EXIT_RED)
+
+
+def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> None:
+    problems = study_problems(folder)
+    sessions = session_folders(folder)
+    count = len(sessions)
+    unfinished = _unfinished(sessions)
+    verdicts: dict[Path, SessionCheck] = {}
+    for session in sessions if list_trials else ():
+        with suppress(RecordingError):  # told among the problems
+            verdicts[session] = check_session(Recording(session))
+    if as_json:
+        content = {"sessions": count, "problems": problems, "unfinished": list(unfinished)}
+        if list_trials:
+            content["trials"] = {
+                str(s.relative_to(folder)): [asdict(t) for t in verdict.trials]
+                for s, verdict in verdicts.items()
+            }
+        say_json(content)
+    elif problems:
+        for problem in problems:
+            console.print(
+                f"{MARK[Level.RED]} {problem}", style="red", markup=False, highlight=False
+            )
+        say(
+            f"[bold]→ run `visavis recover {verbatim(folder)}`; "
+            "it puts back what has an intact copy[/]"
+        )
+    else:
+        console.print(f"[green]{counted(count, 'session')}, every file verified[/]")
+    if not as_json:
+        for path, (status, done, planned) in unfinished.items():
+            way_on = "it goes on now" if status == "running" else f"visavis resume {path}"
+            say_plainly(
+                f"{MARK[Level.AMBER]} not finished: {path}, {done} of {planned} trials; {way_on}",
+                style="yellow",
+            )
+        for session, verdict in verdicts.items():
+            print_check(verdict, session, list_trials=True)
+    if problems or any(verdict.level is Level.RED for verdict in verdicts.values()):
+        raise typer.Exit(EXIT_RED)
+
+
+def _unfinished(sessions: Sequence[Path]) -> dict[str, tuple[str, int, int]]:
+    """Return the sessions that were not finished: status, trials finished, trials planned."""
+    found: dict[str, tuple[str, int, int]] = {}
+    for session in sessions:
+        with suppress(RecordingError):  # told among the problems
+            recording = Recording(session)
+            parts = recording.manifest.parts
+            if not parts or parts[-1].status != "complete":
+                trials = check_session(recording).trials
+                done = sum(t.status == "complete" for t in trials)
+                found[str(session)] = (recording.status, done, len(trials))
+    return found
+
+
+def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False) -> None:
+    """Print a verdict: its findings, its streams, and what to redo."""
+    mark = "  [magenta]SIMULATED[/]" if verdict.is_simulated else ""
+    console.print(
+        f"[{STYLE[verdict.level]}]{verdict.level.name}  {ANSWER[verdict.level]}[/]"
+        f"  participant {verdict.participant}{mark}"
+    )
+    table = Table(box=None, pad_edge=False)
+    for name in ("", "what", "finding"):
+        table.add_column(name)
+    for finding in sorted(verdict.findings, key=lambda found: -found.level):
+        mark = f"[{STYLE[finding.level]}]{MARK[finding.level]}[/]"
+        table.add_row(mark, finding.subject, finding.message)
+    console.print(table)
+    streams = Table("stream", "samples", "expected", "rate", "longest gap", box=None)
+    for s in verdict.streams:
+        streams.add_row(
+            f"{'' if s.level is Level.GREEN else MARK[s.level] + ' '}{s.stream}",
+            str(s.rows),
+            "–" if s.expected is None else str(s.expected),
+            "–" if s.rate_hz is None else f"{s.rate_hz:.1f} Hz",
+            "–" if s.longest_gap_ms is None else f"{s.longest_gap_ms:.0f} ms",
+            style=STYLE[s.level] if s.level is not Level.GREEN else "",
+        )
+    if verdict.streams:
+        console.print(streams)
+    if any(s.stream == "responses" for s in verdict.streams):
+        say(f"[dim]{PRESSES}[/]")
+    if list_trials:
+        rows = Table("trial", "block", "status", "attempts", "gaze valid/received/expected")
+        for t in verdict.trials:
+            counts = (
+                "–"
+                if t.gaze_expected is None
+                else f"{t.gaze_valid}/{t.gaze_received}/{t.gaze_expected}"
+            )
+            rows.add_row(
+                t.trial_id,
+                str(t.block),
+                t.status,
+                str(t.attempts),
+                counts,
+                style="" if t.gaze_level is Level.GREEN else STYLE[t.gaze_level],
+            )
+        console.print(rows)
+    for step in verdict.redo:
+        console.print(f"[bold]→ {verbatim(step)}[/]")
+    say(f"[dim]{verbatim(path)}[/]")
+
+
+@app.command()
+def recover(
+    session_path: Annotated[
+        Path, typer.Argument(help="Folder of a session (ses-…), or of a study.")
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """Take stock of a crashed session; raw files are never changed.
+
+    Manifests, settings and ledgers that are damaged are put back from their copies.
+
+    Example: visavis recover data/simulated/stare/sub-S07H/ses-001
+    """
+    if is_study(session_path):
+        done = repair_study(session_path)
+        for line in done:
+            say_plainly(line)
+        if not done:
+            console.print("nothing needed to be put back")
+        return
+    require_session(session_path)
+    report = recover_session(session_path)
+    if as_json:
+        say_json(asdict(report))
+        return
+    for line in report.repaired:
+        say_plainly(line)
+    console.print(f"[b]{report.trials}[/b] finished trials are safe in {verbatim(session_path)}")
+    for part in report.parts:
+        console.print(f"part {part.number}: {verbatim(part.status)}")
+        for stream in part.streams:
+            console.print(f"  {verbatim(stream.name)}: {stream.rows} rows")
+        for problem in part.problems:
+            console.print(f"  [yellow]{verbatim(problem)}[/]")
+    status = Recording(session_path).status
+    verb = (
+        "Complete; look at it with: visavis check"
+        if status == "complete"
+        else ("Continue with: visavis resume")
+    )
+    say(f"{verb} {verbatim(session_path)}")

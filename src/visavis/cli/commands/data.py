@@ -1,0 +1,219 @@
+"""export, import, init: data in and out, and a lab to start from."""
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from visavis.analysis.report.notation import counted
+from visavis.cli.app import (
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    load_lab,
+    say,
+    verbatim,
+)
+from visavis.cli.leaving import leave
+from visavis.cli.studies import folder_of, session_of
+from visavis.lab.config import LabConfig
+from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, SCREEN_EXAMPLE
+from visavis.lab.errors import DataError, UsageError
+from visavis.recording.reader import Recording
+from visavis.sessions.study_check import is_study
+from visavis.sessions.study_folder import sessions_of
+
+FORMATS = ("parquet", "bids", "xdf", "pedpy")
+"""What `export` writes."""
+
+import_app = typer.Typer(help="Read data recorded by other programs.")
+app.add_typer(import_app, name="import")
+
+
+@import_app.command("gaze")
+def import_gaze_files(
+    files: Annotated[list[Path], typer.Argument(help="Recordings of one format.")],
+    format_name: Annotated[
+        str, typer.Option("--format", help="vive, bids, pupil or csv (csv needs --mapping).")
+    ] = "vive",
+    mapping: Annotated[
+        Path | None, typer.Option("--mapping", help="YAML: which column is what, in which unit.")
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Where to write.")] = Path(
+        "imported_gaze"
+    ),
+) -> None:
+    """Report quality and fixations of gaze recordings made elsewhere.
+
+    Example: visavis import gaze session1.csv --format vive -o out/session1
+    """
+    from visavis.analysis.gaze.imported import FORMATS, read_gaze, report
+    from visavis.analysis.gaze.mapped_csv import read_mapping
+
+    if format_name not in FORMATS:
+        raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
+    columns = read_mapping(mapping) if mapping is not None else None
+    failures: list[str] = []
+    for file in files:
+        try:
+            recording = read_gaze(file, format_name, columns)
+            result = report(recording, output)
+        except DataError as error:
+            if len(files) == 1:
+                raise
+            failures.append(str(error))
+            continue
+        _print_columns(f"{result.name}: quality", _columns(result.quality), across="eye")
+        _print_columns(f"{result.name}: fixations", _columns(result.detectors))
+    for failure in failures:
+        say(f"[yellow]left out: {verbatim(failure)}[/]")
+    say(f"tables and figures in [b]{verbatim(output)}[/]")
+    if failures:
+        raise typer.Exit(DataError.exit_code)
+
+
+def _print_columns(title: str, columns: Mapping[str, list[Any]], across: str = "") -> None:
+    """Print a table; with `across`, one row per column of it, so that wide tables stay readable."""
+    table = Table(title=title, title_justify="left", box=None)
+    if across:
+        for name in ("", *columns[across]):
+            table.add_column(str(name), justify="right" if name else "left")
+        for name, values in columns.items():
+            if name not in (across, "recording"):
+                table.add_row(name, *(_shown(v) for v in values))
+    else:
+        kept = {k: v for k, v in columns.items() if k != "recording"}
+        for name in kept:
+            table.add_column(name)
+        for row in zip(*kept.values(), strict=True):
+            table.add_row(*(_shown(v) for v in row))
+    console.print(table)
+
+
+def _columns(frame: Any) -> dict[str, list[Any]]:
+    return {str(name): frame[name].tolist() for name in frame.columns}
+
+
+def _shown(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+@app.command()
+def export(
+    session_path: SessionArgument,
+    format_name: Annotated[
+        str,
+        typer.Option(
+            "--format", help="parquet (streams, with trials as CSV), bids, xdf or pedpy (walks)."
+        ),
+    ] = "parquet",
+    output: Annotated[Path, typer.Option("--output", "-o", help="Where to write.")] = Path(
+        "exported"
+    ),
+    participant: OfParticipant = "",
+    accept_damage: Annotated[
+        bool, typer.Option("--accept-damage", help="Export what is left of a damaged recording.")
+    ] = False,
+    tier: Annotated[
+        str,
+        typer.Option(
+            "--tier",
+            help="shared: no free text, ages in bands of ten years; raw: everything; public: "
+            "heights, limb lengths and movements blurred, too.",
+        ),
+    ] = "shared",
+    keep_label: Annotated[
+        bool, typer.Option("--keep-label", help="The ledger's label instead of a pseudonym.")
+    ] = False,
+    config: ConfigOption = None,
+) -> None:
+    """Copy a session into files that other programs read; the recording is not touched.
+
+    Of a study every session is copied, or --participant's.
+
+    People bear a pseudonym that only the study's key file links to their label. With --tier
+    public the measures are computed before and after the blur, which takes as long as analyse.
+
+    Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
+    """
+    from visavis.cli.sharing import BLURRED_RISK, LOSS_NAME, loss_page, losses, shared_recording
+    from visavis.sessions.damage import require_intact
+
+    if format_name not in FORMATS:
+        raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
+    sessions = _exported(session_path, config, participant)
+    require_intact(sessions, accept=accept_damage)
+    is_simulated = all(Recording(session).is_simulated for session in sessions)
+    # Of a study that is named it has been said already.
+    lab = load_lab(config, only_simulates=is_simulated, quiet=not session_path.is_dir())
+    shown = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
+    written = _written(shown, format_name, output, lab)
+    if tier == "public":
+        lost = losses(shown, lab)
+        note = output / ("README.md" if format_name == "bids" else LOSS_NAME)
+        before = f"{note.read_text('utf-8')}\n" if note in written else ""
+        note.write_text(before + loss_page(lost), "utf-8")
+        written = (*dict.fromkeys((*written, note)),)
+        _print_columns("what measures lose by the blur", _columns(lost))
+        say(f"[yellow]{BLURRED_RISK}[/]")
+    say(f"{len(written)} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]")
+    leave(format_name, sessions, output, written, tells_risk=tier != "public")
+
+
+def _written(
+    shown: Sequence[Recording], format_name: str, output: Path, lab: LabConfig
+) -> tuple[Path, ...]:
+    """Export recordings: one BIDS data set of all; tables of several in a folder for each."""
+    from visavis.cli.sharing import dataset_about
+    from visavis.recording.export import export_recording, export_together
+
+    if format_name == "bids":
+        return export_together(shown, output, dataset_about(shown[0], lab))
+    written: list[Path] = []
+    for recording in shown:
+        manifest = recording.manifest
+        own = output / f"sub-{manifest.participant}" / f"ses-{manifest.session:03d}"
+        if format_name == "pedpy":
+            from visavis.experiments.crowd.pedestrian_export import export_walks
+
+            written += export_walks(recording, output)
+        else:
+            target = own if format_name == "parquet" and len(shown) > 1 else output
+            written += export_recording(recording, format_name, target)
+    return tuple(written)
+
+
+def _exported(wanted: Path, config: Path | None, participant: str) -> list[Path]:
+    """Return the sessions meant: one by its folder, or those of a study."""
+    if participant or (wanted.is_dir() and not is_study(wanted)):
+        return [session_of(wanted, config, participant)]
+    return list(sessions_of(folder_of(wanted, config, "export")))
+
+
+@app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(help="Folder of the lab.")] = Path(),
+    screen: Annotated[
+        bool, typer.Option("--screen", help="A lab with a monitor in the place of a headset.")
+    ] = False,
+) -> None:
+    """Write a lab_config.yaml to start from: everything simulated.
+
+    Example: visavis init my_lab
+    """
+    target = folder / CONFIG_NAME
+    if target.exists():
+        raise UsageError(
+            f"{target} exists already; it was left as it is: edit it, or give another folder"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(SCREEN_EXAMPLE if screen else EXAMPLE, target)
+    say(
+        f"wrote [b]{verbatim(target)}[/]; everything in it is simulated until you edit it; next: "
+        "visavis doctor"
+    )

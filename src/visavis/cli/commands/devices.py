@@ -1,0 +1,315 @@
+"""devices: list, test, identify, setup, rules, capture, replay."""
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from visavis.cli.app import (
+    ConfigOption,
+    JsonOption,
+    app,
+    console,
+    load_lab,
+    say,
+    say_json,
+    verbatim,
+)
+from visavis.lab.config import DeviceConfig, LabConfig
+from visavis.lab.errors import DataError, DeviceError, UsageError
+
+if TYPE_CHECKING:
+    from visavis.devices.bench import Trial
+
+devices_app = typer.Typer(help="What devices there are, and whether they work.")
+app.add_typer(devices_app, name="devices")
+
+RolesArgument = Annotated[
+    list[str] | None, typer.Argument(help="Roles of lab_config.yaml; all when left out.")
+]
+RoleArgument = Annotated[str, typer.Argument(help="A role of lab_config.yaml.")]
+SecondsOption = Annotated[float, typer.Option("--seconds", help="How long to listen.")]
+MAX_S = 3600.0
+
+
+@devices_app.command("list")
+def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> None:
+    """List the roles of this lab and the drivers there are, each with its state.
+
+    Example: visavis devices list
+    """
+    from visavis.devices.states import driver_states, role_states
+
+    lab = load_lab(config, quiet=as_json)
+    roles, drivers = role_states(lab), driver_states()
+    if as_json:
+        found = {"roles": [asdict(r) for r in roles], "drivers": [asdict(d) for d in drivers]}
+        say_json(found)
+        return
+    table = Table("role", "driver", "state", box=None, pad_edge=False, title=str(lab.path))
+    table.title_justify = "left"
+    for role in roles:
+        fine = role.simulated and role.ok
+        state = f"[magenta]{role.state}[/]" if fine else _styled(role.state, role.ok)
+        table.add_row(role.role, role.driver, state)
+    console.print(table)
+    console.print()
+    table = Table("driver", "for", "wire", box=None, pad_edge=False)
+    table.add_column("state", overflow="fold")
+    before = ""
+    for driver in drivers:
+        kind, before = driver.kind if driver.kind != before else "", driver.kind
+        table.add_row(driver.driver, kind, driver.wire, _styled(driver.state, driver.ok))
+    console.print(table)
+    console.print("\n[dim]whether they work: visavis devices test ROLE[/]")
+
+
+@devices_app.command("test")
+def listen(
+    roles: RolesArgument = None,
+    seconds: SecondsOption = 10.0,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Listen to devices for ten seconds: rate, gaps, jitter, delay, clock.
+
+    Example: visavis devices test eye_tracker
+    """
+    from visavis.cli.device_report import print_trials
+    from visavis.devices.bench import capture
+    from visavis.lab.clock import SystemClock
+
+    lab = load_lab(config, quiet=as_json)
+    _check_seconds(seconds)
+    chosen = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
+    if as_json:
+        trials = capture(chosen, SystemClock(), seconds)
+        say_json([asdict(t) for t in trials])
+    else:
+        with console.status(f"listening for {seconds:g} s") as status:
+            trials = capture(
+                chosen,
+                SystemClock(),
+                seconds,
+                tick=lambda done: status.update(f"listening: {done:.0f} of {seconds:g} s"),
+            )
+        print_trials(trials)
+    if any(trial.error for trial in trials):
+        raise typer.Exit(DeviceError.exit_code)
+
+
+@devices_app.command()
+def identify(role: RoleArgument, config: ConfigOption = None) -> None:
+    """Buzz one armband three times, to see which arm it is on.
+
+    Example: visavis devices identify armband_left_forearm
+    """
+    from visavis.devices.identify import buzz
+    from visavis.lab.clock import SystemClock
+
+    lab = load_lab(config)
+    bands = [name for name in lab.devices if name.startswith("armband_")]
+    if role not in bands:
+        from visavis.lab.yaml_lines import did_you_mean
+
+        hint = did_you_mean(role, bands)
+        known = ", ".join(bands) or "none: add one under devices in the configuration"
+        raise UsageError(f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {known}")
+    told = buzz(_device(lab, role), SystemClock())
+    say(told)
+
+
+@devices_app.command("setup")
+def set_up_device(role: RoleArgument, config: ConfigOption = None) -> None:
+    """Set a device up in its own way: an EyeLink's camera, with targets on this screen.
+
+    Example: visavis devices setup eye_tracker
+    """
+    from visavis.devices.registry import driver_spec
+    from visavis.devices.spec import Site
+    from visavis.lab.clock import SystemClock
+
+    device = _device(load_lab(config), role)
+    spec = driver_spec(device.driver)
+    if spec.set_up is None:
+        raise UsageError(f"{role} ({device.driver}) has nothing to set up from here")
+    if device.simulated:
+        raise UsageError(f"{role} is simulated, and simulated devices need no set-up")
+    options = spec.checked_options(role, device.options)
+    say(spec.set_up(Site(spec, role, SystemClock(), options)))
+
+
+@devices_app.command("rules")
+def print_rules(
+    config: ConfigOption = None,
+    install: Annotated[
+        bool, typer.Option("--install", help="Write them to /etc/udev (as root) and load them.")
+    ] = False,
+) -> None:
+    """Print the udev rules that let you use the lab's serial, HID and USB devices on Linux.
+
+    Example: visavis devices rules
+    """
+    from visavis.devices.access_rules import RULES_PATH, access_rules
+
+    rules = access_rules(load_lab(config).devices)
+    for note in rules.notes:
+        typer.echo(f"# {note}", err=True)
+    if not install:
+        typer.echo(rules.text, nl=False)
+        return
+    install_rules(rules.text, Path(RULES_PATH))
+    console.print(f"{RULES_PATH} is in force; unplug the devices and plug them in again")
+
+
+def install_rules(text: str, path: Path) -> None:
+    """Write rules and let udev read them; raises UsageError where this may not be done."""
+    import shutil
+    import subprocess
+
+    udevadm = shutil.which("udevadm")
+    if udevadm is None:
+        raise UsageError("this computer has no udev; rules are for Linux with udev alone")
+    try:
+        path.write_text(text, "utf-8")
+    except OSError as problem:
+        raise UsageError(
+            f"{path} cannot be written ({problem.strerror}); run: "
+            f"visavis devices rules | sudo tee {path} && sudo udevadm control --reload"
+        ) from problem
+    reload = subprocess.run(  # noqa: S603 - the system's own
+        [udevadm, "control", "--reload"], capture_output=True, text=True, check=False
+    )
+    if reload.returncode:
+        raise UsageError(
+            f"{path} is written, but udev did not read it ({reload.stderr.strip()}); restart the "
+            "computer"
+        )
+
+
+@devices_app.command("capture")
+def capture_wire(
+    role: RoleArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The .wire file to write; ROLE.wire.")
+    ] = None,
+    seconds: SecondsOption = 10.0,
+    config: ConfigOption = None,
+) -> None:
+    """Write what crosses a device's wire to a file that can be played back and sent on.
+
+    Example: visavis devices capture eye_tracker -o eyes.wire
+    """
+    from visavis.cli.device_report import print_trials
+    from visavis.devices.bench import capture
+    from visavis.devices.captures import note_of
+    from visavis.devices.wires import CapturedWires
+    from visavis.lab.clock import SystemClock
+
+    lab = load_lab(config)
+    _check_seconds(seconds)
+    device = _device(lab, role)
+    path = output if output is not None else Path(f"{role}.wire")
+    if path.exists():
+        raise UsageError(f"{path} exists already; it was left as it is: give another with -o")
+    if not path.parent.is_dir():
+        raise UsageError(f"there is no folder {path.parent}; make it first")
+    clock = SystemClock()
+    wires = CapturedWires(role, path, clock, note_of(device))
+    with console.status(f"capturing for {seconds:g} s"):
+        trials = capture([device], clock, seconds, wires=wires)
+    wires.end()
+    if not trials[0].error and not wires.is_captured:
+        raise UsageError(
+            f"{role}: {device.driver} has no wire that could be captured here; drivers of other "
+            "packages keep captures themselves, those of Visavis with a wire are captured "
+            "(see `visavis devices list`)"
+        )
+    print_trials(trials)
+    if trials[0].error:
+        raise typer.Exit(DeviceError.exit_code)
+    size_kb = path.stat().st_size / 1000
+    say(
+        f"wrote [b]{verbatim(path)}[/] ({size_kb:.0f} kB); play it back: "
+        f"visavis devices replay {verbatim(path)}"
+    )
+
+
+@devices_app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="A .wire file written by `devices capture`.")],
+    driver: Annotated[
+        str | None, typer.Option("--driver", help="Its driver, for files that do not name it.")
+    ] = None,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Play a captured wire through the same driver, at once, without any device.
+
+    Example: visavis devices replay eyes.wire
+    """
+    from visavis.cli.device_report import print_trials
+    from visavis.devices.bench import capture
+    from visavis.devices.captures import device_of
+    from visavis.devices.wirelog import read_wire_log
+    from visavis.devices.wires import ReplayedWires
+    from visavis.lab.clock import SimClock
+
+    if not file.is_file():
+        raise UsageError(f"there is no file {file}; write one with `visavis devices capture ROLE`")
+    try:
+        log = read_wire_log(file)
+        device = device_of(file, log, driver)
+    except DataError as wrong:  # of the file that was given, not of data recorded here
+        raise UsageError(str(wrong)) from wrong
+    clock = SimClock()
+    wires = ReplayedWires(file, clock)
+
+    def is_over() -> bool:
+        return wires.playing is not None and wires.playing.is_finished
+
+    played = capture([device], clock, MAX_S, wires=wires, is_over=is_over)
+    trials = tuple(_as_recorded(trial, simulated=log.is_simulated) for trial in played)
+    if as_json:
+        say_json([asdict(t) for t in trials])
+    else:
+        print_trials(trials)
+        say("[dim]the whole wire, from opening to closing; `capture` counts only what it hears[/]")
+    if trials[0].error:
+        raise typer.Exit(DeviceError.exit_code)
+
+
+def _as_recorded(trial: "Trial", *, simulated: bool) -> "Trial":
+    """Leave out what playing back alone brings about.
+
+    The driver does not send the commands that closed the recorded connection, so some of what it
+    sends instead finds no answer.
+    """
+    from visavis.devices.drivers.armband.status import UNANSWERED
+
+    faults = tuple(fault for fault in trial.faults if UNANSWERED not in fault.message)
+    return replace(trial, simulated=simulated, faults=faults)
+
+
+def _device(lab: LabConfig, role: str) -> DeviceConfig:
+    if role in lab.devices:
+        return lab.devices[role]
+    from visavis.lab.yaml_lines import did_you_mean
+
+    hint = did_you_mean(role, lab.devices)
+    known = ", ".join(lab.devices)
+    raise UsageError(f"{lab.path} has no role {role!r}{hint or '.'} Its roles: {known}")
+
+
+def _check_seconds(seconds: float) -> None:
+    if not 0.5 <= seconds <= MAX_S:
+        raise UsageError(f"--seconds takes 0.5 to {MAX_S:g}, not {seconds:g}")
+
+
+def _styled(text: str, ok: bool | None) -> str:
+    if ok is None:
+        return f"[dim]{escape(text)}[/]"
+    return f"[green]{escape(text)}[/]" if ok else f"[yellow]{escape(text)}[/]"

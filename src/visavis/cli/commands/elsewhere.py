@@ -1,0 +1,139 @@
+"""export-web, import-web: a study on a web host that is not the lab's, and its results back."""
+
+from pathlib import Path
+from typing import Annotated
+from urllib.parse import urlsplit
+
+import typer
+
+from visavis.cli.app import (
+    ConfigOption,
+    DevicesOption,
+    StudyArgument,
+    app,
+    console,
+    errors,
+    verbatim,
+)
+from visavis.cli.commands.serving import CompletionOption, built_films, page_study
+from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption
+from visavis.lab.errors import DataError, UsageError
+
+
+@app.command("export-web")
+def export_web(
+    study: StudyArgument,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="A new folder; NAME.jzip makes an archive for JATOS."),
+    ],
+    places: Annotated[
+        int, typer.Option("--places", help="For how many people; plan more than you want.")
+    ] = 100,
+    results: Annotated[
+        str,
+        typer.Option("--results", help="Address that takes answers as they come; not with JATOS."),
+    ] = "",
+    completion: CompletionOption = "",
+    seed: SeedOption = None,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    assignments: SetOption = None,
+    language: LanguageOption = None,
+) -> None:
+    """Write a study as files for JATOS or any web host, where no server can run.
+
+    Every place of the plan is written down beforehand, so what a study shows may not depend on
+    answers. Without JATOS or --results people save their answers as a file at the end.
+
+    Example: visavis export-web ./lively.py --places 60 -o lively.jzip
+    """
+    from visavis.page.arrivals import check_completion
+    from visavis.page.elsewhere.bundle import ARCHIVE, write_bundle
+
+    check_completion(completion)
+    parts = urlsplit(results)
+    if results and (parts.scheme not in ("http", "https") or not parts.hostname):
+        raise UsageError(f"--results takes an address, https://…, not {results!r}")
+    here, base = page_study(study, devices, config, seed, assignments, language)
+    made = write_bundle(
+        base, built_films(base), output, places=places, completion=completion, results=results
+    )
+    mark = "[magenta]REHEARSAL[/]  " if here.is_simulated else ""
+    films = f" and {made.films} films" if made.films else ""
+    console.print(
+        f"{mark}{made.places} places{films}, {made.size_bytes / 1e6:.1f} MB: "
+        f"[b]{verbatim(str(made.path))}[/]",
+        soft_wrap=True,
+    )
+    if output.suffix == ARCHIVE:
+        console.print("In JATOS: Import study. Later: Results, export, and visavis import-web.")
+    else:
+        console.print("Put the folder behind HTTPS; everybody opens its index.html.")
+
+
+@app.command("import-web")
+def import_web(
+    study: StudyArgument,
+    files: Annotated[
+        list[Path], typer.Argument(help="What JATOS exported, or files people sent; folders, too.")
+    ],
+    unfinished: Annotated[
+        bool,
+        typer.Option("--unfinished", help="Also who left before the end and is not expected back."),
+    ] = False,
+    seed: SeedOption = None,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    assignments: SetOption = None,
+    language: LanguageOption = None,
+) -> None:
+    """Record what people did with a study that was written for another host.
+
+    Everybody gets an identifier and a session like any other, once, however often a file is read.
+    Identifiers of a panel go to the key file.
+
+    Example: visavis import-web ./lively.py jatos_results.jrzip
+    """
+    from visavis.page.elsewhere.results import import_runs, read_runs
+
+    here, base = page_study(study, devices, config, seed, assignments, language)
+    runs, unreadable = read_runs(files)
+    key_file = None if here.is_simulated else here.key_file
+    made = import_runs(
+        base,
+        built_films(base),
+        here.ledger,
+        runs,
+        identify=lambda label, who: None if key_file is None else key_file.identify(label, who),
+        known=lambda label: None if key_file is None else key_file.identity(label),
+        unfinished_too=unfinished,
+    )
+    mark = "[magenta]SIMULATED[/]  " if here.is_simulated else ""
+    console.print(f"{mark}{len(made.sessions)} recorded, {made.known} were recorded already")
+    for label, path in made.sessions.items():
+        moved = "; the place was somebody else's, the next one counts" * (label in made.moved)
+        console.print(f"  {label}  {verbatim(str(path))}{moved}", soft_wrap=True, highlight=False)
+    for label, path in made.continued.items():
+        gone_on = f"  {label}  {verbatim(str(path))}; went on since it was recorded"
+        console.print(gone_on, soft_wrap=True, highlight=False)
+    for run, label in made.twice:
+        errors.print(
+            f"[yellow]run {verbatim(run[:8])} is {verbatim(label)} once more, from another browser "
+            "or link: it was not recorded[/]",
+            soft_wrap=True,
+        )
+    if made.unfinished:
+        console.print(f"{made.unfinished} are not at their end; --unfinished records them, too")
+    for run in made.withdrawn:
+        errors.print(
+            f"[yellow]run {verbatim(run[:8])} wanted everything deleted: nothing was recorded; "
+            "delete it from your files and from the host, too[/]",
+            soft_wrap=True,
+        )
+    if unreadable:
+        errors.print(f"[yellow]{unreadable} lines are not results of a bundle, or were cut[/]")
+    for why in made.refused:
+        errors.print(f"[red]left out: {verbatim(why)}[/]", soft_wrap=True)
+    if made.refused:
+        raise typer.Exit(DataError.exit_code)

@@ -1,0 +1,153 @@
+"""film: a recorded trial as a film, by a camera that knows the place."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.progress import Progress
+
+from visavis.cli.app import (
+    AcceptDamage,
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    new_file,
+    verbatim,
+)
+from visavis.cli.commands.preview import picture_size
+from visavis.cli.leaving import leave, require_whole
+from visavis.cli.studies import session_of
+from visavis.cli.telling import TELLING, Forecast
+from visavis.lab.errors import UsageError
+from visavis.recording.kept import KeptRecording
+from visavis.sessions.cast import use_recorded_cast
+from visavis.sessions.study_folder import study_of_folder
+
+if TYPE_CHECKING:
+    from visavis.cli.film.cameras import CameraKind
+    from visavis.cli.film.film import Overlay
+
+CAMERAS = "auto, topology, follow, eyes, above, orbit, or the .json of an earlier film's decisions"
+
+
+@app.command()
+def film(
+    session_path: SessionArgument,
+    trial: Annotated[str, typer.Option("--trial", help="Which trial: T07.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Film: .mp4, .webm or .avi.")],
+    camera: Annotated[str, typer.Option(help=f"{CAMERAS}.")] = "auto",
+    shot: Annotated[str, typer.Option(help="extreme-long, long, full, medium or close.")] = "long",
+    cuts: Annotated[str, typer.Option(help="auto, none or static.")] = "auto",
+    overlay: Annotated[
+        str, typer.Option(help="Of gaze, contacts and clock, with commas; none for none.")
+    ] = "gaze,contacts,clock",
+    seed: Annotated[int, typer.Option(help="Draws the lengths of shots.")] = 0,
+    sheet: Annotated[
+        Path | None,
+        typer.Option("--sheet", help="Write the film's objective measures (.json) here."),
+    ] = None,
+    participant: OfParticipant = "",
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", help="At most so long; the whole when left out.")
+    ] = None,
+    rate: Annotated[int, typer.Option("--rate", help="Pictures a second.")] = 25,
+    size: Annotated[str, typer.Option("--size", help="Width x height in pixels.")] = "960x540",
+    accept_damage: AcceptDamage = False,
+    config: ConfigOption = None,
+) -> None:
+    """Film a recorded trial of any study by a camera of your choice, whatever was drawn in it.
+
+    The topology camera looks for places in the room that see the participant, and cuts by the
+    rules of film; what it decides is written beside the film (.json), to film it so again. Where
+    no place is found in the room, a film that names no camera is made by the orbit camera.
+
+    Example: visavis film data/simulated/crowd/sub-S01B/ses-001 --trial T02 -o T02.mp4
+    """
+    from visavis.cli.film.cameras import CameraKind, Cuts
+    from visavis.cli.film.film import write_film
+    from visavis.stimuli.camera.shots import ShotSize
+
+    looks = _camera_named(camera)
+    overlays = _overlays_named(overlay)
+    size_px = picture_size(size)
+    shot_size, rule = (
+        ShotSize(_one_of("--shot", shot, [*ShotSize])),
+        Cuts(_one_of("--cuts", cuts, [*Cuts])),
+    )
+    decided = output.with_suffix(".json")
+    new_file(output)
+    if decided.exists() and camera in ("auto", "topology"):
+        raise UsageError(f"{decided} exists already; choose another name for the film")
+    if sheet is not None:
+        new_file(sheet)
+    session_path = session_of(session_path, config, participant)
+    require_whole(session_path, accept=accept_damage)
+    recording = KeptRecording(session_path)
+    use_recorded_cast(recording)
+    study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
+    if changed:
+        console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+    forecast = Forecast()
+    with Progress(console=console, transient=True) as bar:
+        line = bar.add_task("drawing", total=None)
+
+        def told(done: int, of: int) -> None:
+            bar.update(line, completed=done, total=of)
+            if said := forecast.told(done, of):
+                TELLING.say(said.removesuffix(", --png draws one"))
+
+        made = write_film(
+            study,
+            recording,
+            trial,
+            output,
+            camera=looks,
+            shot=shot_size,
+            cuts=rule,
+            overlays=overlays,
+            seed=seed,
+            size_px=size_px,
+            rate_hz=rate,
+            seconds=seconds,
+            on_frame=told,
+        )
+    written = f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s"
+    if camera == "auto" and made.camera is CameraKind.ORBIT:
+        written += "; no place for the topology camera in this room, so filmed by --camera orbit"
+    console.print(written, soft_wrap=True)
+    if made.decisions is not None:
+        made.decisions.write(decided)
+        console.print(f"written [b]{verbatim(decided)}[/]", soft_wrap=True)
+    if made.sheet is not None:
+        console.print(made.sheet.sentence(), soft_wrap=True)
+        if sheet is not None:
+            made.sheet.write(sheet)
+            console.print(f"written [b]{verbatim(sheet)}[/]", soft_wrap=True)
+    files = [output] if made.decisions is None else [output, decided]
+    files += [] if made.sheet is None or sheet is None else [sheet]
+    leave("film", [session_path], output.parent, files)
+
+
+def _one_of(option: str, wanted: str, known: list[str]) -> str:
+    if wanted not in known:
+        raise UsageError(f"{option} {wanted!r}; choose one of {', '.join(known)}")
+    return wanted
+
+
+def _camera_named(wanted: str) -> "CameraKind | Path":
+    from visavis.cli.film.cameras import CameraKind
+
+    if wanted.endswith(".json"):
+        return Path(wanted)
+    if wanted not in [*CameraKind]:
+        raise UsageError(f"--camera {wanted!r}; choose one of {CAMERAS}")
+    return CameraKind(wanted)
+
+
+def _overlays_named(wanted: str) -> "list[Overlay]":
+    from visavis.cli.film.film import Overlay
+
+    names = [name for name in wanted.replace(" ", "").split(",") if name not in ("", "none")]
+    return [Overlay(_one_of("--overlay", name, [*Overlay])) for name in names]

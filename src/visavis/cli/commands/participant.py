@@ -1,0 +1,166 @@
+"""participant add, list, withdraw: the ledger of a study."""
+
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from visavis.cli.app import (
+    ConfigOption,
+    DevicesOption,
+    StudyArgument,
+    app,
+    console,
+    load_lab,
+    say,
+    verbatim,
+)
+from visavis.cli.commands.session import SetOption
+from visavis.cli.studies import study_here
+from visavis.lab.errors import UsageError
+from visavis.protocol.exports_register import registered_exports
+from visavis.protocol.ledger import Ledger
+from visavis.recording.lock import is_held
+from visavis.recording.manifest import read_manifest
+
+participant_app = typer.Typer(help="Issue, list and withdraw participant identifiers.")
+app.add_typer(participant_app, name="participant")
+
+
+@participant_app.command("add")
+def add(
+    study: StudyArgument,
+    number: Annotated[
+        str | None, typer.Argument(help="Number to issue; the next free one when left out.")
+    ] = None,
+    consent: Annotated[
+        str, typer.Option("--consent", help="Version of the consent form signed.")
+    ] = "",
+    name: Annotated[
+        str, typer.Option("--name", help="Who it is; goes to the key file, never to the data.")
+    ] = "",
+    replaces: Annotated[
+        str | None,
+        typer.Option("--replaces", help="Take over place and group of someone who withdrew."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of a new study.")] = None,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    assignments: SetOption = None,
+) -> None:
+    """Issue an identifier, never used again, and the first free place in the order.
+
+    Example: visavis participant add stare 7 --consent 2
+    """
+    lab = load_lab(config, devices)
+    here = study_here(study, lab)
+    wanted = here.wanted(seed=seed, assignments=assignments)
+    settings = here.settled(wanted, seed_given=seed is not None)
+    entry = here.ledger.add(
+        None if number is None else here.ledger.number_of(number),
+        group=here.group_of(settings),
+        consent_version=consent or lab.privacy.consent_version,
+        replaces=replaces,
+    )
+    if name and here.is_simulated:
+        raise UsageError("simulated participants have no names")
+    if name:
+        here.key_file.identify(entry.label, {"name": name})
+    console.print(
+        f"[b]{verbatim(entry.label)}[/b] is participant {entry.number} of {verbatim(study)}, "
+        f"place {entry.index + 1}" + (f", group {entry.group}" if entry.group else "")
+    )
+    console.print(f"next: visavis run {verbatim(study)} --participant {verbatim(entry.label)}")
+
+
+@participant_app.command("list")
+def list_them(
+    study: StudyArgument, devices: DevicesOption = None, config: ConfigOption = None
+) -> None:
+    """List everyone in the ledger with what became of them.
+
+    Example: visavis participant list stare
+    """
+    lab = load_lab(config, devices)
+    here = study_here(study, lab)
+    table = Table("label", "place", "group", "consent", "status", "sessions", "added")
+    entries = here.ledger.list()
+    for e in entries:
+        sessions = len(list(here.folder.glob(f"sub-{e.label}/ses-*/manifest.json")))
+        table.add_row(
+            e.label,
+            str(e.index + 1),
+            e.group,
+            e.consent_version,
+            e.status,
+            str(sessions),
+            e.added_at[:16].replace("T", " "),
+        )
+    console.print(table)
+    console.print(
+        f"{len(entries)} in the ledger of {verbatim(here.study.name)}"
+        + (" (simulated)" if here.is_simulated else "")
+    )
+
+
+@participant_app.command("withdraw")
+def withdraw(
+    study: StudyArgument,
+    participant: Annotated[str, typer.Argument(help="Label, such as 07H.")],
+    reason: Annotated[str, typer.Option("--reason", help="Why, for the tombstone.")] = "",
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+) -> None:
+    """Remove a person's data everywhere and leave a tombstone; cannot be undone.
+
+    Example: visavis participant withdraw stare 07H --reason "asked by e-mail"
+    """
+    lab = load_lab(config, devices)
+    here = study_here(study, lab)
+    folder, ledger = here.folder, here.ledger
+    label = _label_of(ledger, participant)
+    sessions = sorted(folder.glob(f"sub-{label}/ses-*/manifest.json"))
+    running = [p.parent for p in sessions if is_held(p.parent)]
+    at_page = bool(running) and read_manifest(running[0]).configuration.get("on") == "browser"
+    if running and not at_page:
+        raise UsageError(f"{running[0]} is running; end it first (Esc). Nothing was changed")
+    if not yes and not typer.confirm(
+        f"Remove {label}: {len(sessions)} sessions in {folder}? This cannot be undone."
+    ):
+        raise UsageError("nothing was removed")
+    if at_page:
+        ledger.begin_withdrawal(label, [folder], reason=reason)
+        console.print(
+            f"[yellow]{label} is at a page now.[/] `visavis serve` ends it and deletes everything "
+            "within seconds; a page of `visavis run` is yours to end (Ctrl-C). Give this command "
+            "again afterwards: it tells whether it is done"
+        )
+        return
+    key_file = None if here.is_simulated else here.key_file
+    removal = ledger.withdraw(participant, [folder], reason=reason, key_file=key_file)
+    console.print(
+        f"{label} is withdrawn: {len(sessions)} sessions removed, "
+        f"rows cut from {len(removal.rows)} tables"
+    )
+    for path in removal.stale:
+        console.print(f"[yellow]made with this person's data, make it again: {verbatim(path)}[/]")
+    for path in removal.unreadable:
+        console.print(f"[yellow]could not be read, look yourself: {verbatim(path)}[/]")
+    for line in removal.unreached:
+        say(f"[yellow]not reached: {verbatim(line)}[/]")
+    given = [e for e in registered_exports(folder) if label in e.labels]
+    for export in given:
+        console.print(f"exported as {export.what} on {export.at[:10]} to {verbatim(export.where)}")
+    console.print(
+        "copies that were sent to others, backups and what was printed cannot be reached from here"
+    )
+
+
+def _label_of(ledger: Ledger, participant: str) -> str:
+    """Return the label meant, also of someone whose withdrawal was begun and not finished."""
+    begun = [e for e in ledger.list() if e.status == "withdrawing"]
+    for entry in begun:
+        if participant.upper() in (entry.label, str(entry.number)):
+            return entry.label
+    return ledger.resolve(participant).label

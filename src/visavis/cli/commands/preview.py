@@ -1,0 +1,285 @@
+"""preview: any trial of any study as pictures, a film, or in a window, before anyone is invited."""
+
+import bisect
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+import typer
+from rich.progress import Progress
+
+from visavis.cli.app import (
+    ConfigOption,
+    StudyArgument,
+    app,
+    console,
+    load_lab,
+    new_file,
+    say_written,
+)
+from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption, who_is_shown
+from visavis.cli.film.renderer import film_renderer
+from visavis.cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
+from visavis.cli.preview.pictures import (
+    SIMULATED,
+    Viewpoint,
+    camera_of,
+    check_picture_name,
+    contact_sheet,
+    labelled,
+    simulated_panel,
+)
+from visavis.cli.studies import study_here
+from visavis.cli.telling import TELLING, Forecast
+from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.errors import UsageError
+from visavis.stimuli.picture import Camera, Picture
+from visavis.stimuli.scene import SceneFrame
+
+SHEET_COLUMNS, SHEET_ROWS = 4, 3
+USUAL_AT_S = 3.0
+FOLLOWING = 5
+"""How many trials a film goes on with when the one asked for is shorter than the film."""
+
+
+@app.command()
+def preview(
+    study: StudyArgument,
+    trial: Annotated[int, typer.Option(help="Number of the trial; 0 is practice.")] = 1,
+    participant: Annotated[
+        str | None,
+        typer.Option(help="Whose plan, such as 07, as `plan` shows it; the next new one left out."),
+    ] = None,
+    seed: SeedOption = None,
+    view: Annotated[Viewpoint, typer.Option(help="eyes, above, or orbit.")] = Viewpoint.EYES,
+    png: Annotated[Path | None, typer.Option(help="Write one picture, at --at seconds.")] = None,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Write a contact sheet over the whole trial.")
+    ] = None,
+    video: Annotated[Path | None, typer.Option(help="Write a film: .avi, .mp4 or .webm.")] = None,
+    window: Annotated[
+        bool, typer.Option("--window", help="Show it in a window; so too when nothing is asked.")
+    ] = False,
+    at: Annotated[
+        float | None,
+        typer.Option(help="Seconds into the trial, for --png; 3, or the middle of a shorter one."),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(help="How long a film goes on, trial after trial.")
+    ] = 20.0,
+    rate: Annotated[int, typer.Option(help="Pictures a second of a film.")] = 25,
+    size: Annotated[str, typer.Option(help="Width x height in pixels.")] = "960x600",
+    config: ConfigOption = None,
+    assignments: SetOption = None,
+    language: LanguageOption = None,
+) -> None:
+    """Show a trial as its participant sees it: a simulated participant performs it.
+
+    Example: visavis preview stare --trial 5 --video trial5.mp4
+    """
+    asked = sum((png is not None, sheet is not None, video is not None, window))
+    if asked > 1:
+        raise UsageError("choose one of --png FILE, --sheet FILE, --video FILE and --window")
+    for path in (png, sheet, video):
+        if path is not None:
+            new_file(path)
+    for path in (png, sheet):
+        if path is not None:
+            check_picture_name(path)
+    if video is not None:
+        from visavis.stage.movie import film_program
+
+        film_program(video)
+    if not (0 <= (at or 0) < inf and 0 < seconds < inf and 1 <= rate <= 240):
+        raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
+    size_px = picture_size(size)
+    from visavis.stimuli.dressing.picture_of import picture_of
+
+    here = study_here(study, load_lab(config, only_simulates=True))
+    on_page = here.study.study.on == "browser"
+    if on_page:
+        _refuse_on_page(here.study.name, view, png or sheet or video)
+    shown = who_is_shown(here, participant, seed, assignments, language)
+    lab = load_lab(config, "sim", only_simulates=True, quiet=True)
+    following = FOLLOWING if video is not None else 0
+    capture = Capture(
+        here.study,
+        lab,
+        number=trial,
+        index=shown.index,
+        seed=shown.seed,
+        group=shown.group,
+        following=following,
+        experiment=shown.experiment,
+    )
+    factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
+    label = f"{study} {capture.trial.trial_id}  {factors}"
+    if on_page:
+        from visavis.cli.preview.on_page import preview_page
+
+        preview_page(capture, here.study, label, size_px, png, sheet, video, at, seconds, rate)
+        return
+    showing = _Showing(capture, picture_of, view, size_px, label)
+    if png is not None:
+        _write_picture(showing, png, at)
+    elif sheet is not None:
+        _write_sheet(showing, sheet)
+    elif video is not None:
+        _write_film(showing, video, rate, seconds)
+    else:
+        _play(showing)
+
+
+def _refuse_on_page(study: str, view: Viewpoint, path: Path | None) -> None:
+    """Refuse, before anything is performed, what there is not of a page."""
+    if view is not Viewpoint.EYES:
+        raise UsageError(f"{study} shows its films on a page: leave --view out")
+    if path is None:
+        raise UsageError(
+            f"{study} shows its films on a page: give --png, --sheet or --video FILE, or look at "
+            f"the page itself: visavis run {study} --participant ID --devices sim"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Showing:
+    """What is previewed, and how."""
+
+    capture: Capture
+    dress: Callable[[SceneFrame], Picture]
+    view: Viewpoint
+    size_px: tuple[int, int]
+    label: str
+
+    def at(self, seen: Seen) -> tuple[Picture, Camera]:
+        """Return what a frame looks like and from where."""
+        picture = self.dress(replace(seen.view, t_ns=seen.t_ns))
+        aspect = self.size_px[0] / self.size_px[1]
+        passed_s = self.passed_s(seen)
+        return picture, camera_of(self.view, picture, seen.head, aspect, passed_s=passed_s)
+
+    def passed_s(self, seen: Seen) -> float:
+        """Return the time from the first frame with light."""
+        return (seen.t_ns - self.capture.frames[0].t_ns) / NS_PER_S
+
+    def frames(self, until_s: float | None = None) -> list[Seen]:
+        """Perform, and return the frames.
+
+        Raises:
+            UsageError: nothing was ever shown.
+        """
+        with console.status("performing the trial"):
+            frames = self.capture.perform(until_s)
+        if not frames:
+            raise UsageError(
+                f"trial {self.capture.trial.number} showed nothing but darkness; the study shows "
+                "no scene in it (t.show): choose another with --trial"
+            )
+        return frames
+
+
+def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
+    from visavis.stage.stills import Stills
+
+    frames = showing.frames(USUAL_AT_S if at_s is None else at_s)
+    seen = frames[-1]
+    length_s = showing.passed_s(seen)
+    if showing.capture.is_whole and at_s is not None and at_s > length_s:
+        raise UsageError(f"--at {at_s} s: the trial lasts {length_s:.1f} s")
+    if at_s is None and (has_board(seen.view) or not is_lit(seen.view) or length_s < USUAL_AT_S):
+        lit = [f for f in frames if is_lit(f.view) and not has_board(f.view)] or frames
+        seen = lit[len(lit) // 2]
+    with Stills() as stills:
+        image = stills.image(*showing.at(seen), showing.size_px)
+    said_s = showing.passed_s(seen) if at_s is None else at_s
+    labelled(image, f"{SIMULATED}  ·  {showing.label}, {said_s:.1f} s").save(path)
+    say_written(path)
+
+
+def _write_sheet(showing: _Showing, path: Path) -> None:
+    from visavis.stage.stills import Stills
+
+    frames = showing.frames()
+    width, height = showing.size_px[0] // 2, showing.size_px[1] // 2
+    chosen = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
+    tiles = []
+    with Stills() as stills, Progress(console=console, transient=True) as bar:
+        for k in bar.track(chosen.round().astype(int).tolist(), description="drawing"):
+            image = stills.image(*showing.at(frames[k]), (width, height))
+            tiles.append(labelled(image, f"{SIMULATED}  {showing.passed_s(frames[k]):.1f} s"))
+    contact_sheet(tiles, f"{showing.label}  ·  {SIMULATED}", SHEET_COLUMNS).save(path)
+    say_written(path)
+
+
+def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> None:
+    from visavis.stage.movie import open_movie
+
+    frames = spread(showing.frames(most_s), rate_hz, most_s)
+    label = f"{SIMULATED}  ·  from {showing.label} on"
+    with (
+        film_renderer() as renderer,
+        open_movie(path, showing.size_px, rate_hz) as film,
+        Progress(console=console, transient=True) as bar,
+    ):
+        forecast = Forecast()
+        for done, seen in enumerate(bar.track(frames, description="drawing"), start=1):
+            image: npt.NDArray[np.uint8] = renderer.image(*showing.at(seen), showing.size_px)
+            film.add(np.asarray(labelled(image, label)))
+            if said := forecast.told(done, len(frames)):
+                TELLING.say(said)
+    say_written(path, f", {len(frames) / rate_hz:.1f} s")
+
+
+def _play(showing: _Showing) -> None:
+    """Show the trial in a window at its own speed, again and again, until it is closed."""
+    from visavis.stage.context import draws_on_processor
+    from visavis.stage.mirror import Mirror
+    from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
+    from visavis.stage.targets import EyeTarget
+    from visavis.stage.window import Window
+
+    display = Window(f"{showing.label}  ·  {SIMULATED}", showing.size_px)
+    clock = SystemClock()
+    try:
+        quality = ON_PROCESSOR if draws_on_processor(display.context) else Quality()
+        with (
+            Meanwhile(showing.capture) as meanwhile,
+            Renderer(display.context, quality=quality) as renderer,
+        ):
+            mirror = Mirror(display)
+            target = EyeTarget(display.context, showing.size_px, quality.samples)
+            frames = showing.capture.frames
+            begin_ns = clock.now_ns()
+            while not display.closed and "escape" not in display.keys():
+                meanwhile.check()
+                passed_ns = clock.now_ns() - begin_ns
+                until_ns = frames[-1].t_ns - frames[0].t_ns
+                if passed_ns > until_ns and showing.capture.is_whole:
+                    begin_ns, passed_ns = clock.now_ns(), 0
+                t_ns = frames[0].t_ns + min(passed_ns, until_ns)
+                k = max(0, bisect.bisect_right(frames, t_ns, key=lambda seen: seen.t_ns) - 1)
+                picture, camera = showing.at(replace(frames[k], t_ns=t_ns))
+                marked = replace(picture, panels=(*picture.panels, simulated_panel(camera)))
+                renderer.draw(marked, [camera], [target])
+                mirror.show(display.context, target.texture)
+            target.release()
+    finally:
+        display.close()
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """Return width and height of "960x600", made even.
+
+    Raises:
+        UsageError: it is no size, or none that can be drawn.
+    """
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal() and 64 <= int(width) <= 7680):
+        raise UsageError(f"--size {text!r}; write width x height in pixels, such as 960x600")
+    if not 64 <= int(height) <= 4320:
+        raise UsageError(f"--size {text!r}; heights go from 64 to 4320 pixels")
+    return int(width) - int(width) % 2, int(height) - int(height) % 2

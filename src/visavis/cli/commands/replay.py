@@ -1,0 +1,96 @@
+"""replay: a recorded session performed again, and where the two first differ."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated
+
+import typer
+
+from visavis.cli.app import (
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    load_lab,
+    say,
+    verbatim,
+)
+from visavis.cli.studies import session_of
+from visavis.lab.errors import UsageError
+from visavis.opened import OpenedStudy
+from visavis.recording.kept import KeptRecording
+from visavis.sessions.cast import use_recorded_cast
+from visavis.sessions.study_folder import study_of_folder
+
+
+@app.command()
+def replay(
+    session_path: SessionArgument,
+    does_verify: Annotated[
+        bool,
+        typer.Option("--verify", help="Compare with what was recorded, bit for bit."),
+    ] = False,
+    participant: OfParticipant = "",
+    config: ConfigOption = None,
+) -> None:
+    """Perform a recorded session again, and say where the two first differ.
+
+    A session simulated on the virtual clock runs once more, by the same plan and drivers; of
+    people, and of a simulation in real time, what the devices measured is evaluated again. Exit
+    code 5 when anything differs. To see a session again, use `visavis view` or `visavis film`.
+
+    Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --verify
+    """
+    if not does_verify:
+        raise UsageError(
+            "replay performs a session again and compares: add --verify. To look at a session, "
+            f"type visavis view {session_path}; for a film of a trial, visavis film {session_path} "
+            "--trial T07 -o T07.mp4"
+        )
+    session_path = session_of(session_path, config, participant)
+    recording = KeptRecording(session_path)
+    use_recorded_cast(recording)
+    study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
+    if changed:
+        say(f"[yellow]{verbatim(changed)}[/]")
+    _verify(recording, study, config)
+
+
+def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -> None:
+    from visavis.cli.commands.checking import EXIT_RED
+    from visavis.sessions.verifying import is_in_real_time, verify
+
+    lab = load_lab(config, "sim", only_simulates=True)
+    in_real_time = recording.is_simulated and is_in_real_time(recording)
+    if in_real_time:
+        say(
+            "simulated in real time, which no other run repeats bit for bit (--fast does): "
+            "compared are its plan, and where gaze fell, from the samples as recorded"
+        )
+    with (
+        console.status("performing the session again"),
+        TemporaryDirectory(prefix="visavis") as scratch,
+    ):
+        verdict = verify(recording, study, lab, Path(scratch))
+    rows = sum(verdict.compared.values())
+    drawn = f"; not compared: {', '.join(verdict.left_out)}" if verdict.left_out else ""
+    for number in verdict.ended_early:
+        say(f"part {number} was cut off; what is there of it was compared")
+    if verdict.first is None and verdict.is_fed:
+        say(
+            f"[green]the same, bit for bit[/]: {rows} gaze samples, evaluated again from gaze, "
+            "head and scenes as recorded; "
+            + ("its plan is the same, too" if in_real_time else "people are not performed again")
+        )
+        return
+    if verdict.first is None:
+        say(
+            f"[green]the same, bit for bit[/]: {rows} rows of {len(verdict.compared)} streams, "
+            f"events and trial rows{drawn}"
+        )
+        return
+    say(f"[red]differs[/], first {verbatim(verdict.first.told())}")
+    for name, count in verdict.differing.items():
+        say(f"  {verbatim(name)}: {count} of {verdict.compared[name]} rows differ")
+    raise typer.Exit(EXIT_RED)

@@ -1,0 +1,244 @@
+"""serve, board: a study for many participants at once, and the researcher's view of it."""
+
+import asyncio
+import signal
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+from urllib.parse import urlsplit
+
+import typer
+from rich.table import Table
+
+from visavis.cli.app import (
+    ConfigOption,
+    DevicesOption,
+    JsonOption,
+    StudyArgument,
+    app,
+    console,
+    errors,
+    load_lab,
+    say_json,
+    verbatim,
+)
+from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOption, SetOption
+from visavis.cli.studies import StudyHere, study_here, study_of_lab
+from visavis.cli.telling import TELLING
+from visavis.experiment import StudyExperiment
+from visavis.lab.clock import SystemClock
+from visavis.lab.errors import UsageError
+from visavis.protocol.operator import UnattendedOperator
+from visavis.sessions.data_root import require_space
+from visavis.sessions.perform import Request
+
+if TYPE_CHECKING:
+    from visavis.page.film_store import FilmStore
+
+EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
+
+CompletionOption = Annotated[
+    str,
+    typer.Option(
+        "--completion", help="Where people go afterwards; {id} is what their panel calls them."
+    ),
+]
+
+
+@app.command()
+def serve(
+    study: StudyArgument,
+    public: Annotated[
+        str,
+        typer.Option(
+            "--public", help="Address under which people reach it: https://study.example.org"
+        ),
+    ] = "",
+    host: Annotated[
+        str, typer.Option("--host", help="Where to listen; 0.0.0.0 for other computers.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")] = 8080,
+    participants: Annotated[
+        int | None,
+        typer.Option("--participants", min=1, help="How many people are wanted; more are told."),
+    ] = None,
+    completion: CompletionOption = "",
+    seed: SeedOption = None,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    assignments: SetOption = None,
+    language: LanguageOption = None,
+) -> None:
+    """Serve a study to many participants at once, each with a session of their own.
+
+    Everybody who opens the address gets the order that the fewest have, and the same session again
+    when they come back. With --devices sim all of it is a rehearsal.
+
+    Example: visavis serve ./lively.py --public https://study.example.org --participants 40
+    """
+    from visavis.page.arrivals import check_completion
+
+    check_completion(completion)
+    parts = urlsplit(public)
+    if public and (parts.scheme not in ("http", "https") or not parts.hostname):
+        raise UsageError(f"--public takes an address, https://…, not {public!r}")
+    if parts.path.strip("/") or parts.query or parts.fragment:
+        raise UsageError(
+            f"--public takes the name of a server alone, not {public!r}: pages lie at its root"
+        )
+    if host in EVERYWHERE and not public:
+        raise UsageError(
+            f"--host {host} listens to other computers; say with --public under which address "
+            "they come, such as http://192.168.1.5:8080"
+        )
+    here, base = page_study(study, devices, config, seed, assignments, language)
+    asyncio.run(_serve(here, base, public, host, port, participants, completion))
+
+
+def page_study(
+    study: str,
+    devices: str | None,
+    config: Path | None,
+    seed: int | None,
+    assignments: list[str] | None,
+    language: str | None,
+) -> tuple[StudyHere, Request]:
+    """Return a study for pages in a lab, and the request that is completed for each person.
+
+    Raises:
+        UsageError: it is not declared on the kit.
+    """
+    lab = load_lab(config, devices)
+    chosen = study_of_lab(study, lab)
+    if devices != "sim":
+        lab = lab.model_copy(update={"devices": {}})
+    here = StudyHere(lab, chosen)
+    wanted = here.wanted(seed=seed, assignments=assignments, language=language)
+    require_space(lab)
+    settings = here.settled(wanted, seed_given=seed is not None)
+    note = here.require_same_design(settings, wanted)
+    if note:
+        TELLING.warn(note)
+    experiment = chosen.experiment(settings.parameters)
+    if not isinstance(experiment, StudyExperiment):
+        raise UsageError(f"{chosen.name} is not declared on the kit; it shows no page")
+    base = Request(
+        study=chosen,
+        experiment=experiment,
+        config=lab,
+        participant_label="",
+        participant_index=0,
+        group="",
+        session=1,
+        seed=settings.seed,
+        clock=SystemClock(),
+        operator=UnattendedOperator(),
+        effect=settings.effect,
+        on="browser",
+    )
+    return here, base
+
+
+def built_films(base: Request) -> "FilmStore":
+    """Return a study's films, built where they are not, with a bar that shows it."""
+    from visavis.page.film_store import film_store
+
+    experiment = base.experiment
+    assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has looked
+    store = film_store(experiment)
+    if experiment.films:
+        with TELLING.progress("building films") as told:
+            store.build(experiment.films, told)
+    return store
+
+
+async def _serve(
+    here: StudyHere,
+    base: Request,
+    public: str,
+    host: str,
+    port: int,
+    quota: int | None,
+    completion: str,
+) -> None:
+    from visavis.page.reception import Reception, Rules
+    from visavis.page.server import LOCAL, PageServer
+
+    store = built_films(base)
+    key_file = None if here.is_simulated else here.key_file
+
+    def withdraw(label: str) -> None:
+        here.ledger.withdraw(label, [here.folder], reason="asked on the page", key_file=key_file)
+
+    reception = Reception(
+        base,
+        store,
+        here.ledger,
+        Rules(quota, completion),
+        identify=lambda label, who: None if key_file is None else key_file.identify(label, who),
+        known=lambda label: None if key_file is None else key_file.identity(label),
+        withdraw=withdraw,
+        said=lambda text: errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True),
+    )
+    hosts = dict.fromkeys((LOCAL, "localhost", host, urlsplit(public).hostname or LOCAL))
+    server = PageServer(tuple(hosts), reception)
+    await server.start(host, port)
+    until = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for name in ENDING_SIGNALS:
+        if hasattr(signal, name):
+            with suppress(NotImplementedError):  # Windows has Ctrl-C alone
+                loop.add_signal_handler(getattr(signal, name), until.set)
+    own = f"http://{LOCAL}:{server.port}"
+    address = public.rstrip("/") or own
+    mark = "[magenta]REHEARSAL[/]  " if here.is_simulated else ""
+    console.print(f"{mark}For participants:", soft_wrap=True)
+    for line in (address, f"{address}/?PROLIFIC_PID={{{{%PROLIFIC_PID%}}}}"):
+        console.print(f"  [b]{verbatim(line)}[/]", soft_wrap=True, highlight=False)
+    console.print("For you, to nobody else:", soft_wrap=True)
+    console.print(f"  [b]{own}/board#{reception.board_key}[/]", soft_wrap=True, highlight=False)
+    console.print("Ctrl-C ends it; every answer is kept, and people go on when it is back.")
+    try:
+        await reception.serve(server, until)
+    finally:
+        await server.stop()
+
+
+@app.command()
+def board(
+    study: StudyArgument,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show who of a study on pages is where: trials, time, flags, who left, who stopped.
+
+    `visavis serve` prints the address of the same as a page. Example: visavis board ./lively.py
+    """
+    from visavis.page.board import STATES, board_of
+
+    here = study_here(study, load_lab(config, devices, quiet=as_json))
+    made = board_of(here.ledger.list(), here.folder)
+    if as_json:
+        say_json(made.told())
+        return
+    if not made.places:
+        console.print(f"Nobody has come to {verbatim(here.study.name)} yet.")
+        return
+    mark = "SIMULATED  " if here.is_simulated else ""
+    table = Table(title=f"{mark}{here.study.name}", title_justify="left", box=None)
+    for name in ("participant", "where", "trials", "minutes", "group", "flags"):
+        table.add_column(name, justify="right" if name in ("trials", "minutes") else "left")
+    for place in made.places:
+        table.add_row(
+            place.label,
+            STATES.get(place.state, place.state),
+            f"{place.trials_done} of {place.trials_planned}" if place.trials_planned else "–",
+            "–" if place.minutes is None else f"{place.minutes:.1f}",
+            place.group or "–",
+            ", ".join(place.flags) or "–",
+        )
+    console.print(table)
+    told = ", ".join(f"{n} {STATES.get(state, state)}" for state, n in made.counts.items())
+    median = made.median_minutes
+    console.print(told + ("" if median is None else f"; median time {median:.1f} min"))

@@ -1,0 +1,663 @@
+"""plan, run, resume: one session."""
+
+import shlex
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
+from visavis.analysis.report.notation import counted
+from visavis.analysis.session_check import check_session
+from visavis.analysis.session_verdict import Level
+from visavis.cli.app import (
+    ConfigOption,
+    DevicesOption,
+    JsonOption,
+    StudyArgument,
+    app,
+    console,
+    errors,
+    load_lab,
+    say_json,
+    verbatim,
+)
+from visavis.cli.commands.checking import EXIT_RED, print_check
+from visavis.cli.desk.link import ACTIONS, About, SessionLink
+from visavis.cli.doctor.findings import Finding
+from visavis.cli.doctor.station import station_findings
+from visavis.cli.lab_companion import LabCompanion
+from visavis.cli.operator_screen import TerminalOperator
+from visavis.cli.questions import TerminalRespondent
+from visavis.cli.studies import StudyHere, require_session, study_here, study_of_lab
+from visavis.cli.telling import TELLING, counting, make_ready
+from visavis.experiment import StudyExperiment
+from visavis.lab.clock import SimClock, SystemClock
+from visavis.lab.config import LabConfig
+from visavis.lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
+from visavis.opened import OpenedStudy, overrides_of
+from visavis.protocol.experiment import Experiment, demands_of, spare_roles_of
+from visavis.protocol.identifiers import make_label
+from visavis.protocol.ledger import Ledger, Participant, UnknownParticipant
+from visavis.protocol.operator import Operator, UnattendedOperator
+from visavis.protocol.own_body import OwnBody, read_own_body
+from visavis.protocol.plan import SessionPlan
+from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
+from visavis.recording.reader import Recording
+from visavis.sessions.begun_design import (
+    changes_of_design,
+    changes_since,
+    design_of,
+    design_of_session,
+    in_words,
+)
+from visavis.sessions.cast import use_recorded_cast
+from visavis.sessions.data_root import require_space
+from visavis.sessions.perform import PageAddress, Request, perform_new, perform_rest
+from visavis.sessions.rig import check_rig, devices_for, is_simulated, require_picture
+from visavis.sessions.study_check import SIMULATED_PREFIX
+from visavis.sessions.study_folder import (
+    DEFAULT_SEED,
+    StudySettings,
+    may_become,
+    read_settings,
+    refuse_other,
+    study_of_folder,
+)
+from visavis.texts import DEFAULT_LANGUAGE, Texts, label_of
+
+BODIES = ("female", "male")
+MIN_STATURE_M, MAX_STATURE_M = 1.2, 2.3
+ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+"""Ctrl-C, the system, a terminal that was closed (Windows: SIGBREAK)."""
+
+ParticipantOption = Annotated[
+    str, typer.Option("--participant", help="Identifier from the ledger, such as 07.")
+]
+SessionOption = Annotated[int, typer.Option("--session", help="Session number.")]
+SeedOption = Annotated[
+    int | None, typer.Option("--seed", help="Seed of the whole study; kept with its folder.")
+]
+FastOption = Annotated[
+    bool, typer.Option("--fast", help="Virtual clock: seconds instead of minutes; simulated only.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="Replace a parameter of a new study: --set trial_s=8; kept with its folder.",
+    ),
+]
+LanguageOption = Annotated[
+    str | None,
+    typer.Option("--language", help="Language of what participants read: en, de, fr …"),
+]
+WithoutOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--without",
+        help="Go on without a device that the study can do without; every trial is flagged.",
+    ),
+]
+OnOption = Annotated[
+    str | None,
+    typer.Option(
+        "--on", help="Where to perform it: lab or browser; left out: where the study says."
+    ),
+]
+PortOption = Annotated[
+    int, typer.Option("--port", min=0, max=65535, help="Port of a page; a free one left out.")
+]
+BodyOption = Annotated[
+    str | None,
+    typer.Option(
+        "--body",
+        help="The body the participant sees as their own: female or male; asked once left out.",
+    ),
+]
+BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
+
+
+@app.command()
+def plan(
+    study: StudyArgument,
+    participant: Annotated[
+        str | None,
+        typer.Option(help="Identifier from the ledger, such as 07; left out: the next new one."),
+    ] = None,
+    seed: SeedOption = None,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    assignments: SetOption = None,
+    language: LanguageOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the order of all trials before anything runs.
+
+    Without a participant, what the next new one would get. Example: visavis plan ./duel.py
+    """
+    lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
+    here = study_here(study, lab)
+    shown = who_is_shown(here, participant, seed, assignments, language)
+    if here.study.study.on == "lab":  # a page needs none of the lab's devices
+        check_rig(devices_for(lab, shown.experiment))
+    made = shown.experiment.plan(shown.index, shown.seed, shown.group)
+    if as_json:
+        say_json(asdict(made))
+    else:
+        _print_plan(made, shown.label, shown.note, shown.experiment.texts)
+    for problem in shown.experiment.unplayable:
+        errors.print(
+            f"[yellow]{verbatim(problem)}; `visavis run` will refuse: put the file there, or name "
+            "another where the study's parameters are set[/]",
+            soft_wrap=True,
+        )
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Whose plan is shown before anything runs, and with which parameters and seed."""
+
+    experiment: StudyExperiment
+    seed: int
+    label: str
+    index: int
+    group: str
+    note: str
+
+
+def who_is_shown(
+    here: StudyHere,
+    participant: str | None,
+    seed: int | None,
+    assignments: list[str] | None,
+    language: str | None,
+) -> Shown:
+    """Return what `run` would perform for somebody, or for the next new one.
+
+    Raises:
+        UsageError: the study was begun with other parameters.
+    """
+    settings = read_settings(here.folder)
+    wanted = here.wanted(assignments=assignments, language=language)
+    if settings is not None and not may_become(here.folder, settings, wanted):
+        refuse_other(here.folder, settings, wanted)
+    in_force = seed if seed is not None else settings.seed if settings else DEFAULT_SEED
+    experiment = here.study.experiment(wanted.parameters)
+    label, index, group, note = _place_shown(here.ledger, participant, experiment, in_force)
+    changes = changes_of_design(here.folder, experiment)
+    if changes:
+        told = f"The sessions in {here.folder} had another design: {in_words(changes)}."
+        note = " ".join(filter(None, (note, told)))
+    return Shown(experiment, in_force, label, index, group, note)
+
+
+def _place_shown(
+    ledger: Ledger, participant: str | None, experiment: Experiment, seed: int
+) -> tuple[str, int, str, str]:
+    """Return label, place, group and a note on whether that place is allocated."""
+    label, person = "", "the next new participant"
+    if participant is not None:
+        try:
+            entry = ledger.resolve(participant)
+        except UnknownParticipant as unknown:
+            label, person = make_label(unknown.number, ledger.prefix), "they"
+        else:
+            return entry.label, entry.index, entry.group, ""
+    index = ledger.next_place(lambda place: experiment.plan(place, seed).group)
+    unknown_one = f"{label} is not in the ledger yet: no place is allocated. " * (person == "they")
+    return (
+        label,
+        index,
+        "",
+        f"{unknown_one}Shown is place {index + 1}, which {person} would get now.",
+    )
+
+
+def _print_plan(made: SessionPlan, label: str, note: str, texts: Texts) -> None:
+    console.print(
+        f"[b]{verbatim(made.study)}[/b]  "
+        + (f"participant [b]{verbatim(label)}[/b]  " if label else "[b]next new participant[/b]  ")
+        + f"place {made.participant_index + 1}  "
+        f"seed {made.seed}" + (f"  group {made.group}" if made.group else "")
+    )
+    if note:
+        console.print(f"[yellow]{verbatim(note)}[/]")
+    for block in made.blocks:
+        calibration = "calibration and validation first" if block.calibrate else ""
+        table = Table(title=f"{block.name}  ({calibration})" if calibration else block.name)
+        table.title_justify = "left"
+        names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
+        for name in ("trial", *names):
+            table.add_column(name.replace("_", " "))  # which may be broken over two lines
+        for trial in block.trials:
+            table.add_row(trial.trial_id, *(str(trial.factors.get(n, "")) for n in names))
+        console.print(table)
+        if block.questionnaires:
+            console.print(f"then {', '.join(block.questionnaires)}")
+    total = sum(not t.is_practice for t in made.trials)
+    practice = len(made.trials) - total
+    blocks = sum(any(not t.is_practice for t in b.trials) for b in made.blocks)
+    console.print(
+        f"{counted(total, 'trial')} in {counted(blocks, 'block')}, {practice} practice; then "
+        f"{', '.join(made.questionnaires) or 'no questions'}."
+    )
+    for legend in legends(made, texts):
+        console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
+
+
+def legends(made: SessionPlan, texts: Texts) -> Iterator[str]:
+    """Yield what a factor and its levels are called in reports, where they are called otherwise."""
+    levels: dict[str, dict[str, None]] = {}
+    for trial in made.trials:
+        for name, level in trial.factors.items():
+            levels.setdefault(name, {})[str(level)] = None
+    for name, found in levels.items():
+        told = [
+            f"{level} {label}"
+            for level in sorted(found)
+            if (label := label_of(texts, level)) != level.replace("_", " ")
+        ]
+        if told:
+            called = label_of(texts, name)
+            same = called == name.replace("_", " ")
+            yield f"{name}{'' if same else f' ({called})'}: {', '.join(told)}"
+
+
+@app.command()
+def run(
+    study: StudyArgument,
+    participant: ParticipantOption,
+    session: SessionOption = 1,
+    seed: SeedOption = None,
+    devices: DevicesOption = None,
+    fast: FastOption = False,
+    blind: BlindOption = False,
+    config: ConfigOption = None,
+    assignments: SetOption = None,
+    language: LanguageOption = None,
+    without: WithoutOption = None,
+    on: OnOption = None,
+    port: PortOption = 0,
+    body: BodyOption = None,
+) -> None:
+    """Perform one session on the devices of lab_config.yaml, or on a page in a browser.
+
+    A page needs no device; with --devices sim it is a rehearsal, with --fast somebody simulated.
+
+    Example: visavis run stare --participant 07
+    """
+    lab = load_lab(config, devices)
+    chosen = study_of_lab(study, lab)
+    where = where_performed(chosen, on)
+    if where == "lab":
+        require_picture(lab)
+    elif devices != "sim":
+        lab = lab.model_copy(update={"devices": {}})
+    here = StudyHere(lab, chosen)
+    if fast and not here.is_simulated:
+        raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
+    wanted = here.wanted(seed=seed, assignments=assignments, language=language)
+    if where == "lab":
+        check_rig(devices_for(lab, chosen.experiment(wanted.parameters), without or ()))
+    require_space(lab)
+    settings = here.settled(wanted, seed_given=seed is not None)
+    note = here.require_same_design(settings, wanted)
+    if note:
+        errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
+    entry = here.participant(settings, participant)
+    path = _session_dir(here, entry, session)
+    if path.exists():
+        others = len(list(path.parent.glob("ses-*")))
+        done = Recording(path).status == "complete"
+        way_on = f"visavis resume {path}{' --fast' if fast else ''}"
+        first = f"look at it: visavis check {path}" if done else f"continue: {way_on}"
+        raise UsageError(
+            f"participant {entry.label} already has session {session}; nothing was overwritten\n"
+            f"  {first}\n  or run a further one: add --session {others + 1}"
+        )
+    if where == "lab" and not fast:
+        ask_body(here, settings, entry, body)
+    _perform(
+        here,
+        settings,
+        entry,
+        session,
+        fast=fast,
+        blind=blind,
+        resume_from=None,
+        without=without,
+        on=where,
+        port=port,
+    )
+
+
+def where_performed(study: OpenedStudy, on: str | None) -> str:
+    """Return where a session is performed: as asked, or as the study says.
+
+    Raises:
+        UsageError: it is neither lab nor browser.
+    """
+    if on not in (None, "lab", "browser"):
+        raise UsageError(f"--on takes lab or browser, not {on!r}")
+    return on or study.study.on
+
+
+def _session_dir(here: StudyHere, entry: Participant, session: int) -> Path:
+    return session_dir(
+        here.lab.data_root, here.study.name, entry.label, session, is_simulated=here.is_simulated
+    )
+
+
+@app.command()
+def resume(
+    session_path: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Folder of the session (ses-…), or a study; the one unfinished when left out."
+        ),
+    ] = None,
+    devices: DevicesOption = None,
+    fast: FastOption = False,
+    blind: BlindOption = False,
+    config: ConfigOption = None,
+    without: WithoutOption = None,
+) -> None:
+    """Go on with an interrupted session: instructions, calibration, then the trials left.
+
+    Example: visavis resume data/simulated/stare/sub-S07H/ses-001
+    """
+    lab = load_lab(config, devices)
+    if session_path is None:
+        session_path = _the_unfinished(lab)
+    elif not session_path.is_dir():
+        session_path = _the_unfinished(lab, study_of_lab(str(session_path), lab).name)
+    require_session(session_path)
+    require_space(lab.model_copy(update={"data_root": session_path}))
+    recording = Recording(session_path)
+    manifest = recording.manifest
+    where = "browser" if manifest.configuration.get("on") == "browser" else "lab"
+    if where == "lab":
+        require_picture(lab)
+    elif not recording.is_simulated:
+        lab = lab.model_copy(update={"devices": {}})
+    if recording.is_simulated != is_simulated(lab):
+        kind = "simulated" if recording.is_simulated else "real"
+        raise UsageError(
+            f"{session_path} is a {kind} session; add --devices "
+            f"{'sim' if recording.is_simulated else 'real'}"
+        )
+    if recording.status == "complete":
+        raise UsageError(
+            f"{session_path} is complete; nothing is left to do. Look at it: visavis check "
+            f"{session_path}; a further one: visavis run {manifest.study} --participant "
+            f"{manifest.participant} --session {manifest.session + 1}"
+        )
+    if fast and not recording.is_simulated:
+        raise UsageError("--fast runs on a virtual clock, which people cannot; leave it out")
+    use_recorded_cast(recording)
+    folder = session_path.resolve().parent.parent
+    chosen, changed = study_of_folder(folder, manifest.study)
+    if changed:
+        errors.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+    settings = read_settings(folder)
+    if settings is None:
+        raise UsageError(f"{folder} has no study.json; restore it from a copy")
+    spoken = overrides_of(manifest.plan).get("language", DEFAULT_LANGUAGE)
+    settings = replace(settings, parameters={**settings.parameters, "language": spoken})
+    otherwise = changes_since(
+        design_of_session(manifest), design_of(chosen.experiment(settings.parameters))
+    )
+    if otherwise:
+        raise UsageError(
+            f"{session_path} was begun with another design: {in_words(otherwise)}. Put the study "
+            "file back as it was and give the same command again"
+        )
+    prefix = SIMULATED_PREFIX if recording.is_simulated else ""
+    entry = Ledger(folder, SystemClock(), prefix=prefix).resolve(manifest.participant)
+    _perform(
+        StudyHere(lab, chosen),
+        settings,
+        entry,
+        manifest.session,
+        fast=fast,
+        blind=blind,
+        resume_from=session_path,
+        without=without,
+        on=where,
+    )
+
+
+def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
+    kind = SIMULATED_ROOT if is_simulated(lab) else REAL_ROOT
+    sessions = sorted((lab.data_root / kind).glob(f"{study}/sub-*/ses-*/manifest.json"))
+    unfinished = [
+        p.parent for p in sessions if Recording(p.parent).status in ("aborted", "crashed")
+    ]
+    if len(unfinished) == 1:
+        return unfinished[0]
+    if not unfinished:
+        raise UsageError(
+            f"no unfinished session under {lab.data_root / kind}; a new one begins with "
+            f"visavis run {'STUDY' if study == '*' else study} --participant ID"
+        )
+    listed = "\n  ".join(f"visavis resume {p}" for p in unfinished)
+    raise UsageError(f"several sessions are unfinished; choose one:\n  {listed}")
+
+
+def _perform(
+    here: StudyHere,
+    settings: StudySettings,
+    entry: Participant,
+    session: int,
+    *,
+    fast: bool,
+    blind: bool,
+    resume_from: Path | None,
+    without: list[str] | None,
+    on: str = "lab",
+    port: int = 0,
+) -> None:
+    simulated = here.is_simulated
+    experiment = here.study.experiment(settings.parameters)
+    if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
+        from visavis.page.film_store import film_store
+
+        with TELLING.progress("building films") as told:
+            film_store(experiment).build(experiment.films, told)
+    if not fast and on == "lab":
+        make_ready(
+            here.study, experiment, here.lab
+        )  # before the operator's screen, which would stand empty meanwhile
+    station: tuple[Finding, ...] = ()
+    if not fast and on == "lab":
+        station = station_findings(here.lab, SystemClock())
+        _tell_station(station)
+    path = resume_from or _session_dir(here, entry, session)
+    own = read_own_body(path.parent)
+    with ExitStack() as stack:
+        operator: Operator = UnattendedOperator()
+        respondent = None
+        if on == "browser":
+            _let_signals_interrupt()
+        elif not fast:
+            screen = TerminalOperator(
+                console,
+                is_simulated=simulated,
+                confirm_waits=not simulated,
+                incidents=here.lab.incidents,
+            )
+            operator = stack.enter_context(screen)
+            _let_signals_end(screen)
+            if not simulated:
+                respondent = TerminalRespondent(console, screen.suspend)
+        if not fast:
+            about = About(
+                here.study.name,
+                entry.label,
+                session,
+                str(path.resolve()),
+                simulated,
+                blind,
+                ACTIONS if on == "lab" else (),
+                here.lab.incidents,
+                float(experiment.parameters.get("pad_deg", DEFAULT_PAD_DEG)),
+            )
+            operator = stack.enter_context(SessionLink(operator, about, here.lab.data_root))
+        request = Request(
+            study=here.study,
+            experiment=experiment,
+            config=here.lab,
+            on_trial=stack.enter_context(_performing(here.study.name)) if fast else None,
+            participant_label=entry.label,
+            participant_index=entry.index,
+            group=entry.group,
+            session=session,
+            seed=settings.seed,
+            clock=SimClock() if fast else SystemClock(),
+            operator=operator,
+            respondent=respondent,
+            effect=settings.effect,
+            blind=blind,
+            consent_version=entry.consent_version,
+            companion=LabCompanion(
+                lambda said: errors.print(f"[yellow]{verbatim(said)}[/]"), station
+            ),
+            without=tuple(dict.fromkeys(without or ())),
+            on=on,
+            page=PageAddress(port, _tell_address),
+            body=own.body,
+            stature_m=own.stature_m,
+        )
+        try:
+            if resume_from is None:
+                perform_new(request)
+            else:
+                perform_rest(request, resume_from)
+        except (SessionAborted, DeviceError, RecordingError) as error:
+            stack.close()  # the operator's screen goes before anything is printed
+            if not isinstance(error, SessionAborted):
+                role = error.role if isinstance(error, DeviceError) else ""
+                spare = role in spare_roles_of(request.experiment)
+                left_out = [*request.without, *([role] if spare else ())]
+                _print_way_on(path, fast=fast, without=left_out if spare else ())
+                raise
+            errors.print(f"[yellow]{verbatim(error)}[/]", soft_wrap=True)
+            _print_way_on(path, fast=fast)
+            raise typer.Exit(error.exit_code) from error
+    verdict = check_session(Recording(path))
+    print_check(verdict, path)
+    if verdict.level is Level.RED:
+        raise typer.Exit(EXIT_RED)
+
+
+@contextmanager
+def _performing(study: str) -> Iterator[Callable[[str, int, int], None]]:
+    """Show how many trials of a session are done that nobody performs: before the first is."""
+    what = f"performing {study} by a simulated participant"
+    if not errors.is_terminal:  # where a bar is written when it ends
+        errors.print(what, soft_wrap=True, highlight=False)
+    with counting(errors) as bar:
+        line = bar.add_task(what, total=None)
+        yield lambda _, done, of: bar.update(line, completed=done, total=of)
+
+
+def ask_body(
+    here: StudyHere, settings: StudySettings, entry: Participant, given: str | None
+) -> None:
+    """Ask once which body somebody sees as their own, where the study wants it, and keep it.
+
+    Raises:
+        UsageError: there is no such body, or nobody at the terminal who could be asked.
+    """
+    if given is not None and given not in BODIES:
+        raise UsageError(f"--body is {given!r}; {' or '.join(BODIES)}")
+    wants = demands_of(here.study.experiment(settings.parameters)).own_body
+    if not wants or here.lab.display.own_body != "none":
+        return
+    own = here.ledger.own_body(entry.label)
+    if given is None and (own.body or here.is_simulated):
+        return
+    if given is None and not sys.stdin.isatty():
+        raise UsageError(
+            f"{here.study.name} shows participants a body of their own, and nobody was asked yet "
+            f"which is that of {entry.label}: add --body female or --body male"
+        )
+    body, stature_m = given or "", own.stature_m
+    while body not in BODIES:
+        answer = console.input(
+            f"Which body does {entry.label} see as their own?  1 female  2 male > "
+        ).strip()
+        body = {"1": BODIES[0], "2": BODIES[1]}.get(answer, answer)
+    while given is None and stature_m is None:
+        told = console.input("How tall are they with shoes, in m (Enter: not told)? > ").strip()
+        if not told:
+            break
+        with suppress(ValueError):
+            metres = float(told.replace(",", "."))
+            stature_m = metres if MIN_STATURE_M <= metres <= MAX_STATURE_M else None
+    here.ledger.describe_body(entry.label, OwnBody(body, stature_m))
+
+
+def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> None:
+    if not path.exists():
+        return
+    trials = check_session(Recording(path)).trials
+    done = sum(t.status == "complete" for t in trials)
+    skipped = sum(t.status == "skipped" for t in trials)
+    again = f"visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}"
+    spared = "".join(f" --without {role}" for role in without)
+    errors.print(
+        f"{done} of {len(trials)} trials are done and kept"
+        + (f", {skipped} skipped" if skipped else "")
+        + f". Go on with:\n  {again}"
+        + (f"\nor, with every trial flagged:\n  {again}{spared}" if without else ""),
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def _tell_station(found: tuple[Finding, ...]) -> None:
+    """Say how the computer keeps the timing that was locked; nothing where nothing was."""
+    for one in found:
+        if one.level == "warning":
+            what = f"{one.found}\n  → {one.remedy}" if one.remedy else one.found
+            errors.print(f"[yellow]station: {verbatim(what)}[/]", soft_wrap=True, highlight=False)
+        elif one.level == "ok":
+            errors.print(f"[dim]station: {verbatim(one.found)}[/]", soft_wrap=True, highlight=False)
+
+
+def _tell_address(address: str) -> None:
+    console.print("The participant's page, on this computer:", soft_wrap=True)
+    console.print(f"  [b]{verbatim(address)}[/]", soft_wrap=True, highlight=False)
+    console.print("It ends by itself; Ctrl-C ends it now, and every answer is kept.")
+
+
+def _let_signals_interrupt() -> None:
+    """End a page's session in order at the first signal, as Ctrl-C does."""
+
+    def end(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    for name in ENDING_SIGNALS:
+        if hasattr(signal, name) and name != "SIGINT":
+            signal.signal(getattr(signal, name), end)
+
+
+def _let_signals_end(screen: TerminalOperator) -> None:
+    """End the session in order at the first signal, at once at the second."""
+
+    def end(*_: object) -> None:
+        if screen.abort_requested or screen.is_suspended:
+            raise KeyboardInterrupt
+        screen.abort_requested = True
+
+    for name in ENDING_SIGNALS:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), end)

@@ -1,0 +1,181 @@
+"""sync-test: how late and how even picture, sound and vibration are in this room."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import Progress
+from rich.table import Table
+
+from visavis.cli.app import ConfigOption, JsonOption, app, console, load_lab, say_json, verbatim
+from visavis.cli.sync_records import FOLDER
+from visavis.lab.config import LabConfig
+from visavis.lab.errors import UsageError
+
+if TYPE_CHECKING:
+    from visavis.analysis.sync_test import Delays
+
+SIMULATED_PICTURE, SIMULATED_SOUND = (9.0, 1.0), (22.0, 3.0)
+
+
+@app.command("sync-test")
+def sync_test(
+    sensor: Annotated[
+        str,
+        typer.Option(help="The board's port; audio or audio:INPUT; role:ROLE of an LSL stream."),
+    ] = "",
+    speaker: Annotated[
+        str, typer.Option(help="A sound output, or default; no clicks when left out.")
+    ] = "",
+    band: Annotated[str, typer.Option(help="Role of the band that buzzes; none when left out.")] = (
+        ""
+    ),
+    light: Annotated[str, typer.Option(help="Channel of the photodiode, or none.")] = "",
+    sound: Annotated[str, typer.Option(help="Channel of the microphone, or none.")] = "",
+    motion: Annotated[str, typer.Option(help="Channel of the accelerometer, or none.")] = "",
+    repeats: Annotated[int, typer.Option(min=10, max=2000, help="Stimuli of each kind.")] = 60,
+    simulated: Annotated[
+        bool, typer.Option("--simulated", help="Rehearse in a simulated room.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Of the simulated room.")] = 1,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure how late picture, sound and vibration are here: delay, jitter, drift, lost frames.
+
+    Example: visavis sync-test --sensor /dev/ttyACM0 --speaker default --band armband_left
+    """
+    from visavis.analysis.sync_test import offsets_ms
+    from visavis.cli.sync_chain import (
+        AUDIO_CHANNELS,
+        DEFAULT_CHANNELS,
+        perform_real,
+        perform_simulated,
+    )
+    from visavis.devices.sim.sync_room import Planted
+    from visavis.lab.clock import SystemClock
+
+    lab = load_lab(config, quiet=as_json)
+    if simulated == bool(sensor):
+        raise UsageError("say --sensor (the board's port, audio, role:ROLE), or --simulated")
+    usual = AUDIO_CHANNELS if sensor.startswith("audio") else DEFAULT_CHANNELS
+    given = {"picture": light, "sound": sound, "vibration": motion}
+    channels = {name: given[name] or usual[name] for name in usual}
+    clock = SystemClock()
+    with Progress(console=console, transient=True, disable=as_json) as bar:
+        task = bar.add_task("flash, click, buzz", total=repeats)
+
+        def progress(done: int) -> None:
+            bar.update(task, completed=done)
+
+        if simulated:
+            found, asked, listened, _ = perform_simulated(
+                seed=seed,
+                repeats=repeats,
+                picture=Planted(*SIMULATED_PICTURE),
+                sound=Planted(*SIMULATED_SOUND),
+                lab=lab,
+                progress=progress,
+            )
+        else:
+            found, asked, listened = perform_real(
+                lab,
+                clock,
+                sensor_name=sensor,
+                speaker_name=speaker,
+                band_role=band,
+                channels=channels,
+                repeats=repeats,
+                progress=progress,
+            )
+    record = {
+        "made": clock.wall_iso(),
+        "lab": lab.lab,
+        "is_simulated": simulated,
+        "sensor": listened.told_as,
+        "samples_lost": listened.lost(),
+        "frames": asked.frames,
+        "frames_dropped": asked.dropped,
+        "frame_ms": asked.frame_ns / 1e6,
+        "offsets_ms": offsets_ms(found),
+        "delays": [one.as_record() for one in found],
+    }
+    path = _keep(lab, record, found)
+    if as_json:
+        say_json(record | {"path": str(path)})
+        return
+    _tell(record, found, path)
+
+
+def _keep(lab: LabConfig, record: dict[str, Any], found: Sequence["Delays"]) -> Path:
+    folder = lab.data_root / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    stamp = "".join(c for c in str(record["made"])[:19] if c.isdigit() or c == "T")
+    mark = "simulated-" if record["is_simulated"] else ""
+    number = 1
+    while True:
+        path = folder / f"sync-{stamp}-{mark}{number}.json"
+        try:
+            with path.open("x", encoding="utf-8") as file:  # nothing is overwritten
+                json.dump(record, file, ensure_ascii=False, indent=1)
+        except FileExistsError:
+            number += 1
+            continue
+        break
+    _draw(path.with_suffix(".png"), found, is_simulated=bool(record["is_simulated"]))
+    return path
+
+
+def _draw(path: Path, found: Sequence["Delays"], *, is_simulated: bool) -> None:
+    from matplotlib.figure import Figure
+
+    shown = [one for one in found if one.answered]
+    if not shown:
+        return
+    figure = Figure(figsize=(7, 2.2 * len(shown)), layout="constrained")
+    axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1, 1.6))
+    for (left, right), one in zip(axes, shown, strict=True):
+        left.hist(one.delays_ms, bins=20, color="0.35")
+        left.axvline(one.median_ms, color="tab:red", linewidth=1)
+        left.set(xlabel="delay (ms)", ylabel="stimuli", title=f"{one.modality}, {one.source}")
+        right.plot(one.delays_ms, ".", color="0.35", markersize=4)
+        right.set(xlabel="stimulus", ylabel="delay (ms)")
+    if is_simulated:
+        figure.suptitle("SIMULATED room, not a measurement", color="tab:red")
+    figure.savefig(path, dpi=120)
+
+
+def _tell(record: dict[str, Any], found: Sequence["Delays"], path: Path) -> None:
+    if record["is_simulated"]:
+        console.print("[magenta]SIMULATED room: these are no delays of this lab.[/]")
+    table = Table("", "answered", "median", "jitter (SD)", "5 to 95 %, ms", "drift", box=None)
+    for one in found:
+        drift = f"{one.drift_ms_per_min:+.2f} ms/min"
+        if one.drift_low_ms_per_min <= 0 <= one.drift_high_ms_per_min:
+            drift = "none seen"
+        sound = one.is_sound
+        table.add_row(
+            one.modality,
+            f"{one.answered} of {one.asked}",
+            f"{one.median_ms:.2f} ms" if sound else "too few",
+            f"{one.sd_ms:.2f} ms" if sound else "",
+            f"{one.p5_ms:.2f} to {one.p95_ms:.2f}" if sound else "",
+            drift if sound else "",
+        )
+    console.print(table)
+    wrong = sum(one.shown_wrong for one in found)
+    console.print(
+        f"frames: {record['frames']}, dropped {record['frames_dropped']}; flashes of a wrong "
+        f"length {wrong}; samples lost {record['samples_lost']}"
+    )
+    for name, delay_ms in record["offsets_ms"].items():
+        console.print(f"  {verbatim(name)}: {delay_ms:g}")
+    missed = [one.modality for one in found if not one.is_sound]
+    if missed:
+        console.print(
+            f"[yellow]No offset for {', '.join(missed)}: fewer than 80 % were answered. Put the "
+            "sensor nearer, turn the volume or its gain up, darken the room.[/]"
+        )
+    console.print(f"kept as {verbatim(path)} and .png")

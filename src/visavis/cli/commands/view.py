@@ -1,0 +1,118 @@
+"""view: a recorded session as one page for the browser."""
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress
+
+from visavis.cli.app import (
+    AcceptDamage,
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    verbatim,
+)
+from visavis.cli.leaving import leave, require_whole
+from visavis.cli.studies import session_of
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import UsageError
+from visavis.recording.kept import KeptRecording
+from visavis.sessions.cast import use_recorded_cast
+from visavis.sessions.study_folder import study_of_folder
+
+MAX_SHOWN_S = 300.0
+"""Trials beyond this length together are left out of a page unless they are named."""
+
+
+@app.command()
+def view(
+    session_path: SessionArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="The page; beside nothing else: SESSION.html here."),
+    ] = None,
+    trial: Annotated[
+        list[str] | None,
+        typer.Option("--trial", help="Show this trial in space; give it again for more."),
+    ] = None,
+    rerun: Annotated[
+        Path | None,
+        typer.Option("--rerun", help="Write a file for the Rerun viewer (.rrd) instead."),
+    ] = None,
+    show: Annotated[bool, typer.Option("--show", help="Open it in the browser.")] = False,
+    participant: OfParticipant = "",
+    accept_damage: AcceptDamage = False,
+    config: ConfigOption = None,
+) -> None:
+    """Write a page that shows a session again: the scene, gaze, body, contacts, every stream.
+
+    The page is one file that needs no network. Time line, events and streams are the whole
+    session's; of long sessions only the first five minutes of trials are there in space, others
+    with --trial.
+
+    Example: visavis view data/simulated/stare/sub-S01B/ses-001 --trial T07 -o T07.html
+    """
+    from visavis.cli.viewer.content import page_content, trial_lengths_ns
+    from visavis.cli.viewer.page import page_of
+
+    session_path = session_of(session_path, config, participant)
+    recording = KeptRecording(session_path)
+    use_recorded_cast(recording)
+    manifest = recording.manifest
+    name = f"{manifest.study}_{manifest.participant}_ses-{manifest.session:03}.html"
+    path = rerun or (Path(name) if output is None else output)
+    if path.exists():
+        raise UsageError(f"{path} exists already; choose another name with -o")
+    if not path.parent.is_dir():
+        raise UsageError(f"there is no folder {path.parent}; make it first")
+    require_whole(session_path, accept=accept_damage)
+    study, changed = study_of_folder(session_path.resolve().parent.parent, manifest.study)
+    if changed:
+        console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+    lengths = trial_lengths_ns(recording)
+    wanted, left_out = (trial, []) if trial else _first_of(lengths)
+    with Progress(console=console, transient=True) as bar:
+        line = bar.add_task("looking at trials", total=len(wanted))
+        if rerun is not None:
+            from visavis.cli.viewer.rerun_file import write_rerun
+
+            write_rerun(
+                study,
+                recording,
+                wanted,
+                path,
+                lambda done, of: bar.update(line, completed=done, total=of),
+            )
+            console.print(f"written [b]{verbatim(path)}[/]; rerun {verbatim(path)} shows it")
+            return
+        header, bundle = page_content(
+            study, recording, wanted, lambda done, of: bar.update(line, completed=done, total=of)
+        )
+    path.write_text(page_of(header, bundle), encoding="utf-8")
+    size_mb = path.stat().st_size / 1e6
+    told = f"{len(wanted)} of {len(lengths)} trials in space, {size_mb:.1f} MB"
+    console.print(f"written [b]{verbatim(path)}[/], {told}", soft_wrap=True)
+    if left_out:
+        console.print(
+            f"left out in space: {left_out[0]} to {left_out[-1]}; --trial {left_out[0]} shows it",
+            soft_wrap=True,
+        )
+    leave("page", [session_path], path.parent, [path])
+    if show:
+        webbrowser.open(path.resolve().as_uri())
+
+
+def _first_of(lengths_ns: dict[str, int]) -> tuple[list[str], list[str]]:
+    """Return the trials that fit into a page, and those that do not."""
+    shown: list[str] = []
+    passed_ns = 0
+    for name, length_ns in lengths_ns.items():
+        passed_ns += length_ns
+        if shown and passed_ns > MAX_SHOWN_S * NS_PER_S:
+            break
+        shown.append(name)
+    return shown, list(lengths_ns)[len(shown) :]

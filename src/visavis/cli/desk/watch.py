@@ -1,0 +1,154 @@
+"""The desk's side of the link: find the sessions that go on, hear of them, and command them."""
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from visavis.cli.desk.link import LOCAL, line_of, meeting_folder, meeting_name
+from visavis.protocol.operator import Command
+
+LOOK_AGAIN_S: Final = 0.5
+HELLO_S: Final = 5.0
+"""For so long a session may keep silent before it is looked for again."""
+MAX_LINE_BYTES: Final = 1 << 20
+
+
+@dataclass(eq=False)
+class Live:
+    """A session that goes on: what it said of itself, how it is, and the line to it."""
+
+    about: Mapping[str, Any]
+    writer: asyncio.StreamWriter
+    status: Mapping[str, Any] | None = None
+    seen: Mapping[str, Any] | None = None
+    """The last picture of what the participant saw; None where none came."""
+
+
+class SessionWatch:
+    """Own the connections to the sessions that record under a data root.
+
+    `live` are those that go on, by a name of their own, in the order in which they were met;
+    `number` counts changes; `ended` is the session that ended last while this desk looked on.
+    """
+
+    def __init__(self, data_root: Path) -> None:
+        self._name = meeting_name(data_root)
+        self._changed = asyncio.Condition()
+        self._followed: dict[Path, asyncio.Task[None]] = {}
+        self.live: dict[str, Live] = {}
+        self.ended: Mapping[str, Any] | None = None
+        self.number = 0
+
+    @property
+    def about(self) -> Mapping[str, Any] | None:
+        """What the session met first says of itself; None while none goes on."""
+        found = self.of()
+        return None if found is None else found.about
+
+    @property
+    def status(self) -> Mapping[str, Any] | None:
+        """How the session met first is."""
+        found = self.of()
+        return None if found is None else found.status
+
+    def of(self, which: str = "") -> Live | None:
+        """Return a session by its name, the first where it has ended or none is named."""
+        return self.live.get(which) or next(iter(self.live.values()), None)
+
+    async def run(self) -> None:
+        """Follow the sessions until cancelled."""
+        try:
+            while True:
+                for meeting in sorted(meeting_folder().glob(f"{self._name}-*.json")):
+                    if meeting not in self._followed:
+                        self._followed[meeting] = asyncio.create_task(self._follow(meeting))
+                for meeting in [m for m, following in self._followed.items() if following.done()]:
+                    del self._followed[meeting]
+                await asyncio.sleep(LOOK_AGAIN_S)
+        finally:
+            following_all = list(self._followed.values())
+            for following in following_all:
+                following.cancel()
+            await asyncio.gather(*following_all, return_exceptions=True)
+
+    async def wait(self, number: int, timeout_s: float) -> None:
+        """Wait until something has changed since `number`, but no longer than so long."""
+        async with self._changed:
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(
+                    self._changed.wait_for(lambda: self.number != number), timeout_s
+                )
+
+    async def wake(self) -> None:
+        """End everybody's waiting, though nothing has changed."""
+        async with self._changed:
+            self.number += 1
+            self._changed.notify_all()
+
+    async def tell(self, command: Command, which: str = "") -> bool:
+        """Send a command to a session (the first, where none is named); tell whether it was there.
+
+        One that has ended meanwhile takes none, and no other does in its place.
+        """
+        found = self.live.get(which) if which else self.of()
+        if found is None:
+            return False
+        try:
+            asked = {"action": command.action, "text": command.text, "code": command.code}
+            found.writer.write(line_of(asked))
+            await found.writer.drain()
+        except OSError:
+            return False
+        return True
+
+    async def _follow(self, meeting: Path) -> None:
+        """Hear a session to its end; one that is no longer there is forgotten."""
+        try:
+            how = json.loads(meeting.read_text("utf-8"))
+            reader, writer = await asyncio.open_connection(
+                LOCAL, int(how["port"]), limit=MAX_LINE_BYTES
+            )
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError, KeyError, TypeError):
+            meeting.unlink(missing_ok=True)  # of a process that was killed
+            return
+        found: Live | None = None
+        try:
+            writer.write(str(how["token"]).encode() + b"\n")
+            about = _about(await asyncio.wait_for(reader.readline(), HELLO_S))
+            if about is None:
+                meeting.unlink(missing_ok=True)  # another program has that port now
+                return
+            found = self.live[meeting.stem] = Live(about, writer)
+            await self.wake()
+            while line := await reader.readline():
+                said = json.loads(line)
+                if "seen" in said:
+                    found.seen = said["seen"]
+                else:
+                    found.status = said
+                await self.wake()
+        except TimeoutError:
+            return  # a busy session, or another program that waits to be spoken to
+        except (OSError, ValueError):
+            return  # it has ended, or is no session
+        finally:
+            writer.close()
+            if found is not None:
+                del self.live[meeting.stem]
+                self.ended = found.about
+                await self.wake()
+
+
+def _about(line: bytes) -> Mapping[str, Any] | None:
+    """Return what a session says of itself first; None from whoever is no session."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return None
+    return found if isinstance(found, Mapping) else None

@@ -1,0 +1,301 @@
+"""Look at the computer: versions, disk, clock, load, screens. Never raises."""
+
+import os
+import platform
+import warnings
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+from visavis.cli.doctor.findings import Finding
+from visavis.devices.libraries import LSL, Library
+from visavis.devices.registry import driver_spec, driver_specs
+from visavis.devices.states import is_installed
+from visavis.lab.clock import MAX_STEP_NS, NS_PER_MS, Clock, clock_step_ns
+from visavis.lab.config import LabConfig, Screen
+from visavis.lab.errors import LabError
+from visavis.recording.provenance import provenance
+from visavis.sessions.data_root import data_disk
+from visavis.sessions.rig import (
+    NO_PICTURE_REMEDY,
+    NO_WINDOW_REMEDY,
+    shows_nothing,
+    unheard_keyboards,
+)
+
+COMPUTER, LIBRARIES = "computer", "libraries"
+GB_PER_HOUR = 0.3
+"""A session with gaze at 120 Hz and a tracked body; eye trackers at 1 kHz take as much again."""
+FEW_GB = 20.0
+NAPS = 20
+NAP_NS = NS_PER_MS
+LATE_NAP_MS = 2.0
+BUSY_01 = 0.7
+MAX_RATE_OFF_HZ = 1.5
+"""Systems round refresh rates to whole hertz."""
+MAX_PITCH_OFF_01 = 0.02
+"""Pixels of monitors are square; sides that say otherwise were measured wrongly."""
+
+
+def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
+    """Return what holds of this computer whatever is plugged in."""
+    found = provenance()
+    version = found.packages.get("visavis", "")
+    revision = found.code_revision.removesuffix("+changes")[:10]
+    changed = ", changed files" if found.code_revision.endswith("+changes") else ""
+    ours = f"{version}" + (f" ({revision}{changed})" if revision else "")
+    system = f"{platform.system()} {platform.release()}, Python {found.python}"
+    return (
+        Finding(COMPUTER, "visavis", "ok", f"{ours}; {system}"),
+        _load(),
+        _disk(lab),
+        _clock(clock),
+        _screens(lab),
+        *_drawing(lab, clock),
+        *_keyboards(lab),
+        *_lsl_session(lab),
+    )
+
+
+def _keyboards(lab: LabConfig) -> tuple[Finding, ...]:
+    """Name keyboards whose keys no window would hear."""
+    text = f"no window hears its keys: display.show is {lab.display.show}"
+    return tuple(
+        Finding(COMPUTER, role, "missing", text, NO_WINDOW_REMEDY)
+        for role in unheard_keyboards(lab)
+    )
+
+
+def _lsl_session(lab: LabConfig) -> tuple[Finding, ...]:
+    """Say in which LSL session streams go out; a lab's own has to be told to other programs."""
+    own = lab.sync.session_id
+    if not lab.sync.lsl:
+        return ()
+    if not own:
+        return (Finding(COMPUTER, "LSL session", "ok", "LSL's own, where LabRecorder looks"),)
+    text = f"{own!r} (sync.session_id): LabRecorder does not see these streams by itself"
+    remedy = f"write SessionID = {own} under [lab] in its lsl_api.cfg, or leave sync.session_id out"
+    return (Finding(COMPUTER, "LSL session", "note", text, remedy),)
+
+
+def libraries(lab: LabConfig) -> tuple[Finding, ...]:
+    """Return versions and licences of what drivers need; missing ones matter if a role asks."""
+    wanted = {driver_spec(d.driver).library for d in lab.devices.values() if not d.simulated}
+    if lab.sync.lsl:
+        wanted.add(LSL)
+    known = sorted(
+        {f.library for f in driver_specs() if f.library is not None}, key=lambda k: k.distribution
+    )
+    present = [k for k in known if is_installed(k)]
+    rows = [Finding(LIBRARIES, "installed", "ok", ", ".join(map(_version, present)) or "none")]
+    for library in known:
+        if library not in present and library in wanted:
+            text = "not installed, but a configured device needs it"
+            rows.append(
+                Finding(LIBRARIES, library.distribution, "missing", text, f"run: {library.install}")
+            )
+    others = [k.distribution for k in known if k not in present and k not in wanted]
+    if others:
+        rows.append(Finding(LIBRARIES, "not needed", "note", ", ".join(others)))
+    closed = [
+        f"{name} ({licence})"
+        for k in present
+        if (licence := _closed_licence(name := k.distribution))
+    ]
+    if closed:
+        rows.append(Finding(LIBRARIES, "licences", "note", "vendor's own: " + ", ".join(closed)))
+    return tuple(rows)
+
+
+def licence_of(distribution: str) -> str:
+    """Return the licence a distribution states, short; "not stated" where it does not."""
+    try:
+        stated = metadata.metadata(distribution)
+    except metadata.PackageNotFoundError:
+        return "not stated"
+    for key in ("License-Expression", "License"):
+        text = (stated[key] if key in stated else "").strip()
+        if text and text.upper() != "UNKNOWN":
+            return text.splitlines()[0][:40]
+    trove = [c for c in stated.get_all("Classifier") or () if c.startswith("License ::")]
+    return trove[0].rpartition(":: ")[2] if trove else "not stated"
+
+
+def _version(library: Library) -> str:
+    try:
+        return f"{library.distribution} {metadata.version(library.distribution)}"
+    except metadata.PackageNotFoundError:
+        return library.distribution
+
+
+def _closed_licence(distribution: str) -> str:
+    licence = licence_of(distribution)
+    return licence if "propriet" in licence.lower() or "sr research" in licence.lower() else ""
+
+
+def _load() -> Finding:
+    cores = os.cpu_count() or 1
+    text = f"{cores} cores"
+    if hasattr(os, "getloadavg"):
+        load = os.getloadavg()[0]
+        text += f", load {load:.1f}"
+        if load / cores > BUSY_01:
+            return Finding(
+                COMPUTER, "processor", "warning", text, "close other programs before a session"
+            )
+    return Finding(COMPUTER, "processor", "ok", text)
+
+
+def _disk(lab: LabConfig) -> Finding:
+    disk = data_disk(lab)
+    if disk.free_gb is None or disk.problem:
+        return Finding(COMPUTER, "disk", "missing", disk.problem, disk.remedy)
+    hours = disk.free_gb / GB_PER_HOUR
+    text = (
+        f"{disk.free_gb:.0f} GB free for {_short(lab.data_root)}: about {hours:.0f} h of sessions"
+    )
+    if disk.free_gb < FEW_GB:
+        return Finding(COMPUTER, "disk", "warning", text, "move old sessions to an archive")
+    return Finding(COMPUTER, "disk", "ok", text)
+
+
+def _clock(clock: Clock) -> Finding:
+    if clock.is_virtual:
+        return Finding(COMPUTER, "clock", "ok", "virtual")
+    late_ms = []
+    for _ in range(NAPS):
+        wake_ns = clock.now_ns() + NAP_NS
+        clock.sleep_until_ns(wake_ns)
+        late_ms.append((clock.now_ns() - wake_ns) / NS_PER_MS)
+    step_ms = clock_step_ns(clock) / NS_PER_MS
+    if step_ms > MAX_STEP_NS / NS_PER_MS:
+        return Finding(
+            COMPUTER,
+            "clock",
+            "missing",
+            f"moves in steps of {step_ms:g} ms: too coarse",
+            "switch the high precision event timer on in the computer's firmware",
+        )
+    text = f"wakes {median(late_ms):.2f} ms late (worst {max(late_ms):.1f}); {clock.wall_iso()}"
+    if median(late_ms) > LATE_NAP_MS:
+        return Finding(
+            COMPUTER,
+            "clock",
+            "warning",
+            text,
+            "close other programs; on Windows choose the high-performance power plan",
+        )
+    return Finding(COMPUTER, "clock", "ok", text)
+
+
+def _screens(lab: LabConfig) -> Finding:
+    wanted = lab.display.show
+    shown: list[Monitor] = []
+    try:
+        shown = monitors()
+        modes = [str(monitor) for monitor in shown]
+    except Exception as problem:  # the graphics library's own errors are of any kind
+        modes = []
+        text = f"no screen can be asked ({type(problem).__name__})"
+    else:
+        text = ", ".join(modes) or "no screen"
+    text += f"; display.show is {wanted}"
+    if shows_nothing(lab):
+        return Finding(COMPUTER, "display", "missing", text, NO_PICTURE_REMEDY)
+    if wanted == "screen" and lab.display.screen is not None and shown:
+        text += f" on monitor {lab.display.screen.monitor}"
+        return _of_screen(lab.display.screen, shown, text)
+    if not modes and wanted in ("window", "screen"):
+        remedy = "log in on a desktop, or set display.show to none or offscreen"
+        return Finding(COMPUTER, "display", "missing", text, remedy)
+    return Finding(COMPUTER, "display", "ok", text)
+
+
+def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
+    """Say what a stereo frame costs, and what to ask of pictures, where a headset shows them."""
+    if lab.display.show != "headset" or clock.is_virtual:
+        return ()
+    try:
+        from visavis.cli.doctor.drawing import measured
+
+        return (measured(lab, clock),)
+    except (ImportError, LabError) as problem:
+        text = f"no frame could be measured: {problem}"
+        return (Finding(COMPUTER, "drawing", "warning", text, "update the graphics driver"),)
+
+
+def _of_screen(screen: Screen, shown: Sequence["Monitor"], text: str) -> Finding:
+    """Compare the monitor participants sit before with what the configuration says of it."""
+    described = "correct display.screen, or the monitor's mode in the system's settings"
+    if screen.monitor >= len(shown):
+        text += f": there is none of this number, counted from 0 to {len(shown) - 1}"
+        return Finding(COMPUTER, "display", "missing", text, described)
+    monitor = shown[screen.monitor]
+    if screen.fullscreen and (monitor.width_px, monitor.height_px) != (
+        screen.width_px,
+        screen.height_px,
+    ):
+        text += f": it has other pixels than {screen.width_px}×{screen.height_px}"
+        return Finding(COMPUTER, "display", "missing", text, described)
+    if monitor.rate_hz and abs(monitor.rate_hz - screen.rate_hz) > MAX_RATE_OFF_HZ:
+        text += f": it refreshes otherwise than display.screen.rate_hz {screen.rate_hz:g}"
+        return Finding(COMPUTER, "display", "warning", text, described)
+    if not screen.fullscreen:
+        text += ", in a window: sizes are wrong"
+        return Finding(
+            COMPUTER,
+            "display",
+            "warning",
+            text,
+            "set fullscreen: true for people",
+        )
+    pitches_mm = (
+        screen.width_m / screen.width_px * 1e3,
+        screen.height_m / screen.height_px * 1e3,
+    )
+    if abs(pitches_mm[0] / pitches_mm[1] - 1) > MAX_PITCH_OFF_01:
+        text += f": pixels of {pitches_mm[0]:.3f} × {pitches_mm[1]:.3f} mm are not square"
+        return Finding(
+            COMPUTER, "display", "warning", text, "measure width_m and height_m of the lit area"
+        )
+    return Finding(COMPUTER, "display", "ok", text)
+
+
+class Monitor(NamedTuple):
+    """A monitor as the system shows it now."""
+
+    width_px: int
+    height_px: int
+    rate_hz: int
+
+    def __str__(self) -> str:
+        return f"{self.width_px}×{self.height_px} at {self.rate_hz} Hz"
+
+
+def monitors() -> list[Monitor]:
+    """Return the monitors of this computer; raises what the graphics library raises."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # glfw warns where there is no screen
+        import glfw
+
+        if not glfw.init():
+            return []
+        try:
+            found = []
+            for monitor in glfw.get_monitors():
+                mode = glfw.get_video_mode(monitor)
+                found.append(Monitor(mode.size.width, mode.size.height, mode.refresh_rate))
+            return found
+        finally:
+            # A session that draws in a window is using it.
+            if glfw.get_current_context() is None:
+                glfw.terminate()
+
+
+def _short(path: Path) -> str:
+    try:
+        return f"~/{path.relative_to(Path.home())}"
+    except ValueError:
+        return str(path)

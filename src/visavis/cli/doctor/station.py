@@ -1,0 +1,252 @@
+"""How this computer keeps time, locked once it is known to be good and compared at every start.
+
+A station's file lies under the data root, by the computer's name; one locked before is kept beside
+it with its date. What was locked is figures and what they depend on: system, monitors, and the
+delays of the newest synchronisation test.
+"""
+
+import json
+import os
+import platform
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import Final
+
+from visavis.cli.doctor.findings import Finding
+from visavis.cli.doctor.machine import monitors
+from visavis.cli.sync_records import newest
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.config import LabConfig
+from visavis.lab.errors import RecordingError, UsageError
+from visavis.recording.durable import make_folder, replace_file
+
+STATION: Final = "station"
+FOLDER: Final = "stations"
+FRAME_HZ: Final = 90.0
+FRAMES: Final = 45
+LATE_FRAME_MS: Final = 2.0
+"""A frame begun so much later than its time is late: a fifth of one at 90 Hz."""
+WRITES: Final = 10
+WRITE_BYTES: Final = 65_536
+MAX_DELAY_OFF_MS: Final = 3.0
+"""Delays of picture, sound or vibration that differ more are another chain of devices."""
+LOCK_AGAIN: Final = "visavis doctor --lock"
+
+
+@dataclass(frozen=True)
+class Limit:
+    """How much worse than locked a figure may be: so many times as large, and so much more."""
+
+    words: str
+    unit: str
+    times: float
+    more: float
+
+
+LIMITS: Final[Mapping[str, Limit]] = {
+    "wake_ms": Limit("wakes late by (median)", "ms", 2.0, 0.5),
+    "late_frames_01": Limit("frames begun late", "%", 1.0, 0.05),
+    "write_ms": Limit("64 kB safe on disk after (median)", "ms", 3.0, 10.0),
+}
+"""Judged so that a busier moment passes and another computer, mode or disk does not."""
+
+
+@dataclass(frozen=True)
+class Station:
+    """What was measured: figures by name, delays by modality in ms, and what they depend on."""
+
+    made: str
+    figures: Mapping[str, float]
+    delays_ms: Mapping[str, float]
+    depends_on: Mapping[str, str]
+
+
+def measure(lab: LabConfig, clock: Clock) -> Station:
+    """Measure this computer now; takes about a second of a real clock.
+
+    Raises:
+        RecordingError: nothing can be written to the data root.
+    """
+    late_ms = _late_ms(clock)
+    test = newest(lab)
+    delays = {} if test is None else test.get("offsets_ms", {})
+    return Station(
+        clock.wall_iso(),
+        {
+            "wake_ms": round(median(late_ms), 3),
+            "late_frames_01": round(sum(ms > LATE_FRAME_MS for ms in late_ms) / FRAMES, 3),
+            "write_ms": round(_write_ms(lab, clock), 3),
+        },
+        {str(name): float(ms) for name, ms in delays.items()},
+        {
+            "system": f"{platform.system()} {platform.release()}",
+            "processors": str(os.cpu_count() or 1),
+            "monitors": _monitors(),
+        },
+    )
+
+
+def lock(lab: LabConfig, clock: Clock) -> Path:
+    """Measure this computer and lock what was found; return the file. One before keeps its date.
+
+    Raises:
+        RecordingError: nothing can be written to the data root.
+    """
+    path = station_path(lab)
+    found = measure(lab, clock)
+    make_folder(path.parent, exist_ok=True)
+    if path.exists():
+        replace_file(_former(path), path.read_bytes())
+    text = json.dumps(asdict(found), ensure_ascii=False, indent=1) + "\n"
+    replace_file(path, text.encode())
+    return path
+
+
+def locked(lab: LabConfig) -> Station | None:
+    """Return what was locked for this computer; None where nothing was.
+
+    Raises:
+        UsageError: the file cannot be read.
+    """
+    path = station_path(lab)
+    try:
+        told = json.loads(path.read_text("utf-8"))
+        figures, delays = (
+            {str(k): float(v) for k, v in told[name].items()} for name in ("figures", "delays_ms")
+        )
+        depends = {str(k): str(v) for k, v in told["depends_on"].items()}
+        return Station(str(told["made"]), figures, delays, depends)
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(
+            f"{path} is no locked station ({type(error).__name__}: {error}); delete it and lock "
+            f"again: {LOCK_AGAIN}"
+        ) from error
+
+
+def station_findings(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
+    """Compare this computer with what was locked: one line where it keeps it, else one a matter."""
+    if clock.is_virtual:
+        return ()
+    try:
+        kept = locked(lab)
+        if kept is None:
+            text = "its timing was never locked, so nothing is compared"
+            remedy = f"once sessions run well: {LOCK_AGAIN}"
+            return (Finding(STATION, "timing", "note", text, remedy),)
+        return compared(kept, measure(lab, clock))
+    except (RecordingError, UsageError) as problem:
+        return (Finding(STATION, "timing", "warning", str(problem)),)
+
+
+def compared(kept: Station, now: Station) -> tuple[Finding, ...]:
+    """Return how a station keeps what was locked."""
+    found = [*_worse(kept, now), *_delayed(kept, now), *_changed(kept, now)]
+    if found:
+        return tuple(found)
+    told = ", ".join(_told(name, now.figures[name]) for name in LIMITS if name in now.figures)
+    return (Finding(STATION, "timing", "ok", f"as locked on {kept.made[:10]}: {told}"),)
+
+
+def station_path(lab: LabConfig) -> Path:
+    """Return the file of this computer."""
+    name = re.sub(r"[^\w.-]+", "_", platform.node()) or "this_computer"
+    return lab.data_root / FOLDER / f"{name}.json"
+
+
+# ---- within ----------------------------------------------------------------------------------
+
+
+def _worse(kept: Station, now: Station) -> list[Finding]:
+    found = []
+    for name, limit in LIMITS.items():
+        was, is_now = kept.figures.get(name), now.figures.get(name)
+        if was is None or is_now is None or is_now <= was * limit.times + limit.more:
+            continue
+        text = f"{_told(name, is_now)}; locked on {kept.made[:10]}: {_told(name, was)}"
+        remedy = "close other programs, look at the power plan and the disk; then visavis doctor"
+        found.append(Finding(STATION, "timing", "warning", text, remedy))
+    return found
+
+
+def _delayed(kept: Station, now: Station) -> list[Finding]:
+    return [
+        Finding(
+            STATION,
+            "delays",
+            "warning",
+            f"{name} {now.delays_ms[name]:g} ms late; locked on {kept.made[:10]}: {was:g} ms",
+            f"find what changed (cable, mode, driver), or lock what is right now: {LOCK_AGAIN}",
+        )
+        for name, was in kept.delays_ms.items()
+        if name in now.delays_ms and abs(now.delays_ms[name] - was) > MAX_DELAY_OFF_MS
+    ]
+
+
+def _changed(kept: Station, now: Station) -> list[Finding]:
+    return [
+        Finding(
+            STATION,
+            name,
+            "warning",
+            f"{now.depends_on[name]}; locked on {kept.made[:10]} with {was}",
+            f"measure delays again (visavis sync-test), then lock anew: {LOCK_AGAIN}",
+        )
+        for name, was in kept.depends_on.items()
+        if name in now.depends_on and now.depends_on[name] != was
+    ]
+
+
+def _told(name: str, value: float) -> str:
+    limit = LIMITS[name]
+    shown = f"{100 * value:.0f} %" if limit.unit == "%" else f"{value:.1f} {limit.unit}"
+    return f"{limit.words} {shown}"
+
+
+def _late_ms(clock: Clock) -> list[float]:
+    """Wait for the beginnings of frames; return how late each was noticed."""
+    begin_ns, late_ms = clock.now_ns(), []
+    for k in range(1, FRAMES + 1):
+        wake_ns = begin_ns + round(k * NS_PER_S / FRAME_HZ)
+        clock.sleep_until_ns(wake_ns)
+        late_ms.append((clock.now_ns() - wake_ns) / NS_PER_MS)
+    return late_ms
+
+
+def _write_ms(lab: LabConfig, clock: Clock) -> float:
+    """Return the median time until 64 kB are safe on the disk of the data root."""
+    make_folder(lab.data_root / FOLDER, exist_ok=True)
+    path = lab.data_root / FOLDER / f".write_test.{os.getpid()}"
+    took_ms, content = [], bytes(WRITE_BYTES)
+    try:
+        for _ in range(WRITES):
+            begin_ns = clock.now_ns()
+            replace_file(path, content)
+            took_ms.append((clock.now_ns() - begin_ns) / NS_PER_MS)
+    finally:
+        path.unlink(missing_ok=True)
+    return median(took_ms)
+
+
+def _monitors() -> str:
+    try:
+        return ", ".join(map(str, monitors())) or "none"
+    except Exception:  # the graphics library's own errors are of any kind
+        return "none can be asked"
+
+
+def _former(path: Path) -> Path:
+    """Return where what was locked before goes, by its date; nothing there is overwritten."""
+    try:
+        made = re.sub(r"\D", "", str(json.loads(path.read_text("utf-8"))["made"])[:19])
+    except (OSError, ValueError, KeyError, TypeError):
+        made = "damaged"
+    number, wanted = 1, path.with_name(f"{path.stem}.until_{made}.json")
+    while wanted.exists():
+        number += 1
+        wanted = path.with_name(f"{path.stem}.until_{made}-{number}.json")
+    return wanted

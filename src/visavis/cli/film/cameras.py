@@ -1,0 +1,237 @@
+"""From where a film looks, moment by moment; every camera is asked for rising times."""
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from visavis.cli.preview.pictures import Viewpoint, camera_of, framed
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DesignError, UsageError
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, rotate, yaw_pitch_deg_of
+from visavis.stimuli.camera.director import (
+    CameraView,
+    Director,
+    FilmedPlace,
+    Moment,
+    Style,
+    prepare,
+)
+from visavis.stimuli.camera.filming import camera_of_view, capsules
+from visavis.stimuli.camera.shots import ShotSize
+from visavis.stimuli.picture import Camera, Picture, Room
+
+FOLLOW_BACK_M: Final = 1.6
+FOLLOW_UP_M: Final = 0.4
+FOLLOW_TANGENT: Final = 0.6
+HEAD_ABOVE_EYES: Final = 1 / 0.936
+PEOPLE_EVERY_NS: Final = NS_PER_S // 5
+"""How often people who may hide the subject are looked at anew."""
+
+
+class CameraKind(StrEnum):
+    """Cameras that films know by name; any other is the file of a film's decisions.
+
+    Of itself a film takes the topology camera, or orbit where that finds no place to stand.
+    """
+
+    AUTO = "auto"
+    TOPOLOGY = "topology"
+    FOLLOW = "follow"
+    EYES = "eyes"
+    ABOVE = "above"
+    ORBIT = "orbit"
+
+
+class Cuts(StrEnum):
+    """When the topology camera cuts: of itself, never, or of itself between cameras that rest."""
+
+    AUTO = "auto"
+    NONE = "none"
+    STATIC = "static"
+
+
+class FilmCamera(Protocol):
+    """Where a film looks from."""
+
+    def at(self, t_ns: int, picture: Picture, head: Pose) -> Camera:
+        """Return the camera at a time, at or after those asked before."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FromViewpoint:
+    """The participant's eyes, or from above, or round about."""
+
+    view: Viewpoint
+    aspect: float
+    start_ns: int
+
+    def at(self, t_ns: int, picture: Picture, head: Pose) -> Camera:
+        """Return the camera at a time."""
+        passed_s = (t_ns - self.start_ns) / NS_PER_S
+        return camera_of(self.view, picture, head, self.aspect, passed_s=passed_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Behind:
+    """Over the shoulder, always behind where the participant faces."""
+
+    aspect: float
+
+    def at(self, t_ns: int, picture: Picture, head: Pose) -> Camera:
+        """Return the camera at a time."""
+        del t_ns, picture
+        yaw_deg, _ = yaw_pitch_deg_of(rotate(head.orientation_wxyz, np.array([0.0, 0.0, -1.0])))
+        level = quat_from_yaw_pitch_deg(float(yaw_deg))
+        place = head.position_m + rotate(level, np.array([0.35, FOLLOW_UP_M, FOLLOW_BACK_M]))
+        turn = quat_from_yaw_pitch_deg(float(yaw_deg), -9.0)
+        return framed(Pose(place, turn), FOLLOW_TANGENT, self.aspect)
+
+
+@dataclass(frozen=True)
+class Decisions:
+    """What a film's camera did: `views` (n, 7) of time, place and the point looked at, and cuts."""
+
+    camera: str
+    shot: str
+    cut_rule: str
+    seed: int
+    fov_v_deg: float
+    cuts: list[dict[str, Any]]
+    views: list[list[float]]
+    seen: list[bool]
+
+    def write(self, path: Path) -> None:
+        """Write them as JSON, one line a view."""
+        head = {k: v for k, v in asdict(self).items() if k != "views"}
+        lines = ",\n".join(json.dumps(view) for view in self.views)
+        path.write_text(json.dumps(head)[:-1] + f', "views": [\n{lines}\n]}}\n', encoding="utf-8")
+
+
+class ByTopology:
+    """A director who knows the place films the participant, wherever they go.
+
+    `people_at` returns what stands about at a time, `head_at` where the participant's head is.
+    """
+
+    def __init__(
+        self,
+        style: Style,
+        aspect: float,
+        people_at: Callable[[int], Picture],
+        head_at: Callable[[int], Pose],
+        seed: int = 0,
+    ) -> None:
+        self._style, self._aspect, self._seed = style, aspect, seed
+        self._people_at, self._head_at = people_at, head_at
+        self._director: Director | None = None
+        self._room: Room | None = None
+        self._people: tuple[int, Vector] = (-1, np.empty((0, 7)))
+        self._views: list[list[float]] = []
+        self._seen: list[bool] = []
+
+    def at(self, t_ns: int, picture: Picture, head: Pose) -> Camera:
+        """Return the camera at a time."""
+        if self._director is None or picture.room is not self._room:
+            self._room = picture.room
+            self._director = Director(
+                _place_of(picture.room), self._style, self._moment, start_ns=t_ns, seed=self._seed
+            )
+        view = self._director.view_at(t_ns)
+        self._views.append([t_ns, *view.position_m.tolist(), *view.looks_at_m.tolist()])
+        self._seen.append(self._director.sees_subject)
+        return camera_of_view(view, self._style.fov_v_deg, self._aspect)
+
+    def decisions(self) -> Decisions:
+        """Return what was decided so far."""
+        cuts = [] if self._director is None else self._director.cuts
+        told = [
+            {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(cut).items()}
+            for cut in cuts
+        ]
+        rule = Cuts.NONE if not self._style.cuts else Cuts.AUTO
+        rule = rule if self._style.moves else Cuts.STATIC
+        return Decisions(
+            CameraKind.TOPOLOGY,
+            self._style.shot,
+            rule,
+            self._seed,
+            self._style.fov_v_deg,
+            [{k: _known(v) for k, v in cut.items()} for cut in told],
+            self._views,
+            self._seen,
+        )
+
+    def _moment(self, t_ns: int) -> Moment:
+        head = self._head_at(t_ns).position_m
+        number = t_ns // PEOPLE_EVERY_NS
+        if number != self._people[0]:
+            self._people = number, capsules(self._people_at(number * PEOPLE_EVERY_NS))
+        floor = np.array([head[0], 0.0, head[2]])
+        return Moment(floor, float(head[1]) * HEAD_ABOVE_EYES, self._people[1])
+
+
+def _known(value: Any) -> Any:
+    """Return what JSON can hold; numbers that are none become None."""
+    if isinstance(value, list):
+        return [_known(v) for v in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def films_by_topology(pictures: Iterable[Picture]) -> bool:
+    """Tell whether every room of a trial that is ever lit has places for a topology camera."""
+    try:
+        for picture in pictures:
+            if picture.brightness_01 > 0:
+                _place_of(picture.room)
+    except UsageError:
+        return False
+    return True
+
+
+_PLACES: dict[int, tuple[Room, FilmedPlace]] = {}
+
+
+def _place_of(room: Room) -> FilmedPlace:
+    if id(room) not in _PLACES:
+        try:
+            _PLACES[id(room)] = room, prepare(room)
+        except DesignError as error:
+            others = "follow, eyes, above or orbit"
+            raise UsageError(f"{error}, or film by another camera: --camera {others}") from error
+    return _PLACES[id(room)][1]
+
+
+class AsDecided:
+    """A film's camera once more, from the file of its decisions."""
+
+    def __init__(self, path: Path, aspect: float) -> None:
+        try:
+            told = json.loads(path.read_text(encoding="utf-8"))
+            self._views = np.array(told["views"], np.float64).reshape(-1, 7)
+            self._fov_v_deg = float(told["fov_v_deg"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise UsageError(
+                f"{path} does not hold the decisions of a film ({error}); give a file that "
+                "`visavis film` wrote, or topology, follow, eyes, above or orbit"
+            ) from error
+        if not len(self._views):
+            raise UsageError(f"{path} holds no view; film the trial again")
+        self._aspect = aspect
+
+    def at(self, t_ns: int, picture: Picture, head: Pose) -> Camera:
+        """Return the camera at a time."""
+        del picture, head
+        i = max(0, int(np.searchsorted(self._views[:, 0], t_ns, side="right")) - 1)
+        row = self._views[i]
+        return camera_of_view(CameraView(row[1:4], row[4:7]), self._fov_v_deg, self._aspect)
+
+
+def style_of(shot: ShotSize, cuts: Cuts) -> Style:
+    """Return the style of a film."""
+    return replace(Style(), shot=shot, cuts=cuts is not Cuts.NONE, moves=cuts is not Cuts.STATIC)

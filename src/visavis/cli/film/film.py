@@ -1,0 +1,304 @@
+"""A film of one recorded trial of any study, drawn again from the recording alone.
+
+What was shown is rebuilt frame by frame from the recorded scenes, so it does not matter what was
+drawn in the session. From outside the participant is there, too: as the body tracker saw them, or
+standing under their head.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import chain
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from visavis.cli.film.cameras import (
+    AsDecided,
+    Behind,
+    ByTopology,
+    CameraKind,
+    Cuts,
+    Decisions,
+    FilmCamera,
+    FromViewpoint,
+    films_by_topology,
+    style_of,
+)
+from visavis.cli.film.on_page import write_page_film
+from visavis.cli.film.renderer import film_renderer
+from visavis.cli.film.stand_in import StandIn
+from visavis.cli.preview.pictures import SIMULATED, Viewpoint, labelled
+from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
+from visavis.cli.redraw import board_at
+from visavis.cli.session_lanes import lanes_of
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Vector, quat_conjugate, rotate
+from visavis.opened import OpenedStudy
+from visavis.page.seen import is_on_page
+from visavis.recording.reader import Recording
+from visavis.stage.identity import IdentityBuffer
+from visavis.stage.renderer import ON_PROCESSOR, Renderer
+from visavis.stimuli.camera.filming import capsules
+from visavis.stimuli.camera.sheet import SEEN_FROM_01, FilmLog, Sheet
+from visavis.stimuli.camera.shots import ShotSize
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.picture import Camera, Picture
+
+RING_PX: Final = 16
+RING: Final = (255, 190, 40)
+DARK_PX: Final = (16, 16, 18)
+FILM_ON_PROCESSOR: Final = replace(ON_PROCESSOR, samples=4)
+"""Smooth edges are worth more to a film than maps of shadows, which cost ten times as much."""
+LOOK_EVERY_NS: Final = NS_PER_S // 4
+LOOK_PX: Final = (256, 144)
+"""How often, and in how large a picture, the participant is looked for."""
+GAZE_AT_M: Final = 2.5
+"""How far gaze is drawn where nobody's head was hit: seen from outside, without a ring."""
+COLOURS: Final = {"contact": (255, 107, 94), "vibration": (94, 200, 255)}
+
+
+class Overlay(StrEnum):
+    """What a film shows besides the scene."""
+
+    GAZE = "gaze"
+    CONTACTS = "contacts"
+    CLOCK = "clock"
+
+
+ALL_OVERLAYS: Final = tuple(Overlay)
+
+
+@dataclass(frozen=True, eq=False)
+class Filmed:
+    """What was made: the number of pictures, by which camera, the decisions of one that takes any,
+    and the film's objective sheet; none of a page, which no camera films.
+    """
+
+    pictures: int
+    camera: CameraKind | Path | None
+    decisions: Decisions | None
+    sheet: Sheet | None = None
+
+
+def write_film(
+    study: OpenedStudy,
+    recording: Recording,
+    trial_id: str,
+    video: Path,
+    *,
+    camera: CameraKind | Path = CameraKind.EYES,
+    shot: ShotSize = ShotSize.LONG,
+    cuts: Cuts = Cuts.AUTO,
+    overlays: Sequence[Overlay] = ALL_OVERLAYS,
+    seed: int = 0,
+    size_px: tuple[int, int] = (1280, 720),
+    rate_hz: int = 25,
+    seconds: float | None = None,
+    on_frame: Callable[[int, int], None] | None = None,
+) -> Filmed:
+    """Write the film of a trial; of one on a page, the page as it was, by no camera.
+
+    A question asked in the dark is seen from the participant's eyes, by whatever camera.
+
+    Raises:
+        UsageError: the session has no such trial, no rate of a film, no file of decisions, or no
+            place in this room from where the camera could film.
+        StageError: the film cannot be written, or nothing draws here.
+    """
+    from visavis.stage.movie import open_movie
+
+    if not 1 <= rate_hz <= 240:
+        raise UsageError(f"--rate {rate_hz}; give 1 to 240 pictures a second")
+    if is_on_page(recording):
+        shows_clock = Overlay.CLOCK in overlays
+        n = write_page_film(
+            study,
+            recording,
+            trial_id,
+            video,
+            clock=shows_clock,
+            size_px=size_px,
+            rate_hz=rate_hz,
+            seconds=seconds,
+            on_frame=on_frame,
+        )
+        return Filmed(n, None, None)
+    trial = recorded_trial(recording, trial_id)
+    start_ns, end_ns = trial.span_ns
+    if seconds is not None:
+        end_ns = min(end_ns, start_ns + round(seconds * NS_PER_S))
+    times = list(range(start_ns, end_ns + 1, NS_PER_S // rate_hz))
+    factors = ", ".join(str(trial.row[name]) for name in factors_of(recording, trial_id))
+    label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
+    label = f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
+    aspect = size_px[0] / size_px[1]
+
+    shown_at = pictures_of(study, trial)
+    if camera is CameraKind.AUTO:
+        scenes = recording.events_named("scene", trial.part)["t_ns"]
+        lit = [start_ns, *(int(t) for t in scenes if start_ns < t <= end_ns)]
+        is_place = films_by_topology(shown_at(t) for t in lit)
+        camera = CameraKind.TOPOLOGY if is_place else CameraKind.ORBIT
+    looks = _camera(camera, shot, cuts, aspect, start_ns, seed, trial, shown_at)
+    log = FilmLog(None if isinstance(camera, Path) or camera is CameraKind.EYES else shot)
+    scene = FilmedTrial(trial, shown_at, looks, overlays, size_px, log)
+    with ExitStack() as stack:
+        renderer = stack.enter_context(film_renderer(FILM_ON_PROCESSOR))
+        scene.looks_from(renderer)
+        pictures = scene.pictures(times, renderer.image)
+        first = next(pictures)  # a camera that finds no place says so before there is a file
+        film = stack.enter_context(open_movie(video, size_px, rate_hz))
+        for k, image in enumerate(chain((first,), pictures)):
+            told = f"{label}  {(times[k] - start_ns) / NS_PER_S:.1f} s"
+            film.add(np.asarray(labelled(image, told if Overlay.CLOCK in overlays else label)))
+            if on_frame is not None:
+                on_frame(k + 1, len(times))
+    decided = looks.decisions() if isinstance(looks, ByTopology) else None
+    cut_ns = None if decided is None else np.array([cut["t_ns"] for cut in decided.cuts])
+    return Filmed(len(times), camera, decided, log.sheet(cut_ns))
+
+
+def pictures_of(study: OpenedStudy, trial: RecordedTrial) -> Callable[[int], Picture]:
+    """Return what gives the picture of a trial at a time, with the board that asked then."""
+
+    def shown_at(t_ns: int) -> Picture:
+        picture = picture_of(next(iter(study.views_of(trial.shown_at(t_ns)))))
+        board = board_at(trial.recording, study, trial.part, t_ns)
+        return picture if board is None else replace(picture, panels=(*picture.panels, board))
+
+    return shown_at
+
+
+def _camera(
+    camera: CameraKind | Path,
+    shot: ShotSize,
+    cuts: Cuts,
+    aspect: float,
+    start_ns: int,
+    seed: int,
+    trial: RecordedTrial,
+    shown_at: Callable[[int], Picture],
+) -> FilmCamera:
+    if isinstance(camera, Path):
+        return AsDecided(camera, aspect)
+    if camera is CameraKind.TOPOLOGY:
+        return ByTopology(style_of(shot, cuts), aspect, shown_at, trial.head_at, seed)
+    if camera is CameraKind.FOLLOW:
+        return Behind(aspect)
+    return FromViewpoint(Viewpoint(camera.value), aspect, start_ns)
+
+
+class FilmedTrial:
+    """One trial as pictures: what was shown, who stood there, and what is written over it."""
+
+    def __init__(
+        self,
+        trial: RecordedTrial,
+        shown_at: Callable[[int], Picture],
+        looks: FilmCamera,
+        overlays: Sequence[Overlay],
+        size_px: tuple[int, int],
+        log: FilmLog,
+    ) -> None:
+        self._log = log
+        self._identity: IdentityBuffer | None = None
+        self._looked_ns = -LOOK_EVERY_NS
+        self._trial, self._shown_at, self._looks = trial, shown_at, looks
+        self._overlays, self._size_px = overlays, size_px
+        self._from_eyes = isinstance(looks, FromViewpoint) and looks.view is Viewpoint.EYES
+        self._eyes = FromViewpoint(Viewpoint.EYES, size_px[0] / size_px[1], trial.span_ns[0])
+        self._stand_in = None if self._from_eyes else StandIn(trial)
+        wants = Overlay.CONTACTS in overlays
+        self._lanes = lanes_of(trial.recording, trial.part) if wants else []
+
+    def looks_from(self, renderer: Renderer) -> None:
+        """Look for the participant in identity images of this renderer."""
+        self._identity = IdentityBuffer(renderer)
+
+    def _noted(self, t_ns: int, picture: Picture, camera: Camera, head_m: Vector) -> None:
+        """Note where the camera is and, now and then, whether it sees the participant."""
+        self._log.add(t_ns, camera, head_m, picture.room, capsules(picture))
+        if self._from_eyes or self._identity is None or t_ns < self._looked_ns + LOOK_EVERY_NS:
+            return
+        self._looked_ns = t_ns
+        seen = self._identity.views(picture, [camera], LOOK_PX, level=1).person
+        share = float((seen == len(picture.cast)).mean())  # who stands in comes last
+        self._log.seen.append((t_ns, share >= SEEN_FROM_01))
+
+    def pictures(
+        self, times: list[int], image: Callable[..., npt.NDArray[np.uint8]]
+    ) -> Iterator[npt.NDArray[np.uint8]]:
+        """Yield the film's pictures."""
+        for t_ns in times:
+            head = self._trial.head_at(t_ns)
+            picture = self._shown_at(t_ns)
+            if picture.brightness_01 <= 0:
+                if picture.panels:
+                    yield image(picture, self._eyes.at(t_ns, picture, head), self._size_px)
+                else:
+                    width, height = self._size_px
+                    yield np.full((height, width, 3), DARK_PX, np.uint8)
+                continue
+            camera = self._looks.at(t_ns, picture, head)
+            if self._stand_in is not None:
+                picture = self._stand_in.in_picture(picture, t_ns, head)
+            self._noted(t_ns, picture, camera, head.position_m)
+            drawn = image(picture, camera, self._size_px)
+            if Overlay.GAZE in self._overlays:
+                drawn = self._with_gaze(drawn, camera, t_ns, head.position_m)
+            yield _listed(drawn, [lane for lane in self._lanes if lane.is_on(t_ns)])
+
+    def _with_gaze(
+        self, drawn: npt.NDArray[np.uint8], camera: Camera, t_ns: int, eyes_m: Vector
+    ) -> npt.NDArray[np.uint8]:
+        """Mark where gaze fell, from outside with its ray; nothing where it was lost."""
+        gaze = self._trial.gaze_at(t_ns)
+        if gaze is None:
+            return drawn
+        met_m = self._trial.met_m(t_ns)
+        aim = self._seen(camera, eyes_m + (GAZE_AT_M if met_m is None else met_m) * gaze)
+        if aim is None:
+            return drawn
+        marked = Image.fromarray(drawn)
+        pen = ImageDraw.Draw(marked)
+        begin = None if self._from_eyes else self._seen(camera, eyes_m + 0.12 * gaze)
+        if begin is not None:
+            pen.line((*begin, *aim), fill=RING, width=max(2, self._size_px[1] // 300))
+        if met_m is None and not self._from_eyes:
+            return np.asarray(marked)
+        radius = RING_PX * self._size_px[1] // 720 if self._from_eyes else 6
+        for r, colour in ((radius + 2, (30, 30, 30)), (radius, RING)):
+            pen.ellipse((aim[0] - r, aim[1] - r, aim[0] + r, aim[1] + r), outline=colour, width=3)
+        return np.asarray(marked)
+
+    def _seen(self, camera: Camera, place_m: Vector) -> tuple[float, float] | None:
+        """Return the pixel that shows a place; None behind the camera."""
+        own = rotate(quat_conjugate(camera.pose.orientation_wxyz), place_m - camera.pose.position_m)
+        if own[2] >= -camera.near_m:
+            return None
+        width, height = self._size_px
+        x = (own[0] / -own[2] - camera.left) / (camera.right - camera.left) * width
+        y = (camera.top - own[1] / -own[2]) / (camera.top - camera.bottom) * height
+        return float(x), float(y)
+
+
+def _listed(drawn: npt.NDArray[np.uint8], lanes: Sequence[Any]) -> npt.NDArray[np.uint8]:
+    """Write what touches or vibrates into the upper left corner."""
+    if not lanes:
+        return drawn
+    marked = Image.fromarray(drawn)
+    pen = ImageDraw.Draw(marked, "RGBA")
+    size_px = max(11, marked.height // 40)
+    font = ImageFont.load_default(size_px)
+    for k, lane in enumerate(lanes):
+        y = 8 + k * (size_px + 8)
+        _, _, right, bottom = pen.textbbox((12, y), lane.name, font=font)
+        pen.rectangle((6, y - 2, right + 6, bottom + 3), fill=(0, 0, 0, 140))
+        pen.text((12, y), lane.name, fill=COLOURS[lane.kind], font=font)
+    return np.asarray(marked)

@@ -1,0 +1,212 @@
+"""A trial on a page, drawn again: its films in time, questions below, and answers as given."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from visavis.cli.film.renderer import film_renderer
+from visavis.cli.preview.pictures import SIMULATED, labelled
+from visavis.cli.recorded_trial import factors_of, trial_row
+from visavis.films import Film
+from visavis.lab.clock import NS_PER_S
+from visavis.opened import OpenedStudy
+from visavis.page.film_store import FilmStore
+from visavis.page.seen import Question, SeenStep, seen_trial
+from visavis.recording.reader import Recording
+from visavis.stimuli.picture import Picture
+
+Pixels = npt.NDArray[np.uint8]
+FILM_SHARE: Final = 0.68
+"""Height of films as a share of the picture's, at most."""
+QUESTION_SHARE: Final = 0.125
+"""What a question with its options takes of it."""
+BACK, INK, QUIET, CHOSEN = (250, 250, 248), (30, 30, 32), (120, 122, 126), (38, 104, 173)
+TYPED: Final = "…"
+
+
+class FilmPictures:
+    """Pictures of a study's films, each made once: decoded from the file that was shown where it is
+    still there, else drawn as it was.
+    """
+
+    def __init__(self, store: FilmStore, height_px: int, image: Callable[..., Pixels]) -> None:
+        self.store, self._height_px, self._image = store, height_px, image
+        self._scenes: dict[Film, list[Picture]] = {}
+        self._made: dict[tuple[Film, int], Pixels] = {}
+
+    def size_px(self, film: Film) -> tuple[int, int]:
+        """Return width and height of a film's pictures here."""
+        height = min(self._height_px, film.size_px[1])
+        return max(1, round(height * film.size_px[0] / film.size_px[1])), height
+
+    def at(self, film: Film, seconds: float) -> Pixels:
+        """Return the picture that a film shows at a moment of it."""
+        k = min(int(seconds * film.rate_hz + 1e-6), film.frame_count - 1)
+        if (film, k) not in self._made:
+            if film not in self._scenes and not self._decoded(film):
+                self._scenes[film] = list(self.store.pictures(film))
+            if film in self._scenes:
+                picture, camera = self._scenes[film][k], self.store.cameras(film)[k]
+                self._made[film, k] = self._image(picture, camera, self.size_px(film))
+        return self._made[film, k]
+
+    def _decoded(self, film: Film) -> bool:
+        """Take the pictures of the film's file; tell whether it is there, and whole."""
+        found = self.store.file_of(film)
+        if found is None:
+            return False
+        import av
+
+        with av.open(str(found.path)) as container:
+            frames = [
+                Image.fromarray(f.to_ndarray(format="rgb24")) for f in container.decode(video=0)
+            ]
+        if len(frames) < film.frame_count:
+            return False
+        for k, frame in enumerate(frames):
+            self._made[film, k] = np.asarray(frame.resize(self.size_px(film)))
+        return True
+
+
+def write_page_film(
+    study: OpenedStudy,
+    recording: Recording,
+    trial_id: str,
+    video: Path,
+    *,
+    clock: bool = True,
+    size_px: tuple[int, int] = (960, 540),
+    rate_hz: int = 25,
+    seconds: float | None = None,
+    on_frame: Callable[[int, int], None] | None = None,
+) -> int:
+    """Write the film of a trial on a page; return the number of pictures.
+
+    Raises:
+        UsageError: the session has no such trial.
+        StageError: the film cannot be written, or nothing draws here.
+    """
+    from visavis.stage.movie import open_movie
+
+    def times_of(start_ns: int, end_ns: int) -> list[int]:
+        if seconds is not None:
+            end_ns = min(end_ns, start_ns + round(seconds * NS_PER_S))
+        return list(range(start_ns, end_ns, NS_PER_S // rate_hz)) or [start_ns]
+
+    label = page_label(recording, trial_id)
+    done = 0
+    with open_movie(video, size_px, rate_hz) as movie:
+        for passed_s, image, n in page_pictures(study, recording, trial_id, times_of, size_px):
+            told = f"{label}  {passed_s:.1f} s" if clock else label
+            movie.add(np.asarray(labelled(image, told)))
+            done += 1
+            if on_frame is not None:
+                on_frame(done, n)
+    return done
+
+
+def page_label(recording: Recording, trial_id: str) -> str:
+    """Return what stands under pictures of a trial."""
+    row = trial_row(recording, trial_id)
+    factors = ", ".join(str(row[name]) for name in factors_of(recording, trial_id))
+    label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
+    return f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
+
+
+def page_pictures(
+    study: OpenedStudy,
+    recording: Recording,
+    trial_id: str,
+    times_of: Callable[[int, int], Sequence[int]],
+    size_px: tuple[int, int],
+) -> Iterator[tuple[float, Pixels, int]]:
+    """Yield what a trial's page showed, seconds from its begin, picture, and how many there will
+    be, at the session times that `times_of` chooses between its begin and end.
+
+    Raises:
+        UsageError: the session has no such trial.
+        StageError: nothing draws here.
+    """
+    seen = seen_trial(study, recording, trial_row(recording, trial_id))
+    start_ns, end_ns = seen.span_ns
+    times = times_of(start_ns, end_ns)
+    with film_renderer() as renderer:
+        share = film_share(max((len(step.questions) for step in seen.steps), default=0))
+        films = FilmPictures(seen.store, round(share * size_px[1]), renderer.image)
+        for t_ns in times:
+            image = page_picture(seen.step_at(t_ns), t_ns, films, size_px)
+            yield (t_ns - start_ns) / NS_PER_S, image, len(times)
+
+
+def film_share(questions: int) -> float:
+    """Return the height of films, as a share of the picture's, that leaves room for questions."""
+    return max(0.2, min(FILM_SHARE, 0.805 - QUESTION_SHARE * questions))
+
+
+def page_picture(
+    step: SeenStep | None, t_ns: int, films: FilmPictures, size_px: tuple[int, int]
+) -> Pixels:
+    """Return what a page showed at a time, laid out as the page does: caption, films, questions."""
+    width, height = size_px
+    page = Image.new("RGB", size_px, BACK)
+    if step is None:
+        return np.asarray(page)
+    pen = ImageDraw.Draw(page)
+    font = ImageFont.load_default(max(11, height // 28))
+    pen.text((width / 2, 0.045 * height), step.caption, INK, font, anchor="mm")
+    shown = [
+        films.at(film, step.film_time_s(film, t_ns))
+        for film in (step.films[place] for place in step.films)
+        if t_ns >= step.films_on_ns
+    ]
+    gap = width // 60
+    x = (width - sum(i.shape[1] for i in shown) - gap * (len(shown) - 1)) // 2
+    for image in shown:
+        page.paste(Image.fromarray(image), (x, round(0.085 * height)))
+        x += image.shape[1] + gap
+    tall = max((image.shape[0] for image in shown), default=0)
+    y = 0.13 * height + tall if step.films else 0.3 * height
+    for question in step.questions:
+        y = _asked(pen, font, question, t_ns, y, width)
+    return np.asarray(page)
+
+
+def _asked(
+    pen: ImageDraw.ImageDraw, font: Any, question: Question, t_ns: int, y: float, width: int
+) -> float:
+    """Write a question and its options; return where the next one begins."""
+    line = 1.35 * float(font.size)
+    pen.text((width / 2, y), question.prompt, INK, font, anchor="mm")
+    is_given = question.answered_ns is not None and t_ns >= question.answered_ns - MARK_NS
+    labels = [label for _, label in question.options]
+    chosen = [value == question.answer and is_given for value, _ in question.options]
+    if not labels:
+        labels, chosen = [question.answer or "" if is_given else TYPED], [is_given]
+    small = _fitting(pen, labels, width, font)
+    widths = [pen.textlength(label, small) + 1.6 * small.size for label in labels]
+    x = (width - sum(widths)) / 2
+    for label, wide, lit in zip(labels, widths, chosen, strict=True):
+        box = (x + 3, y + 0.75 * line, x + wide - 3, y + 1.85 * line)
+        pen.rounded_rectangle(box, 5, CHOSEN if lit else None, CHOSEN if lit else QUIET)
+        pen.text((x + wide / 2, y + 1.3 * line), label, BACK if lit else INK, small, anchor="mm")
+        x += wide
+    return y + 2.6 * line
+
+
+MARK_NS: Final = NS_PER_S // 2
+"""A page goes on with the answer: it is marked this much before, so that it can be seen."""
+
+
+def _fitting(pen: ImageDraw.ImageDraw, labels: Sequence[str], width: int, font: Any) -> Any:
+    """Return a font in which labels stand side by side."""
+    size = font.size
+    while size > 7:
+        small = ImageFont.load_default(size)
+        if sum(pen.textlength(t, small) + 1.6 * size for t in labels) < 0.96 * width:
+            return small
+        size -= 1
+    return ImageFont.load_default(size)

@@ -1,0 +1,26 @@
+"""Draws films and pages off the screen."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from visavis.stage.renderer import Quality, Renderer
+
+
+@contextmanager
+def film_renderer(on_processor: "Quality | None" = None) -> "Iterator[Renderer]":
+    """Open a renderer; where a processor draws, of that quality, or without the smoothing that
+    takes it so long.
+    """
+    from visavis.stage.context import draws_on_processor, offscreen_context, release_offscreen
+    from visavis.stage.renderer import Quality, Renderer
+
+    context = offscreen_context()
+    try:
+        lighter = Quality(samples=0) if on_processor is None else on_processor
+        quality = lighter if draws_on_processor(context) else Quality()
+        with Renderer(context, quality=quality) as renderer:
+            yield renderer
+    finally:
+        release_offscreen(context)

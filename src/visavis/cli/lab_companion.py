@@ -1,0 +1,72 @@
+"""What the command line lets go along with a session: LSL streams, and the doctor's note."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from visavis.cli.doctor.findings import Finding
+from visavis.cli.doctor.report import save_with_session
+from visavis.cli.lab_recorder import LabRecorder
+from visavis.devices.contracts import Device
+from visavis.recording.writer import Recorder
+from visavis.sessions.perform import Request
+
+
+class LabCompanion:
+    """Follow `visavis.sessions.perform.Companion`; `warn` hears what did not end as it should.
+
+    `station` is how the computer kept time before the session, kept with the doctor's note.
+    """
+
+    def __init__(
+        self, warn: Callable[[str], None] = lambda _: None, station: tuple[Finding, ...] = ()
+    ) -> None:
+        self._warn = warn
+        self._station = station
+        self._lab_recorder: LabRecorder | None = None
+
+    def recorder(self, request: Request, part_dir: Path, *, is_simulated: bool) -> Recorder | None:
+        """Return one that streams to LSL too, where the lab wants that."""
+        if not request.config.sync.lsl:
+            return None
+        from visavis.cli.lsl_announcer import AnnouncingRecorder, scope_of, set_scope
+
+        set_scope(scope_of(request.config.sync))
+        return AnnouncingRecorder(part_dir, request.clock, is_simulated=is_simulated)
+
+    def opened(
+        self,
+        request: Request,
+        part_dir: Path,
+        devices: Mapping[str, Device],
+        recorder: Recorder,
+        *,
+        is_simulated: bool,
+    ) -> None:
+        """Announce the open devices' streams, and keep what the doctor says of them."""
+        if request.config.sync.lsl:
+            from visavis.cli.lsl_announcer import AnnouncingRecorder, scope_of
+
+            assert isinstance(recorder, AnnouncingRecorder)  # noqa: S101 - made above, for this
+            recorder.announce(
+                devices,
+                scope_of(request.config.sync),
+                source=f"{request.study.name}-{request.participant_label}-{request.session:03d}",
+                is_simulated=is_simulated,
+            )
+        if request.config.sync.lab_recorder:
+            self._lab_recorder = LabRecorder(request.config.sync.lab_recorder)
+            part = int(part_dir.name.rpartition("-")[2])
+            self._lab_recorder.start(
+                study=request.study.name,
+                participant=request.participant_label,
+                session=request.session,
+                part=part,
+            )
+            recorder.event("lab_recorder_start", request.clock.now_ns(), part=part)
+        save_with_session(part_dir, request.config, request.clock, devices, self._station)
+
+    def closed(self) -> None:
+        """End LabRecorder's file after ours: it has what we recorded last."""
+        if self._lab_recorder is not None and (trouble := self._lab_recorder.stop()):
+            self._warn(trouble)
+        self._lab_recorder = None

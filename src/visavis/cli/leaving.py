@@ -1,0 +1,56 @@
+"""What a command makes of recorded sessions: of whole recordings, for its owner alone, registered.
+
+A film, a page or a picture of a session is a copy of a person's data as any export is: a withdrawal
+finds it by the study's register.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from visavis.cli.app import say, verbatim
+from visavis.lab.clock import SystemClock
+from visavis.lab.errors import LedgerError
+from visavis.protocol.exports_register import register_export
+from visavis.recording.durable import protect_files
+from visavis.recording.manifest import read_manifest
+from visavis.sessions.damage import counted_damage, describe, require_intact
+from visavis.sessions.study_check import is_study
+
+RISK = (
+    "movements of head and body identify people even without a name (Nair et al. 2023, of 55,000 "
+    "people 94 % from 100 s): share them only as your consent form says"
+)
+
+
+def require_whole(session: Path, *, accept: bool) -> None:
+    """Verify every file of a session before something is made of it; say what is missing.
+
+    Raises:
+        DataError: a file is damaged, and that was not accepted.
+    """
+    damaged = require_intact([session], accept=accept)
+    if damaged:
+        say(f"[yellow]{verbatim(counted_damage(damaged, 1))}:\n{verbatim(describe(damaged))}[/]")
+
+
+def leave(
+    what: str,
+    sessions: Sequence[Path],
+    where: Path,
+    files: Iterable[Path],
+    *,
+    tells_risk: bool = True,
+) -> None:
+    """Protect files just made of sessions of one study below `where`, and register them there."""
+    written = tuple(files)
+    protect_files(written)
+    study = sessions[0].resolve().parent.parent
+    manifests = [read_manifest(session) for session in sessions]
+    labels = sorted({manifest.participant for manifest in manifests})
+    if is_study(study):
+        try:
+            register_export(study, SystemClock(), what, where, labels, written)
+        except LedgerError as error:  # an archive that only can be read
+            say(f"[yellow]{verbatim(error)}[/]")
+    if tells_risk and not all(manifest.is_simulated for manifest in manifests):
+        say(f"[yellow]{RISK}[/]")

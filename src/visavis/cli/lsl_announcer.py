@@ -1,0 +1,144 @@
+"""Send what a session records to Lab Streaming Layer as well, where the lab's `sync` says so."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from visavis.devices.contracts import ClockPair, Device
+from visavis.devices.drivers.lsl.outlet import LslOutlets, LslScope
+from visavis.lab.clock import Clock
+from visavis.lab.clock_fit import latest_quick, offset_ns
+from visavis.lab.config import Sync
+from visavis.lab.errors import DeviceNotFound
+from visavis.lab.schema import SampleBatch, StreamSchema
+from visavis.recording.summary import PartSummary
+from visavis.recording.writer import REAL_TIME_BATCH_NS, CloseStatus, Recorder
+
+OWN_NAMES = ("name", "t_ns")
+
+
+class AnnouncingRecorder(Recorder):
+    """A recorder whose devices' streams, events and trials also leave through LSL.
+
+    LSL hears of a sample after the recording has it, and never keeps the recording from anything:
+    the outlets hold no queue of ours. Give `announce` the streams once the devices are open.
+    """
+
+    def __init__(self, part_dir: Path, clock: Clock, *, is_simulated: bool) -> None:
+        super().__init__(
+            part_dir,
+            clock,
+            threaded=True,
+            max_batch_ns=REAL_TIME_BATCH_NS,
+            is_simulated=is_simulated,
+        )
+        self._session_clock = clock
+        self._outlets: LslOutlets | None = None
+        self._role_of: dict[str, str] = {}
+        self._declared: dict[str, StreamSchema] = {}
+
+    def announce(
+        self,
+        devices: Mapping[str, Device],
+        scope: LslScope,
+        *,
+        source: str,
+        is_simulated: bool,
+        lsl: Any = None,
+    ) -> None:
+        """Announce the devices' declared streams; `lsl` is the library, given in tests.
+
+        Raises:
+            DeviceNotFound: LSL's library is not installed.
+        """
+        streams = {
+            role: [s for s in self._declared.values() if _is_of(role, device, s)]
+            for role, device in devices.items()
+        }
+        self._role_of = {s.name: role for role, listed in streams.items() for s in listed}
+        self._outlets = LslOutlets(
+            streams,
+            scope,
+            self._session_clock,
+            source=source,
+            is_simulated=is_simulated,
+            offset_of=_Offsets(devices).of,
+            lsl=lsl,
+        )
+
+    def declare(self, schema: StreamSchema) -> None:
+        """Create the file of a stream, and keep its shape for the announcement."""
+        super().declare(schema)
+        self._declared[schema.name] = schema
+
+    def append(self, batch: SampleBatch) -> None:
+        """Record a batch, then send it."""
+        super().append(batch)
+        role = self._role_of.get(batch.schema.name)
+        if role is not None and self._outlets is not None:
+            self._outlets.take(role, batch)
+
+    def event(self, name: str, t_ns: int, /, **payload: Any) -> None:
+        """Record an event, then send it; a detail named like LSL's own fields gets a dash below."""
+        super().event(name, t_ns, **payload)
+        if self._outlets is not None:
+            self._outlets.event(name, int(t_ns), **_told(payload))
+
+    def trial(self, row: Mapping[str, Any]) -> None:
+        """Record a trial's row, then send it as an event."""
+        super().trial(row)
+        if self._outlets is not None:
+            self._outlets.event("trial", self._session_clock.now_ns(), **_told(row))
+
+    def close(self, status: CloseStatus) -> PartSummary:
+        """Withdraw the streams and end every file."""
+        if self._outlets is not None:
+            self._outlets.close()
+            self._outlets = None
+        return super().close(status)
+
+
+class _Offsets:
+    """Host-minus-device offsets by role, fitted anew when a device has exchanged times again."""
+
+    def __init__(self, devices: Mapping[str, Device]) -> None:
+        self._devices = devices
+        self._known: dict[str, tuple[ClockPair, int]] = {}
+
+    def of(self, role: str) -> int | None:
+        pairs = self._devices[role].clock_pairs()
+        if not pairs:
+            return None
+        if role not in self._known or self._known[role][0] != pairs[-1]:
+            self._known[role] = (pairs[-1], offset_ns(latest_quick(pairs)))
+        return self._known[role][1]
+
+
+def scope_of(sync: Sync) -> LslScope:
+    """Return who may meet: LSL's default session, which LabRecorder sees, or the lab's own."""
+    return LslScope(sync.session_id, machine_only=sync.this_computer_only)
+
+
+def set_scope(scope: LslScope) -> None:
+    """Tell LSL's library its scope before any device uses it: it listens once per process.
+
+    Raises:
+        DeviceNotFound: the library is not installed.
+    """
+    try:
+        import pylsl
+    except (ImportError, RuntimeError) as cause:  # RuntimeError: liblsl itself is missing
+        raise DeviceNotFound(
+            "sync.lsl is on, but the library pylsl cannot be loaded",
+            remedy="run: pip install 'visavis[lsl]', or set sync.lsl to false",
+        ) from cause
+    if configuration := scope.configuration():
+        pylsl.set_config_content(configuration)
+
+
+def _is_of(role: str, device: Device, schema: StreamSchema) -> bool:
+    return any(schema.name in (own.name, f"{own.name}_{role}") for own in device.describe())
+
+
+def _told(payload: Mapping[str, Any]) -> dict[str, Any]:
+    return {f"{k}_" if k in OWN_NAMES else k: v for k, v in payload.items()}

@@ -1,0 +1,123 @@
+"""The `visavis` command."""
+
+import _thread
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Any, NoReturn
+
+from visavis.cli.app import app, errors
+from visavis.lab.errors import LabError, UsageError
+
+EXIT_INTERRUPTED = 130
+EXIT_INTERNAL = 1
+AGAIN_S = 0.02
+OURS = (
+    "analysis",
+    "cli",
+    "devices",
+    "experiments",
+    "lab",
+    "protocol",
+    "recording",
+    "stage",
+    "stimuli",
+    "visavis",
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command; errors of ours become one message and their exit code."""
+    signal.signal(signal.SIGTERM, _terminate)
+    sys.unraisablehook = interrupting_again(sys.unraisablehook)
+    try:
+        app(args=None if arguments is None else list(arguments), standalone_mode=True)
+    except LabError as error:
+        errors.print(f"[bold red]error[/]  {_escaped(str(error))}", highlight=False, soft_wrap=True)
+        sys.exit(error.exit_code)
+    except Exception as error:
+        if _was_interrupted(error):
+            _say_interrupted()
+        place = in_study_file(error)
+        if place:
+            from visavis.slips import in_words
+
+            told = f"{place}: {in_words(error)}"
+            errors.print(f"[bold red]error[/]  {_escaped(told)}", highlight=False, soft_wrap=True)
+            sys.exit(UsageError.exit_code)
+        errors.print_exception(max_frames=12)
+        errors.print(
+            "[bold red]internal error[/]  this is a defect in Visavis, not of yours. Everything "
+            "finished is on disk; `visavis resume` goes on with an interrupted session."
+        )
+        sys.exit(EXIT_INTERNAL)
+    except KeyboardInterrupt:
+        _say_interrupted()
+
+
+def _say_interrupted() -> NoReturn:
+    errors.print("[yellow]interrupted[/]; everything finished is kept")
+    sys.exit(EXIT_INTERRUPTED)
+
+
+def in_study_file(error: BaseException) -> str:
+    """Return file, line and function of a study file in which an error arose, "" elsewhere.
+
+    It is the study's when nothing of ours lies deeper: errors of NumPy and pandas come from what
+    the study called.
+    """
+    from visavis.slips import MODULE_OF_STUDY  # late: help needs none of it
+
+    place, trace = "", error.__traceback__
+    while trace is not None:
+        frame = trace.tb_frame
+        module = str(frame.f_globals.get("__name__", ""))
+        if module.startswith(MODULE_OF_STUDY):
+            place = f"{frame.f_code.co_filename}, line {trace.tb_lineno} in {frame.f_code.co_name}"
+        elif module.split(".")[0] in OURS and frame.f_code.co_name != "__getattr__":
+            place = ""
+        trace = trace.tb_next
+    return place
+
+
+def _was_interrupted(error: BaseException) -> bool:
+    """Tell whether an error comes of an interruption inside compiled code, which wraps it."""
+    cause = error.__cause__ if isinstance(error, SystemError) else None
+    return isinstance(cause, KeyboardInterrupt)
+
+
+def _terminate(signum: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def interrupting_again(otherwise: Callable[[Any], Any]) -> Callable[[Any], None]:
+    """Return a hook for exceptions that nobody can catch; others than interruptions go on.
+
+    A signal that arrives while a library calls back into Python (numba does as it loads compiled
+    code) raises where the exception is dropped: then the signal is sent anew a little later.
+    """
+
+    def hook(unraisable: Any) -> None:
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            threading.Timer(AGAIN_S, _interrupt_main).start()
+        else:
+            otherwise(unraisable)
+
+    return hook
+
+
+def _interrupt_main() -> None:
+    if hasattr(signal, "pthread_kill"):  # which wakes what waits, too
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
+    else:
+        _thread.interrupt_main(signal.SIGTERM)
+
+
+def _escaped(text: str) -> str:
+    return text.replace("[", r"\[")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,232 @@
+"""What a trial shows, frame by frame: a simulated participant performs it on the virtual clock.
+
+The trial is performed as a session would, with its devices and its time before the trial, but
+without calibration; nothing is kept of the recording.
+"""
+
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from visavis.experiment import StudyExperiment
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.config import LabConfig
+from visavis.lab.errors import UsageError
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose
+from visavis.opened import OpenedStudy
+from visavis.protocol.experiment import Experiment
+from visavis.protocol.plan import SessionPlan, Trial
+from visavis.recording.kept import KeptRecording
+from visavis.sessions.perform import Request, of_no_session, perform_new, simulated_request
+from visavis.stage.contracts import GeometryStage, Stage, Viewer
+from visavis.stimuli.scene import SceneFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """One frame: what was shown, when its light left the display, where the head was."""
+
+    view: SceneFrame
+    t_ns: int
+    head: Pose
+
+
+def is_lit(view: SceneFrame) -> bool:
+    """Tell whether anything but boards can be seen."""
+    return view.scene.brightness_01 > 0
+
+
+def has_board(view: SceneFrame) -> bool:
+    """Tell whether a question is put."""
+    return bool(getattr(view, "panels", ()))
+
+
+class _EnoughError(Exception):
+    """Ends a performance of which nothing more is wanted."""
+
+
+class _Watching(GeometryStage):
+    """A stage that draws nothing and keeps what it was asked to show, from light to darkness."""
+
+    def __init__(
+        self, viewers: Sequence[Viewer], frames: list[Seen], enough: Callable[[], bool]
+    ) -> None:
+        super().__init__(viewers)
+        self._frames, self._enough = frames, enough
+        self._dark: list[Seen] = []
+
+    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
+        """Keep the frame and tell every viewer."""
+        if self._enough():
+            raise _EnoughError
+        self._dark.append(Seen(view, frame.predicted_display_ns, head))
+        if is_lit(view) or (self._frames and has_board(view)):
+            self._frames += self._dark if self._frames else self._dark[-1:]
+            self._dark.clear()
+        return super().draw(view, frame, head)
+
+
+@dataclass(frozen=True, eq=False)
+class _FewTrials(StudyExperiment):
+    """An experiment whose plan has only these trials, without calibration."""
+
+    trial_ids: frozenset[str] = frozenset()
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return the plan with those trials alone."""
+        plan = super().plan(participant_index, seed, group)
+        blocks = tuple(
+            replace(
+                block,
+                trials=tuple(t for t in block.trials if t.trial_id in self.trial_ids),
+                questionnaires=(),
+                calibrate=False,
+            )
+            for block in plan.blocks
+            if any(t.trial_id in self.trial_ids for t in block.trials)
+        )
+        return replace(plan, blocks=blocks, questionnaires=())
+
+
+def trial_of(experiment: Experiment, number: int, index: int, seed: int, group: str = "") -> Trial:
+    """Return a trial of somebody's plan by its number; 0 is the first practice trial.
+
+    Raises:
+        UsageError: the plan has no such trial.
+    """
+    trials = experiment.plan(index, seed, group).trials
+    wanted = [t for t in trials if t.is_practice] if number == 0 else trials
+    for trial in wanted:
+        if number == 0 or (not trial.is_practice and trial.number == number):
+            return trial
+    last = max((t.number for t in trials if not t.is_practice), default=0)
+    raise UsageError(f"there is no trial {number}; the plan has 1 to {last}, and 0 for practice")
+
+
+class Capture:
+    """A trial of somebody's plan, and `following` more, to be performed; `frames` grow while it
+    is. `index` counts people from 0; without an `experiment` the study is as it stands.
+
+    Raises:
+        UsageError: the plan has no such trial.
+    """
+
+    def __init__(
+        self,
+        study: OpenedStudy,
+        config: LabConfig,
+        *,
+        number: int,
+        index: int,
+        seed: int,
+        group: str = "",
+        following: int = 0,
+        experiment: StudyExperiment | None = None,
+    ) -> None:
+        self._study, self._config, self._index, self._seed = study, config, index, seed
+        self._group = group
+        self._experiment = study.experiment({}) if experiment is None else experiment
+        self.trial = trial_of(self._experiment, number, index, seed, group)
+        planned = self._experiment.plan(index, seed, group).trials
+        first = planned.index(self.trial)
+        self._wanted = frozenset(t.trial_id for t in planned[first : first + 1 + following])
+        self.frames: list[Seen] = []
+        self.is_whole = False
+        self._left = threading.Event()
+
+    def perform(self, until_s: float | None = None) -> list[Seen]:
+        """Perform the trial, or its first `until_s` seconds of light; return its frames."""
+
+        def enough() -> bool:
+            if self._left.is_set():
+                return True
+            if until_s is None or not self.frames:
+                return False
+            return self.frames[-1].t_ns - self.frames[0].t_ns >= until_s * NS_PER_S
+
+        with tempfile.TemporaryDirectory(prefix="preview") as folder:
+
+            def stage_for(viewers: Sequence[Viewer]) -> Stage:
+                return _Watching(viewers, self.frames, enough)
+
+            try:
+                asked = self._request(Path(folder))
+                with of_no_session():
+                    perform_new(replace(asked, stage_for=stage_for, on="lab"))
+            except _EnoughError:
+                return self.frames
+        self.is_whole = True
+        return self.frames
+
+    @contextmanager
+    def on_page(self) -> Iterator[KeptRecording]:
+        """Perform the trial on a page; its recording is there until the context ends."""
+        with tempfile.TemporaryDirectory(prefix="preview") as folder:
+            request = self._request(Path(folder))
+            yield KeptRecording(perform_new(replace(request, on="browser")))
+
+    def _request(self, folder: Path) -> Request:
+        return simulated_request(
+            self._study,
+            _FewTrials(self._experiment.study, self._experiment.overrides, self._wanted),
+            self._config.model_copy(update={"data_root": folder}),
+            label=f"{self._index:02d}",
+            index=self._index,
+            seed=self._seed,
+            group=self._group,
+        )
+
+    def leave(self) -> None:
+        """Perform no further; for another thread than the one that performs."""
+        self._left.set()
+
+
+class Meanwhile:
+    """Performs a trial in a thread of its own while the frames that exist are shown."""
+
+    def __init__(self, capture: Capture) -> None:
+        self.capture = capture
+        self._problem: Exception | None = None
+        self._news = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="preview", daemon=True)
+
+    def __enter__(self) -> "Meanwhile":
+        """Begin, and wait for the first frame."""
+        self._thread.start()
+        while not self.capture.frames and self._thread.is_alive():
+            self._thread.join(0.01)
+        self.check()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.capture.leave()
+        self._thread.join()
+
+    def check(self) -> None:
+        """Raise what the performance ended with, if it failed."""
+        if self._problem is not None:
+            raise self._problem
+
+    def _run(self) -> None:
+        try:
+            self.capture.perform()
+        except Exception as problem:  # handed to the thread that shows
+            self._problem = problem
+
+
+def spread(frames: Sequence[Seen], rate_hz: int, most_s: float) -> list[Seen]:
+    """Return one frame for every picture of a film of `rate_hz`, at most `most_s` long."""
+    if not frames:
+        return []
+    start, step = frames[0].t_ns, NS_PER_S // rate_hz
+    until = min(frames[-1].t_ns, start + round(most_s * NS_PER_S))
+    chosen, k = [], 0
+    for t in range(start, until + 1, step):
+        while k + 1 < len(frames) and frames[k + 1].t_ns <= t:
+            k += 1
+        chosen.append(replace(frames[k], t_ns=t))
+    return chosen

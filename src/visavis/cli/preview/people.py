@@ -1,0 +1,78 @@
+"""A close-up of everybody in the cast, from conversation distance."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image
+
+from visavis.cli.preview.pictures import contact_sheet, face_camera, framed, labelled, looking
+from visavis.lab.geometry import Vector, unit
+from visavis.stage.stills import Stills
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.dressing.casting import build_of
+from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.kinds import Idle
+from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.picture import Picture
+from visavis.stimuli.rooms.portrait import portrait_studio
+
+TURNED_DEG = 32.0
+COLUMNS = 6
+FRAME_M = 0.42
+"""What is shown round a face, from side to side."""
+TILE_PX = 240
+
+
+def people_sheet(size_px: tuple[int, int], people: Sequence[Character]) -> Image.Image:
+    """Return faces from the front and turned, each `size_px`, with their names."""
+    tiles = []
+    with Stills() as stills:
+        for character in people:
+            for yaw_deg in (0.0, TURNED_DEG):
+                picture, eyes_m = portrait(character, yaw_deg)
+                camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1])
+                image = stills.image(picture, camera, size_px)
+                tiles.append(labelled(image, f"{character.name}, {character.stature_m:.2f} m"))
+    return contact_sheet(tiles, "everybody at 1.1 m, looking at the camera", COLUMNS)
+
+
+def distance_sheet(
+    people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
+) -> Image.Image:
+    """Return faces as a display of so many pixels a degree shows them, enlarged: a row for each, or
+    several in a row where distances are few.
+    """
+    tiles = []
+    with Stills() as stills:
+        for character in people:
+            picture, eyes_m = portrait(character, 0.0)
+            for distance_m in distances_m:
+                at = eyes_m + distance_m * np.array([0.0, 0.04, 1.0])
+                half = FRAME_M / 2 / distance_m
+                camera = framed(looking(at, eyes_m - at), half, 1.0)
+                side_px = max(round(2 * float(np.degrees(np.arctan(half))) * px_per_deg), 8)
+                image = stills.image(picture, camera, (side_px, side_px))
+                shown = Image.fromarray(np.asarray(image)).resize(
+                    (TILE_PX, TILE_PX), Image.Resampling.NEAREST
+                )
+                label = f"{character.name}  {distance_m:g} m"
+                tiles.append(labelled(np.asarray(shown), label))
+    title = f"faces as {px_per_deg:g} pixels a degree show them"
+    in_a_row = max(COLUMNS // len(distances_m), 1)
+    return contact_sheet(tiles, title, in_a_row * len(distances_m))
+
+
+def portrait(character: Character, yaw_deg: float) -> tuple[Picture, Vector]:
+    """Return a character who stands and looks at a camera `yaw_deg` to the side of its nose, and
+    the middle (3,) of its eyes.
+    """
+    person = Person(build_of(character), Idle(), 7, (0.0, 0.0, 0.0), 180.0)
+    motion = PeopleMotion((person,))
+    angle = np.radians(yaw_deg)
+    towards = unit(np.array([np.sin(angle), 0.04, np.cos(angle)]))
+    people = motion.at(1.0, Aimed(towards[None], np.ones(1)))
+    placed = forward(character.skeleton, people.root_m[0], people.orientation_wxyz[0])
+    sides = [character.skeleton.index(f"{side}_eye") for side in ("left", "right")]
+    eyes_m = placed.position_m[sides].mean(axis=0)
+    return Picture(0, portrait_studio(), (character,), people), eyes_m

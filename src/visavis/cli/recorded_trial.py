@@ -1,0 +1,116 @@
+"""One recorded trial: its streams, and what was shown and measured at any time of it."""
+
+import bisect
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Pose, Vector
+from visavis.protocol.shown import Shown, of_part, shown_in
+from visavis.recording.reader import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTrial:
+    """The streams of one trial's part, and when it was."""
+
+    recording: Recording
+    part: int
+    row: dict[str, Any]
+    frames: dict[str, Any]
+    head: dict[str, Any]
+    gaze: dict[str, Any] | None
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """When the trial began and ended, in session time of its part."""
+        return int(self.row["t_start_ns"]), int(self.row["t_end_ns"])
+
+    def head_at(self, t_ns: int) -> Pose:
+        """Return the last valid head pose up to a time."""
+        known = np.flatnonzero(self.head["valid"] & (self.head["t_host_ns"] <= t_ns))
+        i = int(known[-1]) if len(known) else 0
+        return Pose(
+            self.head["position_m"][i].astype(np.float64),
+            self.head["orientation_wxyz"][i].astype(np.float64),
+        )
+
+    def gaze_at(self, t_ns: int) -> Vector | None:
+        """Return the direction of gaze in world then; None where it was lost."""
+        i = self._gaze_row(t_ns)
+        if self.gaze is None or i is None:
+            return None
+        found: Vector = self.gaze["direction_world"][i].astype(np.float64)
+        return found
+
+    def met_m(self, t_ns: int) -> float | None:
+        """Return how far from the eyes gaze met somebody's head then; None where it met nobody."""
+        i = self._gaze_row(t_ns)
+        if self.gaze is None or i is None or (hit := int(self.gaze["hit"][i])) < 0:
+            return None
+        agents = self.shown_at(t_ns).scene.agents
+        if hit >= len(agents):
+            return None
+        head = agents[hit]
+        apart_m = float(np.linalg.norm(head.head_centre_m - self.gaze["origin_world_m"][i]))
+        return max(0.1, apart_m - head.head_radius_m)
+
+    def _gaze_row(self, t_ns: int) -> int | None:
+        """Return the row of the last sample up to a time; None where gaze was lost."""
+        if self.gaze is None or not len(self.gaze["t_sample_ns"]):
+            return None
+        i = max(0, bisect.bisect_right(self.gaze["t_sample_ns"], t_ns) - 1)
+        return i if self.gaze["valid"][i] else None
+
+    def shown_at(self, t_ns: int) -> Shown:
+        """Return what was shown at a time."""
+        at = max(0, bisect.bisect_right(self.frames["t_host_ns"], t_ns) - 1)
+        head = self.head_at(t_ns)
+        return shown_in(
+            self.recording, self.part, int(self.frames["frame_index"][at]), t_ns, head.position_m
+        )
+
+
+def recorded_trial(recording: Recording, trial_id: str) -> RecordedTrial:
+    """Return the last attempt at a trial.
+
+    Raises:
+        UsageError: the session has no such trial.
+    """
+    row = trial_row(recording, trial_id)
+    part = int(row["recording_part"])
+    names = recording.stream_names
+    return RecordedTrial(
+        recording,
+        part,
+        row,
+        of_part(recording, "frames", part),
+        of_part(recording, "head", part),
+        _in_order(of_part(recording, "gaze_targets", part)) if "gaze_targets" in names else None,
+    )
+
+
+def _in_order(gaze: dict[str, Any]) -> dict[str, Any]:
+    """Return gaze whose samples are no later than they arrived, as a clock's slip says."""
+    return {**gaze, "t_sample_ns": np.minimum(gaze["t_sample_ns"], gaze["t_host_ns"])}
+
+
+def trial_row(recording: Recording, trial_id: str) -> dict[str, Any]:
+    """Return the row of the last attempt at a trial; raises as `recorded_trial`."""
+    rows = recording.trials()
+    mine = rows[rows["trial_id"] == trial_id] if "trial_id" in rows else rows[:0]
+    if not len(mine):
+        known = ", ".join(dict.fromkeys(map(str, rows.get("trial_id", ()))))
+        raise UsageError(f"{recording.path} has no trial {trial_id}; it has {known or 'none'}")
+    return {str(k): v for k, v in mine.iloc[-1].to_dict().items()}
+
+
+def factors_of(recording: Recording, trial_id: str) -> tuple[str, ...]:
+    """Return the names of a trial's factors, as planned."""
+    for block in recording.manifest.plan.get("blocks", ()):
+        for trial in block["trials"]:
+            if trial["trial_id"] == trial_id:
+                return tuple(trial["factors"])
+    return ()

@@ -1,0 +1,327 @@
+"""Draw a frame of a recording again, from what the recording alone says."""
+
+import bisect
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.experiment import StudyExperiment
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.errors import DataError, UsageError
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose
+from visavis.opened import OpenedStudy, overrides_of
+from visavis.protocol.plan import Trial
+from visavis.protocol.shown import Shown, of_part, shown_in
+from visavis.recording.kept import KeptRecording
+from visavis.recording.reader import Recording
+from visavis.responses import Keys
+from visavis.sessions.study_folder import study_of_folder
+from visavis.stage.drawn_stage import Display, DrawnStage, default_views
+from visavis.stage.frame_truth import read_views
+from visavis.stage.own_body import OwnBody
+from visavis.stage.renderer import Image, Renderer
+from visavis.stage.stills import made_small, still_quality
+from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.panels import SIZE_M, PanelFrame, placed_before
+from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import SceneFrame
+from visavis.trial import TrialScript, is_on_board
+
+UNDRAWN_PX: Final = (720, 800)
+MARKED_NS: Final = NS_PER_S // 2
+"""How long before it was given a film marks an answer, so that it can be seen."""
+FIRST_SAMPLES, LAST_SAMPLES = 3, 3
+"""How many samples of a tracker may have been the first that was taken, and the last."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedFrame:
+    """A drawn frame as recorded: what it may have shown (the row's checksum tells which), what was
+    lit last if its light was still going, its row of `drawn` and that of `drawn_views`, and what
+    the participant may have seen as their own body.
+    """
+
+    views_shown: tuple[SceneFrame, ...]
+    views_lit: tuple[SceneFrame, ...]
+    drawn: np.void
+    views: np.void
+    bodies: tuple[OwnBody, ...] = ()
+
+
+def recorded_frame(recording: Recording, frame: int, *, part: int | None = None) -> RecordedFrame:
+    """Return everything a re-draw of a frame needs; `part` of the session is the first by default.
+
+    Raises:
+        UsageError: nothing was drawn in this frame, or the study's file is gone.
+    """
+    study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
+    if not was_drawn(recording):
+        raise UsageError(
+            f"{recording.path}: nothing was drawn in this session (display.show was none); see "
+            f"its trials again with visavis view {recording.path}, or film one: visavis film"
+        )
+    wanted = recording.manifest.parts[0].number if part is None else part
+    drawn = of_part(recording, "drawn", wanted)
+    at = np.flatnonzero(drawn["frame"] == frame)
+    if not len(at) or not drawn["drawn"][at[0]]:
+        numbers = drawn["frame"][drawn["drawn"]]
+        known = f"{numbers[0]} to {numbers[-1]}" if len(numbers) else "none"
+        raise UsageError(f"frame {frame} was not drawn in part {wanted}; drawn: {known}")
+    row = _row(recording, "drawn", drawn, int(at[0]))
+    views = of_part(recording, "drawn_views", wanted)
+    latest = int(np.flatnonzero(views["t_host_ns"] <= drawn["t_host_ns"][at[0]])[-1])
+
+    def shown(i: int) -> Shown:
+        place, t_scene_ns = drawn["head_position_m"][i], int(drawn["t_scene_ns"][i])
+        return shown_in(recording, wanted, int(drawn["frame"][i]), t_scene_ns, place)
+
+    here = shown(int(at[0]))
+    drawn_ns = int(drawn["t_host_ns"][at[0]])
+    bare = tuple(study.views_of(here))
+    boards = boards_at(recording, study, wanted, here.t_ns)
+    is_fading = here.scene.brightness_01 <= 0.0 < drawn["brightness_01"][at[0]]
+    before = _last_lit(drawn["brightness_01"], int(at[0]), shown) if is_fading else None
+    return RecordedFrame(
+        (*bare, *(with_board(view, board) for board in boards for view in bare)),
+        () if before is None else tuple(study.views_of(before)),
+        row,
+        _row(recording, "drawn_views", views, latest),
+        _bodies(recording, wanted, drawn_ns),
+    )
+
+
+def _last_lit(
+    brightness_01: npt.NDArray[np.float32], at: int, shown: Callable[[int], Shown]
+) -> Shown | None:
+    """Return what was shown in the last lit frame before one whose light is going."""
+    first = at
+    while first > 0 and brightness_01[first - 1] >= brightness_01[first]:
+        first -= 1
+    rows = range(first, at)
+    dark = bisect.bisect_left(rows, True, key=lambda i: shown(i).scene.brightness_01 <= 0.0)
+    return shown(rows[dark - 1]) if dark else None
+
+
+def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list[Image]:
+    """Draw a recorded frame again; return its images, left first, equal within rounding.
+
+    Where nothing was drawn in the session, it is drawn as it would have been, by two eyes that see
+    90° up and down.
+
+    Raises:
+        UsageError: see `recorded_frame`.
+        StageError: nothing can draw here, or this version dresses the scene in another way.
+    """
+    if not was_drawn(recording):
+        return _drawn_now(recording, frame, part)
+    found = recorded_frame(recording, frame, part=part)
+    views, size_px, quality = read_views(found.views)
+    people = len(found.drawn["level"])
+    stage = DrawnStage(
+        picture_of,
+        lambda: Renderer(quality=quality),
+        Display(lambda: views, lambda: size_px, people),
+        SimClock(),
+    )
+    try:
+        return stage.redraw(found.views_shown, found.drawn, found.views_lit, found.bodies)
+    finally:
+        stage.close()
+
+
+def was_drawn(recording: Recording) -> bool:
+    """Tell whether anything was drawn in a session."""
+    return "drawn" in recording.stream_names
+
+
+def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image]:
+    """Draw a frame of a session in which nothing was drawn."""
+    study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
+    wanted = recording.manifest.parts[0].number if part is None else part
+    if "frames" not in recording.stream_names:
+        raise UsageError(f"{recording.path} has no frames; `visavis film` films its pages")
+    frames = of_part(recording, "frames", wanted)
+    at = np.flatnonzero(frames["frame_index"] == frame)
+    if not len(at):
+        numbers = frames["frame_index"]
+        known = f"{numbers[0]} to {numbers[-1]}" if len(numbers) else "none"
+        raise UsageError(f"part {wanted} has no frame {frame}; it has {known}")
+    t_ns = int(frames["t_host_ns"][at[0]])
+    head = _head_at(recording, wanted, t_ns)
+    shown = shown_in(recording, wanted, frame, t_ns, head.position_m)
+    view = next(iter(study.views_of(shown)))
+    board = next(iter(boards_at(recording, study, wanted, t_ns)), None)
+    if board is not None:
+        view = with_board(view, board)
+    times, quality = still_quality()
+    width, height = UNDRAWN_PX
+    stage = DrawnStage(
+        picture_of,
+        lambda: Renderer(quality=quality),
+        Display(default_views, lambda: (times * width, times * height), 0),
+        SimClock(),
+    )
+    try:
+        stage.draw(view, FrameInfo(frame, t_ns, t_ns), head)
+        if (trouble := stage.trouble()) is not None:
+            raise trouble
+        return [made_small(image, UNDRAWN_PX) for image in stage.images()]
+    finally:
+        stage.close()
+
+
+# ---- what stands in a frame besides its scene -------------------------------------------------
+
+
+def boards_at(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> Iterator[Panel]:
+    """Yield the boards that may have stood before the participant, each choice lit in turn."""
+    for panel in (
+        *_questionnaire_board(recording, part, t_ns),
+        *_trial_boards(recording, study, part, t_ns),
+    ):
+        for lit in (None, *range(len(panel.choices))):
+            yield replace(panel, highlighted=lit)
+
+
+def board_at(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> Panel | None:
+    """Return the board that stood before the participant; for a moment before a trial's question
+    was answered the answer is marked.
+    """
+    board = next(boards_at(recording, study, part, t_ns), None)
+    answer = None if board is None else _answer_soon(recording, study, part, t_ns)
+    return board if board is None or answer is None else replace(board, chosen=answer)
+
+
+def with_board(view: SceneFrame, board: Panel) -> PanelFrame:
+    """Return a view with a board in it."""
+    return PanelFrame(
+        view.scene,
+        view.t_ns,
+        view.gaze_direction,
+        view.eye_openness_01,
+        view.people,
+        view.gaze_distance_m,
+        panels=(board,),
+    )
+
+
+def _questionnaire_board(recording: Recording, part: int, t_ns: int) -> Iterator[Panel]:
+    """Yield the board of a questionnaire that had been shown and not yet answered."""
+    shown, answered = (
+        recording.events_named(name, part) for name in ("panel_shown", "panel_answered")
+    )
+    before = shown[shown["t_ns"] <= t_ns]
+    if not len(before):
+        return
+    begun_ns, told = int(before.iloc[-1]["t_ns"]), before.iloc[-1]["payload"]
+    gone = answered[(answered["t_ns"] >= begun_ns) & (answered["t_ns"] < t_ns)]
+    if len(gone) or "position_m" not in told:
+        return
+    pose = Pose(np.array(told["position_m"]), np.array(told["orientation_wxyz"]))
+    yield Panel(told["prompt"], tuple(told["choices"]), pose, SIZE_M)
+
+
+def _trial_boards(
+    recording: Recording, study: OpenedStudy, part: int, t_ns: int
+) -> Iterator[Panel]:
+    """Yield the boards on which a trial may have asked then: those at their usual place."""
+    for told in _asked_then(recording, part, t_ns):
+        plan = recording.manifest.plan
+        experiment = _experiment(recording, study)
+        planned = next(
+            t for b in plan["blocks"] for t in b["trials"] if t["trial_id"] == told["trial_id"]
+        )
+        response = experiment.responses.get(told["question"])
+        if response is None or isinstance(response, Keys):
+            continue
+        if not is_on_board(response, experiment.settings):
+            continue
+        words = TrialScript(Trial(**planned), experiment.settings).words_of(response)
+        for head in _heads_at(recording, part, int(told["asked_ns"])):
+            yield Panel(*words, placed_before(head), SIZE_M)
+
+
+def _asked_then(recording: Recording, part: int, t_ns: int) -> Iterator[dict[str, Any]]:
+    """Yield what was answered to the questions that a trial asked then."""
+    for told in recording.events_named("answered", part)["payload"]:
+        if "asked_ns" in told and told["asked_ns"] <= t_ns <= told["answered_ns"]:
+            yield told
+
+
+def _answer_soon(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> int | None:
+    """Return which choice of a trial's question is taken within a moment, None for none."""
+    for told in _asked_then(recording, part, t_ns):
+        response = _experiment(recording, study).responses.get(told["question"])
+        if response is not None and told["answered_ns"] - t_ns <= MARKED_NS:
+            options = [str(option) for option in response.options]
+            return options.index(str(told["answer"])) if str(told["answer"]) in options else None
+    return None
+
+
+def _experiment(recording: Recording, study: OpenedStudy) -> StudyExperiment:
+    """Return the study as it was performed, made once where a recording is kept."""
+
+    def make() -> StudyExperiment:
+        return study.experiment(overrides_of(recording.manifest.plan))
+
+    if isinstance(recording, KeptRecording):
+        return recording.once("experiment", make)
+    return make()
+
+
+def _bodies(recording: Recording, part: int, drawn_ns: int) -> tuple[OwnBody, ...]:
+    """Return what participants may have seen as their own: of either sex, of a size measured in one
+    of the first samples, as in one of the last before the frame.
+    """
+    schema = recording.stream_schema("body") if "body" in recording.stream_names else None
+    if schema is None:
+        return ()
+    segments = tuple(
+        next(f for f in schema.fields if f.name == "position_m")
+        .description.partition(": ")[2]
+        .split()
+    )
+    body = of_part(recording, "body", part)
+    last = int(np.searchsorted(body["t_host_ns"], drawn_ns, side="right")) - 1
+    found = []
+    for gender in ("female", "male"):
+        for first in range(min(FIRST_SAMPLES, last + 1)):
+            for newest in range(last, max(first, last - LAST_SAMPLES), -1):
+                own = OwnBody(default_casting(f"{gender}_01"), segments)
+                for i in (first, newest):
+                    own.take_row(_row(recording, "body", body, i))
+                found.append(own)
+    return tuple(found)
+
+
+def _head_at(recording: Recording, part: int, t_ns: int) -> Pose:
+    return _heads_at(recording, part, t_ns)[0]
+
+
+def _heads_at(recording: Recording, part: int, t_ns: int) -> list[Pose]:
+    """Return where the head was, and in the samples before that, newest first."""
+    head = of_part(recording, "head", part)
+    known = np.flatnonzero(head["valid"] & (head["t_host_ns"] <= t_ns))[::-1][:LAST_SAMPLES]
+    poses = [
+        Pose(
+            head["position_m"][i].astype(np.float64),
+            head["orientation_wxyz"][i].astype(np.float64),
+        )
+        for i in known
+    ]
+    return poses or [Pose(np.array([0.0, 1.6, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))]
+
+
+def _row(recording: Recording, name: str, arrays: dict[str, Any], i: int) -> np.void:
+    schema = recording.stream_schema(name)
+    if schema is None:
+        raise DataError(f"{recording.path}: stream {name} has no schema")
+    row = np.zeros(1, schema.dtype)[0]
+    for field in schema.fields:
+        row[field.name] = arrays[field.name][i]
+    return row  # type: ignore[no-any-return]  # an element of a structured array

@@ -1,0 +1,267 @@
+"""The studies the command line works with, and whose data a folder holds."""
+
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from visavis.catalogue import SHIPPED, find_study, is_file
+from visavis.cli.telling import say_when_compiling
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import LabConfig
+from visavis.lab.errors import ConfigError, UsageError
+from visavis.lab.yaml_lines import did_you_mean
+from visavis.opened import OpenedStudy
+from visavis.protocol.key_file import KeyFile
+from visavis.protocol.ledger import Ledger, Participant, UnknownParticipant
+from visavis.protocol.questionnaires import available
+from visavis.recording.folder import SIMULATED_ROOT, study_dir
+from visavis.recording.manifest import read_manifest
+from visavis.recording.sealed import copy_path
+from visavis.sessions.begun_design import require_same_design
+from visavis.sessions.data_root import prepare_data_root
+from visavis.sessions.rig import is_simulated
+from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
+from visavis.sessions.study_folder import StudySettings, sessions_of, settle, wanted_settings
+
+DRY_RUNS = "dry_runs"
+"""Folder below the data root with a data root for each study that `simulate` made."""
+
+
+def study_of_lab(wanted: str, lab: LabConfig) -> OpenedStudy:
+    """Return a study by its file, or by a name that this lab knows.
+
+    Raises:
+        UsageError: there is none, with the nearest name.
+        ConfigError: the lab words a questionnaire that no study it knows asks.
+    """
+    check_wording(lab)
+    say_when_compiling()
+    return find_study(wanted, lab.studies)
+
+
+@dataclass(frozen=True)
+class StudyHere:
+    """A study in a lab: where its data lie, with which settings, and who takes part."""
+
+    lab: LabConfig
+    study: OpenedStudy
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether this lab's devices make its sessions simulated ones."""
+        return is_simulated(self.lab)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of its sessions."""
+        return study_dir(self.lab.data_root, self.study.name, is_simulated=self.is_simulated)
+
+    @property
+    def ledger(self) -> Ledger:
+        """Who takes part; simulated people have a ledger of their own."""
+        prefix = SIMULATED_PREFIX if self.is_simulated else ""
+        return Ledger(self.folder, SystemClock(), prefix=prefix)
+
+    @property
+    def key_file(self) -> KeyFile:
+        """Who is who, apart from the data."""
+        return KeyFile(self.lab.key_root, self.study.name, [self.lab.data_root])
+
+    def wanted(
+        self,
+        *,
+        seed: int | None = None,
+        assignments: list[str] | None = None,
+        language: str | None = None,
+    ) -> StudySettings:
+        """Return the settings that a command asks for; see `wanted_settings`."""
+        return wanted_settings(
+            self.folder,
+            self.study,
+            is_simulated=self.is_simulated,
+            seed=seed,
+            assignments=assignments,
+            language=language,
+            usual_language=self.lab.language,
+        )
+
+    def settled(self, wanted: StudySettings, *, seed_given: bool) -> StudySettings:
+        """Return the settings in force, written where the study is new; see `settle`."""
+        prepare_data_root(self.lab)
+        return settle(self.folder, wanted, seed_given=seed_given, fits=self._groups_hold)
+
+    def require_same_design(self, settings: StudySettings, wanted: StudySettings) -> str:
+        """Return a note where the study's file has changed and what sessions do has not, or "".
+
+        Raises:
+            UsageError: sessions here were made with another design.
+        """
+        whose = (
+            f"{self.folder} holds rehearsals alone: move it away, or throw it away"
+            if self.is_simulated
+            else 'Give the new study a name of its own, Study("NAME", …)'
+        )
+        require_same_design(
+            self.folder,
+            self.study.experiment(settings.parameters),
+            f"{whose}; or another data_root in lab_config.yaml; or put the study file back",
+        )
+        if not settings.source_sha256 or settings.source_sha256 == wanted.source_sha256:
+            return ""
+        return (
+            f"{wanted.source}, or a text beside it, has changed since {self.folder} was begun; "
+            "what sessions show and ask is the same"
+        )
+
+    def group_of(self, settings: StudySettings) -> Callable[[int], str]:
+        """Return which group each place has."""
+        experiment = self.study.experiment(settings.parameters)
+        return lambda index: experiment.plan(index, settings.seed).group
+
+    def participant(self, settings: StudySettings, wanted: str) -> Participant:
+        """Return somebody of the ledger; simulated people are added to it when they first come.
+
+        Raises:
+            LedgerError: nobody is meant, or somebody real who is not registered.
+        """
+        try:
+            return self.ledger.resolve(wanted)
+        except UnknownParticipant as unknown:
+            if not self.is_simulated:
+                raise
+            return self.ledger.add(
+                unknown.number,
+                group=self.group_of(settings),
+                consent_version=self.lab.privacy.consent_version,
+            )
+
+    def _groups_hold(self, settings: StudySettings) -> bool:
+        group_of = self.group_of(settings)
+        return all(entry.group == group_of(entry.index) for entry in self.ledger.list())
+
+
+def study_here(wanted: str, lab: LabConfig) -> StudyHere:
+    """Return a study in a lab; raises as `study_of_lab`."""
+    return StudyHere(lab, study_of_lab(wanted, lab))
+
+
+def check_wording(lab: LabConfig) -> None:
+    """Refuse a wording of a questionnaire that there is not.
+
+    Known are those that come with Visavis, and those of the studies it comes with and of the lab.
+
+    Raises:
+        ConfigError: naming the nearest.
+    """
+    if not set(lab.wording) - set(available()):
+        return
+    plain = lab.model_copy(update={"wording": {}})
+    asked = {
+        questionnaire.name
+        for name in (*SHIPPED, *lab.studies)
+        for questionnaire in find_study(name, lab.studies).questionnaires(plain)
+    }
+    known = {*available(), *asked}
+    problems = [
+        f"no questionnaire {name!r}{did_you_mean(name, known)}"
+        for name in lab.wording
+        if name not in known
+    ]
+    if problems:
+        raise ConfigError(f"{lab.path}, wording: {'; '.join(problems)}")
+
+
+def folder_of(wanted: Path, config: Path | None, verb: str = "check") -> Path:
+    """Return a study's data folder, given the folder itself, the study's file, or its name.
+
+    `verb` is what is named with the folders that may be meant.
+
+    Raises:
+        UsageError: there are no data of it, or both real and simulated ones.
+    """
+    if wanted.is_dir():
+        return wanted
+    from visavis.cli.app import load_lab  # late: it loads the models of all devices' options
+
+    lab = load_lab(config, only_simulates=True)
+    there = [] if is_file(str(wanted)) else _data_of(str(wanted), lab)
+    name = str(wanted) if there else study_of_lab(str(wanted), lab).name
+    there = there or _data_of(name, lab)
+    if not there:
+        raise UsageError(_no_data(name, wanted, lab, verb))
+    if len(there) > 1:
+        raise UsageError(
+            f"there are real and simulated data of {name}; name the folder: "
+            f"{' or '.join(map(str, there))}"
+        )
+    return there[0]
+
+
+def _data_of(name: str, lab: LabConfig) -> list[Path]:
+    """Return the folders, real and simulated, that hold data of a study of this name."""
+    folders = [study_dir(lab.data_root, name, is_simulated=made_up) for made_up in (False, True)]
+    return [folder for folder in folders if folder.is_dir()]
+
+
+def _no_data(name: str, wanted: Path, lab: LabConfig, verb: str) -> str:
+    """Return why nobody's data were found, with the simulated studies that may be meant."""
+    simulated = sorted(
+        (lab.data_root / DRY_RUNS).glob(f"*/{SIMULATED_ROOT}/{name}"),
+        key=lambda folder: folder.stat().st_mtime_ns,
+        reverse=True,
+    )
+    nothing = f"there are no sessions of {name} under {lab.data_root}"
+    if simulated:
+        lines = "\n  ".join(f"visavis {verb} {shlex.quote(str(f))}" for f in simulated[:6])
+        return f"{nothing}; of a simulated study, type\n  {lines}"
+    return (
+        f"{nothing}; begin with one: visavis run {wanted} --participant 1, or simulate the whole "
+        f"study: visavis simulate {wanted}; or give the folder of sessions that lie elsewhere"
+    )
+
+
+def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path:
+    """Return a session's folder, given it, or a study (folder, file, name) and a participant.
+
+    Without a participant it is the session begun last.
+
+    Raises:
+        UsageError: there is no such study, nobody of that label or number has a session, or the
+            folder is no session's.
+    """
+    if wanted.is_dir() and not is_study(wanted):
+        require_session(wanted)
+        return wanted
+    sessions = sessions_of(folder_of(wanted, config))
+    if participant:
+        mine = [s for s in sessions if participant.upper() in _names(s)]
+        if not mine:
+            known = ", ".join(dict.fromkeys(s.parent.name.removeprefix("sub-") for s in sessions))
+            raise UsageError(f"{participant} has no session there; there are {known}")
+        return mine[-1]
+    return max(sessions, key=lambda s: read_manifest(s).created_wall_iso)
+
+
+def require_session(path: Path) -> None:
+    """Refuse a path that is no session's folder, naming the sessions nearby.
+
+    Raises:
+        UsageError: it has no manifest.
+    """
+    manifest = path / "manifest.json"
+    if manifest.exists() or copy_path(manifest).exists():
+        return
+    near = sorted(p.parent for p in path.parent.glob("*/manifest.json"))
+    near += sorted(p.parent for p in path.glob("*/manifest.json"))
+    hint = "\n  ".join(str(p) for p in near[:6])
+    raise UsageError(
+        f"{path} is no session" + (f"; there are\n  {hint}" if near else "; give a folder ses-…")
+    )
+
+
+def _names(session: Path) -> tuple[str, ...]:
+    """Return what a session's participant may be called: the label, its number."""
+    label = session.parent.name.removeprefix("sub-")
+    number = "".join(c for c in label if c.isdigit())
+    return (label, number, number.lstrip("0"))

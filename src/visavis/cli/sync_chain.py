@@ -1,0 +1,265 @@
+"""Put a synchronisation test together: a display, a speaker, a band and a sensor, real or not."""
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.analysis.sync_test import Delays, Modality, delays
+from visavis.devices.building import build_device
+from visavis.devices.byte_links import MemoryLink
+from visavis.devices.contracts import Armband, Device, Headset
+from visavis.devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
+from visavis.devices.sync.audio import SoundCardSensor, SoundCardSpeaker, sound_library
+from visavis.devices.sync.board import BAUD, SyncBoard
+from visavis.devices.sync.role import RoleSensor
+from visavis.devices.sync.sensing import Sensor, Trace
+from visavis.lab.clock import NS_PER_MS, Clock, SimClock
+from visavis.lab.config import DeviceConfig, LabConfig
+from visavis.lab.errors import DeviceError, UsageError
+from visavis.protocol.sync_test import Asked, Patch, SeenHeadset, SeenMonitor, Speaker, perform
+from visavis.sessions.rig import screen_display
+from visavis.sessions.stages import open_on_monitor
+
+if TYPE_CHECKING:
+    from visavis.stage.window import Window
+
+OPENING_S = 10.0
+DEFAULT_CHANNELS = {"picture": "light", "sound": "sound", "vibration": "motion"}
+AUDIO_CHANNELS = {"picture": "input_1", "sound": "input_2", "vibration": "input_2"}
+Float = npt.NDArray[np.float64]
+
+
+class RoomSpeaker:
+    """A loudspeaker in the simulated room."""
+
+    def __init__(self, room: SimulatedRoom, clock: Clock) -> None:
+        self._room = room
+        self._clock = clock
+
+    def click(self) -> None:
+        """Click now."""
+        self._room.click(self._clock.now_ns())
+
+
+def opened(stack: ExitStack, device: Any) -> Any:
+    """Open and start a device until the stack is left; what it delivers is not kept."""
+    stack.callback(device.close)
+    device.open(OPENING_S)
+    device.start(lambda batch: None)
+    return device
+
+
+def real_sensor(lab: LabConfig, name: str, clock: Clock, stack: ExitStack) -> Sensor:
+    """Return the sensor that "PORT", "audio", "audio:NAME" or "role:ROLE" names.
+
+    Raises UsageError for a role that the lab does not have, or whose device is simulated.
+    """
+    kind, _, rest = name.partition(":")
+    if kind == "audio":
+        return SoundCardSensor(sound_library(), clock, rest or None)
+    if kind == "role":
+        return RoleSensor(_real_device(lab, rest, clock, stack))
+    from visavis.devices.drivers.links.serial_port import SerialLink
+
+    return SyncBoard(SerialLink(clock, port=name, baud=BAUD), clock)
+
+
+def _real_device(lab: LabConfig, role: str, clock: Clock, stack: ExitStack) -> Device:
+    if role not in lab.devices:
+        raise UsageError(f"no role {role!r} in {lab.path}; it has {', '.join(lab.devices)}")
+    if lab.devices[role].simulated:
+        raise UsageError(
+            f"the lab's {role} is simulated, so nothing could be measured by it; use --simulated, "
+            "or configure a real one"
+        )
+    return build_device(lab.devices[role], clock, None, 0, stack)
+
+
+def real_speaker(name: str, stack: ExitStack) -> Speaker:
+    """Return the sound output of this name; "default" is the computer's own."""
+    speaker = SoundCardSpeaker(sound_library(), None if name == "default" else name)
+    stack.callback(speaker.close)
+    return speaker
+
+
+def analysed(
+    asked: Asked,
+    traces: Mapping[str, Trace],
+    channels: Mapping[str, str],
+    display_role: str,
+    band_role: str,
+) -> list[Delays]:
+    """Return the delays of all that was asked for; UsageError for an unknown channel."""
+    found = []
+    stimuli: tuple[tuple[Modality, list[int], str], ...] = (
+        ("picture", asked.picture_ns, display_role),
+        ("sound", asked.sound_ns, "speaker"),
+        ("vibration", asked.vibration_ns, band_role),
+    )
+    for modality, asked_ns, source in stimuli:
+        channel = channels[modality]
+        if not asked_ns or channel == "none":
+            continue
+        if channel not in traces:
+            raise UsageError(
+                f"the sensor has no channel {channel!r} for {modality}; it has {', '.join(traces)}"
+            )
+        trace = traces[channel]
+        found.append(
+            delays(
+                modality,
+                source,
+                trace.t_ns,
+                trace.level,
+                asked_ns,
+                flash_ns=asked.flash_ns,
+                frame_ns=asked.frame_ns,
+            )
+        )
+    return found
+
+
+def perform_real(
+    lab: LabConfig,
+    clock: Clock,
+    *,
+    sensor_name: str,
+    speaker_name: str,
+    band_role: str,
+    channels: Mapping[str, str],
+    repeats: int,
+    progress: Callable[[int], None],
+) -> tuple[list[Delays], Asked, Sensor]:
+    """Test the display of this lab, and its speaker and band where they are named.
+
+    Before a screen the participant's window is opened as in a session.
+
+    Raises:
+        UsageError: a device to be tested is simulated, or the lab does not have it.
+        StageError: there is nothing that draws, or not the monitor that is described.
+        DeviceError: a device fails, or somebody closed the window.
+    """
+    from visavis.stage.context import offscreen_context, release_offscreen
+
+    screen = lab.display.on_screen
+    if screen is None and "headset" not in lab.devices:
+        raise UsageError(
+            f"{lab.path} has no display to test: add the role headset under devices, or describe "
+            "the screen under display (docs/screens.md)"
+        )
+    if screen is None and lab.devices["headset"].simulated:
+        raise UsageError("the lab's display is simulated; use --simulated, or configure a real one")
+    with ExitStack() as stack:
+        sensor = real_sensor(lab, sensor_name, clock, stack)
+        band = _real_device(lab, band_role, clock, stack) if band_role else None
+        if band is not None and not isinstance(band, Armband):
+            raise UsageError(f"{band_role} is no armband; leave --band out, or name one's role")
+        display = screen_display(lab, clock)
+        if screen is not None and display is not None:
+            window = open_on_monitor(screen, display, clock, "Visavis: synchronisation test")
+            stack.callback(window.close)
+            headset: Headset = display
+            context, progress = window.context, _while_open(window, progress)
+        else:
+            headset = cast("Headset", build_device(lab.devices["headset"], clock, None, 0, stack))
+            getattr(headset, "show_images", lambda: None)()
+            context = offscreen_context()
+            stack.callback(release_offscreen, context)
+        opened(stack, headset)
+        if band is not None:
+            opened(stack, band)
+        speaker = real_speaker(speaker_name, stack) if speaker_name else None
+        patch = Patch(headset, context)
+        stack.callback(patch.release)
+        stack.callback(sensor.close)
+        sensor.open()
+        asked = perform(
+            sensor,
+            clock,
+            np.random.default_rng(),
+            patch=patch,
+            speaker=speaker,
+            band=band,
+            repeats=repeats,
+            progress=progress,
+        )
+        found = analysed(asked, sensor.traces(), channels, patch.role, band_role)
+        return found, asked, sensor
+
+
+def _while_open(window: "Window", progress: Callable[[int], None]) -> Callable[[int], None]:
+    """Return what tells progress, and ends the test once somebody has closed the window."""
+
+    def told(done: int) -> None:
+        if window.closed:
+            raise DeviceError("the window was closed", role="screen", remedy="run the test again")
+        progress(done)
+
+    return told
+
+
+def perform_simulated(
+    *,
+    seed: int,
+    repeats: int,
+    picture: Planted,
+    sound: Planted,
+    lab: LabConfig | None = None,
+    rise_ms: float = 30.0,
+    loss_01: float = 0.0,
+    progress: Callable[[int], None] = lambda done: None,
+) -> tuple[list[Delays], Asked, Sensor, dict[str, Float]]:
+    """Test the simulated room on the virtual clock; return its true delays (ms), too.
+
+    The display is a simulated headset, or the screen that `lab` describes, on a simulated monitor.
+    """
+    from visavis.stage.context import offscreen_context, release_offscreen
+
+    clock = SimClock()
+    room_rng, board_rng, order_rng = np.random.default_rng(seed).spawn(3)
+    room = SimulatedRoom(clock, room_rng, picture, sound)
+    role = "armband_left_forearm"
+    with ExitStack() as stack:
+        context = offscreen_context()
+        stack.callback(release_offscreen, context)
+
+        def device(name: str, driver: str, **options: object) -> Any:
+            config = DeviceConfig(role=name, driver=driver, simulated=True, options=options)
+            return opened(stack, build_device(config, clock, room, seed, stack))
+
+        display = None if lab is None else screen_display(lab, clock)
+        if display is None:
+            headset = SeenHeadset(device("headset", "simulated_headset"), room.show)
+        else:
+            display.attach(SeenMonitor(clock, display.display_rate_hz, room.show))
+            headset = opened(stack, display)
+        band: Armband = device(role, "simulated_armband", rise_ms=rise_ms)
+        board = SyncBoardSimulator(room, clock, board_rng, loss_01=loss_01)
+        sensor = SyncBoard(MemoryLink(board, clock), clock)
+        sensor.open()
+        patch = Patch(cast("Headset", headset), context)
+        stack.callback(patch.release)
+        asked = perform(
+            sensor,
+            clock,
+            order_rng,
+            patch=patch,
+            speaker=RoomSpeaker(room, clock),
+            band=band,
+            repeats=repeats,
+            progress=progress,
+        )
+        found = analysed(asked, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
+    commanded = {
+        "picture": asked.picture_ns,
+        "sound": asked.sound_ns,
+        "vibration": asked.vibration_ns,
+    }
+    true_ms = {
+        name: (np.array(room.happened[name]) - np.array(asked_ns)) / NS_PER_MS
+        for name, asked_ns in commanded.items()
+    }
+    return found, asked, sensor, true_ms

@@ -1,0 +1,109 @@
+"""What long work says while it runs: lines, warnings, and a bar of how much is done."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from visavis.cli.app import console, errors, say_plainly
+from visavis.lab.clock import StopWatch
+
+if TYPE_CHECKING:
+    from visavis.experiment import StudyExperiment
+    from visavis.lab.config import LabConfig
+    from visavis.opened import OpenedStudy
+
+MEASURED_PICTURES = 8
+"""A film says how long it takes once so many are drawn after the first, which loads everything."""
+SOON_S = 10.0
+"""What is done within this time is not announced."""
+COMPILES_FIRST = (
+    "compiling the numeric loops first, once after installing or updating: a minute or two, more "
+    "where other programs compute"
+)
+
+
+def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
+    """Return a bar that says how many of how many are done, since when and how much longer."""
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=shown_on, disable=quiet)
+
+
+class TerminalTelling:
+    """Follow `visavis.sessions.studies.Telling` on the terminal."""
+
+    def say(self, text: str) -> None:
+        """Print it."""
+        say_plainly(text)
+
+    def warn(self, text: str) -> None:
+        """Print it in yellow."""
+        say_plainly(text, style="yellow")
+
+    @contextmanager
+    def progress(self, what: str) -> Iterator[Callable[[int, int], None]]:
+        """Show a bar."""
+        with counting(console) as bar:
+            line = bar.add_task(what, total=None)
+            # Of nothing to do nothing is said.
+            yield lambda done, of: bar.update(line, completed=done, total=of, visible=of > 0)
+
+
+TELLING = TerminalTelling()
+
+
+@cache
+def say_when_compiling() -> None:
+    """Say on stderr, once in a process, that compiling has begun, which nothing else would show."""
+    from visavis.lab.compiled import tell_of_compiling  # late: it loads numba
+
+    tell_of_compiling(lambda: errors.print(f"[dim]{COMPILES_FIRST}[/]", soft_wrap=True))
+
+
+def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:
+    """Do what would hold up a frame before anything is shown; done already, it takes no time."""
+    from visavis.sessions.perform import get_ready
+
+    with TELLING.progress(f"getting {experiment.name} ready") as told:
+        trouble = get_ready(study, experiment, config, told)
+    if trouble:
+        TELLING.warn(trouble)
+
+
+class Forecast:
+    """Say once how long a film will take, from its first pictures, and what takes less."""
+
+    def __init__(self, elapsed_s: Callable[[], float] | None = None) -> None:
+        self._elapsed_s = elapsed_s or StopWatch().elapsed_s
+        self._first_s = 0.0
+
+    def told(self, done: int, of: int) -> str:
+        """Hear how many pictures of how many are drawn; return what is to be said, mostly ''."""
+        if done == 1:
+            self._first_s = self._elapsed_s()
+        if done != MEASURED_PICTURES + 1:
+            return ""
+        left_s = (self._elapsed_s() - self._first_s) / MEASURED_PICTURES * (of - done)
+        if left_s < SOON_S:
+            return ""
+        about = f"{left_s:.0f} s" if left_s < 90 else f"{left_s / 60:.0f} min"
+        return (
+            f"{of} pictures, about {about} more; --seconds, --rate and --size make it fewer and "
+            "smaller ones, --png draws one"
+        )

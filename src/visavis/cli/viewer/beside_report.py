@@ -1,0 +1,40 @@
+"""Pages of the trials that a report asks to look at, in a folder beside it."""
+
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import Path
+
+from visavis.cli.telling import TELLING
+from visavis.cli.viewer.content import page_content, trial_lengths_ns
+from visavis.cli.viewer.page import page_of
+from visavis.recording.durable import make_folder, replace_file
+from visavis.recording.kept import KeptRecording
+from visavis.sessions.cast import use_recorded_cast
+from visavis.sessions.study_folder import study_of_folder
+from visavis.worth_a_look import VIEWS, Striking, view_name
+
+
+def write_views(folder: Path, out_dir: Path, striking: Sequence[Striking]) -> None:
+    """Write one page for every session of a study's `folder` with trials to look at.
+
+    Trials that never began have nothing to show; a page made before is made anew.
+    """
+    of_session = groupby(sorted(striking, key=_session), key=_session)
+    wanted = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}
+    with TELLING.progress("making pages of trials") as told:
+        for done, ((participant, session), names) in enumerate(wanted.items()):
+            told(done, len(wanted))
+            recording = KeptRecording(folder / f"sub-{participant}" / session)
+            use_recorded_cast(recording)
+            study, _ = study_of_folder(folder, recording.manifest.study)
+            there = trial_lengths_ns(recording)
+            shown = [name for name in dict.fromkeys(names) if name in there]
+            header, bundle = page_content(study, recording, shown, lambda _, __: None)
+            make_folder(out_dir / VIEWS, exist_ok=True)
+            page = page_of(header, bundle).encode()
+            replace_file(out_dir / VIEWS / view_name(participant, session), page)
+        told(len(wanted), len(wanted))
+
+
+def _session(one: Striking) -> tuple[str, str]:
+    return one.participant, one.session

@@ -1,0 +1,427 @@
+"""What a page about a session holds: its time line, its streams, and its trials in space."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.analysis.session_check import check_session
+from visavis.cli.film.cameras import ByTopology, Cuts, style_of
+from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
+from visavis.cli.session_lanes import lanes_of
+from visavis.cli.viewer.bundle import Bundle
+from visavis.cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
+from visavis.cli.viewer.motion import key_samples, one_way_round
+from visavis.cli.viewer.pages import pages_of
+from visavis.devices.streams import NO_DEVICE_TIME
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Vector
+from visavis.lab.schema import Field
+from visavis.opened import OpenedStudy
+from visavis.page.seen import is_on_page
+from visavis.recording.kept import KeptRecording
+from visavis.recording.reader import flattened
+from visavis.stimuli.camera.shots import ShotSize
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.picture import Picture
+from visavis.stimuli.scene import Agent
+
+SAMPLES_PER_S: Final = 20
+"""How often a trial's scene is looked at; poses between keys are interpolated."""
+OFF_BY_M: Final = 0.002
+OFF_BY_TURN: Final = 0.004
+"""How far a pose between two keys may be off: hips in metres, joints in parts of a quaternion."""
+OFF_BY_SHARE: Final = 0.02
+GAP_S: Final = 2.0
+"""What stands on the time line between two parts of a session."""
+MAX_ROWS: Final = 60_000
+MAX_ROWS_OF_WIDE: Final = 12_000
+WIDE: Final = 60
+"""Streams of more columns than this are thinned more; the page says which rows it has."""
+AROUND_NS: Final = NS_PER_S
+"""Around a shown trial every row is there, too."""
+MAX_TEXT: Final = 400
+
+
+@dataclass(frozen=True)
+class Times:
+    """Session times of all parts on one line of seconds."""
+
+    offset_s: Mapping[int, float]
+
+    def s(self, part: int, t_ns: int) -> float:
+        """Return the second on the page of a part's session time."""
+        return round(self.offset_s[part] + t_ns / NS_PER_S, 6)
+
+
+def page_content(
+    study: OpenedStudy,
+    recording: KeptRecording,
+    wanted: Sequence[str],
+    on_trial: Callable[[int, int], None] | None = None,
+) -> tuple[dict[str, Any], Bundle]:
+    """Return a page's header and arrays; `wanted` are the trials it shows in space.
+
+    Raises:
+        UsageError: the session has no such trial.
+    """
+    bundle = Bundle()
+    times = times_of(recording)
+    on_page = is_on_page(recording)
+    pages, films = (
+        pages_of(study, recording, wanted, bundle, times.s, on_trial) if on_page else ([], [])
+    )
+    trials = [] if on_page else [recorded_trial(recording, name) for name in wanted]
+    sampled: list[tuple[RecordedTrial, list[Sample]]] = []
+    for k, trial in enumerate(trials):
+        sampled.append((trial, samples_of(study, trial)))
+        if on_trial is not None:
+            on_trial(k + 1, len(trials))
+    most = max((len(s.picture.cast) for _, found in sampled for s in found), default=0)
+    models = Models(bundle, level=LEVEL_OF_FEW if most <= MAX_FEW else LEVEL_OF_MANY)
+    scenes = [
+        _scene(trial, samples, models, bundle, times)
+        for trial, found in sampled
+        for samples in _runs(found)
+    ]
+    manifest = recording.manifest
+    return {
+        "study": manifest.study,
+        "participant": manifest.participant,
+        "session": manifest.session,
+        "simulated": recording.is_simulated,
+        "status": recording.status,
+        "created": manifest.created_wall_iso,
+        "version": manifest.provenance.packages.get("visavis", ""),
+        "trials": list(_trials(recording, times, set(wanted))),
+        "events": list(_events(recording, times)),
+        "findings": _findings(recording),
+        "lanes": _lanes(recording, times),
+        "streams": [
+            _stream(recording, name, bundle, times, trials) for name in recording.stream_names
+        ],
+        "scenes": scenes,
+        "pages": pages,
+        "films": films,
+        "people": models.people,
+        "rooms": models.rooms,
+        "textures": models.textures,
+    }, bundle
+
+
+def trial_lengths_ns(recording: KeptRecording) -> dict[str, int]:
+    """Return the length in ns of the last attempt at every trial that ended, in order."""
+    rows = recording.trials()
+    if "trial_id" not in rows:
+        return {}
+    ended = rows[rows["t_end_ns"].notna() & rows["t_start_ns"].notna()]
+    return {
+        str(row["trial_id"]): int(row["t_end_ns"]) - int(row["t_start_ns"])
+        for row in ended.to_dict("records")
+    }
+
+
+# ---- time line --------------------------------------------------------------------------------
+
+
+def times_of(recording: KeptRecording) -> Times:
+    """Return where every part of a session lies on one line of seconds that begins at 0.
+
+    Session times of a real clock count from the computer's start.
+    """
+    offset_s, begun_s = {}, 0.0
+    for part in recording.manifest.parts:
+        offset_s[part.number] = begun_s - part.started_ns / NS_PER_S
+        events = recording.journal(part.number).events
+        last_ns = max((int(e["t_ns"]) for e in events), default=part.started_ns)
+        for name in recording.stream_names:
+            t_ns = recording.stream_arrays(name, part=part.number).get("t_host_ns")
+            last_ns = max(last_ns, 0 if t_ns is None or not len(t_ns) else int(t_ns[-1]))
+        begun_s += (last_ns - part.started_ns) / NS_PER_S + GAP_S
+    return Times(offset_s)
+
+
+def _trials(recording: KeptRecording, times: Times, shown: set[str]) -> Iterator[dict[str, Any]]:
+    rows = recording.trials()
+    if "trial_id" not in rows:
+        return
+    last_of = {str(name): i for i, name in enumerate(rows["trial_id"])}
+    for i, row in enumerate(rows.to_dict("records")):
+        name, part = str(row["trial_id"]), int(row["recording_part"])
+        if not (row["t_start_ns"] >= 0 and row["t_end_ns"] >= 0):
+            continue
+        yield {
+            "id": name,
+            "t0": times.s(part, int(row["t_start_ns"])),
+            "t1": times.s(part, int(row["t_end_ns"])),
+            "status": str(row.get("status", "")),
+            "practice": bool(row.get("is_practice", False)),
+            "attempt": int(row.get("attempt", 1)),
+            "factors": {f: _plain(row[f]) for f in factors_of(recording, name) if f in row},
+            "row": {str(k): _plain(v) for k, v in row.items()},
+            "shown": name in shown and last_of[name] == i,
+        }
+
+
+def _events(recording: KeptRecording, times: Times) -> Iterator[dict[str, Any]]:
+    for event in recording.events().to_dict("records"):
+        part, t_ns, name, payload = (
+            event[k] for k in ("recording_part", "t_ns", "name", "payload")
+        )
+        told = "" if name == "scene" else json.dumps(payload, ensure_ascii=False, default=str)
+        if len(told) > MAX_TEXT:
+            told = told[:MAX_TEXT] + " …"
+        yield {"t": times.s(part, int(t_ns)), "name": name, "text": told}
+
+
+def _findings(recording: KeptRecording) -> list[dict[str, Any]]:
+    verdict = check_session(recording)
+    return [
+        {"level": f.level.name.lower(), "subject": f.subject, "message": f.message, "redo": f.redo}
+        for f in verdict.findings
+    ]
+
+
+def _lanes(recording: KeptRecording, times: Times) -> list[dict[str, Any]]:
+    """Return what touched and what vibrated, all parts in one lane."""
+    found: dict[str, dict[str, Any]] = {}
+    for part in recording.manifest.parts:
+        for lane in lanes_of(recording, part.number):
+            told = {"name": lane.name, "kind": lane.kind, "role": lane.role, "spans": []}
+            found.setdefault(lane.name, told)["spans"] += [
+                [times.s(part.number, a), times.s(part.number, b), text]
+                for a, b, text in lane.spans
+            ]
+    return list(found.values())
+
+
+def _plain(value: Any) -> Any:
+    """Return a row's value as JSON has it; what is missing is None."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+# ---- streams ----------------------------------------------------------------------------------
+
+
+def _stream(
+    recording: KeptRecording,
+    name: str,
+    bundle: Bundle,
+    times: Times,
+    trials: Sequence[RecordedTrial],
+) -> dict[str, Any]:
+    """Take a stream in: all of it, or every so many rows and all of those in the shown trials."""
+    arrays = recording.stream_arrays(name)
+    schema = recording.stream_schema(name)
+    fields = () if schema is None else schema.fields
+    width = sum(int(np.prod(f.shape)) for f in fields)
+    n = len(arrays["recording_part"])
+    every = max(1, -(-n // (MAX_ROWS_OF_WIDE if width > WIDE else MAX_ROWS)))
+    kept = np.arange(n) % every == 0
+    when_ns = arrays.get("t_host_ns", np.zeros(n))
+    if name == "gaze_targets":  # no later than it arrived, as a slip of a tracker's clock says
+        when_ns = np.minimum(arrays["t_sample_ns"], when_ns)
+    for trial in trials if every > 1 else ():
+        start_ns, end_ns = trial.span_ns
+        kept |= (
+            (arrays["recording_part"] == trial.part)
+            & (when_ns >= start_ns - AROUND_NS)
+            & (when_ns < end_ns + AROUND_NS)
+        )
+    part, host_ns, when_ns = (
+        a[kept] for a in (arrays["recording_part"], arrays.get("t_host_ns", when_ns), when_ns)
+    )
+    t_s = np.array([times.s(int(p), int(t)) for p, t in zip(part, when_ns, strict=True)])
+    columns = []
+    for field in fields:
+        values = arrays[field.name][kept]
+        unit = field.unit
+        if unit == "ns":
+            values, unit = _since_arrival_ms(values, host_ns), "ms"
+        flat = [_column_name(field, told) for told, _ in flattened(field.name, values)]
+        columns.append(
+            {
+                "name": field.name,
+                "of": flat,
+                "unit": unit,
+                "about": field.description,
+                "v": bundle.quantised(values),
+            }
+        )
+    micros = np.rint(1e6 * t_s).astype(np.int64)
+    return {
+        "name": name,
+        "t": bundle.add(np.diff(micros, prepend=0).astype(np.int32)),
+        "every": every,
+        "rows": n,
+        "columns": columns,
+    }
+
+
+def _since_arrival_ms(values: npt.NDArray[Any], host_ns: npt.NDArray[Any]) -> Vector:
+    """Return times of a row as milliseconds after it arrived; those unknown are NaN."""
+    known = (values != NO_DEVICE_TIME) & (values >= 0)
+    apart: Vector = np.where(known, (values - host_ns) / NS_PER_MS, np.nan)
+    return apart
+
+
+def _column_name(field: Field, flat: str) -> str:
+    return f"{flat.removesuffix('_ns')}_after_ms" if field.unit == "ns" else flat
+
+
+# ---- trials in space --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """What was shown at a moment of a trial."""
+
+    t_ns: int
+    picture: Picture
+    agents: tuple[Agent, ...]
+
+
+def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
+    """Return what was shown at even times of a trial."""
+    start_ns, end_ns = trial.span_ns
+    found = []
+    for t_ns in range(start_ns, end_ns + 1, NS_PER_S // SAMPLES_PER_S):
+        shown = trial.shown_at(t_ns)
+        view = next(iter(study.views_of(shown)))
+        found.append(Sample(t_ns, picture_of(view), shown.scene.agents))
+    return found
+
+
+def _runs(samples: list[Sample]) -> Iterator[list[Sample]]:
+    """Yield samples that show the same people and things in the same room."""
+
+    def same(a: Sample, b: Sample) -> bool:
+        return (
+            a.picture.room is b.picture.room
+            and a.picture.cast is b.picture.cast
+            and [m.prop for m in a.picture.moving] == [m.prop for m in b.picture.moving]
+            and a.picture.panels == b.picture.panels
+            and [x.agent_id for x in a.agents] == [x.agent_id for x in b.agents]
+        )
+
+    cuts = [k for k in range(1, len(samples)) if not same(samples[k - 1], samples[k])]
+    for first, last in pairwise([0, *cuts, len(samples)]):
+        yield samples[first:last]
+
+
+def _scene(
+    trial: RecordedTrial,
+    samples: list[Sample],
+    models: Models,
+    bundle: Bundle,
+    times: Times,
+) -> dict[str, Any]:
+    first = samples[0].picture
+    n = len(samples)
+    root = np.array([s.picture.people.root_m for s in samples])
+    turns = one_way_round(np.array([s.picture.people.orientation_wxyz for s in samples]))
+    morphs = np.array([s.picture.people.morphs_01 for s in samples])
+    people = root.shape[1]
+    joints = turns.shape[2] if people else 0
+    return {
+        "trial": str(trial.row["trial_id"]),
+        "t0": times.s(trial.part, samples[0].t_ns),
+        "t1": times.s(trial.part, samples[-1].t_ns + NS_PER_S // SAMPLES_PER_S),
+        "rate": SAMPLES_PER_S,
+        "n": n,
+        "room": models.room(first.room),
+        "cast": [models.person(c) for c in first.cast],
+        "joints": joints,
+        "root": _keys(bundle, root.transpose(1, 0, 2), OFF_BY_M, 1e-3 / 4),
+        "turns": _keys(
+            bundle,
+            turns.transpose(1, 2, 0, 3).reshape(people * joints, n, 4),
+            OFF_BY_TURN,
+            1 / 32767,
+            turns=True,
+        ),
+        "morphs": _keys(bundle, morphs.transpose(1, 0, 2), OFF_BY_SHARE, 1 / 1000),
+        "topology": _topology(trial, samples, bundle),
+        "light": bundle.quantised(np.array([[s.picture.brightness_01] for s in samples])),
+        "mark": None if first.mark_m is None else [float(x) for x in first.mark_m],
+        "moving": [
+            {
+                "mesh": models.thing(m.prop),
+                "at": m.pose.position_m.tolist(),
+                "turn": m.pose.orientation_wxyz.tolist(),
+                "glow": m.prop.emission_01,
+            }
+            for m in first.moving
+        ],
+        "panels": [
+            {
+                "text": p.text,
+                "choices": list(p.choices),
+                "at": p.pose.position_m.tolist(),
+                "turn": p.pose.orientation_wxyz.tolist(),
+                "size": list(p.size_m),
+                "lit": p.highlighted,
+            }
+            for p in first.panels
+        ],
+        "agents": [
+            {
+                "id": a.agent_id,
+                "place": a.place,
+                "at": a.head_centre_m.tolist(),
+                "radius": a.head_radius_m,
+            }
+            for a in samples[0].agents
+        ],
+    }
+
+
+def _topology(trial: RecordedTrial, samples: list[Sample], bundle: Bundle) -> dict[str, Any] | None:
+    """Return where a camera that knows the room would film from, and at what; None in a room that
+    has no such place.
+    """
+    if not samples[0].picture.room.props:
+        return None
+    start_ns = samples[0].t_ns
+
+    def shown_at(t_ns: int) -> Picture:
+        k = (t_ns - start_ns) * SAMPLES_PER_S // NS_PER_S
+        return samples[min(max(k, 0), len(samples) - 1)].picture
+
+    camera = ByTopology(style_of(ShotSize.LONG, Cuts.AUTO), 16 / 9, shown_at, trial.head_at)
+    try:
+        for sample in samples:
+            camera.at(sample.t_ns, sample.picture, trial.head_at(sample.t_ns))
+    except DesignError:
+        return None
+    decided = camera.decisions()
+    return {
+        "views": bundle.quantised(np.array(decided.views)[:, 1:]),
+        "fov": decided.fov_v_deg,
+        "cuts": [round((cut["t_ns"] - start_ns) / NS_PER_S, 3) for cut in decided.cuts],
+    }
+
+
+def _keys(
+    bundle: Bundle, tracks: Vector, off_by: float, step: float, *, turns: bool = False
+) -> dict[str, Any]:
+    """Take in tracks (t, n, k) as keys in parts of `step`."""
+    if not len(tracks):
+        return {"step": step, "k": 0}
+    counts, samples = key_samples(tracks, off_by, turns=turns)
+    owner = np.repeat(np.arange(len(tracks)), counts)
+    values = np.rint(tracks[owner, samples] / step)
+    return {
+        "step": step,
+        "k": tracks.shape[2],
+        "counts": bundle.add(counts.astype(np.uint16)),
+        "at": bundle.add(samples.astype(np.uint16)),
+        "v": bundle.add(values.astype(np.int16 if np.abs(values).max() < 32768 else np.int32)),
+    }

@@ -1,0 +1,214 @@
+"""People and rooms as a page draws them: light meshes, small pictures, light of the lamps."""
+
+import io
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from visavis.cli.viewer.bundle import Bundle
+from visavis.stage.baked_room import baked_room
+from visavis.stage.lamps import lamp_axis, lamp_place
+from visavis.stage.levels import BODY_RADIUS_M
+from visavis.stage.vertices import Run, person_vertices, room_vertices
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.picture import Light, Prop, Room
+
+LEVEL_OF_FEW, LEVEL_OF_MANY = 1, 2
+CELL_OF_FEW_M, CELL_OF_MANY_M = 0.0, 0.05
+"""Vertices of a light mesh within so much are one."""
+MAX_FEW: Final = 24
+"""More people than these are drawn at their lightest."""
+SIDE_PX: Final = {"skin": 512, "hair": 256, "thing": 512}
+OTHER_SIDE_PX: Final = 128
+WEBP_QUALITY: Final = 80
+
+
+class Models:
+    """Everything that is drawn, each thing once; numbers are places in the page's lists."""
+
+    def __init__(self, bundle: Bundle, *, level: int) -> None:
+        self._bundle, self._level = bundle, level
+        self._cell_m = CELL_OF_FEW_M if level == LEVEL_OF_FEW else CELL_OF_MANY_M
+        self.people: list[dict[str, Any]] = []
+        self.rooms: list[dict[str, Any]] = []
+        self.textures: list[dict[str, Any]] = []
+        self._known: dict[int, int] = {}
+        self._kept_alive: list[object] = []
+
+    def person(self, character: Character) -> int:
+        """Return the number of a character."""
+        return self._number(character, self.people, lambda: self._person(character))
+
+    def room(self, room: Room) -> int:
+        """Return the number of a room."""
+        return self._number(room, self.rooms, lambda: self._room(room))
+
+    def thing(self, prop: Prop) -> dict[str, Any]:
+        """Return a thing that moves, lit by the page."""
+        mesh = prop.mesh
+        texture = prop.material.texture_srgb if mesh.uv is not None else None
+        uv = np.zeros((len(mesh.vertices_m), 2)) if mesh.uv is None else mesh.uv
+        return {
+            "uv": self._bundle.quantised(uv),
+            "picture": -1 if texture is None else self._texture(texture, "thing"),
+            "place": self._bundle.quantised(mesh.vertices_m),
+            "normal": self._bundle.add(_bytes_of(mesh.normals)),
+            "colour": self._bundle.add(mesh.colour_srgb),
+            "index": self._bundle.add(mesh.triangles.ravel().astype(np.uint32)),
+        }
+
+    def _number(self, thing: object, into: list[dict[str, Any]], made: Any) -> int:
+        if id(thing) not in self._known:
+            self._kept_alive.append(thing)  # whose id another thing must not get
+            into.append(made())
+            self._known[id(thing)] = len(into) - 1
+        return self._known[id(thing)]
+
+    def _person(self, character: Character) -> dict[str, Any]:
+        level = min(self._level, len(character.levels) - 1)
+        built = person_vertices(character, character.levels[level])
+        vertices, add = built.vertices, self._bundle.add
+        skeleton = character.skeleton
+        found = {
+            "name": character.name,
+            "place": self._bundle.quantised(vertices["rest_m"]),
+            "detail": self._bundle.quantised(vertices["detail"]),
+            "normal": add(_bytes_of(vertices["normal"][:, :3])),
+            "colour": add(vertices["colour"][:, :3]),
+            "surface": add(vertices["surface"]),
+            "joints": add(vertices["joints"]),
+            "weights": add(np.rint(255 * vertices["weights"].astype(np.float32)).astype(np.uint8)),
+            "morph": add(vertices["morph"].astype(np.int16)),
+            "deltas": self._bundle.quantised(built.deltas[:, :6, :3].reshape(-1, 18)),
+            "index": add(built.indices.astype(np.uint16 if len(vertices) < 65536 else np.uint32)),
+            "runs": [self._run(run) for run in built.runs],
+            "parents": [int(p) for p in skeleton.parents],
+            "offsets": self._bundle.add(skeleton.offsets_m.astype(np.float32)),
+            "rest": self._bundle.add(skeleton.rest_m.astype(np.float32)),
+            "reach": BODY_RADIUS_M,
+            "light": self._light(character),
+        }
+        return found
+
+    def _light(self, character: Character) -> dict[str, Any]:
+        """Return the mesh drawn while time moves where a processor draws: coloured vertices of few
+        triangles, those with two sides after the others, eyes last.
+        """
+        add, quantised = self._bundle.add, self._bundle.quantised
+        built = person_vertices(character, character.levels[-1])
+        vertices, colour = built.vertices, built.vertices["colour"][:, :3].copy()
+        for run in built.runs:
+            if run.texture is not None:
+                rows = np.unique(built.indices[run.first : run.first + run.count])
+                shown = _at_uv(run.texture, vertices["detail"][rows, :2].astype(np.float64))
+                colour[rows] = np.rint(colour[rows] * (shown / 255.0))
+
+        def corners(of: Callable[[Run], bool]) -> npt.NDArray[Any]:
+            own = [built.indices[r.first : r.first + r.count] for r in built.runs if of(r)]
+            return np.concatenate([*own, np.zeros(0, built.indices.dtype)])
+
+        closed, kept = _clustered(
+            vertices, corners(lambda r: r.kind != "eye" and not r.double_sided), self._cell_m
+        )
+        open_, kept_open = _clustered(
+            vertices, corners(lambda r: r.kind != "eye" and r.double_sided), self._cell_m
+        )
+        index, eyes = np.concatenate([closed, open_]), corners(lambda r: r.kind == "eye")
+        used = np.unique(np.concatenate([kept, kept_open, eyes]))
+        number = np.zeros(len(vertices), np.int64)
+        number[used] = np.arange(len(used))
+        vertices, colour = vertices[used], colour[used]
+        return {
+            "place": quantised(vertices["rest_m"]),
+            "detail": quantised(vertices["detail"]),
+            "normal": add(_bytes_of(vertices["normal"][:, :3])),
+            "colour": add(colour),
+            "surface": add(vertices["surface"]),
+            "joints": add(vertices["joints"]),
+            "weights": add(np.rint(255 * vertices["weights"].astype(np.float32)).astype(np.uint8)),
+            "morph": add(vertices["morph"].astype(np.int16)),
+            "deltas": quantised(built.deltas[:, :6, :3].reshape(-1, 18)),
+            "index": add(number[np.concatenate([index, eyes])].astype(np.uint16)),
+            "openFrom": len(closed),
+            "eyeFrom": len(index),
+        }
+
+    def _run(self, run: Run) -> list[Any]:
+        texture = -1 if run.texture is None else self._texture(run.texture, run.kind)
+        return [run.first, run.count, texture, int(run.double_sided), run.kind]
+
+    def _texture(self, texture: npt.NDArray[np.uint8], kind: str) -> int:
+        return self._number(texture, self.textures, lambda: self._packed(texture, kind))
+
+    def _packed(self, texture: npt.NDArray[np.uint8], kind: str) -> dict[str, Any]:
+        side = SIDE_PX.get(kind, OTHER_SIDE_PX)
+        image = Image.fromarray(texture)
+        if max(image.size) > side:
+            share = side / max(image.size)
+            image = image.resize(tuple(max(1, round(s * share)) for s in image.size))  # type: ignore[arg-type]
+        content = io.BytesIO()
+        image.save(content, "WEBP", quality=WEBP_QUALITY, method=4)
+        holes = texture.shape[2] == 4 and bool((texture[..., 3] < 128).any())
+        return {"file": self._bundle.add_bytes(content.getvalue()), "holes": holes}
+
+    def _room(self, room: Room) -> dict[str, Any]:
+        lit = baked_room(room_vertices(room.props), room)
+        vertices, add = lit.vertices.vertices, self._bundle.add
+        return {
+            "name": room.name,
+            "place": self._bundle.quantised(vertices["place_m"]),
+            "uv": self._bundle.quantised(vertices["uv"]),
+            "light": add(np.rint(127 * np.clip(lit.light, 0, 2)).astype(np.uint8)),
+            "index": add(lit.vertices.indices.astype(np.uint32)),
+            "runs": [self._run(run) for run in lit.vertices.runs],
+            "lamps": [_lamp(light) for light in room.lights],
+            "sky": room.sky.tolist(),
+            "ground": room.ground.tolist(),
+            "background": list(room.background_srgb),
+        }
+
+
+def _lamp(light: Light) -> dict[str, Any]:
+    return {
+        "kind": ("sun", "spot", "point").index(light.kind),
+        "place": [float(x) for x in lamp_place(light)],
+        "axis": [float(x) for x in lamp_axis(light)],
+        "cos": float(np.cos(np.radians(light.half_angle_deg))),
+        "colour": [float(x) for x in light.intensity],
+    }
+
+
+def _bytes_of(normals: npt.NDArray[Any]) -> npt.NDArray[np.int8]:
+    found: npt.NDArray[np.int8] = np.rint(127 * normals.astype(np.float32)).astype(np.int8)
+    return found
+
+
+def _at_uv(texture: npt.NDArray[np.uint8], uv: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+    """Return a picture's colours (n, 3) at places (n, 2), whose v begins at the picture's top."""
+    height, width = texture.shape[:2]
+    x = np.clip(np.floor(uv[:, 0] % 1.0 * width), 0, width - 1).astype(np.int64)
+    y = np.clip(np.floor(uv[:, 1] % 1.0 * height), 0, height - 1).astype(np.int64)
+    found: npt.NDArray[np.uint8] = texture[y, x, :3]
+    return found
+
+
+def _clustered(
+    vertices: npt.NDArray[Any], index: npt.NDArray[Any], cell_m: float
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return corners (3 m,) of the triangles that stay when near vertices are one, and vertices
+    that they use.
+    """
+    corners = index.astype(np.int64)
+    if cell_m > 0:
+        cells = np.floor(vertices["rest_m"].astype(np.float64) / cell_m).astype(np.int64)
+        keys = np.column_stack([cells, vertices["joints"][:, 0], vertices["surface"][:, 0]])
+        _, first, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        corners = first[of.ravel()][corners]
+        triangles = corners.reshape(-1, 3)
+        a, b, c = triangles.T
+        whole = (a != b) & (b != c) & (a != c)
+        corners = np.unique(triangles[whole], axis=0).ravel()
+    return corners, np.unique(corners)

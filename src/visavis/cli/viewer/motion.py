@@ -1,0 +1,71 @@
+"""Motion as few key poses: what lies between them is found again within a stated error."""
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+
+Ints = npt.NDArray[np.int64]
+
+
+@compiled
+def _kept(values: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArray[np.bool_]:
+    """Tell which samples (n,) of one track (n, k) are keys: straight lines between keys stay within
+    `off_by` of every sample.
+    """
+    n, k = values.shape
+    kept = np.zeros(n, np.bool_)
+    kept[0] = kept[n - 1] = True
+    first = 0
+    while first < n - 1:
+        last = first + 1
+        while last + 1 < n and last + 1 - first <= longest:
+            fits = True
+            for i in range(first + 1, last + 1):
+                share = (i - first) / (last + 1 - first)
+                length = 0.0
+                for c in range(k):
+                    there = values[first, c] + share * (values[last + 1, c] - values[first, c])
+                    length += there * there
+                scale = 1.0 / np.sqrt(length) if turns and length > 0.0 else 1.0
+                error = 0.0
+                for c in range(k):
+                    there = values[first, c] + share * (values[last + 1, c] - values[first, c])
+                    error = max(error, abs(scale * there - values[i, c]))
+                if not error <= off_by:
+                    fits = False
+                    break
+            if not fits:
+                break
+            last += 1
+        kept[last] = True
+        first = last
+    return kept
+
+
+@compiled
+def _all_kept(tracks: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArray[np.bool_]:
+    kept = np.zeros(tracks.shape[:2], np.bool_)
+    for t in range(tracks.shape[0]):
+        kept[t] = _kept(tracks[t], off_by, longest, turns)
+    return kept
+
+
+def key_samples(
+    tracks: Vector, off_by: float, *, turns: bool, longest: int = 60
+) -> tuple[Ints, Ints]:
+    """Return how many keys each of the tracks (t, n, k) has (t,), and which samples they are, one
+    track after the other. Tracks of quaternions (`turns`) are normalised between keys.
+    """
+    kept = _all_kept(np.ascontiguousarray(tracks, np.float64), off_by, longest, turns)
+    return kept.sum(axis=1), np.nonzero(kept)[1]
+
+
+def one_way_round(orientation_wxyz: Vector) -> Vector:
+    """Return quaternions (n, ..., 4) whose signs do not jump from sample to sample."""
+    found = orientation_wxyz.copy()
+    flips = (found[1:] * found[:-1]).sum(axis=-1) < 0
+    signs = np.cumprod(np.where(flips, -1.0, 1.0), axis=0)
+    found[1:] *= signs[..., None]
+    return found

@@ -1,0 +1,124 @@
+"""What the viewer holds of trials on a page: films as small pictures, questions, answers.
+
+Small pictures are kept beside the films of the user's cache, under the hash of what they show.
+"""
+
+import io
+import os
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from PIL import Image
+
+from visavis.cli.film.on_page import FilmPictures
+from visavis.cli.film.renderer import film_renderer
+from visavis.cli.recorded_trial import trial_row
+from visavis.cli.viewer.bundle import Bundle
+from visavis.films import Film
+from visavis.opened import OpenedStudy
+from visavis.page.seen import SeenStep, SeenTrial, seen_trial
+from visavis.recording.kept import KeptRecording
+
+PICTURES_PER_S: Final = 12
+HEIGHT_PX: Final = 320
+WEBP_QUALITY: Final = 72
+
+
+def pages_of(
+    study: OpenedStudy,
+    recording: KeptRecording,
+    wanted: Sequence[str],
+    bundle: Bundle,
+    second_of: Callable[[int, int], float],
+    on_trial: Callable[[int, int], None] | None,
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return steps of trials in order, and the films that they show; each film is drawn once."""
+    trials = [seen_trial(study, recording, trial_row(recording, name)) for name in wanted]
+    numbers: dict[Film, int] = {}
+    films: list[dict[str, Any]] = []
+    steps: list[dict[str, Any]] = []
+    with film_renderer() as renderer:
+        for done, seen in enumerate(trials, start=1):
+            pictures = FilmPictures(seen.store, HEIGHT_PX, renderer.image)
+            for step in seen.steps:
+                for film in step.films.values():
+                    if film not in numbers:
+                        numbers[film] = len(films)
+                        films.append(_packed(film, pictures, bundle))
+                steps.append(_told(seen, step, numbers, second_of))
+            if on_trial is not None:
+                on_trial(done, len(trials))
+    return steps, films
+
+
+def _packed(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, Any]:
+    rate_hz = min(PICTURES_PER_S, film.rate_hz)
+    seconds = film.frame_count / film.rate_hz
+    count = max(1, round(seconds * rate_hz))
+    name = f"{pictures.store.name_of(film)}-{HEIGHT_PX}-{rate_hz}-{WEBP_QUALITY}.zip"
+    kept = pictures.store.folder / "small" / name
+    frames = _read(kept, count)
+    if frames is None:
+        frames = []
+        for k in range(count):
+            content = io.BytesIO()
+            shown = Image.fromarray(pictures.at(film, k / rate_hz))
+            shown.save(content, "WEBP", quality=WEBP_QUALITY, method=3)
+            frames.append(content.getvalue())
+        _keep(kept, frames)
+    width, height = pictures.size_px(film)
+    return {
+        "seconds": seconds,
+        "rate": rate_hz,
+        "width": width,
+        "height": height,
+        "frames": [bundle.add_bytes(frame) for frame in frames],
+    }
+
+
+def _read(kept: Path, count: int) -> list[bytes] | None:
+    """Return small pictures that were made before; None where they are not there, or not whole."""
+    try:
+        with zipfile.ZipFile(kept) as file:
+            found = [file.read(f"{k}.webp") for k in range(count)]
+    except (OSError, KeyError, zipfile.BadZipFile):
+        return None
+    return found
+
+
+def _keep(kept: Path, frames: Sequence[bytes]) -> None:
+    """Keep small pictures under the name of what their film shows, for the next page."""
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    draft = kept.with_name(f".{kept.name}.{os.getpid()}")
+    with zipfile.ZipFile(draft, "w") as file:
+        for k, frame in enumerate(frames):
+            file.writestr(f"{k}.webp", frame)
+    draft.replace(kept)
+
+
+def _told(
+    seen: SeenTrial,
+    step: SeenStep,
+    numbers: dict[Film, int],
+    second_of: Callable[[int, int], float],
+) -> dict[str, Any]:
+    part = int(seen.row["recording_part"])
+    return {
+        "trial": str(seen.row["trial_id"]),
+        "t0": second_of(part, step.shown_ns),
+        "t1": second_of(part, step.gone_ns),
+        "on": second_of(part, step.films_on_ns),
+        "films": [numbers[film] for film in step.films.values()],
+        "caption": step.caption,
+        "questions": [
+            {
+                "prompt": q.prompt,
+                "options": [list(option) for option in q.options],
+                "answer": q.answer,
+                "at": None if q.answered_ns is None else second_of(part, q.answered_ns),
+            }
+            for q in step.questions
+        ],
+    }

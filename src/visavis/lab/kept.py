@@ -1,0 +1,82 @@
+"""Arrays kept between runs, in the user's cache folder, under the hash of what they are.
+
+For what takes seconds to find and follows from its inputs alone. Nothing is lost with a folder
+that is emptied, or cannot be written to, but time. Of each name the files used last are kept, up to
+`MAX_KEPT_BYTES`.
+"""
+
+import hashlib
+import os
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from platformdirs import user_cache_path
+
+from visavis.lab.plain_files import read_arrays
+
+MAX_KEPT_BYTES = 200_000_000
+
+
+def digest_of(*arrays: npt.NDArray[Any], said: str = "") -> str:
+    """Return the SHA-256 of arrays and words."""
+    found = hashlib.sha256(said.encode())
+    for array in arrays:
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()
+
+
+@cache
+def digest_of_code(package: ModuleType) -> str:
+    """Return the SHA-256 of a package's code, for what another version would find otherwise."""
+    found = hashlib.sha256()
+    for folder in package.__path__:
+        for path in sorted(Path(folder).glob("*.py")):
+            found.update(path.read_bytes())
+    return found.hexdigest()
+
+
+def read_kept(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
+    """Return what was kept under a key; None when there is nothing or it cannot be read.
+
+    `name` says whose it is.
+    """
+    path = _folder(name) / f"{key}.npz"
+    try:
+        found = read_arrays(path)
+    except (OSError, ValueError):
+        return None
+    with suppress(OSError):
+        path.touch()  # used last
+    return found
+
+
+def keep(name: str, key: str, what: dict[str, npt.NDArray[Any]]) -> None:
+    """Keep arrays under a key."""
+    folder = _folder(name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        part = folder / f"{key}.{os.getpid()}.part.npz"
+        with part.open("wb") as file:
+            np.savez(file, allow_pickle=False, **what)
+        part.replace(folder / f"{key}.npz")
+        _forget_oldest(folder)
+    except OSError:
+        return
+
+
+def _forget_oldest(folder: Path) -> None:
+    found = [(path, path.stat()) for path in folder.glob("*.npz")]
+    kept_bytes = 0
+    for path, is_there in sorted(found, key=lambda f: f[1].st_mtime_ns, reverse=True):
+        kept_bytes += is_there.st_size
+        if kept_bytes > MAX_KEPT_BYTES:
+            path.unlink(missing_ok=True)
+
+
+def _folder(name: str) -> Path:
+    return user_cache_path("visavis", appauthor=False) / name

@@ -1,0 +1,135 @@
+"""Say what a pydantic model finds wrong in a file as an operator wants to read it."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeGuard, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from visavis.lab.units import NAMES, explain_magnitude, explain_text, explain_unknown, unit_of
+from visavis.lab.yaml_lines import Document, KeyPath, Problem, did_you_mean
+
+
+def model_problems(
+    document: Document,
+    model: type[BaseModel],
+    raw: Mapping[str, Any],
+    at: KeyPath,
+    also_known: tuple[str, ...] = (),
+) -> list[Problem]:
+    """Return what a model finds wrong, each with its line, nearest match and unit.
+
+    `raw` stands at `at` in the document; `also_known` are keys beside the model's own. A field
+    with `json_schema_extra={"any_magnitude": True}` is never doubted for its magnitude.
+    """
+    problems: list[Problem] = []
+    complained: set[KeyPath] = set()
+    known = {*model.model_fields, *also_known}
+    if model.model_config.get("extra") != "forbid":
+        for key in raw.keys() - known:
+            problems.append(_unknown(document, (*at, key), raw[key], known))
+            complained.add((*at, key))
+    try:
+        model.model_validate(dict(raw))
+    except ValidationError as error:
+        for item in error.errors(include_url=False):
+            place = _in_file(document, (*at, *item["loc"]))
+            if item["type"] == "extra_forbidden":
+                fields = _fields_at(model, item["loc"][:-1])
+                extra = also_known if len(item["loc"]) == 1 else ()
+                problems.append(_unknown(document, place, item["input"], {*fields, *extra}))
+            else:
+                message = _wording(str(place[-1]) if place else "", dict(item))
+                problems.append(document.problem(place, message))
+            complained.add(place)
+    problems += _magnitudes(document, model, raw, at, complained)
+    return problems
+
+
+def _in_file(document: Document, place: tuple[str | int, ...]) -> KeyPath:
+    """Drop the parts of a pydantic location that name a type and not a key."""
+    if place and place[-1] == "[key]":
+        place = place[:-1]
+    kept: KeyPath = ()
+    for part in place[:-1]:
+        # keys of mappings are text in a document, whatever YAML reads them as
+        kept = next(
+            ((*kept, name) for name in (part, str(part)) if (*kept, name) in document.lines), kept
+        )
+    last = place[-1:]
+    return (*kept, *(map(str, last) if (*kept, *map(str, last)) in document.lines else last))
+
+
+def _fields_at(model: type[BaseModel], place: Sequence[str | int]) -> set[str]:
+    """Return the settings known at a place inside a model, through lists and mappings."""
+    inner: object = model
+    for part in place:
+        if _is_model(inner):
+            field = inner.model_fields.get(str(part))
+            inner = None if field is None else field.annotation
+        elif get_args(inner):
+            inner = get_args(inner)[-1]  # a list's or mapping's values
+        else:
+            return set()
+        if type(None) in get_args(inner):  # a part that may be left out
+            inner = next(kind for kind in get_args(inner) if kind is not type(None))
+    return set(inner.model_fields) if _is_model(inner) else set()
+
+
+def _is_model(kind: object) -> TypeGuard[type[BaseModel]]:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _unknown(document: Document, place: KeyPath, value: object, known: set[str]) -> Problem:
+    key = str(place[-1])
+    message = explain_unknown(key, value, known) or f"unknown key{did_you_mean(key, known)}"
+    return document.problem(place, message)
+
+
+def _wording(key: str, item: Mapping[str, Any]) -> str:
+    """Say a pydantic complaint to an operator."""
+    kind, value = str(item["type"]), item["input"]
+    if kind == "missing":
+        unit = unit_of(key)
+        return "is missing" + (f"; give it in {NAMES[unit]}" if unit else "; add it")
+    if kind.startswith(("int_", "float_")) and (explained := explain_text(key, value)):
+        return explained
+    if kind == "string_type":
+        return f"is {value}, which YAML does not read as text; put it in quotes"
+    if kind == "value_error":  # raised by a model of ours, in our own words
+        said = str(item["msg"]).removeprefix("Value error, ")
+        return said if isinstance(value, Mapping) else f"is {value!r}; {said}"
+    said = str(item["msg"])
+    said = (said[0].lower() + said[1:]).replace("input should", "should")
+    unit = unit_of(key)
+    in_unit = f", in {NAMES[unit]}" if unit else ""
+    if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
+        if doubted := explain_magnitude(key, value):
+            return doubted
+        return f"is {value!r}; {said}{in_unit}"
+    return f"is {value!r}; {said}{in_unit}"
+
+
+def _magnitudes(
+    document: Document,
+    model: type[BaseModel],
+    raw: Mapping[str, Any],
+    at: KeyPath,
+    complained: set[KeyPath],
+) -> list[Problem]:
+    """Doubt numbers that look like another unit, in this part and the parts below it."""
+    problems = []
+    for name, field in model.model_fields.items():
+        if name not in raw:
+            continue
+        place, value, kind = (*at, name), raw[name], field.annotation
+        if _is_model(kind) and isinstance(value, dict):
+            problems += _magnitudes(document, kind, value, place, complained)
+        elif place not in complained and not _any_magnitude(field.json_schema_extra):
+            usual = None if field.is_required() else field.default
+            if message := explain_magnitude(name, value, usual):
+                problems.append(document.problem(place, message))
+    return problems
+
+
+def _any_magnitude(extra: object) -> bool:
+    return isinstance(extra, dict) and bool(extra.get("any_magnitude"))

@@ -1,0 +1,304 @@
+"""What a study measures: a column, its unit and words, how trials are put together, and from what.
+
+A measure is computed trial by trial from the recording alone. Answers are measures by themselves;
+`dwell_on("active")` and its like measure gaze on an agent that plays a role in a scene.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
+from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
+from visavis.analysis.gaze.targets import GazeTargets, targets_of_part
+from visavis.lab.errors import DataError, DesignError, UsageError
+from visavis.protocol.columns import Column
+from visavis.protocol.steps import Scalar
+from visavis.recording.reader import Recording
+
+Aggregate = Literal["mean", "median", "share"]
+LOOKS: Final = replace(DEFAULT_LOOK_PARAMETERS, backward="sort", conflicts="keep_first")
+"""A tracker's faulty stamps must not cost a study its session: they are mended."""
+LOST_COLUMN: Final = "gaze_lost_01"
+HEAD_LOST_COLUMN: Final = "head_lost_01"
+
+
+@dataclass(frozen=True, eq=False)
+class TrialRecord:
+    """One trial as recorded: its row, and what the session's streams hold of it.
+
+    `gaze` are the gaze samples of the whole session's part (None without an eye tracker);
+    `recording` is None for a trial of the quick path of power.
+    """
+
+    row: Mapping[str, Any]
+    recording: Recording | None
+    gaze: GazeTargets | None = field(repr=False, default=None)
+
+    @property
+    def name(self) -> str:
+        """What messages call the trial: its session's folder and its identifier."""
+        where = "a simulated trial" if self.recording is None else str(self.recording.path)
+        return f"{where}, trial {self.row.get('trial_id')}"
+
+    def number(self, column: str) -> float | None:
+        """Return a number of the row, None where it is missing."""
+        value = self.row.get(column)
+        if value is None or isinstance(value, str) or value != value:
+            return None
+        return float(value)
+
+    def window(self, scene: str = "scene") -> tuple[int, int] | None:
+        """Return from when to when a scene was shown, session time in ns; None if it was not."""
+        on, off = self.number(f"{scene}_on_ns"), self.number(f"{scene}_off_ns")
+        return None if on is None or off is None else (int(on), int(off))
+
+    def role(self, role: str, scene: str = "scene") -> int | None:
+        """Return the index of the agent that plays a role in a scene; None if none does.
+
+        Raises:
+            DesignError: nobody plays it in any trial of the session that shows such scenes.
+        """
+        shown = [c.removeprefix(f"{scene}_") for c in self.row if str(c).startswith(f"{scene}_")]
+        if "on_ns" in shown and role not in shown:
+            there = ", ".join(name for name in shown if name not in NO_ROLES) or "none"
+            raise DesignError(
+                f"{self.name}: nobody is {role!r} in scene {scene!r}; roles are: {there}"
+            )
+        found = self.number(f"{scene}_{role}")
+        return None if found is None else int(found)
+
+    def stream(self, name: str, start_ns: int, end_ns: int) -> dict[str, npt.NDArray[Any]]:
+        """Return a stream's columns between two times of this trial's part."""
+        if self.recording is None:
+            raise UsageError(
+                f"stream {name!r} is measured from recordings, which the quick path of power does "
+                "not make; simulate sessions and give their folder with --from"
+            )
+        columns = self.recording.stream_arrays(name)
+        at = columns["t_host_ns"]
+        part = columns["recording_part"] == int(self.row["recording_part"])
+        kept = part & (at >= start_ns) & (at < end_ns)
+        return {column: values[kept] for column, values in columns.items()}
+
+    def looks(self, role: str, scene: str, pad_deg: float) -> LookMeasures | None:
+        """Return the looks on the agent of a role while a scene was shown."""
+        window, agent = self.window(scene), self.role(role, scene)
+        if self.gaze is None or window is None or agent is None:
+            return None
+        samples = self.gaze.between(*window)
+        aoi = samples.areas(pad_deg)
+        return measure_trial(samples.t_ns, aoi, agent, *window, switch_ns=None, params=LOOKS)
+
+
+NO_ROLES: Final = ("on_ns", "off_ns", "frames")
+Of = Callable[[TrialRecord], Scalar | None]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of a trial.
+
+    `words` describe the column and head figures ("Dwell time on the active person"); `aggregate`
+    says how the trials of a cell become one number per person. `needs_gaze` leaves out trials
+    with too much lost gaze.
+    """
+
+    column: str
+    unit: str
+    words: str
+    of: Of | None = None
+    aggregate: Aggregate = "mean"
+    needs_gaze: bool = False
+    role: str = ""
+    """Whose: a role of a scene, where it is about somebody."""
+    scale: tuple[float, float] | None = None
+    """The ends of a rating's scale, which figures show whole."""
+
+    @property
+    def axis(self) -> str:
+        """What stands at a figure's axis."""
+        shown = {"1": "", "": ""}.get(self.unit, f" ({self.unit})")
+        kind = {"mean": "", "median": "median ", "share": "share: "}[self.aggregate]
+        return f"{kind}{self.words}{shown}".capitalize() if kind else f"{self.words}{shown}"
+
+    @property
+    def digits(self) -> int:
+        """Decimals to print: none of milliseconds."""
+        return 0 if self.unit == "ms" else 2
+
+    def description(self) -> Column:
+        """Return the column as a dictionary describes it."""
+        return Column(self.column, self.unit, self.words[:1].lower() + self.words[1:])
+
+
+def whom(role: str) -> str:
+    """Return who plays a role, in words: "the active person", "the person"."""
+    words = role.replace("_", " ")
+    return f"the {words}" if words.split()[-1] in ("person", "people") else f"the {words} person"
+
+
+def _of_looks(role: str, scene: str, pad_deg: float, pick: Callable[[LookMeasures], Any]) -> Of:
+    def of(record: TrialRecord) -> Scalar | None:
+        looks = record.looks(role, scene, pad_deg)
+        if looks is None or looks.lost_01 is None or looks.lost_01 >= 1.0:
+            return None  # nothing was measured: missing, not zero
+        found: Scalar | None = pick(looks)
+        return found
+
+    return of
+
+
+def dwell_on(
+    role: str, *, scene: str = "scene", column: str = "dwell_ms", pad_deg: float = DEFAULT_PAD_DEG
+) -> Measure:
+    """Return the time of valid gaze on the head of the agent that plays a role."""
+    return Measure(
+        column,
+        "ms",
+        f"Dwell time on {whom(role)}",
+        _of_looks(role, scene, pad_deg, lambda looks: looks.dwell_ms),
+        needs_gaze=True,
+        role=role,
+    )
+
+
+def fixations_on(
+    role: str,
+    *,
+    scene: str = "scene",
+    column: str = "fixation_count",
+    pad_deg: float = DEFAULT_PAD_DEG,
+) -> Measure:
+    """Return how many fixations fell on the head of the agent that plays a role."""
+    return Measure(
+        column,
+        "1",
+        f"Fixations on {whom(role)}",
+        _of_looks(role, scene, pad_deg, lambda looks: looks.as_row()["fixation_count"]),
+        needs_gaze=True,
+        role=role,
+    )
+
+
+def first_fixation_on(
+    role: str,
+    *,
+    scene: str = "scene",
+    column: str = "first_fixation_time_ms",
+    pad_deg: float = DEFAULT_PAD_DEG,
+) -> Measure:
+    """Return when the first fixation on a head began, from the scene's onset; missing without."""
+    return Measure(
+        column,
+        "ms",
+        f"Time to the first fixation on {whom(role)}",
+        _of_looks(role, scene, pad_deg, lambda looks: looks.first_fixation_time_ms),
+        needs_gaze=True,
+        role=role,
+    )
+
+
+def lost_gaze(scene: str = "scene") -> Measure:
+    """Return the share of a scene's time without usable gaze, missing samples included."""
+
+    def of(record: TrialRecord) -> Scalar | None:
+        window = record.window(scene)
+        if record.gaze is None or window is None:
+            return None
+        samples = record.gaze.between(*window)
+        nobody = np.where(samples.valid, -1, -2).astype(np.int16)
+        looks = measure_trial(samples.t_ns, nobody, 0, *window, switch_ns=None, params=LOOKS)
+        return looks.lost_01
+
+    return Measure(LOST_COLUMN, "1", "Share of the scene without usable gaze", of)
+
+
+def lost_head() -> Measure:
+    """Return the share of a trial's head poses that were not tracked."""
+
+    def of(record: TrialRecord) -> Scalar | None:
+        start, end = record.number("t_start_ns"), record.number("t_end_ns")
+        if record.recording is None or start is None or end is None:
+            return None
+        if "head" not in record.recording.stream_names:
+            return None
+        valid = record.stream("head", int(start), int(end))["valid"]
+        return float(1 - valid.mean()) if len(valid) else None
+
+    return Measure(HEAD_LOST_COLUMN, "1", "Share of the trial without a tracked head", of)
+
+
+def column(
+    name: str, unit: str = "1", words: str = "", *, aggregate: Aggregate = "mean"
+) -> Measure:
+    """Return a column that the trial itself wrote into its row, as a measure."""
+    return Measure(name, unit, words or name.replace("_", " ").capitalize(), None, aggregate)
+
+
+def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
+    """Return a measure of a trial: computed, or as the trial wrote it.
+
+    Raises:
+        DataError: the measure cannot be computed, with the trial and the reason.
+    """
+    if measure.of is None:
+        found = record.row.get(measure.column)
+        return None if found is None or found != found else found
+    try:
+        return measure.of(record)
+    except (KeyError, ValueError, IndexError) as error:
+        raise DataError(
+            f"{record.name}: {measure.column} could not be measured "
+            f"({type(error).__name__}: {error}); mend its function in the study file, or look at "
+            "the trial: visavis check, visavis view"
+        ) from error
+
+
+def aggregated(
+    trials: pd.DataFrame, measures: Sequence[Measure], factors: Sequence[str]
+) -> pd.DataFrame:
+    """Return one row per participant and cell: each measure as it says, and `n` trials."""
+    keys = ["participant", *factors]
+    grouped = trials.groupby(keys, sort=True, observed=True)
+    found: dict[str, Any] = {"n": grouped.size()}
+    for measure in measures:
+        if measure.column not in trials:
+            continue
+        values = pd.to_numeric(trials[measure.column], errors="coerce").astype(float)
+        cell = values.groupby([trials[k] for k in keys], sort=True, observed=True)
+        found[measure.column] = cell.median() if measure.aggregate == "median" else cell.mean()
+    return pd.DataFrame(found).reset_index()
+
+
+class SessionGaze:
+    """The gaze samples of a session, read once and cut by part."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+
+    @cached_property
+    def _parts(self) -> dict[int, tuple[GazeTargets, npt.NDArray[np.bool_]]]:
+        return {}
+
+    def of_part(self, part: int) -> GazeTargets | None:
+        """Return the samples of one part, frozen ones made lost; None without an eye tracker."""
+        read = self._read(part)
+        return None if read is None else read[0]
+
+    def frozen_of_part(self, part: int) -> npt.NDArray[np.bool_]:
+        """Tell of every sample of one part whether it repeats one direction too long."""
+        read = self._read(part)
+        return np.zeros(0, np.bool_) if read is None else read[1]
+
+    def _read(self, part: int) -> tuple[GazeTargets, npt.NDArray[np.bool_]] | None:
+        if "gaze_targets" not in self._recording.stream_names:
+            return None
+        if part not in self._parts:
+            self._parts[part] = targets_of_part(self._recording, part)
+        return self._parts[part]

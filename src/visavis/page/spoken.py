@@ -1,0 +1,85 @@
+"""Digits that a page speaks, so that people show that they hear: of a lab, or ours."""
+
+import io
+import wave
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+from visavis.lab.errors import DesignError
+
+OURS: Final = Path(__file__).parent / "digits"
+FOLDER: Final = "digits"
+"""Where a lab's own lie, beside its study: digits/LANGUAGE/0.wav to 9.wav."""
+HOW_MANY: Final = 3
+NOT_HEARD: Final = "sound not heard"
+"""Flags every trial of somebody who did not hear, or mistook, what a page said."""
+PAUSE_S: Final = 0.35
+MAX_BYTES: Final = 40_000
+"""The largest file of one digit: a page waits for three."""
+
+
+@lru_cache(maxsize=16)
+def spoken_digits(language: str, folder: Path | None) -> tuple[bytes, ...]:
+    """Return the files of the ten digits in a language, those beside a study first.
+
+    Raises:
+        DesignError: there are none in this language, or one cannot be spoken with the others.
+    """
+    own = None if folder is None else folder / FOLDER / language
+    where = own if own is not None and own.is_dir() else OURS / language
+    if not where.is_dir():
+        raise DesignError(
+            f"the sound check has no digits in {language!r}: put 0.wav to 9.wav into "
+            f"{FOLDER}/{language} beside the study"
+        )
+    found, formats = [], set()
+    for digit in range(10):
+        path = where / f"{digit}.wav"
+        try:
+            content = path.read_bytes()
+            with wave.open(io.BytesIO(content)) as read:
+                formats.add((read.getnchannels(), read.getsampwidth(), read.getframerate()))
+        except (OSError, EOFError, wave.Error) as error:
+            raise DesignError(f"{path}: no digit can be spoken from it ({error})") from error
+        if len(content) > MAX_BYTES:
+            raise DesignError(f"{path}: {len(content)} bytes; a digit takes at most {MAX_BYTES}")
+        found.append(content)
+    if len(formats) > 1:
+        raise DesignError(f"{where}: the digits differ in channels, bits or rate")
+    return tuple(found)
+
+
+def spoken(digits: Sequence[int], files: Sequence[bytes]) -> bytes:
+    """Return a WAV file in which digits are said one after another."""
+    made, pieces = io.BytesIO(), []
+    for digit in digits:
+        with wave.open(io.BytesIO(files[digit])) as read:
+            told = read.getparams()
+            zero = b"\x80" if told.sampwidth == 1 else bytes(told.sampwidth)
+            pieces += [
+                read.readframes(told.nframes),
+                zero * told.nchannels * round(PAUSE_S * told.framerate),
+            ]
+    with wave.open(made, "wb") as written:
+        written.setparams(told)
+        written.writeframes(b"".join(pieces))
+    return made.getvalue()
+
+
+def heard(sound: bytes, files: Sequence[bytes]) -> str:
+    """Return the digits that somebody hears who knows how each sounds; "" where none is known."""
+    with wave.open(io.BytesIO(sound)) as read:
+        left = read.readframes(read.getnframes())
+    known = {}
+    for digit, content in enumerate(files):
+        with wave.open(io.BytesIO(content)) as read:
+            known[digit] = read.readframes(read.getnframes())
+    places = []
+    for digit, said in known.items():
+        at = left.find(said)
+        while at >= 0:
+            places.append((at, digit))
+            at = left.find(said, at + len(said))
+    return "".join(str(digit) for _, digit in sorted(places))

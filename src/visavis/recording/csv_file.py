@@ -1,0 +1,76 @@
+"""Write tables as CSV that a spreadsheet shows and never runs."""
+
+import json
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from visavis.recording.durable import replace_file
+
+NEUTRALISED = (
+    "text that a spreadsheet would take for a formula has an apostrophe (') before it, which is "
+    "no part of it"
+)
+CELLS_AT_ONCE = 20_000
+"""How many cells are held as text at once; what is written does not depend on it."""
+_FORMULA = re.compile(r"[=+\-@\x00-\x1f]")
+_NUMBER = re.compile(r"[+-]?[0-9]+([.][0-9]*)?([eE][+-]?[0-9]+)?")
+
+
+def write_csv(table: pd.DataFrame, path: Path) -> tuple[str, ...]:
+    """Write a table in UTF-8 with dot decimals, missing values empty; replaces what is there.
+
+    Text cells and column names beginning with = + - @ or a control character, which spreadsheets
+    run, get an apostrophe before them. Returns the columns in which that was needed; say it in
+    the table's dictionary with `tell_neutralised`. Raises OSError when the disk refuses.
+    """
+    safe, touched = neutralised(table)
+    rows = max(1, CELLS_AT_ONCE // max(1, len(safe.columns)))
+    safe.to_csv(path, index=False, encoding="utf-8", lineterminator="\n", na_rep="", chunksize=rows)
+    return touched
+
+
+def neutralised(table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Return a table none of whose texts is a formula, and the columns that had any."""
+    columns, touched = {}, []
+    for i, name in enumerate(table.columns):
+        values = table.iloc[:, i]
+        if values.dtype == object or isinstance(values.dtype, pd.StringDtype):
+            texts = list(values)
+            if any(_is_formula(v) for v in texts):
+                values = pd.Series([_safe(v) for v in texts], index=table.index, dtype=object)
+                touched.append(str(name))
+        columns[i] = values
+    if not touched and not any(_is_formula(n) for n in table.columns):
+        return table, ()
+    found = pd.DataFrame(columns, index=table.index)
+    found.columns = pd.Index([_safe(n) for n in table.columns])
+    return found, tuple(touched)
+
+
+def tell_neutralised(sidecar: Path, columns: Collection[str]) -> None:
+    """Add to a table's JSON dictionary that texts of these columns bear an apostrophe."""
+    if not columns:
+        return
+    described: dict[str, Any] = json.loads(sidecar.read_text(encoding="utf-8"))
+    for name in columns:
+        entry = described.setdefault(name, {})
+        before = entry.get("Description", "")
+        entry["Description"] = f"{before}; {NEUTRALISED}" if before else NEUTRALISED
+    text = json.dumps(described, indent=1, ensure_ascii=False) + "\n"
+    replace_file(sidecar, text.encode())
+
+
+def _safe(value: Any) -> Any:
+    return "'" + value if _is_formula(value) else value
+
+
+def _is_formula(value: Any) -> bool:
+    return (
+        isinstance(value, str)
+        and _FORMULA.match(value) is not None
+        and _NUMBER.fullmatch(value) is None
+    )

@@ -1,0 +1,340 @@
+"""What damage a recording bears: which files, rows and trials are gone, in plain words.
+
+Damage is what happened to files after they were written. What a killed process leaves behind (a
+torn last batch or line, a part without its end) costs no finished trial and is none.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import pandas as pd
+
+from visavis.recording.journal import JOURNAL_NAME
+from visavis.recording.manifest import MANIFEST_NAME, Part
+from visavis.recording.reader import CHANGED, PART_COLUMN, Recording
+from visavis.recording.sealed import copy_path, copy_state
+from visavis.recording.stream_file import Gap, StreamContent
+
+DAMAGED = "damaged"
+"""Status of a finished trial some of whose samples cannot be read any more."""
+
+LOST = "lost"
+"""Status of a trial whose row cannot be read any more."""
+
+
+@dataclass(frozen=True)
+class StreamDamage:
+    """What one stream of a part lost; `rows_lost` None where nothing says how many.
+
+    `is_untrusted`: no row can be told from what was written, as the whole file is another.
+    """
+
+    part: int
+    stream: str
+    rows_written: int | None
+    rows_lost: int | None
+    gaps: tuple[Gap, ...]
+    is_untrusted: bool = False
+
+    def strikes(self, t_start_ns: int | None, t_end_ns: int | None) -> bool:
+        """Tell whether samples between two times may be among those lost."""
+        if self.is_untrusted:
+            return True
+        if t_start_ns is None or t_end_ns is None:
+            return bool(self.gaps)
+        return any(
+            (gap.after_ns is None or t_end_ns > gap.after_ns)
+            and (gap.before_ns is None or t_start_ns < gap.before_ns)
+            for gap in self.gaps
+        )
+
+
+@dataclass(frozen=True)
+class TrialDamage:
+    """A trial that cannot be analysed as it was performed, and why.
+
+    `status` is DAMAGED or LOST; `part` and `attempt` are None where no trace of them is left.
+    `streams` are those with rows lost during the trial; an `untrusted` one is without its journal.
+    """
+
+    part: int | None
+    trial_id: str
+    attempt: int | None
+    status: str
+    streams: tuple[str, ...]
+    reason: str
+
+
+@dataclass(frozen=True)
+class DamageReport:
+    """Everything found wrong with one session's files; see `damage_of`.
+
+    `notes` is what no number depends on, and is no damage: a copy that cannot be read.
+    """
+
+    session: Path
+    participant: str
+    number: int
+    problems: tuple[str, ...]
+    streams: tuple[StreamDamage, ...]
+    trials: tuple[TrialDamage, ...]
+    journal_lines_lost: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_damaged(self) -> bool:
+        """Tell whether anything at all is wrong."""
+        return bool(self.problems)
+
+    def summary(self) -> tuple[str, ...]:
+        """Return in plain words what is missing, a line each."""
+        lines = []
+        lost = [t.trial_id for t in self.trials if t.status == LOST]
+        if self.journal_lines_lost:
+            n = self.journal_lines_lost
+            of = f": with them {_counted(lost, 'trial')} and perhaps answers" if lost else ""
+            lines.append(f"{n} line{'s' if n != 1 else ''} of the journal cannot be read{of}")
+        for stream in self.streams:
+            struck = [t.trial_id for t in self.trials if stream.stream in t.streams]
+            where = f", during {_counted(struck, 'trial')}" if struck else ", outside all trials"
+            lines.append(f"{stream.stream} (part {stream.part}): {_rows(stream)}{where}")
+        if not lines or not self.streams:
+            lines += self.problems
+        return tuple(lines)
+
+
+_FOUND: "WeakKeyDictionary[Recording, DamageReport]" = WeakKeyDictionary()
+
+
+def damage_of(recording: Recording) -> DamageReport:
+    """Read every file of a session again: checksums, counts and, where kept, SHA-256.
+
+    Per stream, which rows are gone; per trial, what of it is missing. Never raises for damage.
+    As with all that a `Recording` reads, files are looked at once: open it anew to look again.
+    """
+    if recording not in _FOUND:
+        _FOUND[recording] = _damage_of(recording)
+    return _FOUND[recording]
+
+
+def _damage_of(recording: Recording) -> DamageReport:
+    problems: list[str] = [*_misplaced(recording)]
+    streams: list[StreamDamage] = []
+    trials: list[TrialDamage] = []
+    lines_lost = 0
+    for part in recording.manifest.parts:
+        changed = recording.changed_files(part.number)
+        found = _problems(recording, part, changed)
+        if not found:
+            continue
+        problems += found
+        struck = [
+            damage
+            for name, state in recording.stream_states(part.number).items()
+            if (damage := _stream_damage(part, name, state, changed)) is not None
+        ]
+        streams += struck
+        journal = recording.journal(part.number)
+        lost = journal.damaged_lines
+        if part.journal is not None:
+            lost = max(lost, part.journal.lines - journal.n_lines)
+        lines_lost += lost
+        is_foreign = JOURNAL_NAME in changed and not journal.problems
+        trials += _struck_trials(recording, part, struck, is_foreign=is_foreign)
+        if lost:
+            trials += _lost_rows(recording, part)
+    if lines_lost:
+        trials += _without_trace(recording, trials)
+    return DamageReport(
+        session=recording.path,
+        participant=recording.manifest.participant,
+        number=recording.manifest.session,
+        problems=tuple(problems),
+        streams=tuple(streams),
+        trials=tuple(trials),
+        journal_lines_lost=lines_lost,
+        notes=tuple(_notes(recording)),
+    )
+
+
+def analysed_trials(recording: Recording, needs: Collection[str] | None = None) -> pd.DataFrame:
+    """Return the rows of `recording.trials()` as analysis may take them.
+
+    A finished trial that lost rows of a stream in `needs` (any stream when None) has the status
+    DAMAGED and is not to be measured; one whose row is gone has a row of what was planned, with
+    the status LOST. `reason` says what is missing. Without damage nothing changes.
+    """
+    rows = recording.trials()
+    found = damage_of(recording)
+    marked = {
+        (t.part, t.trial_id, t.attempt): t
+        for t in found.trials
+        if t.status == DAMAGED and (needs is None or not t.streams or set(t.streams) & set(needs))
+    }
+    lost = [t for t in found.trials if t.status == LOST]
+    if not marked and not lost:
+        return rows
+    records: list[dict[str, Any]] = []
+    for row in rows.to_dict("records"):
+        known = marked.get((row[PART_COLUMN], str(row["trial_id"]), row.get("attempt")))
+        if known is not None and row.get("status", "complete") == "complete":
+            row |= {"status": known.status, "reason": known.reason}
+        records.append({str(k): v for k, v in row.items()})
+    planned = {t["trial_id"]: t for t in planned_trials(recording.manifest.plan)}
+    records += [_planned_row(recording, t, planned.get(t.trial_id)) for t in lost]
+    return pd.DataFrame(records)
+
+
+def planned_trials(plan: Any) -> Iterator[Mapping[str, Any]]:
+    """Yield the trials of a recorded plan in order; none of a plan that has no blocks."""
+    for block in plan.get("blocks", ()) if isinstance(plan, Mapping) else ():
+        yield from block["trials"]
+
+
+def _planned_row(
+    recording: Recording, trial: TrialDamage, planned: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    manifest = recording.manifest
+    row: dict[str, Any] = {
+        PART_COLUMN: trial.part,
+        "participant": manifest.participant,
+        "session": manifest.session,
+        "trial_id": trial.trial_id,
+        "attempt": trial.attempt,
+        "status": trial.status,
+        "reason": trial.reason,
+        "flags": "",
+    }
+    if planned is not None:
+        row |= {k: planned[k] for k in ("number", "block", "is_practice")}
+        row |= {k: manifest.plan[k] for k in ("participant_index", "group")}
+        row |= planned["factors"]
+    return row
+
+
+def _misplaced(recording: Recording) -> Iterator[str]:
+    """Yield what is wrong where a session stands in another one's folder."""
+    manifest, path = recording.manifest, recording.path.resolve()
+    own = f"sub-{manifest.participant}/ses-{manifest.session:03d}"
+    here = f"{path.parent.name}/{path.name}"
+    if re.fullmatch(r"sub-[^/]+/ses-[0-9]{3}", here) and here != own:
+        yield f"{path / MANIFEST_NAME} is of {own}, not of {here}"
+
+
+def _notes(recording: Recording) -> Iterator[str]:
+    path = recording.path / MANIFEST_NAME
+    if not recording.is_sealed:
+        yield (
+            "the manifest was written before manifests had checksums, so that changes to it "
+            "cannot be seen"
+        )
+        return
+    state = copy_state(path)
+    if state != "same":
+        said = {"missing": "is missing", "damaged": "is damaged", "other": "says something else"}
+        yield f"{copy_path(path)} {said[state]}; `visavis recover {recording.path}` renews it"
+
+
+def _problems(recording: Recording, part: Part, changed: Collection[str]) -> list[str]:
+    folder = recording.path / part.folder
+    journal = recording.journal(part.number)
+    states = recording.stream_states(part.number)
+    tails = {journal.tail_problem, *(s.tail_problem for s in states.values())}
+    if part.status in ("complete", "aborted"):
+        tails = set()
+    if part.status == "running":  # or killed before it was begun: nothing says what there was
+        tails |= {f"{folder / name}.arrows is missing" for name in states}
+        tails.add(f"{folder / JOURNAL_NAME} is missing")
+    found = [p for p in recording.part_problems(part.number) if p not in tails]
+    return found + [f"{folder / file}: {CHANGED}" for file in changed]
+
+
+def _stream_damage(
+    part: Part, name: str, state: StreamContent, changed: Collection[str]
+) -> StreamDamage | None:
+    summary = next((s for s in part.streams if s.name == name), None)
+    written = None if summary is None else summary.rows
+    is_changed = summary is not None and summary.file in changed
+    if is_changed and not state.problems:
+        return StreamDamage(part.number, name, written, None, (), is_untrusted=True)
+    gaps = [g for g in state.gaps if g.n_rows is not None]
+    lost = sum(g.n_rows or 0 for g in gaps)
+    if written is None:
+        if len(gaps) < len(state.gaps) and part.status in ("complete", "aborted"):
+            gaps, lost_all = list(state.gaps), None
+            return StreamDamage(part.number, name, None, lost_all, tuple(gaps))
+    elif written > state.n_rows + lost:
+        rest = written - state.n_rows - lost
+        gaps.append(Gap(written - rest, rest, state.last_ns, None))
+        lost += rest
+    return StreamDamage(part.number, name, written, lost, tuple(gaps)) if gaps else None
+
+
+def _struck_trials(
+    recording: Recording, part: Part, struck: Collection[StreamDamage], *, is_foreign: bool
+) -> Iterator[TrialDamage]:
+    for entry in recording.trial_entries(part.number):
+        row = entry["row"]
+        if row.get("status", "complete") != "complete":
+            continue
+        times = row.get("t_start_ns"), row.get("t_end_ns")
+        names = tuple(d.stream for d in struck if d.strikes(*times))
+        if is_foreign:
+            reason = f"{part.folder}/{JOURNAL_NAME} is not the file that was recorded"
+        elif names:
+            reason = f"recording damaged: samples of {', '.join(names)} cannot be read"
+        else:
+            continue
+        yield TrialDamage(
+            part.number, str(row["trial_id"]), row.get("attempt"), DAMAGED, names, reason
+        )
+
+
+def _lost_rows(recording: Recording, part: Part) -> Iterator[TrialDamage]:
+    """Yield the trials of a part that began and have no row, where lines are unreadable."""
+    journal = recording.journal(part.number)
+    rows = {(str(t["row"]["trial_id"]), t["row"].get("attempt")) for t in journal.trials}
+    begun = [
+        (str(e["payload"]["trial_id"]), e["payload"].get("attempt"))
+        for e in journal.events
+        if e["name"] == "trial_start"
+    ]
+    if part.status != "complete":
+        begun = begun[:-1]  # which the end of the part interrupted
+    for trial_id, attempt in begun:
+        if (trial_id, attempt) not in rows:
+            yield TrialDamage(part.number, trial_id, attempt, LOST, (), _row_gone(part.folder))
+
+
+def _without_trace(recording: Recording, known: Collection[TrialDamage]) -> Iterator[TrialDamage]:
+    """Yield what was planned of a finished session and left neither row nor beginning."""
+    parts = recording.manifest.parts
+    if not parts or parts[-1].status != "complete":
+        return
+    there = {str(t["row"]["trial_id"]) for p in parts for t in recording.trial_entries(p.number)}
+    there |= {t.trial_id for t in known if t.status == LOST}
+    for trial in planned_trials(recording.manifest.plan):
+        if trial["trial_id"] not in there:
+            yield TrialDamage(None, trial["trial_id"], None, LOST, (), _row_gone("the journal"))
+
+
+def _row_gone(where: str) -> str:
+    return f"recording damaged: the trial's row in {where} cannot be read"
+
+
+def _rows(stream: StreamDamage) -> str:
+    if stream.is_untrusted:
+        return "the file is not the one that was recorded"
+    if stream.rows_lost is None or stream.rows_written is None:
+        return "rows at its end cannot be read"
+    return f"{stream.rows_lost:,} of {stream.rows_written:,} rows cannot be read"
+
+
+def _counted(names: Collection[str], what: str, most: int = 12) -> str:
+    shown = list(dict.fromkeys(names))
+    more = f" and {len(shown) - most} more" if len(shown) > most else ""
+    return f"{len(shown)} {what}{'s' if len(shown) != 1 else ''} ({', '.join(shown[:most])}{more})"

@@ -1,0 +1,198 @@
+"""A recording as others may see it: under a pseudonym, no free text, ages in bands, blurred."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from visavis.recording.blurring import (
+    BLURRED,
+    blurred_body,
+    blurred_gaze,
+    blurred_head,
+    blurred_targets,
+    has_reference,
+    heights_m,
+    kind_of,
+    segments_of,
+    tells_length,
+)
+from visavis.recording.reader import PART_COLUMN, Recording
+from visavis.recording.stream_file import Columns, StreamContent
+
+Tier: TypeAlias = Literal["raw", "shared", "public"]
+TIERS: Final[tuple[Tier, ...]] = ("raw", "shared", "public")
+
+TextRule: TypeAlias = Callable[[str, str], bool]
+"""Tells of a questionnaire and a question whether the answer is free text."""
+
+AGE_BAND_YEARS: Final = 10
+TYPED: Final = ("text", "reason", "message")
+"""What the operator or participant typed, by its name in events and trial rows."""
+
+TYPED_EVENTS: Final = ("operator", "session_aborted", "session_failed", "trial_skip")
+_AGE = re.compile(r"(.*[._])?age")
+
+
+@dataclass(frozen=True)
+class Sharing:
+    """How a recording is shown: `label` in the place of the participant's own.
+
+    In the tier "raw" nothing else changes. In "shared", free text (answers by `is_text`, columns of
+    trial rows in `text_columns`, what the operator typed) is missing and ages are bands of ten
+    years; so they are in "public". With `blurs`, as "public" has it, motion is blurred
+    (`visavis.recording.blurring`): streams that cannot be are left out, and lengths of the body in
+    trial rows and events are missing.
+    """
+
+    label: str
+    tier: Tier
+    is_text: TextRule
+    text_columns: frozenset[str] = frozenset()
+    blurs: bool = False
+
+
+class SharedRecording(Recording):
+    """A session folder, read only, as `sharing` shows it; files are the same."""
+
+    def __init__(self, path: Path, sharing: Sharing) -> None:
+        super().__init__(path)
+        self.sharing = sharing
+        self._own = self.manifest.participant
+        self._blurred: dict[tuple[int, str], StreamContent] = {}
+        self._medians_m: dict[str, float] = {}
+        parts = self.manifest.parts
+        if self._hides:
+            parts = tuple(replace(part, reason="") for part in parts)
+        self.manifest = replace(self.manifest, participant=sharing.label, parts=parts)
+
+    def events(self) -> pd.DataFrame:
+        """Return all events as shown; see `Recording.events`."""
+        events = super().events()
+        payloads = [
+            self._payload(name, payload)
+            for name, payload in zip(events["name"], events["payload"], strict=True)
+        ]
+        return events.assign(payload=pd.Series(payloads, index=events.index, dtype=object))
+
+    def trials(self) -> pd.DataFrame:
+        """Return the trial rows as shown; see `Recording.trials`."""
+        rows = [
+            {PART_COLUMN: p.number, **t["row"]}
+            for p in self.manifest.parts
+            for t in self.trial_entries(p.number)
+        ]
+        return pd.DataFrame(rows) if rows else super().trials()
+
+    def trial_entries(self, part: int) -> tuple[dict[str, Any], ...]:
+        """Return a part's trial rows as shown; see `Recording.trial_entries`."""
+        return tuple({**t, "row": self._row(t["row"])} for t in super().trial_entries(part))
+
+    def _names(self, number: int) -> tuple[str, ...]:
+        names = super()._names(number)
+        return tuple(n for n in names if self._kind(number, n)) if self.sharing.blurs else names
+
+    def _kind(self, number: int, name: str) -> str | None:
+        schema = super()._state(number, name).schema
+        kind = "as_it_is" if schema is None else kind_of(schema)
+        if kind == "body" and schema is not None and not has_reference(segments_of(schema)):
+            return None
+        return kind
+
+    def _content(self, number: int, name: str, *, with_columns: bool = True) -> StreamContent:
+        if not (self.sharing.blurs and with_columns):
+            return super()._content(number, name, with_columns=with_columns)
+        if (number, name) not in self._blurred:
+            content = super()._content(number, name)
+            self._blurred[number, name] = replace(
+                content, columns=self._blur(number, name, content)
+            )
+        return self._blurred[number, name]
+
+    def _blur(self, number: int, name: str, content: StreamContent) -> Columns:
+        columns, schema = content.columns, content.schema
+        kind = None if schema is None else kind_of(schema)
+        if schema is None or kind not in BLURRED or not content.n_rows:
+            return columns
+        if kind == "head":
+            return blurred_head(columns, self._median_m(name))
+        if kind == "body":
+            return blurred_body(columns, segments_of(schema), self._median_m(name))
+        if kind == "gaze":
+            return blurred_gaze(columns)
+        gaze, head = (self._first(number, wanted) for wanted in ("gaze", "head"))
+        return blurred_targets(columns, gaze, head)
+
+    def _median_m(self, name: str) -> float:
+        """Return the median height of a stream's first point, over all parts as recorded."""
+        if name not in self._medians_m:
+            parts = [
+                super(SharedRecording, self)._content(p.number, name)
+                for p in self._parts_with(name)
+            ]
+            heights = [heights_m(content.columns) for content in parts if content.n_rows]
+            tracked = np.concatenate(heights) if heights else np.zeros(0)
+            self._medians_m[name] = float(np.median(tracked)) if len(tracked) else float("nan")
+        return self._medians_m[name]
+
+    def _first(self, number: int, kind: str) -> Columns | None:
+        """Return the first stream of a kind that a part has, as shown."""
+        for name in self._names(number):
+            if self._kind(number, name) == kind:
+                return self._content(number, name).columns
+        return None
+
+    def _row(self, row: Mapping[str, Any]) -> dict[str, Any]:
+        hidden = {*TYPED, *self.sharing.text_columns} if self._hides else set()
+        if self.sharing.blurs:
+            hidden |= {name for name in row if tells_length(name)}
+        return {k: None if k in hidden else self._relabelled(v) for k, v in row.items()}
+
+    def _payload(self, name: str, payload: Mapping[str, Any]) -> dict[str, Any]:
+        shown = {k: self._relabelled(v) for k, v in payload.items()}
+        if self.sharing.blurs:
+            shown |= {k: None for k in shown if tells_length(k)}
+        if not self._hides:
+            return shown
+        if name in TYPED_EVENTS:
+            shown |= {k: None for k in TYPED if k in shown}
+        if name == "answer":
+            shown["answer"] = self._answer(shown)
+        return shown
+
+    def _answer(self, payload: Mapping[str, Any]) -> Any:
+        asked, question, answer = (payload.get(k) for k in ("questionnaire", "question", "answer"))
+        if answer is None:
+            return None
+        if _AGE.fullmatch(str(question)):
+            return age_band(answer)
+        name = str(asked).partition("@")[0]
+        return None if self.sharing.is_text(name, str(question)) else answer
+
+    @property
+    def _hides(self) -> bool:
+        return self.sharing.tier != "raw"
+
+    def _relabelled(self, value: Any) -> Any:
+        """Put the label shown in the place of the own one, wherever it stands by itself."""
+        if isinstance(value, str):
+            return self.sharing.label if value == self._own else value
+        if isinstance(value, Mapping):
+            return {k: self._relabelled(v) for k, v in value.items()}
+        if isinstance(value, list):
+            return [self._relabelled(v) for v in value]
+        return value
+
+
+def age_band(answer: object) -> str | None:
+    """Return the ten years an age lies in ("30-39"); None for what is no age."""
+    try:
+        age = int(float(str(answer)))
+    except (ValueError, OverflowError):
+        return None
+    low = age // AGE_BAND_YEARS * AGE_BAND_YEARS
+    return f"{low}-{low + AGE_BAND_YEARS - 1}" if age >= 0 else None

@@ -1,0 +1,74 @@
+"""Refuse or announce damaged recordings before anything is made of them."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pandas as pd
+
+from visavis.lab.errors import DataError
+from visavis.recording.csv_file import write_csv
+from visavis.recording.integrity import DamageReport, damage_of
+from visavis.recording.reader import Recording
+
+TABLE_NAME = "damage.csv"
+MAX_LINES = 40
+
+
+def require_intact(sessions: Sequence[Path], *, accept: bool) -> tuple[DamageReport, ...]:
+    """Verify every file of sessions and return what is damaged, where that is accepted.
+
+    Raises:
+        DataError: something is, and was not accepted; says per session what is missing.
+    """
+    with ThreadPoolExecutor() as pool:  # hashing lets other threads run
+        reports = tuple(pool.map(_find_damage, sessions))
+    damaged = tuple(r for r in reports if r.is_damaged)
+    if not damaged:
+        return ()
+    if not accept:
+        raise DataError(
+            f"{counted_damage(damaged, len(sessions))}:\n{describe(damaged)}\n"
+            "restore the files from a copy; or add --accept-damage to go on with what is left: "
+            "trials that lost samples are then missing, and marked as damaged"
+        )
+    return damaged
+
+
+def counted_damage(damaged: Sequence[DamageReport], of: int) -> str:
+    """Say how many recordings are damaged."""
+    return f"{len(damaged)} of {of} recordings {'is' if len(damaged) == 1 else 'are'} damaged"
+
+
+def describe(damaged: Sequence[DamageReport]) -> str:
+    """Return what every session misses, a line each."""
+    lines = [
+        f"  {report.session.parent.name}/{report.session.name}: {line}"
+        for report in damaged
+        for line in report.summary()
+    ]
+    more = len(lines) - MAX_LINES
+    return "\n".join([*lines[:MAX_LINES], *([f"  and {more} more"] if more > 0 else [])])
+
+
+def write_damage(damaged: Sequence[DamageReport], out_dir: Path) -> None:
+    """Write which trials are damaged beside the tables made without them; none: no file."""
+    path = out_dir / TABLE_NAME
+    path.unlink(missing_ok=True)
+    rows = [
+        (r.participant, r.number, t.part, t.trial_id, t.attempt, t.status, t.reason)
+        for r in damaged
+        for t in r.trials
+    ] + [
+        (r.participant, r.number, None, None, None, "damaged", line)
+        for r in damaged
+        for line in r.summary()
+    ]
+    if rows:
+        names = ["participant", "session", "part", "trial_id", "attempt", "status", "reason"]
+        table = pd.DataFrame(rows, columns=names)
+        write_csv(table, path)
+
+
+def _find_damage(session: Path) -> DamageReport:
+    return damage_of(Recording(session))

@@ -1,0 +1,197 @@
+"""Put a session's devices together from the lab's configuration."""
+
+from collections.abc import Collection
+from contextlib import ExitStack
+
+import numpy as np
+
+from visavis.devices.building import build_device, checked_device
+from visavis.devices.contracts import Body, Device, EyeTracker, Headset, MovingBody
+from visavis.devices.registry import driver_spec
+from visavis.devices.screen.display import ScreenDisplay
+from visavis.devices.screen.resting_body import BodyBeforeScreen, MovingBodyBeforeScreen
+from visavis.lab.clock import Clock
+from visavis.lab.config import LabConfig, is_own_role
+from visavis.lab.errors import ConfigError, UsageError
+from visavis.lab.geometry import Pose
+from visavis.protocol.experiment import Experiment, demands_of, spare_roles_of
+from visavis.protocol.rig import Rig
+
+ESSENTIAL_ROLES = ("headset", "screen", "eye_tracker")
+"""What a lab is expected to have, one of the first two; a study may do without the eye tracker."""
+
+
+def roles_expected(config: LabConfig) -> tuple[str, ...]:
+    """Return the roles of devices a lab is expected to name: before a screen no headset."""
+    on_screen = config.display.on_screen is not None
+    return ("eye_tracker",) if on_screen else ("headset", "eye_tracker")
+
+
+def build_rig(
+    config: LabConfig,
+    clock: Clock,
+    body: Body | None,
+    seed: int,
+    stack: ExitStack,
+    without: Collection[str] = (),
+) -> Rig:
+    """Build every device the configuration names; what needs closing goes on `stack`.
+
+    Raises:
+        ConfigError: there is no headset, or a simulated device has no body to measure.
+        DeviceNotFound: a driver's library is missing, or it exists in simulation only.
+    """
+    check_rig(config)
+    display = screen_display(config, clock)
+    if display is not None and body is not None:
+        body = (
+            MovingBodyBeforeScreen(body, display.place)
+            if isinstance(body, MovingBody)
+            else BodyBeforeScreen(body, display.place)
+        )
+    made: dict[str, Device] = {}
+    for role, device in config.devices.items():
+        made[role] = build_device(device, clock, body, seed, stack)
+    tracker = made.pop("eye_tracker", None)
+    eyes = None if tracker is None else _as_eye_tracker(tracker)
+    headset = _as_headset(made.pop("headset")) if display is None else display
+    return Rig(headset, eyes, made, without=frozenset(without))
+
+
+def screen_display(config: LabConfig, clock: Clock) -> ScreenDisplay | None:
+    """Return the screen that stands in the place of a headset; None where there is a headset."""
+    screen = config.display.on_screen
+    if screen is None:
+        return None
+    place = Pose(np.array([0.0, screen.eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    return ScreenDisplay(
+        screen.flat, place, clock, rate_hz=screen.rate_hz, is_tracked=screen.head == "tracked"
+    )
+
+
+def check_rig(config: LabConfig) -> None:
+    """Find what is wrong with the devices as they are configured; nothing is built or opened.
+
+    Raises:
+        ConfigError: there is neither headset nor screen, a screen-based eye tracker has no screen
+            that is described, a keyboard has no window that hears it, or an option or a simulated
+            fault is wrong.
+    """
+    if "headset" not in config.devices and config.display.on_screen is None:
+        raise ConfigError(
+            f"{config.path}: devices has no headset; add the role with its driver, or describe the "
+            "screen under display (see docs/configuration.md)"
+        )
+    for device in config.devices.values():
+        checked_device(device)
+    if unheard := unheard_keyboards(config):
+        raise ConfigError(
+            f"{config.path}: no window hears devices.{', devices.'.join(unheard)}: display.show is "
+            f"{config.display.show}; {NO_WINDOW_REMEDY}"
+        )
+
+
+def unheard_keyboards(config: LabConfig) -> tuple[str, ...]:
+    """Return the roles of real keyboards that no participant's window would hear."""
+    if config.display.show in SHOWS_THAT_HEAR:
+        return ()
+    return tuple(
+        role
+        for role, device in config.devices.items()
+        if not device.simulated and driver_spec(device.driver).hears_window
+    )
+
+
+def devices_for(
+    config: LabConfig, experiment: Experiment, without: Collection[str] = ()
+) -> LabConfig:
+    """Leave out devices that a study does not use, and those the operator goes on `without`.
+
+    Raises:
+        ConfigError: a device that the study cannot do without is not configured.
+        UsageError: the study cannot go on without one that was to be left out.
+    """
+    needed, useful = experiment.needed_roles, experiment.useful_roles
+    spare = [r for r in spare_roles_of(experiment) if r in config.devices]
+    for role in without:
+        if role not in spare:
+            may = f"it can do without {', '.join(spare)}" if spare else "it needs all it has"
+            raise UsageError(f"{experiment.name} cannot go on without {role!r}: {may}")
+    missing = [r for r in needed if r not in config.devices]
+    if missing:
+        raise ConfigError(
+            f"{config.path}: {experiment.name} needs {', '.join(missing)} under devices; add the "
+            "role with its driver (see docs/configuration.md)"
+        )
+    kept = {"responses", *needed, *useful}
+    if config.display.own_body != "none":
+        kept.add("body_tracker")
+    if config.display.on_screen is None:
+        kept.add("headset")
+    else:
+        kept.discard("headset")
+    kept -= set(without)
+    devices = {r: d for r, d in config.devices.items() if r in kept or is_own_role(r)}
+    for role in without:
+        devices.pop(role, None)
+    return config.model_copy(update={"devices": devices})
+
+
+def check_room(config: LabConfig, experiment: Experiment) -> None:
+    """Compare the room, where the configuration tells its size, with the floor a study needs.
+
+    Raises:
+        ConfigError: the study does not fit in.
+    """
+    needed_m = demands_of(experiment).floor_side_m
+    sides = {"width_m": config.room.width_m, "depth_m": config.room.depth_m}
+    short = [f"room.{name} {m:g}" for name, m in sides.items() if m is not None and m < needed_m]
+    if short:
+        raise ConfigError(
+            f"{config.path}: {experiment.name} needs {needed_m:.1f} m to walk on each side, but "
+            f"there {', '.join(short)} is written; use a larger room, or correct the file"
+        )
+
+
+def is_simulated(config: LabConfig) -> bool:
+    """Tell whether any device of the configuration is simulated; then the session is."""
+    return any(d.simulated for d in config.devices.values())
+
+
+SHOWS_THAT_HEAR = ("screen", "window")
+"""What `display.show` may be for the participant's keys to be heard."""
+NO_WINDOW_REMEDY = (
+    "set it to screen, where people sit before a monitor, or to window; a button box "
+    "(xid_buttons, byte_buttons, hid_buttons) needs none"
+)
+NO_PICTURE_REMEDY = "set it to headset, screen or window, or rehearse with --devices sim"
+
+
+def shows_nothing(config: LabConfig) -> bool:
+    """Tell whether a person would sit before real devices with nothing to see."""
+    return config.display.show == "none" and not is_simulated(config)
+
+
+def require_picture(config: LabConfig) -> None:
+    """Refuse a session with a person that draws nothing.
+
+    Raises:
+        ConfigError: the devices are real and `display.show` is none.
+    """
+    if shows_nothing(config):
+        raise ConfigError(
+            f"{config.path}: display.show is none: the participant would see nothing; "
+            f"{NO_PICTURE_REMEDY}"
+        )
+
+
+def _as_headset(device: Device) -> Headset:
+    if not hasattr(device, "wait_frame"):
+        raise ConfigError(f"{device.info.driver} is no headset; give the headset role another")
+    return device  # type: ignore[return-value]  # has the verbs that make it one
+
+
+def _as_eye_tracker(device: Device) -> EyeTracker:
+    if not hasattr(device, "begin_calibration"):
+        raise ConfigError(f"{device.info.driver} is no eye tracker; give the role another")
+    return device  # type: ignore[return-value]  # has the verbs that make it one

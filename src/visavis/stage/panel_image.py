@@ -1,0 +1,110 @@
+"""Draw a panel of text with its choices, crisp at reading distance."""
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from visavis.stimuli.panels import MARGIN_01, choice_boxes_01
+from visavis.stimuli.picture import Panel
+
+__all__ = ["choice_boxes_01", "panel_image"]
+
+WIDTH_PX = 1400
+BOARD = (28, 31, 36, 245)
+EDGE = (96, 102, 112, 255)
+TEXT = (238, 240, 242, 255)
+BUTTON = (52, 57, 65, 255)
+LIT = (54, 110, 190, 255)
+CHOSEN = (232, 170, 60, 255)
+
+
+@lru_cache(maxsize=64)
+def _font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size_px)
+
+
+def panel_image(panel: Panel) -> npt.NDArray[np.uint8]:
+    """Return the board as (h, w, 4) bytes, top row first."""
+    width = WIDTH_PX
+    height = max(64, round(width * panel.size_m[1] / panel.size_m[0]))
+    image = Image.new("RGBA", (width, height), (0, 0, 0, 0))
+    draw = ImageDraw.Draw(image)
+    radius = min(width, height) // 24
+    draw.rounded_rectangle((2, 2, width - 3, height - 3), radius, BOARD, EDGE, 3)
+    bottom = 1.0 - MARGIN_01
+    boxes = choice_boxes_01(panel)
+    if len(boxes):
+        bottom = float(boxes[0, 1]) - MARGIN_01 / 2
+    margin = round(MARGIN_01 * min(width, height)) + radius // 2
+    largest = height // 9 if 3 * height > width else height // 2
+    _fit(draw, panel.text, (margin, margin, width - margin, round(bottom * height)), largest)
+    common = min(
+        (
+            _largest(draw, choice, _pixels(box, width, height, 12), height // 10)
+            for choice, box in zip(panel.choices, boxes, strict=True)
+        ),
+        default=12,
+    )
+    for i, (choice, box) in enumerate(zip(panel.choices, boxes, strict=True)):
+        place = _pixels(box, width, height, 0)
+        fill = LIT if i == panel.highlighted else BUTTON
+        edge, thick = (CHOSEN, 9) if i == panel.chosen else (EDGE, 3)
+        draw.rounded_rectangle(place, radius // 2, fill, edge, thick)
+        _fit(draw, choice, _pixels(box, width, height, 12), common)
+    return np.array(image)
+
+
+def _pixels(
+    box: npt.NDArray[np.float64], width: int, height: int, inset: int
+) -> tuple[int, int, int, int]:
+    left, top, right, bottom = box * (width, height, width, height)
+    return (round(left) + inset, round(top) + inset, round(right) - inset, round(bottom) - inset)
+
+
+def _largest(
+    draw: ImageDraw.ImageDraw, text: str, box: tuple[int, int, int, int], largest_px: int
+) -> int:
+    size = largest_px
+    while size > 14 and not _fits(draw, _wrapped(draw, text, box[2] - box[0], size), box, size):
+        size -= max(1, size // 12)
+    return size
+
+
+def _fits(
+    draw: ImageDraw.ImageDraw, text: str, box: tuple[int, int, int, int], size_px: int
+) -> bool:
+    left, top, right, bottom = draw.multiline_textbbox((0, 0), text, _font(size_px), spacing=6)
+    return right - left <= box[2] - box[0] and bottom - top <= box[3] - box[1]
+
+
+def _wrapped(draw: ImageDraw.ImageDraw, text: str, width_px: int, size_px: int) -> str:
+    """Break lines between words where they would be wider than the box."""
+    font, lines = _font(size_px), []
+    for paragraph in text.split("\n"):
+        line = ""
+        for word in paragraph.split():
+            longer = f"{line} {word}".strip()
+            if line and draw.textlength(longer, font) > width_px:
+                lines.append(line)
+                longer = word
+            line = longer
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def _fit(
+    draw: ImageDraw.ImageDraw, text: str, box: tuple[int, int, int, int], largest_px: int
+) -> None:
+    size = _largest(draw, text, box, largest_px)
+    middle = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
+    draw.multiline_text(
+        middle,
+        _wrapped(draw, text, box[2] - box[0], size),
+        TEXT,
+        _font(size),
+        anchor="mm",
+        align="center",
+        spacing=6,
+    )

@@ -1,0 +1,67 @@
+"""Single pictures with smooth edges, for sheets and figures, in seconds on any machine."""
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.closing import Closing
+from visavis.stage.context import draws_on_processor, offscreen_context, release_offscreen
+from visavis.stage.processor_models import LINEAR_OF_CODE
+from visavis.stage.renderer import Quality, Renderer
+from visavis.stimuli.picture import Camera, Picture
+
+TIMES = 2
+"""How much larger, in both directions, a processor draws what is then made small."""
+
+
+def still_quality() -> tuple[int, Quality]:
+    """Return how many times larger in both directions a smooth picture is drawn here, and how.
+
+    A graphics card smooths edges by samples. Drivers that draw on the processor take twenty times
+    as long for four samples of a crowded place as for a picture of four times the pixels, which
+    looks the same when made small.
+    """
+    context = offscreen_context()
+    try:
+        if draws_on_processor(context):
+            return TIMES, Quality(samples=0, shrunk=TIMES)
+        return 1, Quality()
+    finally:
+        release_offscreen(context)
+
+
+_STEPS = 1 << 14
+_LIGHT_OF_CODE = np.round(LINEAR_OF_CODE * (_STEPS - 1)).astype(np.uint32)
+_CODE_OF_LIGHT = np.round(
+    np.interp(np.arange(_STEPS) / (_STEPS - 1), LINEAR_OF_CODE, np.arange(256))
+).astype(np.uint8)
+
+
+def made_small(large: npt.NDArray[np.uint8], size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """Return a picture (height, width, 3) in a size whose width and height divide its own: each
+    pixel is the mean of the light of those it stands for.
+    """
+    down, across = large.shape[0] // size_px[1], large.shape[1] // size_px[0]
+    light = _LIGHT_OF_CODE[large]
+    total = sum(light[i::down, j::across] for i in range(down) for j in range(across))
+    small: npt.NDArray[np.uint8] = _CODE_OF_LIGHT[total // (down * across)]
+    return small
+
+
+class Stills(Closing):
+    """Draw single pictures off-screen at full quality."""
+
+    def __init__(self) -> None:
+        self._times, quality = still_quality()
+        self._renderer = Renderer(quality=quality)
+
+    def image(
+        self, picture: Picture, camera: Camera, size_px: tuple[int, int]
+    ) -> npt.NDArray[np.uint8]:
+        """Return the picture as (height, width, 3) sRGB bytes, top row first."""
+        width, height = size_px
+        large = self._renderer.image(picture, camera, (self._times * width, self._times * height))
+        return made_small(large, size_px)
+
+    def close(self) -> None:
+        """Give the graphics context back."""
+        self._renderer.close()

@@ -1,0 +1,126 @@
+"""What is odd about a figure: told once, when it is imported, before anybody meets it."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.body_parts import PART_INDEX, PARTS
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.closing import collision_mesh, is_closed, volume_m3
+from visavis.stimuli.characters.rest_pose import FINGERS, PHALANGES
+
+STATURE_M: Final = (1.40, 2.15)
+"""Of nearly all adults, with shoes and hair."""
+EYES_APART_M: Final = (0.050, 0.080)
+EYEBALL_M: Final = (0.009, 0.018)
+"""Radius; drawn eyes are often larger than the 12 mm of people's."""
+VOLUME_L: Final = (30.0, 220.0)
+LID_M: Final = 0.004
+"""By this much a lid that closes comes down at least."""
+NEAR_EYE_M: Final = 0.03
+WORN: Final = ("none", "held_object")
+"""What nobody's body has."""
+FIRM: Final = 0.3
+"""A joint that nothing is weighted more to moves no skin."""
+SIDES: Final = ("left", "right")
+LIMBS: Final = {
+    "upper arm": ("upper_arm", "lower_arm"),
+    "forearm": ("lower_arm", "hand"),
+    "thigh": ("upper_leg", "lower_leg"),
+    "shank": ("lower_leg", "foot"),
+}
+MAX_LIMB_RATIO: Final = 1.15
+"""Of one side's length to the other's; people's differ by a few per cent."""
+
+
+def findings(character: Character) -> tuple[str, ...]:
+    """Return what participants would notice or measures suffer from, one sentence each."""
+    return tuple(_findings(character))
+
+
+def _findings(character: Character) -> Iterator[str]:
+    low, high = STATURE_M
+    if not low <= character.stature_m <= high:
+        yield f"is {character.stature_m:.2f} m tall: is the file in metres or centimetres?"
+    yield from _limbs(character)
+    yield from _eyes(character)
+    yield from _lids(character)
+    yield from _fingers(character)
+    yield from _body(character)
+
+
+def _limbs(character: Character) -> Iterator[str]:
+    skeleton = character.skeleton
+    for name, (above, below) in LIMBS.items():
+        ends = [[skeleton.index(f"{side}_{joint}") for joint in (above, below)] for side in SIDES]
+        left_m, right_m = (
+            float(np.linalg.norm(skeleton.rest_m[a] - skeleton.rest_m[b])) for a, b in ends
+        )
+        if max(left_m, right_m) > MAX_LIMB_RATIO * min(left_m, right_m):
+            yield (
+                f"its left {name} is {100 * left_m:.0f} cm long and its right {100 * right_m:.0f}: "
+                "is the joint map right?"
+            )
+
+
+def _eyes(character: Character) -> Iterator[str]:
+    at = _eyes_at(character)
+    apart_m = float(np.linalg.norm(at["left"] - at["right"]))
+    low, high = EYES_APART_M
+    if not low <= apart_m <= high:
+        yield f"its eyes are {1000 * apart_m:.0f} mm apart; people's are 55 to 75"
+    radius_m = character.eyeball.radius_m
+    low, high = EYEBALL_M
+    if not low <= radius_m <= high:
+        yield f"its eyeballs have a radius of {1000 * radius_m:.0f} mm; people's have 12"
+
+
+def _lids(character: Character) -> Iterator[str]:
+    mesh, at = character.levels[0], _eyes_at(character)
+    for side in SIDES:
+        morph = mesh.morphs.get(f"{side}_blink")
+        down_m = 0.0
+        if morph is not None:
+            near = np.linalg.norm(mesh.vertices_m[morph.vertices] - at[side], axis=1) < NEAR_EYE_M
+            down_m = float(-morph.delta_m[near, 1].min(initial=0.0))
+        if down_m < LID_M:
+            yield f"its {side} lids do not close: give the file a shape such as eyeBlink" + (
+                side.title()
+            )
+    if not {"lids_up", "lids_down"} & set(mesh.morphs):
+        yield "its lids do not follow its eyes: give the file shapes such as eyeLookDownLeft"
+
+
+def _fingers(character: Character) -> Iterator[str]:
+    mesh = character.levels[0]
+    moves = {character.skeleton.names[j] for j in np.unique(mesh.joints[mesh.weights > FIRM])}
+    if not all(f"{side}_{f}_{k}" in moves for side in SIDES for f in FINGERS for k in PHALANGES):
+        yield (
+            "its fingers have no bones, or not three each: hands stay flat, and do not close round "
+            "a telephone"
+        )
+
+
+def _body(character: Character) -> Iterator[str]:
+    mesh = collision_mesh(character)
+    if not is_closed(mesh):
+        yield "its surface for collisions is not closed: volumes in common would be wrong"
+    litres = 1000 * volume_m3(mesh.vertices_m, mesh.triangles)
+    low, high = VOLUME_L
+    if not low <= litres <= high:
+        yield f"its body holds {litres:.0f} litres; people's hold 45 to 150"
+    used = set(np.unique(character.levels[0].triangle_part).tolist())
+    missing = [
+        part.replace("_", " ")
+        for part in PARTS
+        if part not in WORN and PART_INDEX[part] not in used
+    ]
+    if missing:
+        yield f"it has no {', '.join(missing)} that could be looked at or measured"
+
+
+def _eyes_at(character: Character) -> dict[str, Vector]:
+    skeleton = character.skeleton
+    return {side: skeleton.rest_m[skeleton.index(f"{side}_eye")] for side in SIDES}

@@ -1,0 +1,7 @@
+"""What can be wrong with a character."""
+
+from visavis.lab.errors import DataError
+
+
+class CharacterError(DataError):
+    """A character's file or figure is unusable; the message names file, bone and next step."""

@@ -1,0 +1,334 @@
+"""The skinned figure in a glTF file: bones in world, bound surfaces, shapes of the face."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.gltf.file import GltfFile
+from visavis.stimuli.characters.gltf.looks import coordinates_of
+from visavis.stimuli.motion.errors import MotionError, UnknownJointsError
+from visavis.stimuli.motion.joint_names import CANONICAL_NAMES, match_joints
+from visavis.stimuli.motion.rotations import matrix_of_quat, quat_from_axes
+from visavis.stimuli.motion.skeleton import Skeleton
+
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A primitive as bound: vertices in world, `joints` (v, k) nodes with `weights` (v, k).
+
+    `uv` is what its material reads; `colour` (v, 3) is linear.
+    """
+
+    name: str
+    vertices_m: Vector
+    normals: Vector
+    uv: Vector | None
+    triangles: Indices
+    joints: Indices
+    weights: Vector
+    material: int | None
+    shapes: dict[str, Vector]
+    colour: Vector | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """Bones by node: names, parents, places in world as bound, and all surfaces.
+
+    Turned so that it stands upright and faces −z. `bone_of` gives the node of each canonical
+    joint that the file has.
+    """
+
+    names: tuple[str, ...]
+    parents: Indices
+    at_m: Vector
+    bone_of: dict[str, int]
+    surfaces: tuple[Surface, ...]
+
+
+def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> Figure:
+    """Return the figure of a file; `joint_map` gives its bones for joints of ours, where their
+    names do not tell.
+
+    Raises:
+        CharacterError: no skin, or a needed bone is missing.
+    """
+    nodes = file.items("nodes")
+    skins = file.items("skins")
+    if not skins:
+        raise CharacterError(
+            f"{file.path}: has no skin, so its limbs cannot move; export mesh and armature together"
+        )
+    n = len(nodes)
+    parents = np.full(n, -1, dtype=np.int64)
+    for i, node in enumerate(nodes):
+        parents[node.get("children", [])] = i
+    world: dict[int, Vector] = {}
+
+    def place(i: int) -> Vector:
+        if i not in world:
+            above = place(int(parents[i])) if parents[i] >= 0 else np.eye(4)
+            world[i] = above @ _local(nodes[i])
+        return world[i]
+
+    bound = _bound_bones(file, place)
+    surfaces = []
+    for i, node in enumerate(nodes):
+        if "mesh" not in node:
+            continue
+        if "skin" in node:
+            joints, moves = _skin(file, skins[node["skin"]], bound)
+        else:
+            # A hat, glasses, an eyeball that hangs on one bone as it is.
+            above = int(parents[i])
+            while above >= 0 and above not in bound:
+                above = int(parents[above])
+            if above < 0:
+                continue
+            joints = np.array([above])
+            moves = (bound[above] @ np.linalg.inv(place(above)) @ place(i))[None]
+        surfaces += _surfaces(file, node, joints, moves, i)
+    if not surfaces:
+        raise CharacterError(
+            f"{file.path}: has bones, but no mesh hangs on them, as where motion was saved alone; "
+            "export mesh and armature together"
+        )
+    if not all(np.isfinite(surface.vertices_m).all() for surface in surfaces):
+        raise CharacterError(f"{file.path}: some of its points are no numbers; export it again")
+    bones = sorted(bound)
+    at = np.full((n, 3), np.nan)
+    for i in bones:
+        at[i] = bound[i][:3, 3]
+    names = tuple(str(node.get("name", f"node{i}")) for i, node in enumerate(nodes))
+    known = _said_by_vrm(file, names) | dict(joint_map or {})
+    bone_of = _matched(file, names, parents, bones, known)
+    return _upright(Figure(names, parents, at, bone_of, tuple(surfaces)))
+
+
+def _local(node: Mapping[str, Any]) -> Vector:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)
+    matrix[:3, :3] = matrix_of_quat(unit(np.array([w, x, y, z])))
+    matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+    matrix[:3, 3] = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64)
+    return matrix
+
+
+def _bound_bones(file: GltfFile, place: Callable[[int], Vector]) -> dict[int, Vector]:
+    """Return the places (4, 4) of bones as the meshes were bound to them."""
+    bound: dict[int, Vector] = {}
+    for skin in file.items("skins"):
+        joints = skin["joints"]
+        if "inverseBindMatrices" in skin:
+            raw = file.accessor(skin["inverseBindMatrices"]).astype(np.float64)
+            inverse = raw.reshape(-1, 4, 4).transpose(0, 2, 1)
+        else:
+            inverse = np.stack([np.linalg.inv(place(j)) for j in joints])
+        # Meshes may be bound in a space of their own (centimetres, another up); one joint's world
+        # place against its bind place tells how that space lies in the world.
+        space = place(joints[0]) @ inverse[0]
+        for j, matrix in zip(joints, inverse, strict=True):
+            bound.setdefault(j, space @ np.linalg.inv(matrix))
+    return bound
+
+
+def _skin(
+    file: GltfFile, skin: Mapping[str, Any], bound: dict[int, Vector]
+) -> tuple[Indices, Vector]:
+    """Return the bones (n,) of a skin and what brings its mesh to where each holds it (n, 4, 4)."""
+    joints = skin["joints"]
+    if "inverseBindMatrices" in skin:
+        raw = file.accessor(skin["inverseBindMatrices"]).astype(np.float64)
+        inverse = raw.reshape(-1, 4, 4).transpose(0, 2, 1)
+    else:
+        inverse = np.stack([np.linalg.inv(bound[j]) for j in joints])
+    moves = [bound[j] @ matrix for j, matrix in zip(joints, inverse, strict=True)]
+    return np.array(joints), np.stack(moves)
+
+
+def _weights(file: GltfFile, attributes: Mapping[str, int], count: int) -> tuple[Indices, Vector]:
+    """Return bones of a skin and their weights (v, k) of every set; all on the first without."""
+    sets = [k for k in range(len(attributes)) if f"JOINTS_{k}" in attributes]
+    if not sets:
+        return np.zeros((count, 1), np.int64), np.ones((count, 1))
+    joints = np.hstack([file.accessor(attributes[f"JOINTS_{k}"]) for k in sets]).astype(np.int64)
+    weights = np.hstack([file.accessor(attributes[f"WEIGHTS_{k}"]) for k in sets])
+    weights = weights.astype(np.float64)
+    total = weights.sum(axis=1, keepdims=True)
+    weights = weights / np.where(total == 0, 1, total)
+    weights[total[:, 0] == 0, 0] = 1.0
+    return joints, weights
+
+
+def _surfaces(
+    file: GltfFile, node: Mapping[str, Any], joints_of: Indices, moves: Vector, index: int
+) -> list[Surface]:
+    mesh = file.tree["meshes"][node["mesh"]]
+    shape_names = (mesh.get("extras") or {}).get("targetNames", [])
+    worn = node.get("weights", mesh.get("weights", []))  # how far each shape is moved at rest
+    found = []
+    for primitive in mesh["primitives"]:
+        attributes = primitive["attributes"]
+        if primitive.get("mode", 4) != 4 or ("skin" in node and "JOINTS_0" not in attributes):
+            continue
+        position = file.accessor(attributes["POSITION"]).astype(np.float64)
+        joints, weights = _weights(file, attributes, len(position))
+        move = np.einsum("vk,vkab->vab", weights, moves[joints])
+        turn = move[:, :3, :3]
+        targets = primitive.get("targets", [])
+        for target, amount in zip(targets, worn, strict=False):
+            if amount and "POSITION" in target:
+                position += float(amount) * file.accessor(target["POSITION"])
+        vertices = np.einsum("vab,vb->va", turn, position) + move[:, :3, 3]
+        if "indices" in primitive:
+            triangles = file.accessor(primitive["indices"]).astype(np.int64).reshape(-1, 3)
+        else:
+            triangles = np.arange(len(position)).reshape(-1, 3)
+        if "NORMAL" in attributes:
+            normals = file.accessor(attributes["NORMAL"]).astype(np.float64)
+            normals = np.nan_to_num(unit(np.einsum("vab,vb->va", turn, normals)))
+        else:
+            normals = _normals(vertices, triangles)
+        coordinates, moved_uv = coordinates_of(file, primitive.get("material"))
+        uv = None
+        if f"TEXCOORD_{coordinates}" in attributes:
+            uv = file.accessor(attributes[f"TEXCOORD_{coordinates}"]).astype(np.float64)
+            uv = uv @ moved_uv[:2, :2].T + moved_uv[:2, 2]
+        colour = None
+        if "COLOR_0" in attributes:
+            colour = file.accessor(attributes["COLOR_0"])[:, :3].astype(np.float64)
+        shapes = {}
+        for k, target in enumerate(targets):
+            if "POSITION" in target:
+                delta = file.accessor(target["POSITION"]).astype(np.float64)
+                name = str(shape_names[k]) if k < len(shape_names) else f"shape{k}"
+                shapes[name] = np.einsum("vab,vb->va", turn, delta)
+        name = str(node.get("name") or mesh.get("name") or f"mesh{index}")
+        found.append(
+            Surface(
+                name,
+                vertices,
+                normals,
+                uv,
+                triangles,
+                joints_of[joints],
+                weights,
+                primitive.get("material"),
+                shapes,
+                colour,
+            )
+        )
+    return found
+
+
+def _normals(vertices_m: Vector, triangles: Indices) -> Vector:
+    """Return the mean normals (v, 3) of the triangles round each vertex."""
+    a, b, c = (vertices_m[triangles[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices_m)
+    for k in range(3):
+        np.add.at(normals, triangles[:, k], across)
+    found: Vector = np.nan_to_num(unit(normals))
+    return found
+
+
+def _said_by_vrm(file: GltfFile, names: tuple[str, ...]) -> dict[str, str]:
+    """Return the bones that a VRM file (0.x or 1.0) itself says are which."""
+    extensions = file.tree.get("extensions", {})
+    bones = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
+    listed = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
+    said = {name: entry["node"] for name, entry in dict(bones).items()}
+    said |= {entry["bone"]: entry["node"] for entry in listed}
+    found = {}
+    for theirs, node in said.items():
+        ours = re.sub(r"(?<!^)([A-Z])", r"_\1", theirs).lower()
+        ours = ours.replace("_intermediate", "_middle")
+        if "_thumb_" in ours and "leftThumbMetacarpal" in said:  # 1.0 begins a bone earlier
+            ours = ours.replace("_proximal", "_middle").replace("_metacarpal", "_proximal")
+        if ours in CANONICAL_NAMES:
+            found[ours] = names[node]
+    return found
+
+
+def _matched(
+    file: GltfFile,
+    names: tuple[str, ...],
+    parents: Indices,
+    bones: list[int],
+    known: Mapping[str, str],
+) -> dict[str, int]:
+    """Return the node of each canonical joint that is there.
+
+    Raises:
+        CharacterError: a needed bone is missing.
+    """
+    order = _parents_first(parents, set(bones))
+    if len({names[i] for i in order}) != len(order):
+        raise CharacterError(f"{file.path}: two bones have the same name; rename one")
+    index = {node: k for k, node in enumerate(order)}
+    tree = Skeleton(
+        tuple(names[i] for i in order),
+        np.array([index.get(int(parents[i]), 0) if k else -1 for k, i in enumerate(order)]),
+        np.zeros((len(order), 3)),
+        np.full((len(order), 3), np.nan),
+    )
+    try:
+        matched = match_joints(tree, known)
+    except UnknownJointsError as e:
+        raise CharacterError(
+            f"{file.path}: no bone known for {', '.join(e.missing)}; say which they are with "
+            f"--joint-map FILE, or add those missing. Its bones are {', '.join(e.names)}"
+        ) from e
+    except MotionError as e:
+        raise CharacterError(f"{file.path}: {e}; mend --joint-map FILE or the file") from e
+    by_name = {names[i]: i for i in order}
+    found = {ours: by_name[theirs] for ours, theirs in matched.items()}
+    return found
+
+
+def _parents_first(parents: Indices, bones: set[int]) -> list[int]:
+    depth: dict[int, int] = {}
+
+    def of(i: int) -> int:
+        if i not in depth:
+            depth[i] = 0 if parents[i] < 0 else 1 + of(int(parents[i]))
+        return depth[i]
+
+    return sorted(bones, key=lambda i: (of(i), i))
+
+
+def _upright(figure: Figure) -> Figure:
+    """Turn a figure so that it faces −z with y up, hips over the origin."""
+    at = {ours: figure.at_m[node] for ours, node in figure.bone_of.items()}
+    hips = (at["left_upper_leg"] + at["right_upper_leg"]) / 2
+    up = unit(at["head"] - hips)
+    axis = np.zeros(3)
+    axis[np.abs(up).argmax()] = np.sign(up[np.abs(up).argmax()])
+    across = at["right_upper_leg"] - at["left_upper_leg"]
+    right = unit(across - axis * (across @ axis))
+    turn = quat_from_axes(right, axis, np.cross(right, axis))
+    back = quat_conjugate(turn)
+
+    def moved(points: Vector) -> Vector:
+        return rotate(back, points - hips)
+
+    surfaces = tuple(
+        replace(
+            s,
+            vertices_m=moved(s.vertices_m),
+            normals=rotate(back, s.normals),
+            shapes={name: rotate(back, delta) for name, delta in s.shapes.items()},
+        )
+        for s in figure.surfaces
+    )
+    return Figure(figure.names, figure.parents, moved(figure.at_m), figure.bone_of, surfaces)

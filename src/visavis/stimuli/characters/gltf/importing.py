@@ -1,0 +1,222 @@
+"""Import characters from glTF files: their own skeleton, looks and shapes, our names and rest."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.geometry import Vector, rotate, unit
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.capsules import fitted_capsules
+from visavis.stimuli.characters.character import (
+    Character,
+    Eyeball,
+    Material,
+    Morph,
+    SkinnedMesh,
+)
+from visavis.stimuli.characters.closing import closed_surface
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.gltf.eyeballs import with_eyeballs
+from visavis.stimuli.characters.gltf.eyes import EyeFit, fitted_eye
+from visavis.stimuli.characters.gltf.figure import Figure, Surface, read_figure
+from visavis.stimuli.characters.gltf.file import GltfFile, read_glb
+from visavis.stimuli.characters.gltf.islands import with_full_margins
+from visavis.stimuli.characters.gltf.kinds import (
+    canonical_weights,
+    eyes_apart,
+    face_look,
+    worn_apart,
+)
+from visavis.stimuli.characters.gltf.looks import Looks, colour_factor, shine_as_roughness, srgb_of
+from visavis.stimuli.characters.gltf.marks import marks_of
+from visavis.stimuli.characters.levels import LEVELS, joined, lighter, thinned
+from visavis.stimuli.characters.measuring import MEASURING_TRIANGLES, matched
+from visavis.stimuli.characters.rest_pose import Rig, heaviest, rig_of_marks, to_rest
+from visavis.stimuli.characters.tagging import face_of_head, parts_of_weights
+from visavis.stimuli.motion.rotations import quat_between
+
+Gender = Literal["female", "male"]
+Indices = npt.NDArray[np.int64]
+
+_SHAPES: dict[str, tuple[tuple[str, float], ...]] = {
+    "left_blink": ((r"l_?eye_?close|eyeblink_?l(eft)?$|blink_?l(eft)?$|left.?(eye.?)?blink", 1.0),),
+    "right_blink": (
+        (r"r_?eye_?close|eyeblink_?r(ight)?$|blink_?r(ight)?$|right.?(eye.?)?blink", 1.0),
+    ),
+    "lids_up": ((r"eyelookup", 1.0), (r"[lr]_?eye_?open", 0.5)),
+    "lids_down": ((r"eyelookdown", 1.0), (r"[lr]_?eye_?close|eyeblink|blink_?[lr]", 0.45)),
+    "jaw_open": ((r"jaw_?open", 1.0), (r"mouth_?open", 1.0)),
+    "smile": ((r"mouth_?smile", 0.8), (r"smile_?close", 0.8), (r"smile", 0.8)),
+}
+"""How shapes are called in files; the first pattern that any shape fits is taken."""
+
+
+def import_gltf(
+    path: Path,
+    *,
+    name: str | None = None,
+    gender: Gender | None = None,
+    joint_map: Mapping[str, str] | None = None,
+) -> Character:
+    """Return the character in a .glb file, in the T-pose, with levels, parts and capsules.
+
+    `gender` is read from a name such as Asian_F_2 when None; `joint_map` gives the file's bones for
+    joints of ours that their names do not tell.
+
+    Raises:
+        CharacterError: the file is broken, or lacks a skin, a needed bone, or eyes.
+    """
+    file = read_glb(path)
+    try:
+        return _imported(file, name or path.stem, gender or _gender(path), joint_map)
+    except (KeyError, IndexError, TypeError) as e:
+        raise CharacterError(
+            f"{path}: refers to something that is not in it ({e!r}); export it again"
+        ) from e
+    except (ValueError, ArithmeticError, AttributeError, RecursionError, MemoryError) as e:
+        raise CharacterError(
+            f"{path}: its numbers contradict each other ({e or type(e).__name__}); export it again"
+        ) from e
+
+
+def _gender(path: Path) -> Gender:
+    words = re.split(r"[^a-z]+", path.stem.lower())
+    female, male = {"f", "female", "woman", "girl"}, {"m", "male", "man", "boy"}
+    if female & set(words):
+        return "female"
+    if male & set(words):
+        return "male"
+    raise CharacterError(
+        f"{path}: its name does not say whether it is a woman or a man; pass --gender"
+    )
+
+
+def _imported(
+    file: GltfFile, name: str, gender: Gender, joint_map: Mapping[str, str] | None
+) -> Character:
+    shine_as_roughness(file)
+    figure = with_eyeballs(file, read_figure(file, joint_map))
+    eyes = {side: fitted_eye(file, figure, side) for side in ("left", "right")}
+    points = np.concatenate([s.vertices_m for s in figure.surfaces])
+    at, tips = marks_of(figure, points, {side: eye.centre_m for side, eye in eyes.items()})
+    rig = rig_of_marks(at, tips, float(points[:, 1].min()))
+    materials: list[Material] = []
+    keys: dict[tuple[int | None, str], int] = {}
+    parts = []
+    looks = Looks(file)
+    apart = [part for whole in figure.surfaces for part in eyes_apart(figure, whole)]
+    face = face_look(file, figure, rig, apart, looks)
+    for surface, kind, shared in [
+        worn for part in apart for worn in worn_apart(file, figure, rig, part, looks, face)
+    ]:
+        key = (surface.material, kind)
+        if key not in keys:
+            keys[key] = len(materials)
+            materials.append(looks.material(surface.material, kind, shared=shared))
+        parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes))
+    mesh = joined(parts)
+    first = lighter(mesh, LEVELS[0])
+    levels = (first, *(lighter(mesh, budget) for budget in LEVELS[1:]))
+    measuring = tuple(matched(thinned(mesh, n), first) for n in MEASURING_TRIANGLES)
+    stature = float(np.ptp(points[:, 1]))
+    radius = float(np.mean([eye.radius_m for eye in eyes.values()]))
+    closed = closed_surface(mesh, rig.skeleton)
+    iris = np.mean([eye.iris_srgb for eye in eyes.values()], axis=0)
+    licence = file.tree.get("asset", {}).get("copyright", "")
+    return Character(
+        name=name,
+        gender=gender,
+        stature_m=round(stature, 4),
+        age_years=None,
+        skeleton=rig.skeleton,
+        levels=levels,
+        measuring=measuring,
+        materials=with_full_margins(materials, mesh),
+        capsules=fitted_capsules(rig.skeleton, closed),
+        eyeball=Eyeball(
+            radius,
+            round(0.38 * radius, 5),
+            round(0.14 * radius, 5),
+            (int(iris[0]), int(iris[1]), int(iris[2])),
+        ),
+        source=f"imported from {file.path.name}",
+        licence=licence or "see the source of the file",
+        closed=closed,
+    )
+
+
+def _at_rest(
+    file: GltfFile,
+    figure: Figure,
+    rig: Rig,
+    surface: Surface,
+    kind: str,
+    material: int,
+    eyes: dict[str, EyeFit],
+) -> SkinnedMesh:
+    weights = canonical_weights(figure, rig, surface)
+    vertices, normals = surface.vertices_m, surface.normals
+    if kind == "eye":
+        vertices, normals = vertices.copy(), normals.copy()
+        for side, eye in eyes.items():
+            mine = weights[:, rig.skeleton.index(f"{side}_eye")] > 0.5
+            turn = quat_between(eye.axis, np.array([0.0, 0.0, -1.0]))
+            vertices[mine] = eye.centre_m + rotate(turn, vertices[mine] - eye.centre_m)
+            normals[mine] = rotate(turn, normals[mine])
+    joints, heavy = heaviest(weights)
+    rest, blend = to_rest(rig, vertices, joints, heavy)
+    rest_normals = np.linalg.solve(blend, normals[..., None])[..., 0].astype(np.float64)
+    rest_normals = np.nan_to_num(unit(rest_normals))
+    tags = parts_of_weights(weights, surface.triangles, rig.skeleton.names)
+    eye_m = np.mean([eye.centre_m for eye in eyes.values()], axis=0)
+    centres = vertices[surface.triangles].mean(axis=1)
+    scale = float(np.ptp(figure.at_m[np.isfinite(figure.at_m).all(axis=1), 1])) / 1.65
+    tags = face_of_head(tags, centres, eye_m, scale)
+    if kind == "hair":
+        tags = np.full(len(tags), PART_INDEX["scalp"])
+    if kind == "eye":
+        left = surface.vertices_m[surface.triangles].mean(axis=1)[:, 0] < 0
+        tags = np.where(left, PART_INDEX["left_eye"], PART_INDEX["right_eye"])
+    n = len(rest)
+    colour = np.tile([0.875, 0.86, 0.845], (n, 1))
+    if kind != "eye":
+        light = np.ones((n, 3)) if surface.colour is None else surface.colour
+        colour = srgb_of(light * colour_factor(file, surface.material))
+    morphs = {}
+    for name, delta in _morphs(surface).items():
+        turned = np.linalg.solve(blend, delta[..., None])[..., 0]
+        moves = np.flatnonzero(np.abs(turned).max(axis=1) > 2e-5)
+        if len(moves):
+            morphs[name] = Morph(moves.astype(np.int32), turned[moves].astype(np.float32))
+    return SkinnedMesh(
+        vertices_m=rest.astype(np.float32),
+        normals=rest_normals.astype(np.float32),
+        colour_srgb=np.round(255 * colour).astype(np.uint8),
+        uv=(np.zeros((n, 2)) if surface.uv is None else surface.uv).astype(np.float32),
+        joints=joints.astype(np.uint8),
+        weights=heavy.astype(np.float32),
+        triangles=surface.triangles.astype(np.int32),
+        triangle_part=tags.astype(np.uint8),
+        triangle_material=np.full(len(surface.triangles), material, dtype=np.uint8),
+        morphs=morphs,
+    )
+
+
+def _morphs(surface: Surface) -> dict[str, Vector]:
+    """Return our shapes of the face as sums of the file's."""
+    found: dict[str, Vector] = {}
+    for ours, patterns in _SHAPES.items():
+        for pattern, amount in patterns:
+            fits = [
+                delta
+                for name, delta in surface.shapes.items()
+                if re.search(pattern, name.rsplit(".", 1)[-1].lower())
+            ]
+            if fits:
+                found[ours] = amount * np.sum(fits, axis=0)
+                break
+    return found

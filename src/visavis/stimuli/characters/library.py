@@ -1,0 +1,123 @@
+"""A lab's own characters: a folder of imported ones."""
+
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from zipfile import BadZipFile, ZipFile
+
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.fbx import as_glb
+from visavis.stimuli.characters.gltf import Gender, import_gltf
+from visavis.stimuli.characters.storage import FIGURE_FILES, write_character
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What became of one file: the character and where it lies, or what is wrong with it.
+
+    `odd` says what is strange about the file of somebody who can be used.
+    """
+
+    source: Path
+    character: Character | None
+    path: Path | None
+    problem: str = ""
+    odd: tuple[str, ...] = ()
+
+
+@contextmanager
+def people_in(download: Path, only: str = "*") -> Iterator[Path]:
+    """Lay the .glb files of a download, a .zip or a folder of folders, into one folder for a while.
+
+    `only` is a pattern that their names, without the ending, must fit.
+
+    Raises:
+        CharacterError: it is neither, or holds none.
+    """
+    with TemporaryDirectory() as made:
+        laid = Path(made)
+        found = 0
+        if download.is_dir():
+            for path in sorted(download.rglob("*.glb")):
+                if fnmatch(path.stem, only):
+                    shutil.copyfile(path, laid / path.name)
+                    found += 1
+        else:
+            try:
+                with ZipFile(download) as packed:
+                    for entry in packed.infolist():
+                        name = PurePosixPath(entry.filename)
+                        if name.suffix == ".glb" and fnmatch(name.stem, only):
+                            with packed.open(entry) as source, (laid / name.name).open("wb") as to:
+                                shutil.copyfileobj(source, to)
+                            found += 1
+            except (OSError, BadZipFile, NotImplementedError, RuntimeError) as e:
+                raise CharacterError(
+                    f"{download}: neither a folder nor a whole .zip ({e}); download it again"
+                ) from e
+        if not found:
+            raise CharacterError(f"{download}: holds no .glb file called {only!r}; see its content")
+        yield laid
+
+
+def library_names(library: Path) -> tuple[str, ...]:
+    """Return the names of the imported characters."""
+    return tuple(sorted(path.stem for path in library.glob("*.npz")))
+
+
+def import_characters(
+    source: Path,
+    library: Path,
+    *,
+    gender: Gender | None = None,
+    joint_map: Mapping[str, str] | None = None,
+) -> Iterator[Imported]:
+    """Import a .glb, .vrm or .fbx file, or every one in a folder, into the library, one by one.
+
+    FBX files are converted by Blender (`visavis.stimuli.characters.fbx`). A file that cannot be
+    used is reported and does not stop the others.
+
+    Raises:
+        CharacterError: there is nothing to import.
+    """
+    files = [source]
+    if source.is_dir():
+        files = sorted(path for path in source.iterdir() if path.suffix.lower() in FIGURE_FILES)
+    if not files:
+        raise CharacterError(
+            f"{source}: no .glb, .vrm or .fbx files in it; give the folder that holds them"
+        )
+    for file in files:
+        try:
+            character, odd = _imported(file, gender, joint_map)
+        except CharacterError as error:
+            yield Imported(file, None, None, str(error))
+            continue
+        library.mkdir(parents=True, exist_ok=True)
+        path = library / f"{character.name}.npz"
+        write_character(character, path)
+        yield Imported(file, character, path, odd=odd)
+
+
+def _imported(
+    file: Path, gender: Gender | None, joint_map: Mapping[str, str] | None
+) -> tuple[Character, tuple[str, ...]]:
+    if file.suffix.lower() != ".fbx":
+        return import_gltf(file, gender=gender, joint_map=joint_map), ()
+    with as_glb(file) as (converted, lost):
+        try:
+            character = import_gltf(converted, gender=gender, joint_map=joint_map)
+        except CharacterError as e:
+            raise CharacterError(str(e).replace(str(converted), str(file))) from e
+    odd: tuple[str, ...] = ()
+    if lost:
+        odd = (
+            f"lacks the pictures {', '.join(lost)}, so what they cover is plain: lay them into the "
+            "folder of the file or a folder beside it, and import it again",
+        )
+    return replace(character, source=f"imported from {file.name} by way of Blender"), odd

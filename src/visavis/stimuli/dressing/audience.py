@@ -1,0 +1,196 @@
+"""The audience of the stare study as a picture: seated people whose eyes are the study's."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.skinning import skin_vertices
+from visavis.stimuli.dressing.casting import Casting, build_of, default_casting
+from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.build import Build
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.kinds import Idle, Sit
+from visavis.stimuli.motion.people import HeldHeads, PeopleMotion, Person
+from visavis.stimuli.motion.seating import seated_under_eyes
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.picture import Picture, Room
+from visavis.stimuli.rooms.audience_room import (
+    HIP_BEHIND_EYES_M,
+    HIPS_BEHIND_MIDDLE_M,
+    Chair,
+    audience_room,
+    room_before_m,
+    step_height_m,
+)
+from visavis.stimuli.scene import Agent, SceneFrame
+from visavis.stimuli.scenes import audience
+
+HABITS = 12
+"""How many ways of sitting are tried for the one that keeps the feet on the step."""
+TUCKED_01 = (0.0, 0.3, 0.6, 1.0)
+"""How far feet are drawn back, tried one after the other."""
+ATTENTIVE = Sit(lively=0.25)
+"""Who listens hardly stirs; breathing is as deep as ever."""
+MAX_ARMS_ASIDE_M = 0.24
+"""How far elbows and wrists may be beside the middle of their own seat, for neighbours' sake."""
+TOE_M = 0.07
+SAT_ON = tuple(PART_INDEX[name] for name in ("torso", "left_thigh", "right_thigh"))
+BELOW_HIPS_M = 0.20
+"""How far from the hips it reaches."""
+SINK_M = 0.02
+"""How deep somebody sinks into a cushion."""
+MEN_TRIED = 24
+FACING_OF_SPEAKER = np.array([0.0, 1.2, -2.5]) - audience.SPEAKER_EYE_M * np.array([1.0, 0.74, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Set:
+    room: Room
+    cast: tuple[Character, ...]
+    motion: PeopleMotion
+
+
+@lru_cache(maxsize=256)
+def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
+    agents = audience.audience_scene(characters).agents
+    cast = tuple(casting(agent.character) for agent in agents)
+    people: list[Person] = []
+    chairs: dict[str, Chair] = {}
+    for i, (agent, character) in enumerate(zip(agents, cast, strict=True)):
+        floor = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
+        try:
+            person = _seated(build_of(character), agent, i, floor)
+        except MotionError as error:
+            raise MotionError(
+                f"{character.name} cannot sit at {agent.place}, where eyes of the audience are: "
+                f"{error}. Leave them out of `cast`"
+            ) from error
+        people.append(person)
+        if isinstance(person.does, Sit):
+            hips_m = _joints_m([person], "upper_leg")[0].mean(axis=0)
+            behind_m = float((agent.eye_centre_m - hips_m) @ agent.facing)
+            top_m = floor + person.does.seat_m + _sunk_m(character, person)
+            chairs[agent.place] = Chair(top_m, behind_m - HIPS_BEHIND_MIDDLE_M)
+    speaker = _speaker(cast, casting)
+    feet = audience.SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0])
+    heading = float(np.degrees(np.arctan2(-FACING_OF_SPEAKER[0], -FACING_OF_SPEAKER[2])))
+    people.append(
+        Person(build_of(speaker), Idle(), 99, (float(feet[0]), 0.0, float(feet[2])), heading)
+    )
+    eyes = np.array([*(a.eye_centre_m for a in agents), np.full(3, np.nan)])
+    facing = np.array([*(a.facing for a in agents), np.full(3, np.nan)])
+    return _Set(
+        audience_room(chairs),
+        (*cast, speaker),
+        PeopleMotion(tuple(people), HeldHeads(eyes, facing)),
+    )
+
+
+def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
+    """Return a man who does not sit among the listeners: of another body if there is one, else in
+    other clothes, else one of them.
+    """
+    men = [casting(f"male_{number:02d}") for number in range(1, MEN_TRIED + 1)]
+    bodies = [listener.skeleton for listener in listeners]
+    strangers = [man for man in men if man.skeleton not in bodies]
+    return next(iter([*strangers, *(man for man in men if man not in listeners), *men]))
+
+
+def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
+    """Return a sitter of the habits that keep arms within the seat and the feet best on their step,
+    drawn back as little as that takes.
+    """
+    habits = [
+        seated_under_eyes(
+            build,
+            agent.eye_centre_m,
+            facing=agent.facing,
+            seed=seed + 100 * habit,
+            sit=ATTENTIVE,
+            floor_m=floor_m,
+        )
+        for habit in range(HABITS)
+    ]
+    across = np.cross(agent.facing, [0.0, 1.0, 0.0])
+    arms_m = np.concatenate([_joints_m(habits, name) for name in ("lower_arm", "hand")], axis=1)
+    aside_m = np.abs((arms_m - agent.eye_centre_m) @ across).max(axis=1)
+    limit_m = max(MAX_ARMS_ASIDE_M, float(aside_m.min()))
+    habits = [one for one, m in zip(habits, aside_m, strict=True) if m <= limit_m]
+    ahead = TOE_M * agent.facing * np.array([1.0, 0.0, 1.0])
+    for tucked_01 in TUCKED_01:
+        sitters = [_tucked(person, tucked_01) for person in habits]
+        toes_m = _joints_m(sitters, "toes") + ahead
+        room_m = [min(room_before_m(toe, floor_m) for toe in toes) for toes in toes_m]
+        best = int(np.argmax(room_m))
+        if room_m[best] >= 0.0:
+            break
+    return sitters[best]
+
+
+def _tucked(person: Person, tucked_01: float) -> Person:
+    sit = person.does
+    return (
+        replace(person, does=replace(sit, tucked_01=tucked_01)) if isinstance(sit, Sit) else person
+    )
+
+
+def _joints_m(people: Sequence[Person], name: str) -> Vector:
+    """Return where people's left and right joints (n, 2, 3) of a name are, kept still."""
+    posed = PeopleMotion(tuple(people)).at(0.0)
+    found = []
+    for person, root_m, turns in zip(people, posed.root_m, posed.orientation_wxyz, strict=True):
+        skeleton = person.build.skeleton
+        rows = [skeleton.index(f"{side}_{name}") for side in ("left", "right")]
+        found.append(forward(skeleton, root_m, turns).position_m[rows])
+    return np.array(found)
+
+
+def _sunk_m(character: Character, person: Person) -> float:
+    """Return how far above the height of their seat a cushion is that somebody sinks into; 0 of a
+    figure without flesh there.
+    """
+    mesh = character.levels[0]
+    rows = np.unique(mesh.triangles[np.isin(mesh.triangle_part, SAT_ON)])
+    posed = PeopleMotion((person,)).at(0.0)
+    body = forward(character.skeleton, posed.root_m[0], posed.orientation_wxyz[0])
+    points = skin_vertices(mesh, character.skeleton, body)[rows]
+    hips = [character.skeleton.index(f"{side}_upper_leg") for side in ("left", "right")]
+    apart_m = points - body.position_m[hips].mean(axis=0)
+    below = points[np.hypot(apart_m[:, 0], apart_m[:, 2]) < BELOW_HIPS_M, 1]
+    if not len(below) or not isinstance(person.does, Sit):
+        return 0.0
+    return float(below.min()) + SINK_M - person.place_m[1] - person.does.seat_m
+
+
+def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:
+    """Return what a frame of the stare study looks like.
+
+    Both eyes meet where the study has them look, within what fixating eyes do; heads stay where
+    the study has them but for a few millimetres of sway.
+    """
+    dressed = _set_of(tuple(a.character for a in frame.scene.agents), casting)
+    to_audience = np.array([-0.4, 1.3, -2.6]) - audience.SPEAKER_EYE_M
+    distance_m = np.full(len(frame.scene.agents), np.nan)
+    if frame.gaze_distance_m is not None:
+        distance_m = frame.gaze_distance_m
+    between_eyes = [a.eye_centre_m for a in frame.scene.agents]
+    gaze = Aimed(
+        np.concatenate([frame.gaze_direction, [to_audience / np.linalg.norm(to_audience)]]),
+        np.concatenate([frame.eye_openness_01, [1.0]]),
+        np.append(distance_m, np.linalg.norm(to_audience)),
+        np.array([*between_eyes, audience.SPEAKER_EYE_M]),
+        fixates=True,
+    )
+    return Picture(
+        t_ns=frame.t_ns,
+        room=dressed.room,
+        cast=dressed.cast,
+        people=dressed.motion.at(frame.t_ns * 1e-9, gaze),
+        brightness_01=frame.scene.brightness_01,
+        mark_m=frame.scene.mark_m,
+    )

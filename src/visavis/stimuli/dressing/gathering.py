@@ -1,0 +1,98 @@
+"""A few people in a room as a picture, and as agents whose heads are where they are drawn."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.dressing.casting import Casting, build_of, default_casting
+from visavis.stimuli.dressing.office import HEAD_RADIUS_M, gaze_of, look_of
+from visavis.stimuli.dressing.picture_of import named_function
+from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.kinds import Idle, Sit
+from visavis.stimuli.motion.people import HeldHeads, PeopleMotion, Person
+from visavis.stimuli.picture import Picture, Room
+from visavis.stimuli.rooms.plain import plain_room
+from visavis.stimuli.scene import Agent, SceneFrame
+from visavis.stimuli.scenes.gathering import GatheringScene, Standing
+
+AT_REST: Final = (Idle, Sit)
+"""What leaves the head in place: these heads are held exactly where areas of interest are."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Set:
+    cast: tuple[Character, ...]
+    motion: PeopleMotion
+
+
+def _room(people: tuple[Standing, ...], room_by: str) -> Room:
+    if room_by:
+        made: Room = named_function(room_by, "makes this scene's room")()
+        return made
+    return plain_room(
+        tuple((p.x_m, p.z_m, p.yaw_deg, p.does.seat_m) for p in people if isinstance(p.does, Sit))
+    )
+
+
+def _motion(people: tuple[Standing, ...], casting: Casting) -> PeopleMotion:
+    return PeopleMotion(
+        tuple(
+            Person(build_of(casting(p.character)), p.does, p.seed, (p.x_m, 0.0, p.z_m), p.yaw_deg)
+            for p in people
+        )
+    )
+
+
+@lru_cache(maxsize=64)
+def agents_of(
+    people: tuple[Standing, ...], casting: Casting = default_casting
+) -> tuple[Agent, ...]:
+    """Return everybody as agents, with heads where they are at the onset."""
+    n = len(people)
+    posed = _motion(people, casting).at(0.0, Aimed(np.full((n, 3), np.nan), np.ones(n)))
+    agents = []
+    for i, person in enumerate(people):
+        character = casting(person.character)
+        head, eyes, facing = look_of(character, posed.root_m[i], posed.orientation_wxyz[i])
+        agents.append(
+            Agent(
+                f"agent_{i + 1:02d}",
+                person.character,
+                person.place,
+                head,
+                HEAD_RADIUS_M,
+                facing,
+                eyes,
+            )
+        )
+    return tuple(agents)
+
+
+@lru_cache(maxsize=16)
+def _set_of(people: tuple[Standing, ...], casting: Casting) -> _Set:
+    agents = agents_of(people, casting)
+    rests = np.array([isinstance(p.does, AT_REST) for p in people]).reshape(-1, 1)
+    eyes = np.where(rests, np.array([a.eye_centre_m for a in agents]).reshape(-1, 3), np.nan)
+    facing = np.where(rests, np.array([a.facing for a in agents]).reshape(-1, 3), np.nan)
+    motion = replace(_motion(people, casting), held=HeldHeads(eyes, facing))
+    return _Set(tuple(casting(p.character) for p in people), motion)
+
+
+def gathering_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:
+    """Return what a frame of a gathering looks like; eyes point along `frame.gaze_direction`."""
+    scene = frame.scene
+    people = scene.people if isinstance(scene, GatheringScene) else ()
+    start_ns = scene.start_ns if isinstance(scene, GatheringScene) else 0
+    dressed = _set_of(people, casting)
+    t_s = max(0.0, (frame.t_ns - start_ns) * 1e-9)
+    return Picture(
+        t_ns=frame.t_ns,
+        room=_room(people, scene.room_by if isinstance(scene, GatheringScene) else ""),
+        cast=dressed.cast,
+        people=dressed.motion.at(t_s, gaze_of(frame)),
+        brightness_01=scene.brightness_01,
+        mark_m=scene.mark_m,
+    )

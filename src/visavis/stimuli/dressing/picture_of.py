@@ -1,0 +1,49 @@
+"""Any scene as a picture: the scene itself names what dresses it."""
+
+import importlib
+from collections.abc import Callable
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+
+from visavis.lab.errors import DesignError
+from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.picture import Picture, PosedPeople, Room
+from visavis.stimuli.scene import SceneFrame
+
+NOWHERE: Final = Room("nowhere", (), (), np.zeros(3), np.zeros(3))
+NOBODY: Final = PosedPeople(np.zeros((0, 3)), np.zeros((0, 55, 4)), np.zeros((0, len(MORPHS))))
+
+
+def picture_of(frame: SceneFrame) -> Picture:
+    """Return what a frame looks like; a scene that nothing dresses is dark but for its mark.
+
+    Raises:
+        DesignError: what dresses the scene cannot be imported.
+    """
+    scene = frame.scene
+    if scene.dressed_by:
+        dressed: Picture = named_function(scene.dressed_by, "dresses this scene")(frame)
+        return dressed
+    return Picture(
+        frame.t_ns, NOWHERE, (), NOBODY, brightness_01=scene.brightness_01, mark_m=scene.mark_m
+    )
+
+
+@cache
+def named_function(named: str, purpose: str) -> Callable[..., Any]:
+    """Return the function that "module:function" names.
+
+    Raises:
+        DesignError: it cannot be imported; `purpose` says what nothing does then.
+    """
+    module, _, name = named.partition(":")
+    try:
+        found: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise DesignError(
+            f"nothing {purpose}: {named!r} cannot be imported ({error}); write it as "
+            "module:function"
+        ) from error
+    return found

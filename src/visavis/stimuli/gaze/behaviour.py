@@ -1,0 +1,219 @@
+"""Eyes of several agents as a function of time: targets, saccades between them, blinks.
+
+Eyes turn at most `MAXIMUM_TURN_DEG` in the head (the head stays still); what lies farther round
+is looked towards as far as that goes. A saccade lasts 21 ms + 2.2 ms per degree (the main sequence
+of Carpenter, Movements of the Eyes, 1988) and follows a minimum-jerk course, whose peak velocity
+is 1.875 times the mean.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.gaze.blinks import CLOSED_01, CLOSING_01, Blinks
+from visavis.stimuli.motion.rhythm_kernels import ease
+from visavis.stimuli.scene import Scene
+
+MAXIMUM_TURN_DEG: Final = 30.0
+SACCADE_BASE_MS: Final = 21.0
+SACCADE_MS_PER_DEG: Final = 2.2
+NEVER_NS: Final = np.iinfo(np.int64).max
+
+EyeState = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], bool]
+
+
+def saccade_duration_ms(amplitude_deg: float) -> float:
+    """Return how long a saccade of this size lasts."""
+    return SACCADE_BASE_MS + SACCADE_MS_PER_DEG * amplitude_deg
+
+
+@compiled
+def _toward(
+    eye: npt.NDArray[np.float64],
+    facing: npt.NDArray[np.float64],
+    target: npt.NDArray[np.float64],
+    limit_rad: float,
+    out: npt.NDArray[np.float64],
+) -> None:
+    """Write the unit direction from an eye to a target, held within a cone around `facing`."""
+    x, y, z = target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if not length > 0.0:
+        out[0], out[1], out[2] = facing[0], facing[1], facing[2]
+        return
+    x, y, z = x / length, y / length, z / length
+    along = x * facing[0] + y * facing[1] + z * facing[2]
+    if along < np.cos(limit_rad):
+        # Keep the side the target is on, turn no farther than the limit.
+        sx, sy, sz = x - along * facing[0], y - along * facing[1], z - along * facing[2]
+        side = np.sqrt(sx * sx + sy * sy + sz * sz)
+        if side < 1e-9:
+            out[0], out[1], out[2] = facing[0], facing[1], facing[2]
+            return
+        c, s = np.cos(limit_rad), np.sin(limit_rad) / side
+        x, y, z = c * facing[0] + s * sx, c * facing[1] + s * sy, c * facing[2] + s * sz
+    out[0], out[1], out[2] = x, y, z
+
+
+@compiled
+def _eyes_at(
+    t_ns: int,
+    observer: npt.NDArray[np.float64],
+    eyes: npt.NDArray[np.float64],
+    facing: npt.NDArray[np.float64],
+    targets: npt.NDArray[np.float64],
+    follows: npt.NDArray[np.bool_],
+    turn_ns: npt.NDArray[np.int64],
+    blink_agent: npt.NDArray[np.int64],
+    blink_start_ns: npt.NDArray[np.int64],
+    blink_end_ns: npt.NDArray[np.int64],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], bool]:
+    m = eyes.shape[0]
+    gaze = np.empty((m, 3))
+    openness = np.ones(m)
+    old = np.empty(3)
+    new = np.empty(3)
+    limit_rad = np.radians(MAXIMUM_TURN_DEG)
+    moving = False
+    for j in range(m):
+        turned = t_ns >= turn_ns[j]
+        now = 1 if turned else 0
+        _toward(
+            eyes[j], facing[j], observer if follows[now, j] else targets[now, j], limit_rad, new
+        )
+        share = 1.0
+        if turned:
+            _toward(
+                eyes[j], facing[j], observer if follows[0, j] else targets[0, j], limit_rad, old
+            )
+            chord2, sum2, dot = 0.0, 0.0, 0.0
+            for k in range(3):
+                chord2 += (new[k] - old[k]) ** 2
+                sum2 += (new[k] + old[k]) ** 2
+                dot += new[k] * old[k]
+            amplitude = 2.0 * np.arctan2(np.sqrt(chord2), np.sqrt(sum2))
+            duration_ns = (SACCADE_BASE_MS + SACCADE_MS_PER_DEG * np.degrees(amplitude)) * 1e6
+            tau = (t_ns - turn_ns[j]) / duration_ns
+            if tau < 1.0:
+                moving = True
+                share = ease(tau)
+                if amplitude > 1e-9:
+                    a = np.sin((1.0 - share) * amplitude) / np.sin(amplitude)
+                    b = np.sin(share * amplitude) / np.sin(amplitude)
+                    for k in range(3):
+                        new[k] = a * old[k] + b * new[k]
+        gaze[j, 0], gaze[j, 1], gaze[j, 2] = new[0], new[1], new[2]
+    for i in range(blink_agent.shape[0]):
+        if blink_start_ns[i] > t_ns:
+            break
+        if t_ns < blink_end_ns[i]:
+            moving = True
+            tau = (t_ns - blink_start_ns[i]) / (blink_end_ns[i] - blink_start_ns[i])
+            if tau < CLOSING_01:
+                part = 1.0 - tau / CLOSING_01
+            elif tau < CLOSING_01 + CLOSED_01:
+                part = 0.0
+            else:
+                part = (tau - CLOSING_01 - CLOSED_01) / (1.0 - CLOSING_01 - CLOSED_01)
+            openness[blink_agent[i]] = part * part * (3.0 - 2.0 * part)
+    return gaze, openness, moving
+
+
+@compiled
+def _distances(
+    t_ns: int,
+    observer: npt.NDArray[np.float64],
+    eyes: npt.NDArray[np.float64],
+    targets: npt.NDArray[np.float64],
+    follows: npt.NDArray[np.bool_],
+    turn_ns: npt.NDArray[np.int64],
+) -> npt.NDArray[np.float64]:
+    m = eyes.shape[0]
+    distance_m = np.empty(m)
+    for j in range(m):
+        now = 1 if t_ns >= turn_ns[j] else 0
+        point = observer if follows[now, j] else targets[now, j]
+        x, y, z = point[0] - eyes[j, 0], point[1] - eyes[j, 1], point[2] - eyes[j, 2]
+        distance_m[j] = np.sqrt(x * x + y * y + z * z)
+    return distance_m
+
+
+@dataclass(frozen=True)
+class EyeBehaviour:
+    """What the eyes of m agents do; every answer is a function of time alone.
+
+    `eye_centre_m` and `facing` (m, 3) as in the scene; `targets_m` (2, m, 3) the points looked at
+    before and after each agent's turn; `follows_observer` (2, m) replaces a point by the
+    observer's eyes wherever these are; `turn_ns` (m,) when the saccade from one to the other
+    begins, `NEVER_NS` for none.
+    """
+
+    eye_centre_m: npt.NDArray[np.float64]
+    facing: npt.NDArray[np.float64]
+    targets_m: npt.NDArray[np.float64]
+    follows_observer: npt.NDArray[np.bool_]
+    turn_ns: npt.NDArray[np.int64]
+    blinks: Blinks
+
+    @classmethod
+    def of_scene(cls, scene: Scene, *, target_m: Vector, blinks: Blinks) -> Self:
+        """Let every agent of a scene look at one point."""
+        m = len(scene.agents)
+        return cls(
+            np.array([a.eye_centre_m for a in scene.agents], np.float64).reshape(m, 3),
+            np.array([a.facing for a in scene.agents], np.float64).reshape(m, 3),
+            np.tile(np.asarray(target_m, np.float64), (2, m, 1)),
+            np.zeros((2, m), np.bool_),
+            np.full(m, NEVER_NS, np.int64),
+            blinks,
+        )
+
+    def staring(self, agent: int) -> Self:
+        """Return the behaviour in which this agent looks at the observer all the time."""
+        follows = self.follows_observer.copy()
+        follows[:, agent] = True
+        return replace(self, follows_observer=follows)
+
+    def turning(self, agent: int, t_ns: int, *, to_observer: bool) -> Self:
+        """Return the behaviour in which this agent looks elsewhere from `t_ns` on.
+
+        `to_observer` says whether it turns to the observer or from the observer to its point.
+        """
+        follows = self.follows_observer.copy()
+        follows[:, agent] = (not to_observer, to_observer)
+        turn_ns = self.turn_ns.copy()
+        turn_ns[agent] = t_ns
+        return replace(self, follows_observer=follows, turn_ns=turn_ns)
+
+    def distance_m(self, t_ns: int, observer_eye_m: Vector) -> npt.NDArray[np.float64]:
+        """Return how far (m,) from between their eyes what agents look at is."""
+        return _distances(
+            t_ns,
+            observer_eye_m,
+            self.eye_centre_m,
+            self.targets_m,
+            self.follows_observer,
+            self.turn_ns,
+        )
+
+    def at(self, t_ns: int, observer_eye_m: Vector) -> EyeState:
+        """Return gaze directions (m, 3), unit, world; openness (m,) 0..1; whether anything moves.
+
+        `observer_eye_m` (3,) is the midpoint between the observer's eyes in world.
+        """
+        return _eyes_at(
+            t_ns,
+            observer_eye_m,
+            self.eye_centre_m,
+            self.facing,
+            self.targets_m,
+            self.follows_observer,
+            self.turn_ns,
+            self.blinks.agent,
+            self.blinks.start_ns,
+            self.blinks.end_ns,
+        )

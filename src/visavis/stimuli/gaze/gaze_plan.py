@@ -1,0 +1,134 @@
+"""Who looks at what from when on, as data; eyes, lids, head and trunk follow from it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.geometry import Vector
+from visavis.stimuli.gaze.gaze_shift_kernels import (
+    AROUND,
+    ASIDE,
+    OBSERVER,
+    PERSON,
+    POINT,
+    gaze_rows,
+    turn_rows,
+)
+from visavis.stimuli.gaze.turning import Aim, Look
+from visavis.stimuli.motion.errors import MotionError
+
+_NOBODY = np.full(3, np.nan)
+
+
+@dataclass(frozen=True)
+class LookAt:
+    """From `start_s` on somebody looks at a target.
+
+    "around": whatever passes before them. "point": `where` (3,) in world. "person": `where[0]` is
+    their number. "observer": the eyes of whoever watches. "aside": `where` is yaw (left) and pitch
+    (up) in degrees from the front of the own body.
+    """
+
+    start_s: float
+    target: Literal["around", "point", "person", "observer", "aside"]
+    where: tuple[float, ...] = ()
+
+
+_CODES = {"around": AROUND, "point": POINT, "person": PERSON, "observer": OBSERVER, "aside": ASIDE}
+_NEEDED = {"around": 0, "point": 3, "person": 1, "observer": 0, "aside": 2}
+
+
+@dataclass(frozen=True, eq=False)
+class GazePlan:
+    """Looks of n people in order of time; who has none looks around.
+
+    `observer_m` (3,) is where the observer's eyes are now; `watched_from` gives a plan with it.
+    """
+
+    looks: tuple[tuple[LookAt, ...], ...]
+    observer_m: Vector | None = None
+
+    def __post_init__(self) -> None:
+        for i, own in enumerate(self.looks):
+            starts = [look.start_s for look in own]
+            if starts != sorted(starts):
+                raise MotionError(f"looks of person {i} are out of order; sort them by start_s")
+            for look in own:
+                if len(look.where) != _NEEDED[look.target] or not np.isfinite(look.where).all():
+                    raise MotionError(
+                        f"person {i} looks at {look.target!r} with {look.where}; "
+                        f"it needs {_NEEDED[look.target]} finite numbers"
+                    )
+                if look.target == "person" and not 0 <= look.where[0] < len(self.looks):
+                    raise MotionError(f"person {i} looks at person {look.where[0]:.0f}, who is not")
+
+    @classmethod
+    def of(cls, count: int, looks: Mapping[int, Sequence[LookAt]] | None = None) -> Self:
+        """Return a plan for `count` people from the looks of some of them."""
+        own = looks or {}
+        return cls(tuple(tuple(own.get(i, ())) for i in range(count)))
+
+    def watched_from(self, observer_m: Vector) -> Self:
+        """Return the same plan with the observer's eyes at a point (3,) in world."""
+        moved = replace(self, observer_m=np.asarray(observer_m, np.float64))
+        moved.__dict__["_table"] = self._table
+        return moved
+
+    @cached_property
+    def _table(
+        self,
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Vector, Vector, bool]:
+        flat = [look for own in self.looks for look in own]
+        first = np.concatenate([[0], np.cumsum([len(own) for own in self.looks])])
+        vectors = np.zeros((max(1, len(flat)), 3))
+        for i, look in enumerate(flat):
+            where = np.radians(look.where) if look.target == "aside" else look.where
+            vectors[i, : len(look.where)] = where
+        return (
+            first.astype(np.int64),
+            np.array([_CODES[look.target] for look in flat], dtype=np.int64),
+            np.array([look.start_s for look in flat], dtype=np.float64),
+            vectors,
+            any(look.target == "observer" for look in flat),
+        )
+
+    def _checked(self, look: Look) -> Vector:
+        if len(look.eyes_m) != len(self.looks):
+            raise MotionError(
+                f"a gaze plan for {len(self.looks)} people was given {len(look.eyes_m)}"
+            )
+        if self.observer_m is not None:
+            return self.observer_m
+        if self._table[4]:
+            raise MotionError("somebody looks at the observer; say where with watched_from()")
+        return _NOBODY
+
+    def turns_rad(self, t_s: float, look: Look) -> Vector:
+        """Return what trunk and head add (n, 3)."""
+        observer = self._checked(look)
+        out = np.zeros((len(look.eyes_m), 3))
+        turn_rows(
+            t_s, *self._table[:4], look.eyes_m, look.head_wxyz, look.front, look.seed, observer, out
+        )
+        return out
+
+    def aim(self, t_s: float, look: Look) -> Aim:
+        """Return where the eyes point."""
+        observer, n = self._checked(look), len(look.eyes_m)
+        direction, distance, openness = np.empty((n, 3)), np.empty(n), np.empty(n)
+        gaze_rows(
+            t_s,
+            *self._table[:4],
+            look.eyes_m,
+            look.front,
+            look.seed,
+            observer,
+            direction,
+            distance,
+            openness,
+        )
+        return Aim(direction, distance, openness)

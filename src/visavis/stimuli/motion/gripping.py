@@ -1,0 +1,166 @@
+"""How fingers and thumb lie about a telephone: bent until their skin touches its case.
+
+Found once for a person, on the skin of the left hand; the right one is its mirror image.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.motion import posture as p
+from visavis.stimuli.motion.grip_kernels import FINGER, THUMB, best_bend
+from visavis.stimuli.motion.posture_kernels import spread_of
+from visavis.stimuli.motion.skeleton import Skeleton
+
+FINGERS: Final = ("index", "middle", "ring", "little")
+PHALANGES: Final = ("proximal", "middle", "distal")
+MIN_POINTS: Final = 4
+"""A phalanx with fewer points of skin is none: the figure has no bones in its fingers."""
+MIN_WEIGHT: Final = 0.02
+"""Of a point, for it to belong to a finger."""
+SPREAD_RAD: Final = -0.10
+"""Fingers that hold something lie closer together than at rest."""
+ROOM_FOR_THUMB_M: Final = 0.006
+"""Behind the edge before the neck: the pad of a thumb is thicker than the edge."""
+LEAST_CURLS: Final = (0.04, 0.26, 0.26, 0.26)
+"""Index fingers may lie along a case; a straight finger beside bent ones looks broken."""
+MOST_CURL: Final = 0.90
+KNUCKLES_RAD: Final = (-0.15, 0.95)
+"""Bends of a knuckle in all."""
+THUMB_IN_RAD: Final = (-0.3, 0.7)
+OPPOSED_RAD: Final = (-0.3, 0.7)
+THUMB_BENDS: Final = (0.0, 0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A flat box in a hand at rest, in metres from its wrist: `middle_m` (3,), `axes` (3, 3) as
+    rows (its length, across it towards the finger tips, out of the palm), half its size (3,).
+    """
+
+    middle_m: Vector
+    axes: Vector
+    half_m: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """Points (k, 3) of the left hand at rest, in metres from its wrist, at vertices and in the
+    middle of triangles, with their weights (k, 55).
+    """
+
+    points_m: Vector
+    weights: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class _Digit:
+    """Skin of a finger or thumb: points (k, 3) at rest from the wrist, their weights (k, 4) of
+    hand and phalanges, to which of those each belongs (k,); the joints (3, 3) from the wrist.
+    """
+
+    points_m: Vector
+    weights: Vector
+    phalanx: npt.NDArray[np.int64]
+    joints_m: Vector
+
+
+def skin_of_hand(character: Character) -> Skin:
+    """Return the skin of a character's left hand, without what it holds."""
+    mesh, skeleton = character.levels[0], character.skeleton
+    triangles = mesh.triangles[mesh.triangle_part == PART_INDEX["left_hand"]]
+    is_own = np.zeros(len(mesh.vertices_m), np.bool_)
+    is_own[triangles] = True
+    own = mesh.vertices_m[is_own] - skeleton.rest_m[skeleton.index("left_hand")]
+    weights = np.zeros((len(own), len(skeleton.names)))
+    rows = np.arange(len(own))
+    for joint, weight in zip(mesh.joints[is_own].T, mesh.weights[is_own].T, strict=True):
+        weights[rows, joint] += weight
+    corners = (np.cumsum(is_own) - 1)[triangles]
+    return Skin(
+        np.concatenate([own, own[corners].mean(axis=1)]),
+        np.concatenate([weights, weights[corners].mean(axis=1)]),
+    )
+
+
+def _digit(skin: Skin, skeleton: Skeleton, name: str) -> _Digit | None:
+    """Return a left finger, or None where the figure has no bones for it."""
+    joints = [skeleton.index(f"left_{name}_{phalanx}") for phalanx in PHALANGES]
+    weights = skin.weights[:, joints]
+    rows = weights.sum(axis=1) > MIN_WEIGHT
+    weights = weights[rows]
+    phalanx = weights.argmax(axis=1)
+    if (np.bincount(phalanx, minlength=3) < MIN_POINTS).any():
+        return None
+    return _Digit(
+        skin.points_m[rows],
+        np.column_stack([1.0 - weights.sum(axis=1), weights]),
+        phalanx,
+        skeleton.rest_m[joints] - skeleton.rest_m[skeleton.index("left_hand")],
+    )
+
+
+def _best(
+    digit: _Digit,
+    case: Case,
+    room_m: Vector,
+    which: int,
+    spread_rad: float,
+    *ranges: tuple[float, float],
+) -> Vector:
+    least, most = np.array(ranges).T
+    return best_bend(
+        digit.points_m,
+        digit.weights,
+        digit.phalanx,
+        digit.joints_m,
+        case.middle_m,
+        np.ascontiguousarray(case.axes),
+        case.half_m,
+        room_m,
+        which,
+        spread_rad,
+        np.ascontiguousarray(least),
+        np.ascontiguousarray(most),
+        np.array([9, 9, 1] if which == FINGER else [7, 7, 2]),
+        4,
+    )
+
+
+def grip_of_character(character: Character, case: Case, room_m: Vector) -> Vector:
+    """Return how the left hand lies about a case, (GRIP_SIZE,) in the order of `posture.B_GRIP`.
+
+    `room_m` is how far fingers may reach beyond the case's face, evenly spaced along it. A finger
+    or thumb that has no bones is left straight.
+    """
+    skeleton = character.skeleton
+    skin = skin_of_hand(character)
+    grip = np.zeros(p.GRIP_SIZE)
+    for k, name in enumerate(FINGERS):
+        digit = _digit(skin, skeleton, name)
+        if digit is not None:
+            spread_rad = spread_of(SPREAD_RAD, k)
+            curl, knuckle, _ = _best(
+                digit,
+                case,
+                room_m,
+                FINGER,
+                spread_rad,
+                (LEAST_CURLS[k], MOST_CURL),
+                KNUCKLES_RAD,
+                (0.0, 0.0),
+            )
+            grip[k], grip[4 + k], grip[8] = curl, knuckle - 1.25 * curl, SPREAD_RAD
+    digit = _digit(skin, skeleton, "thumb")
+    if digit is not None:
+        room_m = np.full(2, ROOM_FOR_THUMB_M)
+        inward, opposed, bend = _best(
+            digit, case, room_m, THUMB, 0.0, THUMB_IN_RAD, OPPOSED_RAD, THUMB_BENDS
+        )
+        grip[9:] = bend, opposed, inward
+    return grip

@@ -1,0 +1,345 @@
+"""Everybody's motion at once: who does what from when on, posed at any time in a few calls."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.geometry import Vector, quat_from_yaw_pitch_deg, quat_multiply, rotate
+from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.gaze.eye_kernels import aim_rows, look_rows
+from visavis.stimuli.gaze.fixation_kernels import sway_rows
+from visavis.stimuli.gaze.gaze_plan import GazePlan
+from visavis.stimuli.gaze.turning import Aimed, Gaze, Look
+from visavis.stimuli.motion import posture as p
+from visavis.stimuli.motion.blending import CrossFade
+from visavis.stimuli.motion.build import Build
+from visavis.stimuli.motion.clip import Frames, Motion
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.kinds import (
+    NUMBERS,
+    Kind,
+    Phone,
+    Recorded,
+    Run,
+    Walk,
+    code_of,
+    kernel_of,
+)
+from visavis.stimuli.motion.placing_kernels import mix_rows, placed_rows
+from visavis.stimuli.motion.posture_kernels import look_from, pose_rows
+from visavis.stimuli.motion.skeleton import Skeleton
+from visavis.stimuli.picture import PosedPeople
+
+Index = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Doing:
+    """What somebody does from `start_s` on, taking over within `fade_s`.
+
+    Without a place of its own it happens where the thing before has led to.
+    """
+
+    kind: Kind
+    start_s: float = -np.inf
+    fade_s: float = 0.8
+    place_m: tuple[float, float, float] | None = None
+    heading_deg: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """One person: build, what they do, a seed of their own, and where they are.
+
+    `place_m` (3,) is a point of the floor in world: below the hips of a sitter, between the feet
+    of somebody standing, where a walk starts. `heading_deg` is left of −z.
+    """
+
+    build: Build
+    does: Kind | tuple[Doing, ...]
+    seed: int
+    place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    heading_deg: float = 0.0
+
+    @property
+    def plan(self) -> tuple[Doing, ...]:
+        """What is done one after the other."""
+        return self.does if isinstance(self.does, tuple) else (Doing(self.does),)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldHeads:
+    """Heads that a study keeps in place: `eyes_m` (n, 3) between the eyes, `facing` (n, 3) unit.
+
+    They sway about it by a few millimetres, as heads do. Rows that are NaN are not held.
+    """
+
+    eyes_m: Vector
+    facing: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class PeopleMotion:
+    """n people as a function of time; a frame can be asked for again and is the same."""
+
+    people: tuple[Person, ...]
+    held: HeldHeads | None = None
+
+    def __post_init__(self) -> None:
+        for i, person in enumerate(self.people):
+            starts = [d.start_s for d in person.plan]
+            if not starts or starts != sorted(starts):
+                raise MotionError(f"person {i} has nothing to do, or things out of order")
+            for d, later in zip(person.plan, person.plan[1:], strict=False):
+                if later.start_s - d.start_s < d.fade_s:
+                    raise MotionError(f"person {i} changes at {later.start_s} s before a fade ends")
+
+    @cached_property
+    def _builds(self) -> tuple[Vector, Vector, Index, Index]:
+        """Lengths (n, B_SIZE), skeletons (k, 55, 3), whose is whose (n,), seeds (n,)."""
+        distinct = {id(person.build.skeleton): person.build.skeleton for person in self.people}
+        order = {key: i for i, key in enumerate(distinct)}
+        return (
+            np.array([_lengths_of(q) for q in self.people]).reshape(-1, p.B_SIZE),
+            np.array([s.offsets_m for s in distinct.values()]).reshape(-1, p.JOINTS, 3),
+            np.array([order[id(q.build.skeleton)] for q in self.people], dtype=np.int64),
+            np.array([q.seed for q in self.people], dtype=np.int64),
+        )
+
+    @cached_property
+    def _plan(self) -> "_Plan":
+        return _plan_of(self.people)
+
+    def _posture(self, t_s: float, doing: Index, rows: Index) -> Vector:
+        """Return the posture (n, SIZE) of `rows` at what they do; others mean nothing."""
+        lengths, _, _, seeds = self._builds
+        plan = self._plan
+        controls = np.zeros((len(self.people), p.SIZE))
+        since = t_s - plan.zero_s[doing]
+        numbers, codes = plan.numbers[doing], plan.codes[doing]
+        for code in np.unique(codes[rows]):
+            kernel_of(int(code))(
+                rows[codes[rows] == code], since, seeds, numbers, lengths, controls
+            )
+        placed_rows(controls, plan.place_m[doing], plan.heading_rad[doing])
+        return controls
+
+    def posture(self, t_s: float) -> Vector:
+        """Return the rows of posture (n, SIZE) in world that the solver turns into joints."""
+        if not self.people:
+            return np.zeros((0, p.SIZE))
+        plan = self._plan
+        begun = np.add.reduceat((plan.start_s <= t_s).astype(np.int64), plan.first)
+        doing = plan.first + np.maximum(begun, 1) - 1
+        controls = self._posture(t_s, doing, np.arange(len(self.people)))
+        share = (t_s - plan.start_s[doing]) / plan.fade_s[doing]
+        rows = np.flatnonzero((doing > plan.first) & (share < 1.0))
+        if rows.size:
+            before = doing.copy()
+            before[rows] -= 1
+            earlier = self._posture(t_s, before, rows)[rows]
+            mix_rows(controls, rows, earlier, share[rows])
+        return controls
+
+    def at(
+        self,
+        t_s: float,
+        gaze: Gaze | None = None,
+        *,
+        changed: Mapping[int, Callable[[Vector], Vector]] = MappingProxyType({}),
+    ) -> PosedPeople:
+        """Return everybody's pose at a time; without `gaze` people look around and blink.
+
+        `changed` makes other joint turns (55, 4) of some people's; their eyes are led after that.
+        """
+        n = len(self.people)
+        gaze = gaze or self._around
+        controls = self.posture(t_s)
+        _, offsets, skeleton_of, seeds = self._builds
+        held, held_eyes, facing = self._held
+        eyes, head, chest = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 4))
+        look_from(controls, offsets, skeleton_of, eyes, head, chest)
+        front = controls[:, p.FRONT : p.ATTEND + 3].copy()
+        turns = gaze.turns_rad(t_s, Look(eyes, head, front, seeds))
+        controls[:, p.TRUNK_YAW] += turns[:, 0]
+        controls[:, p.HEAD_YAW] += turns[:, 1]
+        controls[:, p.HEAD_PITCH] += turns[:, 2]
+        if held.any():
+            held_eyes, facing = held_eyes.copy(), facing.copy()
+            sway_rows(t_s, seeds, held_eyes, facing)
+        root, joints = np.empty((n, 3)), np.empty((n, p.JOINTS, 4))
+        pose_rows(controls, offsets, skeleton_of, held, held_eyes, facing, root, joints)
+        for i, motion in self._recorded.items():
+            frame = motion.at(t_s)
+            root[i], joints[i] = frame.root_m, frame.orientation_wxyz
+        for i, change in changed.items():
+            joints[i] = change(joints[i])
+        morphs = np.zeros((n, len(MORPHS)))
+        morphs[:, MORPHS.index("jaw_open")] = controls[:, p.JAW]
+        morphs[:, MORPHS.index("smile")] = controls[:, p.SMILE]
+        look_rows(root, joints, offsets, skeleton_of, eyes, head)
+        aim = gaze.aim(t_s, Look(eyes, head, front, seeds))
+        aim_rows(
+            root,
+            offsets,
+            skeleton_of,
+            aim.direction,
+            aim.distance_m,
+            aim.openness_01,
+            joints,
+            morphs,
+        )
+        return PosedPeople(root, joints, morphs)
+
+    @cached_property
+    def _recorded(self) -> dict[int, Motion]:
+        """Return the whole motion of everybody who plays a clip at some time."""
+        return {
+            i: _chain(person)
+            for i, person in enumerate(self.people)
+            if any(isinstance(d.kind, Recorded) for d in person.plan)
+        }
+
+    @cached_property
+    def _around(self) -> Gaze:
+        return GazePlan.of(len(self.people))
+
+    @cached_property
+    def _held(self) -> tuple[npt.NDArray[np.bool_], Vector, Vector]:
+        n = len(self.people)
+        if self.held is None:
+            return np.zeros(n, np.bool_), np.zeros((n, 3)), np.zeros((n, 3))
+        eyes, facing = (np.asarray(x, np.float64) for x in (self.held.eyes_m, self.held.facing))
+        held = np.asarray(np.isfinite(np.hstack([eyes, facing])).all(axis=1), np.bool_)
+        return held, eyes, facing
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """What everybody does, one row a thing; `first` (n,) is the first row of each person."""
+
+    first: Index
+    start_s: Vector
+    zero_s: Vector
+    fade_s: Vector
+    codes: Index
+    numbers: Vector
+    place_m: Vector
+    heading_rad: Vector
+
+
+def _lengths_of(person: Person) -> Vector:
+    if any(isinstance(doing.kind, Phone) for doing in person.plan):
+        return person.build.telephoning_m
+    return person.build.lengths_m
+
+
+def _places_of(person: Person) -> list[tuple[Vector, float]]:
+    """Return place and heading of everything somebody does; a way leads on to its end."""
+    at, heading = np.array(person.place_m, np.float64), float(np.radians(person.heading_deg))
+    places = []
+    for doing in person.plan:
+        if doing.place_m is not None:
+            at = np.array(doing.place_m, np.float64)
+        if doing.heading_deg is not None:
+            # The shorter way round from the heading before.
+            turn = np.radians(doing.heading_deg) - heading
+            heading += float((turn + np.pi) % (2 * np.pi) - np.pi)
+        places.append((at, heading))
+        if isinstance(doing.kind, Walk | Run) and np.isfinite(doing.kind.distance_m):
+            ahead = np.array([-np.sin(heading), 0.0, -np.cos(heading)])
+            at = at + doing.kind.distance_m * ahead
+    return places
+
+
+def _plan_of(people: Sequence[Person]) -> _Plan:
+    lengths = [len(q.plan) for q in people]
+    doings = [(q, d) for q in people for d in q.plan]
+    places = [place for q in people for place in _places_of(q)]
+    numbers = np.zeros((len(doings), NUMBERS))
+    for i, (q, d) in enumerate(doings):
+        own = d.kind.numbers(q.seed)
+        numbers[i, : len(own)] = own
+    start = np.array([d.start_s for _, d in doings], dtype=np.float64)
+    return _Plan(
+        np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64),
+        start,
+        np.where(np.isfinite(start), start, 0.0),
+        np.array([max(d.fade_s, 1e-9) for _, d in doings], dtype=np.float64),
+        np.array([code_of(d.kind) for _, d in doings], dtype=np.int64),
+        numbers,
+        np.array([at for at, _ in places]).reshape(-1, 3),
+        np.array([heading for _, heading in places]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A clip carried to somebody's place, in the time of the session."""
+
+    motion: Motion
+    skeleton: Skeleton
+    place_m: Vector
+    heading_rad: float
+    start_s: float
+
+    def at(self, t_s: npt.ArrayLike) -> Frames:
+        frames = self.motion.at(np.asarray(t_s, np.float64) - self.start_s)
+        turn = quat_from_yaw_pitch_deg(float(np.degrees(self.heading_rad)))
+        turns = frames.orientation_wxyz.copy()
+        turns[..., 0, :] = quat_multiply(
+            np.broadcast_to(turn, turns[..., 0, :].shape), turns[..., 0, :]
+        )
+        scale = self.skeleton.leg_m / self.motion.skeleton.leg_m
+        root = rotate(np.broadcast_to(turn, (*frames.root_m.shape[:-1], 4)), scale * frames.root_m)
+        return Frames(self.place_m + root, turns)
+
+
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """One thing that one person does, as a motion of its own; the head does not follow a gaze."""
+
+    people: PeopleMotion
+
+    @property
+    def skeleton(self) -> Skeleton:
+        return self.people.people[0].build.skeleton
+
+    def at(self, t_s: npt.ArrayLike) -> Frames:
+        times = np.asarray(t_s, np.float64)
+        still = Aimed(np.full((1, 3), np.nan), np.ones(1))
+        poses = [self.people.at(float(t), still) for t in times.ravel()]
+        return Frames(
+            np.array([q.root_m[0] for q in poses]).reshape(*times.shape, 3),
+            np.array([q.orientation_wxyz[0] for q in poses]).reshape(*times.shape, p.JOINTS, 4),
+        )
+
+
+def _chain(person: Person) -> Motion:
+    """Join everything somebody does by cross-fades."""
+    whole: Motion | None = None
+    for doing, (at, heading) in zip(person.plan, _places_of(person), strict=True):
+        start_s = doing.start_s if np.isfinite(doing.start_s) else 0.0
+        own: Motion
+        if isinstance(doing.kind, Recorded):
+            own = _Placed(doing.kind.motion, person.build.skeleton, at, heading, start_s)
+        else:
+            place = (float(at[0]), float(at[1]), float(at[2]))
+            alone = replace(
+                person,
+                does=(Doing(doing.kind, doing.start_s),),
+                place_m=place,
+                heading_deg=float(np.degrees(heading)),
+            )
+            own = _Alone(PeopleMotion((alone,)))
+        if whole is None:
+            whole = own
+        else:
+            whole = CrossFade(whole, own, start_s, max(doing.fade_s, 1e-3), start_s)
+    if whole is None:
+        raise MotionError("somebody has nothing to do")
+    return whole

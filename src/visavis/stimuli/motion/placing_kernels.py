@@ -1,0 +1,61 @@
+"""Carry rows of posture numbers from a person's own frame to world, and mix them."""
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.motion import posture as p
+from visavis.stimuli.motion.rhythm_kernels import ease
+
+
+@compiled
+def _moved(c: Vector, start: int, place: Vector, cosine: float, sine: float) -> None:
+    x, z = c[start], c[start + 2]
+    c[start] = place[0] + cosine * x + sine * z
+    c[start + 1] += place[1]
+    c[start + 2] = place[2] - sine * x + cosine * z
+
+
+@compiled
+def placed_rows(controls: Vector, place_m: Vector, heading_rad: Vector) -> None:
+    """Move rows (n, SIZE) to places (n, 3) on the floor and headings (n,), left of −z."""
+    for r in range(controls.shape[0]):
+        c, heading = controls[r], heading_rad[r]
+        cosine, sine = np.cos(heading), np.sin(heading)
+        _moved(c, p.HIPS, place_m[r], cosine, sine)
+        c[p.HIPS_YAW] += heading
+        c[p.FRONT] += heading
+        for side in range(2):
+            start = p.LEG + side * p.LEG_SIZE
+            _moved(c, start + p.ANKLE, place_m[r], cosine, sine)
+            c[start + p.FOOT_YAW] += heading
+
+
+@compiled
+def mix_rows(controls: Vector, rows: npt.NDArray[np.int64], other: Vector, share: Vector) -> None:
+    """Lead `other` (k, SIZE) over into the rows (k,) of `controls`, `share` (k,) from 0 to 1.
+
+    Feet that have to go elsewhere step there, the left one first.
+    """
+    for i in range(rows.shape[0]):
+        c, before, s = controls[rows[i]], other[i], ease(share[i])
+        lifts, shares = np.zeros(2), np.full(2, s)
+        for side in range(2):
+            foot = p.LEG + side * p.LEG_SIZE
+            way = 0.0
+            for k in range(3):
+                way += (c[foot + k] - before[foot + k]) ** 2
+            way = np.sqrt(way) + 0.1 * abs(c[foot + p.FOOT_YAW] - before[foot + p.FOOT_YAW])
+            # Steps of less than a centimetre are none; the rule sets in smoothly.
+            steps = ease(way / 0.03)
+            own = ease(1.9 * share[i] - 0.9 * side)
+            shares[side] = (1.0 - steps) * s + steps * own
+            lifts[side] = steps * 16.0 * (own * (1.0 - own)) ** 2 * min(0.10, 0.02 + 0.15 * way)
+        for j in range(c.shape[0]):
+            h = s
+            if p.LEG <= j < p.LEG + 2 * p.LEG_SIZE:
+                h = shares[(j - p.LEG) // p.LEG_SIZE]
+            c[j] = (1.0 - h) * before[j] + h * c[j]
+        for side in range(2):
+            c[p.LEG + side * p.LEG_SIZE + p.ANKLE + 1] += lifts[side]

@@ -1,0 +1,83 @@
+"""What makes a body restless: smooth noise, events at irregular times, eased steps.
+
+All of it is a function of time and of whole numbers that stand for a person and a purpose, so
+any moment can be asked for in any order and comes out the same.
+"""
+
+import numpy as np
+
+from visavis.lab.compiled import compiled
+
+MASK = np.uint64(0xFFFFFFFFFFFFFFFF)
+
+
+@compiled
+def chance(person: int, purpose: int, count: int) -> float:
+    """Return a number in [0, 1) that belongs to three whole numbers."""
+    # Constants and shifts of splitmix64 (public domain, S. Vigna).
+    x = np.uint64(person) * np.uint64(0x9E3779B97F4A7C15)
+    x ^= np.uint64(purpose) * np.uint64(0xBF58476D1CE4E5B9)
+    x += np.uint64(count) * np.uint64(0x94D049BB133111EB)
+    x ^= x >> np.uint64(30)
+    x *= np.uint64(0xBF58476D1CE4E5B9)
+    x ^= x >> np.uint64(27)
+    x *= np.uint64(0x94D049BB133111EB)
+    x ^= x >> np.uint64(31)
+    return float(x >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@compiled
+def ease(share: float) -> float:
+    """Return a rise from 0 to 1 with zero velocity and acceleration at both ends."""
+    x = min(1.0, max(0.0, share))
+    return x * x * x * (10.0 + x * (6.0 * x - 15.0))
+
+
+@compiled
+def drift(t_s: float, slowest_hz: float, person: int, purpose: int) -> float:
+    """Return smooth noise of about unit size: five sines over two octaves and a half."""
+    total = 0.0
+    for i in range(5):
+        frequency = slowest_hz * 1.43**i * (0.85 + 0.3 * chance(person, purpose, 2 * i))
+        phase = 2.0 * np.pi * chance(person, purpose, 2 * i + 1)
+        total += np.sin(2.0 * np.pi * frequency * t_s + phase) * 0.8**i
+    return total / 1.83
+
+
+@compiled
+def stepping(
+    t_s: float, mean_s: float, change_s: float, person: int, purpose: int
+) -> tuple[float, float]:
+    """Return a value in [−1, 1] that rests, then eases to a new one, and how far a change is.
+
+    Changes come `mean_s` apart on average, at least 0.4 of that; each takes `change_s`. The second
+    number is 0 at rest and 1 in the middle of a change.
+    """
+    k = np.floor(t_s / mean_s)
+    start = (k + 0.6 * chance(person, purpose, 2 * int(k) + 1)) * mean_s
+    if t_s < start:
+        k -= 1.0
+        start = (k + 0.6 * chance(person, purpose, 2 * int(k) + 1)) * mean_s
+    before = 2.0 * chance(person, purpose, 2 * int(k)) - 1.0
+    after = 2.0 * chance(person, purpose, 2 * int(k) + 2) - 1.0
+    x = min(1.0, (t_s - start) / change_s)
+    under_way = 16.0 * x * x * (1.0 - x) * (1.0 - x)
+    return before + (after - before) * ease(x), under_way
+
+
+@compiled
+def bump(
+    t_s: float, mean_s: float, lasting_s: float, person: int, purpose: int
+) -> tuple[float, float]:
+    """Return a passing event: its height 0..1..0 now, and a number in [0, 1) that is its own.
+
+    One event in each `mean_s` seconds; it lasts `lasting_s`, which must be below 0.4 of that.
+    """
+    k = np.floor(t_s / mean_s)
+    start = (k + 0.6 * chance(person, purpose, 2 * int(k) + 1)) * mean_s
+    x = (t_s - start) / lasting_s
+    own = chance(person, purpose, 2 * int(k))
+    if x <= 0.0 or x >= 1.0:
+        return 0.0, own
+    y = 4.0 * x * (1.0 - x)
+    return y * y * y, own

@@ -1,0 +1,107 @@
+"""Compiled Squad of many joints at many times.
+
+The two arcs between keys and between control points are known beforehand, so their angles are
+computed once (`arcs_of`); at a time only their sines are, by series that run on vectors of joints.
+"""
+
+import math
+
+import numpy as np
+
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.motion.slerp_kernels import (
+    LONG_SERIES_DOT,
+    MAX_TERMS,
+    Index,
+    series_row,
+    slerp_one,
+)
+
+MAX_ANGLE_RAD = 0.5 * math.pi + 1e-6
+"""Arcs up to here, half a turn of a joint, are computed by the series of sine and cosine."""
+S1, S2, S3, S4, S5, S6, S7, S8, S9, S10 = (
+    (-1.0) ** n / math.factorial(2 * n + 1) for n in range(1, 11)
+)
+"""sin x / x = 1 + S1 x² + S2 x⁴ and so on."""
+C1, C2, C3, C4, C5, C6, C7, C8, C9, C10, C11 = (
+    (-1.0) ** n / math.factorial(2 * n) for n in range(1, 12)
+)
+"""cos x = 1 + C1 x² + C2 x⁴ and so on."""
+
+
+def arcs_of(a: Vector, b: Vector) -> tuple[Vector, Vector]:
+    """Lay out arcs between rotations a, b (segments, joints, 4) as the kernel reads them.
+
+    The first array (segments, 8, joints) holds a and b component by component; the second
+    (segments, 3, joints) the angle w squared, w cot w and w / sin w, infinite where the arc is
+    too long for the series.
+    """
+    ends = np.ascontiguousarray(np.concatenate([a, b], axis=-1).transpose(0, 2, 1))
+    w = 2 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
+    sinc, cosine = np.sinc(w / np.pi), np.cos(w)
+    with np.errstate(divide="ignore", over="ignore"):
+        angles = np.stack([w * w, cosine / sinc, 1.0 / sinc], axis=1)
+    angles[:, 0][w > MAX_ANGLE_RAD] = np.inf
+    return ends, np.ascontiguousarray(angles)
+
+
+@compiled
+def _arc_row(ends: Vector, angles: Vector, h: float, out: Vector) -> None:
+    """Interpolate one segment's joints at share h; `ends` (8, joints), `out` (4, joints)."""
+    for j in range(ends.shape[1]):
+        y = h * h * angles[0, j]
+        sine = 1.0 + y * (S1 + y * (S2 + y * (S3 + y * (S4 + y * (S5 + y * (S6 + y * (
+            S7 + y * (S8 + y * (S9 + y * S10)))))))))  # fmt: skip
+        cosine = 1.0 + y * (C1 + y * (C2 + y * (C3 + y * (C4 + y * (C5 + y * (C6 + y * (
+            C7 + y * (C8 + y * (C9 + y * (C10 + y * C11))))))))))  # fmt: skip
+        share = h * sine
+        u = cosine - share * angles[1, j]
+        v = share * angles[2, j]
+        out[0, j] = u * ends[0, j] + v * ends[4, j]
+        out[1, j] = u * ends[1, j] + v * ends[5, j]
+        out[2, j] = u * ends[2, j] + v * ends[6, j]
+        out[3, j] = u * ends[3, j] + v * ends[7, j]
+
+
+@compiled
+def squad_segments(
+    keys: Vector, key_angles: Vector, controls: Vector, control_angles: Vector,
+    segment: Index, h: Vector, out: Vector,
+) -> None:  # fmt: skip
+    """Interpolate key arcs with control arcs, both from `arcs_of`, into out (n, joints, 4)."""
+    n = keys.shape[2]
+    p, c = np.empty((4, n)), np.empty((4, n))
+    x, u, v, terms = np.empty(n), np.empty(n), np.empty(n), np.empty(MAX_TERMS)
+    for r in range(h.shape[0]):
+        s, share = segment[r], h[r]
+        k = 2.0 * share * (1.0 - share)
+        _arc_row(keys[s], key_angles[s], share, p)
+        _arc_row(controls[s], control_angles[s], share, c)
+        for j in range(n):
+            dot = p[0, j] * c[0, j] + p[1, j] * c[1, j] + p[2, j] * c[2, j] + p[3, j] * c[3, j]
+            x[j] = dot - 1.0
+        least = 1.0
+        for j in range(n):
+            if x[j] > LONG_SERIES_DOT - 1.0:
+                least = min(least, x[j] + 1.0)
+        series_row(1.0 - k, least, x, terms, u)
+        series_row(k, least, x, terms, v)
+        for j in range(n):
+            for i in range(4):
+                out[r, j, i] = u[j] * p[i, j] + v[j] * c[i, j]
+        is_within = 0.0 <= share <= 1.0
+        for j in range(n):
+            if is_within and x[j] > LONG_SERIES_DOT - 1.0:
+                continue
+            a = slerp_one(
+                keys[s, 0, j], keys[s, 1, j], keys[s, 2, j], keys[s, 3, j],
+                keys[s, 4, j], keys[s, 5, j], keys[s, 6, j], keys[s, 7, j], share,
+            )  # fmt: skip
+            b = slerp_one(
+                controls[s, 0, j], controls[s, 1, j], controls[s, 2, j], controls[s, 3, j],
+                controls[s, 4, j], controls[s, 5, j], controls[s, 6, j], controls[s, 7, j], share,
+            )  # fmt: skip
+            out[r, j, 0], out[r, j, 1], out[r, j, 2], out[r, j, 3] = slerp_one(
+                a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3], k
+            )

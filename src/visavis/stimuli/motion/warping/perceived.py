@@ -1,0 +1,266 @@
+"""Which parts of a body an observer perceives, for many poses at once."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.geometry import Pose, Vector, rotate
+from visavis.stimuli.characters.body_parts import GROUPS, PART_INDEX, PARTS
+from visavis.stimuli.characters.character import Character, Material, SkinnedMesh
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.skeleton import Skeleton
+from visavis.stimuli.motion.warping.outlook import Outlook
+from visavis.stimuli.motion.warping.raster_kernels import (
+    BOTH_SIDES,
+    Bytes,
+    Floats,
+    joint_matrices,
+    perceive,
+    skin_points,
+)
+from visavis.stimuli.picture import StaticMesh
+
+MAX_KNOWN: Final = 64
+INSIDE_TURNS: Final = 0.5
+"""Winding number above which a point counts as inside a body."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """What moves of a body when some joints do: vertices by number, triangles with their labels;
+    and the triangles that stay.
+    """
+
+    vertices: npt.NDArray[np.int64]
+    triangles: npt.NDArray[np.int32]
+    labels: Bytes
+    still_triangles: npt.NDArray[np.int32]
+    still_labels: Bytes
+
+
+@dataclass(frozen=True, eq=False)
+class SeenBody:
+    """A skinned body as the buffer's kernels read it: `labels` are parts, plus `BOTH_SIDES` where
+    a triangle is seen from behind as well.
+    """
+
+    skeleton: Skeleton
+    rest: Floats
+    joints: Bytes
+    weights: Floats
+    triangles: npt.NDArray[np.int32]
+    labels: Bytes
+
+    @cached_property
+    def _known(self) -> dict[bytes, Moving]:
+        return {}
+
+    def moving_with(self, joints: npt.NDArray[np.bool_]) -> Moving:
+        """Return what moves when these joints (55,) do; kept, for probes ask again and again."""
+        key = joints.tobytes()
+        known = self._known.get(key)
+        if known is None:
+            vertex = np.any(joints[self.joints] & (self.weights > 0), axis=1)
+            triangle = vertex[self.triangles].any(axis=1)
+            known = Moving(
+                np.flatnonzero(vertex),
+                self.triangles[triangle],
+                self.labels[triangle],
+                self.triangles[~triangle],
+                self.labels[~triangle],
+            )
+            if len(self._known) >= MAX_KNOWN:
+                self._known.clear()
+            self._known[key] = known
+        return known
+
+
+def seen_body(
+    mesh: SkinnedMesh, skeleton: Skeleton, materials: Sequence[Material] = ()
+) -> SeenBody:
+    """Pack one level of detail of a character; hair and cloth are seen from both sides."""
+    both = np.array([m.double_sided for m in materials] or [False])
+    material = mesh.triangle_material if materials else np.zeros(len(mesh.triangles), np.uint8)
+    return SeenBody(
+        skeleton=skeleton,
+        rest=np.ascontiguousarray(mesh.vertices_m, dtype=np.float64),
+        joints=np.ascontiguousarray(mesh.joints, dtype=np.uint8),
+        weights=np.ascontiguousarray(mesh.weights, dtype=np.float64),
+        triangles=np.ascontiguousarray(mesh.triangles, dtype=np.int32),
+        labels=np.ascontiguousarray(
+            mesh.triangle_part + BOTH_SIDES * both[material], dtype=np.uint8
+        ),
+    )
+
+
+def body_of(character: Character, *, most_triangles: int = 8000) -> SeenBody:
+    """Pack the finest copy for measuring of a character with at most so many triangles."""
+    fitting = [m for m in character.measuring if len(m.triangles) <= most_triangles]
+    mesh = (fitting or character.measuring[-1:])[0]
+    return seen_body(mesh, character.skeleton, character.materials)
+
+
+def holding(body: SeenBody, thing: StaticMesh, joint: str, grip: Pose) -> SeenBody:
+    """Put a rigid thing into a hand: `grip` leads from the thing's frame to the joint's at rest.
+
+    Its triangles bear the part "held_object". Raises MotionError for an unknown joint.
+    """
+    index = body.skeleton.index(joint)
+    at_rest = body.skeleton.rest_m[index] + grip.position_m
+    points = rotate(grip.orientation_wxyz, thing.vertices_m.astype(np.float64)) + at_rest
+    n, t = len(points), len(thing.triangles)
+    joints: Bytes = np.zeros((n, 4), dtype=np.uint8)
+    joints[:, 0] = index
+    weights = np.zeros((n, 4))
+    weights[:, 0] = 1.0
+    label: Bytes = np.full(t, PART_INDEX["held_object"], dtype=np.uint8)
+    return replace(
+        body,
+        rest=np.concatenate([body.rest, points]),
+        joints=np.concatenate([body.joints, joints]),
+        weights=np.concatenate([body.weights, weights]),
+        triangles=np.concatenate([body.triangles, thing.triangles + np.int32(len(body.rest))]),
+        labels=np.concatenate([body.labels, label]),
+    )
+
+
+def mask_of(parts: tuple[str, ...]) -> npt.NDArray[np.bool_]:
+    """Return which part numbers (256,) belong to named parts or groups of parts.
+
+    Raises:
+        MotionError: there is no such part or group.
+    """
+    mask = np.zeros(256, dtype=np.bool_)
+    for name in parts:
+        if name not in GROUPS and name not in PARTS[1:]:
+            known = ", ".join((*PARTS[1:], *GROUPS))
+            raise MotionError(f"there is no body part {name!r}; choose from {known}")
+        for part in GROUPS.get(name, (name,)):
+            mask[PART_INDEX[part]] = True
+    return mask
+
+
+def matrices_of(skeleton: Skeleton, root_m: Vector, local_wxyz: Vector) -> Floats:
+    """Return matrices (n, 55, 3, 4) that lead rest points to n poses."""
+    roots = np.ascontiguousarray(root_m, dtype=np.float64).reshape(-1, 3)
+    turns = np.ascontiguousarray(local_wxyz, dtype=np.float64).reshape(len(roots), -1, 4)
+    out = np.empty((len(roots), turns.shape[1], 3, 4))
+    joint_matrices(skeleton.parents, skeleton.offsets_m, skeleton.rest_m, roots, turns, out)
+    return out
+
+
+def perceived(
+    body: SeenBody,
+    view: Outlook,
+    root_m: Vector,
+    local_wxyz: Vector,
+    *,
+    pool: ThreadPoolExecutor | None = None,
+    threads: int = 1,
+) -> Bytes:
+    """Return the perceived part (n, h, w) at every pixel for poses root (n, 3), turns (n, 55, 4).
+
+    0 is nothing, an occluder, or a part in the dark. With a pool the poses are shared among
+    `threads`; the result is the same.
+    """
+    matrices = matrices_of(body.skeleton, root_m, local_wxyz)
+    height, width = view.size_px
+    ids: Bytes = np.empty((len(matrices), height, width), dtype=np.uint8)
+    if len(matrices) == 0:
+        return ids
+    alike = _poses_alike(body, matrices)
+
+    def work(share: Sequence[tuple[Moving, npt.NDArray[np.int64]]]) -> None:
+        for moving, rows in share:
+            perceive(
+                body.rest,
+                body.joints,
+                body.weights,
+                moving.still_triangles,
+                moving.still_labels,
+                moving.vertices,
+                moving.triangles,
+                moving.labels,
+                matrices[0],
+                matrices,
+                rows,
+                view.eye,
+                view.behind,
+                view.ambient,
+                view.lamps,
+                view.maps,
+                view.map_eyes,
+                view.least_light,
+                ids,
+            )
+
+    if pool is None or threads < 2 or len(matrices) < threads:
+        work(alike)
+    else:
+        for done in [pool.submit(work, share) for share in _shared(alike, threads)]:
+            done.result()
+    return ids
+
+
+def _poses_alike(body: SeenBody, matrices: Floats) -> list[tuple[Moving, npt.NDArray[np.int64]]]:
+    """Sort poses by which joints stand elsewhere than in the first one."""
+    differs = (matrices != matrices[0]).any(axis=(2, 3))
+    rows_of: dict[bytes, list[int]] = {}
+    for k, row in enumerate(differs):
+        rows_of.setdefault(row.tobytes(), []).append(k)
+    return [
+        (body.moving_with(differs[rows[0]]), np.array(rows, dtype=np.int64))
+        for rows in rows_of.values()
+    ]
+
+
+def _shared(
+    alike: list[tuple[Moving, npt.NDArray[np.int64]]], threads: int
+) -> list[list[tuple[Moving, npt.NDArray[np.int64]]]]:
+    """Deal poses to threads so that each draws about as many triangles."""
+    costs = np.concatenate([np.full(len(r), 1.0 + len(m.triangles)) for m, r in alike])
+    done = np.cumsum(costs) - costs / 2
+    thread_of = np.minimum((done * threads / costs.sum()).astype(int), threads - 1)
+    shares: list[list[tuple[Moving, npt.NDArray[np.int64]]]] = [[] for _ in range(threads)]
+    start = 0
+    for moving, rows in alike:
+        mine = thread_of[start : start + len(rows)]
+        for n in np.unique(mine):
+            shares[n].append((moving, rows[mine == n]))
+        start += len(rows)
+    return shares
+
+
+def posed_points(body: SeenBody, root_m: Vector, local_wxyz: Vector) -> Floats:
+    """Return the vertices (v, 3) of a body in one pose."""
+    out = np.empty_like(body.rest)
+    matrix = matrices_of(body.skeleton, root_m[None], local_wxyz[None])[0]
+    skin_points(body.rest, body.joints, body.weights, matrix, out)
+    return out
+
+
+def refuse_observer_inside(
+    body: SeenBody, eye_m: Vector, root_m: Vector, local_wxyz: Vector
+) -> None:
+    """Raise MotionError when the observer's eye is inside the posed body."""
+    corners = posed_points(body, root_m, local_wxyz)[body.triangles] - eye_m
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+    solid = np.sum(a * np.cross(b, c), axis=1)
+    flat = (
+        la * lb * lc
+        + np.sum(a * b, axis=1) * lc
+        + np.sum(b * c, axis=1) * la
+        + np.sum(c * a, axis=1) * lb
+    )
+    turns = float(np.sum(2 * np.arctan2(solid, flat)) / (4 * np.pi))
+    if abs(turns) > INSIDE_TURNS or min(la.min(), lb.min(), lc.min()) < 1e-3:
+        raise MotionError(
+            f"the observer's eye at {np.round(eye_m, 2).tolist()} is inside the body it observes; "
+            "move the observer"
+        )

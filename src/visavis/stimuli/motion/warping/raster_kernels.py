@@ -1,0 +1,413 @@
+"""Draw a skinned body into a small identity buffer on the CPU: skin, project, z-buffer, light.
+
+Buffers hold inverse depth (1/m, larger is nearer, 0 is nothing). A pixel belongs to the nearest
+surface at its centre; equal depths go to the larger part number, so the order of triangles does
+not matter.
+"""
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.motion.quaternion_kernels import write_matrix
+
+Bytes = npt.NDArray[np.uint8]
+Ints = npt.NDArray[np.int32]
+Floats = npt.NDArray[np.float64]
+
+NEAR_M: Final = 0.05
+EYE: Final = 19
+"""Length of a packed camera: position 3, rows of world-to-camera 9, tangents 4, spare 3."""
+BOTH_SIDES: Final = 128
+"""Added to the label of a triangle that is seen from behind as well."""
+LAMP: Final = 9
+"""Length of a packed lamp: intensity, position 3, direction 3, cosine of half angle, falls off."""
+
+
+@compiled
+def skin_some(
+    which: npt.NDArray[np.int64],
+    rest: Floats,
+    joints: Bytes,
+    weights: Floats,
+    matrices: Floats,
+    out: Floats,
+) -> None:
+    """Place some of the rest vertices (v, 3) as `skin_points` places all."""
+    for n in range(which.shape[0]):
+        i = which[n]
+        x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
+        px = py = pz = 0.0
+        for k in range(4):
+            w = weights[i, k]
+            if w == 0.0:
+                continue
+            m = matrices[joints[i, k]]
+            px += w * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
+            py += w * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
+            pz += w * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
+        out[i, 0], out[i, 1], out[i, 2] = px, py, pz
+
+
+@compiled
+def project_some(
+    which: npt.NDArray[np.int64],
+    points: Floats,
+    eye: Floats,
+    width: int,
+    height: int,
+    screen: Floats,
+) -> None:
+    """Project some of the points (v, 3) to screen (v, 3): column, row, inverse depth.
+
+    The inverse depth is 0 nearer than `NEAR_M` and behind the eye.
+    """
+    left, right, bottom, top = eye[12], eye[13], eye[14], eye[15]
+    across, down = width / (right - left), height / (top - bottom)
+    for n in range(which.shape[0]):
+        i = which[n]
+        dx, dy, dz = points[i, 0] - eye[0], points[i, 1] - eye[1], points[i, 2] - eye[2]
+        depth = -(eye[9] * dx + eye[10] * dy + eye[11] * dz)
+        if depth < NEAR_M:
+            screen[i, 2] = 0.0
+            continue
+        inverse = 1.0 / depth
+        screen[i, 0] = ((eye[3] * dx + eye[4] * dy + eye[5] * dz) * inverse - left) * across
+        screen[i, 1] = (top - (eye[6] * dx + eye[7] * dy + eye[8] * dz) * inverse) * down
+        screen[i, 2] = inverse
+
+
+@compiled
+def skin_points(
+    rest: Floats, joints: Bytes, weights: Floats, matrices: Floats, out: Floats
+) -> None:
+    """Place rest vertices (v, 3) by joint matrices (j, 3, 4) into out (v, 3)."""
+    skin_some(np.arange(rest.shape[0]), rest, joints, weights, matrices, out)
+
+
+@compiled
+def project_points(points: Floats, eye: Floats, width: int, height: int, screen: Floats) -> None:
+    """Project points (v, 3) to screen (v, 3) as `project_some` does."""
+    project_some(np.arange(points.shape[0]), points, eye, width, height, screen)
+
+
+@compiled
+def _illumination(
+    ax: float,
+    ay: float,
+    az: float,
+    bx: float,
+    by: float,
+    bz: float,
+    cx: float,
+    cy: float,
+    cz: float,
+    ambient: float,
+    lamps: Floats,
+    maps: Floats,
+    map_eyes: Floats,
+) -> float:
+    """Return the luminance a white surface in this triangle's place would have."""
+    ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    if length == 0.0:
+        return ambient
+    mx, my, mz = (ax + bx + cx) / 3, (ay + by + cy) / 3, (az + bz + cz) / 3
+    light = ambient
+    for k in range(lamps.shape[0]):
+        lx, ly, lz = lamps[k, 1] - mx, lamps[k, 2] - my, lamps[k, 3] - mz
+        square = lx * lx + ly * ly + lz * lz
+        far = np.sqrt(square)
+        facing = (nx * lx + ny * ly + nz * lz) / (length * far)
+        if facing <= 0.0:
+            continue
+        if -(lamps[k, 4] * lx + lamps[k, 5] * ly + lamps[k, 6] * lz) < lamps[k, 7] * far:
+            continue
+        eye, size = map_eyes[k], maps.shape[1]
+        depth = -(eye[9] * (mx - eye[0]) + eye[10] * (my - eye[1]) + eye[11] * (mz - eye[2]))
+        if depth > NEAR_M:
+            column = (
+                (eye[3] * (mx - eye[0]) + eye[4] * (my - eye[1]) + eye[5] * (mz - eye[2])) / depth
+                - eye[12]
+            ) * size / (eye[13] - eye[12])  # fmt: skip
+            row = (
+                eye[15]
+                - (eye[6] * (mx - eye[0]) + eye[7] * (my - eye[1]) + eye[8] * (mz - eye[2])) / depth
+            ) * size / (eye[15] - eye[14])  # fmt: skip
+            inside = 0 <= column < size and 0 <= row < size
+            if inside and maps[k, int(row), int(column)] * depth > 1.001:
+                continue
+        light += lamps[k, 0] * facing / (square if lamps[k, 8] > 0 else 1.0)
+    return light
+
+
+@compiled
+def draw(
+    points: Floats,
+    screen: Floats,
+    triangles: Ints,
+    labels: Bytes,
+    ids: Bytes,
+    nearness: Floats,
+    ambient: float,
+    lamps: Floats,
+    maps: Floats,
+    map_eyes: Floats,
+    least_light: float,
+) -> None:
+    """Draw triangles (t, 3) with `labels` (t,) over what `ids` and `nearness` (h, w) hold.
+
+    A triangle in less light than `least_light` hides what is behind it and counts as nobody (0).
+    Faces seen from behind are left out unless their label has `BOTH_SIDES`.
+    """
+    height, width = ids.shape
+    for t in range(triangles.shape[0]):
+        ia, ib, ic = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        wa, wb, wc = screen[ia, 2], screen[ib, 2], screen[ic, 2]
+        if wa == 0.0 or wb == 0.0 or wc == 0.0:
+            continue
+        xa, ya, xb, yb = screen[ia, 0], screen[ia, 1], screen[ib, 0], screen[ib, 1]
+        xc, yc = screen[ic, 0], screen[ic, 1]
+        area = (xc - xa) * (yb - ya) - (xb - xa) * (yc - ya)
+        if area == 0.0:
+            continue
+        if area < 0.0:
+            if labels[t] < BOTH_SIDES:
+                continue
+            ib, ic = ic, ib
+            xb, yb, wb, xc, yc, wc = xc, yc, wc, xb, yb, wb
+            area = -area
+        # Pixel centres are at halves; the lowest column whose centre may lie inside.
+        c0 = max(0, int(np.ceil(min(xa, xb, xc) - 0.5)))
+        c1 = min(width - 1, int(np.floor(max(xa, xb, xc) - 0.5)))
+        if c0 > c1:
+            continue
+        r0 = max(0, int(np.ceil(min(ya, yb, yc) - 0.5)))
+        r1 = min(height - 1, int(np.floor(max(ya, yb, yc) - 0.5)))
+        if r0 > r1:
+            continue
+        label = np.uint8(labels[t] & (BOTH_SIDES - 1))
+        lit = -1
+        for r in range(r0, r1 + 1):
+            y = r + 0.5
+            for c in range(c0, c1 + 1):
+                x = c + 0.5
+                ea = (xc - xb) * (y - yb) - (yc - yb) * (x - xb)
+                eb = (xa - xc) * (y - yc) - (ya - yc) * (x - xc)
+                ec = (xb - xa) * (y - ya) - (yb - ya) * (x - xa)
+                if ea > 0.0 or eb > 0.0 or ec > 0.0:
+                    continue
+                near = -(ea * wa + eb * wb + ec * wc) / area
+                if near < nearness[r, c]:
+                    continue
+                if lit < 0:
+                    lit = 1
+                    if lamps.shape[0] > 0 and label > 0:
+                        light = _illumination(
+                            points[ia, 0],
+                            points[ia, 1],
+                            points[ia, 2],
+                            points[ib, 0],
+                            points[ib, 1],
+                            points[ib, 2],
+                            points[ic, 0],
+                            points[ic, 1],
+                            points[ic, 2],
+                            ambient,
+                            lamps,
+                            maps,
+                            map_eyes,
+                        )
+                        lit = 1 if light >= least_light else 0
+                seen = label if lit == 1 else np.uint8(0)
+                if near > nearness[r, c] or seen > ids[r, c]:
+                    nearness[r, c] = near
+                    ids[r, c] = seen
+
+
+@compiled
+def perceive(
+    rest: Floats,
+    joints: Bytes,
+    weights: Floats,
+    still_triangles: Ints,
+    still_labels: Bytes,
+    moved: npt.NDArray[np.int64],
+    moved_triangles: Ints,
+    moved_labels: Bytes,
+    first: Floats,
+    matrices: Floats,
+    rows: npt.NDArray[np.int64],
+    eye: Floats,
+    behind: Floats,
+    ambient: float,
+    lamps: Floats,
+    maps: Floats,
+    map_eyes: Floats,
+    least_light: float,
+    ids: Bytes,
+) -> None:
+    """Fill some rows of ids (n, h, w) with the perceived parts of a body in poses (n, j, 3, 4).
+
+    All these poses differ from the pose `first` (j, 3, 4) in vertices `moved` only, so the other
+    triangles are drawn once. `behind` (h, w) is the inverse depth of everything else in view.
+    """
+    height, width = behind.shape
+    points, screen = np.empty_like(rest), np.empty_like(rest)
+    skin_points(rest, joints, weights, first, points)
+    project_points(points, eye, width, height, screen)
+    still_ids = np.zeros((height, width), dtype=np.uint8)
+    still_near = behind.copy()
+    draw(
+        points,
+        screen,
+        still_triangles,
+        still_labels,
+        still_ids,
+        still_near,
+        ambient,
+        lamps,
+        maps,
+        map_eyes,
+        least_light,
+    )
+    nearness = np.empty_like(behind)
+    for k in rows:
+        skin_some(moved, rest, joints, weights, matrices[k], points)
+        project_some(moved, points, eye, width, height, screen)
+        nearness[:] = still_near
+        ids[k][:] = still_ids
+        draw(
+            points,
+            screen,
+            moved_triangles,
+            moved_labels,
+            ids[k],
+            nearness,
+            ambient,
+            lamps,
+            maps,
+            map_eyes,
+            least_light,
+        )
+
+
+@compiled
+def measure(ids: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
+    """Measure masks of parts (f, 256) in ids (n, h, w) into out (n, f, 3).
+
+    Coverage (share of all pixels), horizontal and vertical extension (share of width, height).
+    """
+    n, height, width = ids.shape
+    for k in range(n):
+        for f in range(wanted.shape[0]):
+            count, c0, c1, r0, r1 = 0, width, -1, height, -1
+            for r in range(height):
+                for c in range(width):
+                    if wanted[f, ids[k, r, c]]:
+                        count += 1
+                        c0, c1 = min(c0, c), max(c1, c)
+                        r0, r1 = min(r0, r), max(r1, r)
+            out[k, f, 0] = count / (height * width)
+            out[k, f, 1] = (c1 - c0 + 1) / width if count else 0.0
+            out[k, f, 2] = (r1 - r0 + 1) / height if count else 0.0
+
+
+@compiled
+def fine_extension(
+    ids: Bytes, wanted: npt.NDArray[np.bool_], across: bool, least: float, out: Floats
+) -> None:
+    """Measure the extension of a mask of parts (256,) in ids (n, h, w) into out (n,), in pixels.
+
+    From where `least` pixels of the mask lie to one side to where as many lie to the other, within
+    a line in proportion: it moves by fractions of a pixel. NaN where there are fewer than twice
+    `least`. `across` counts columns instead of rows.
+    """
+    n, height, width = ids.shape
+    lines = width if across else height
+    profile = np.empty(lines, dtype=np.int64)
+    for k in range(n):
+        profile[:] = 0
+        for r in range(height):
+            for c in range(width):
+                if wanted[ids[k, r, c]]:
+                    profile[c if across else r] += 1
+        if profile.sum() < 2 * least:
+            out[k] = np.nan
+            continue
+        first, last, met = 0.0, 0.0, 0
+        for i in range(lines):
+            if met + profile[i] >= least:
+                first = i + (least - met) / profile[i]
+                break
+            met += profile[i]
+        met = 0
+        for i in range(lines - 1, -1, -1):
+            if met + profile[i] >= least:
+                last = i + 1 - (least - met) / profile[i]
+                break
+            met += profile[i]
+        out[k] = last - first
+
+
+@compiled
+def changed(ids: Bytes, before: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
+    """Measure the share of pixels that changed since `before` (n, h, w) and bear a wanted part
+    before or after: masks (f, 256), ids (n, h, w), out (n, f).
+    """
+    n, height, width = ids.shape
+    for k in range(n):
+        for f in range(wanted.shape[0]):
+            count = 0
+            for r in range(height):
+                for c in range(width):
+                    now, then = ids[k, r, c], before[k, r, c]
+                    if now != then and (wanted[f, now] or wanted[f, then]):
+                        count += 1
+            out[k, f] = count / (height * width)
+
+
+@compiled
+def joint_matrices(
+    parents: npt.NDArray[np.int64],
+    offsets: Vector,
+    rest: Vector,
+    roots: Vector,
+    local: Vector,
+    out: Floats,
+) -> None:
+    """Chain turns (n, j, 4) from roots (n, 3) into matrices (n, j, 3, 4) that move rest points."""
+    position, world = np.empty((len(parents), 3)), np.empty((len(parents), 4))
+    for r in range(local.shape[0]):
+        for j in range(len(parents)):
+            p = parents[j]
+            bw, bx, by, bz = local[r, j, 0], local[r, j, 1], local[r, j, 2], local[r, j, 3]
+            if p < 0:
+                position[j] = roots[r]
+                w, x, y, z = bw, bx, by, bz
+            else:
+                aw, ax, ay, az = world[p, 0], world[p, 1], world[p, 2], world[p, 3]
+                vx, vy, vz = offsets[j, 0], offsets[j, 1], offsets[j, 2]
+                tx, ty, tz = (
+                    2 * (ay * vz - az * vy),
+                    2 * (az * vx - ax * vz),
+                    2 * (ax * vy - ay * vx),
+                )
+                position[j, 0] = position[p, 0] + vx + aw * tx + ay * tz - az * ty
+                position[j, 1] = position[p, 1] + vy + aw * ty + az * tx - ax * tz
+                position[j, 2] = position[p, 2] + vz + aw * tz + ax * ty - ay * tx
+                w = aw * bw - ax * bx - ay * by - az * bz
+                x = aw * bx + ax * bw + ay * bz - az * by
+                y = aw * by - ax * bz + ay * bw + az * bx
+                z = aw * bz + ax * by - ay * bx + az * bw
+            world[j, 0], world[j, 1], world[j, 2], world[j, 3] = w, x, y, z
+            m = out[r, j]
+            write_matrix((w, x, y, z), m)
+            for a in range(3):
+                m[a, 3] = position[j, a] - (
+                    m[a, 0] * rest[j, 0] + m[a, 1] * rest[j, 1] + m[a, 2] * rest[j, 2]
+                )

@@ -1,0 +1,159 @@
+"""Everything that is drawn in one frame, as data any renderer can draw.
+
+Static things are shared objects: while `Picture.room` and `Picture.cast` are the same objects,
+a renderer rebuilds nothing.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.geometry import Pose, Vector
+from visavis.stimuli.characters.character import Character, Material
+
+
+@dataclass(frozen=True, eq=False)
+class StaticMesh:
+    """Rigid geometry: `vertices_m`, `normals` (v, 3), `colour_srgb` (v, 3) uint8, `uv` (v, 2) or
+    None, `triangles` (t, 3) counter-clockwise from outside.
+    """
+
+    vertices_m: npt.NDArray[np.float32]
+    normals: npt.NDArray[np.float32]
+    colour_srgb: npt.NDArray[np.uint8]
+    triangles: npt.NDArray[np.int32]
+    uv: npt.NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True)
+class Block:
+    """What of a thing hides light from the floor below it: an upright box or, `round`, a cylinder.
+
+    Its underside's middle (x, y, z) is at `at_m`, above a level floor at `floor_m`; it reaches
+    `half_x_m` and `half_z_m` from there along its own axes, turned by `yaw_deg`, and is `high_m`
+    high. A cylinder stands on its floor and has the radius `half_x_m`.
+    """
+
+    at_m: tuple[float, float, float]
+    half_x_m: float
+    half_z_m: float
+    high_m: float
+    floor_m: float = 0.0
+    yaw_deg: float = 0.0
+    round: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Prop:
+    """A thing in a room; `emission_01` is how much of its colour it gives off by itself, `blocks`
+    what of it darkens the floor where it stands.
+    """
+
+    name: str
+    mesh: StaticMesh
+    material: Material
+    emission_01: float = 0.0
+    casts_shadow: bool = True
+    blocks: tuple[Block, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A lamp. A "sun" shines along `direction` everywhere, a "spot" from `position_m` within
+    `half_angle_deg`, a "point" all round. `intensity` is linear RGB (3,) at one metre (sun:
+    everywhere).
+    """
+
+    kind: Literal["sun", "spot", "point"]
+    intensity: Vector
+    position_m: Vector | None = None
+    direction: Vector | None = None
+    half_angle_deg: float = 60.0
+    casts_shadow: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """A place in world coordinates; `sky` and `ground` (3,) are linear RGB of the ambient light
+    from above and below.
+    """
+
+    name: str
+    props: tuple[Prop, ...]
+    lights: tuple[Light, ...]
+    sky: Vector
+    ground: Vector
+    background_srgb: tuple[int, int, int] = (0, 0, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class PosedPeople:
+    """Everyone in one frame, n people in the order of the cast.
+
+    `root_m` (n, 3) hips in world, `orientation_wxyz` (n, 55, 4) of every canonical joint against
+    its parent (the root's in world), `morphs_01` (n, len(MORPHS)) weights of the face's shapes.
+    """
+
+    root_m: npt.NDArray[np.float64]
+    orientation_wxyz: npt.NDArray[np.float64]
+    morphs_01: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedProp:
+    """A prop that moves: `pose` leads from its own frame to world."""
+
+    prop: Prop
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A board of text in the world: a question, a rating scale, an instruction.
+
+    `choices` are drawn in a row below the text, the one at `highlighted` is lit, the one at
+    `chosen` is marked. `pose` is the board's centre, its front towards +z of the pose; `size_m`
+    is width and height.
+    """
+
+    text: str
+    choices: tuple[str, ...]
+    pose: Pose
+    size_m: tuple[float, float]
+    highlighted: int | None = None
+    chosen: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What stands before a camera at `t_ns`.
+
+    `brightness_01` fades everything but the mark and panels to black; `mark_m` (3,) is where the
+    fixation mark stands, or None.
+    """
+
+    t_ns: int
+    room: Room
+    cast: tuple[Character, ...]
+    people: PosedPeople
+    moving: tuple[PlacedProp, ...] = ()
+    panels: tuple[Panel, ...] = ()
+    brightness_01: float = 1.0
+    mark_m: Vector | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """One eye: `pose` in world (looks along −z), tangents of the frustum's edges (left and bottom
+    negative) and clipping distances.
+    """
+
+    pose: Pose
+    left: float
+    right: float
+    bottom: float
+    top: float
+    near_m: float = 0.05
+    far_m: float = 100.0

@@ -1,0 +1,82 @@
+"""A scene as geometry: who is where, how big, what they look at, and what stands in between.
+
+The stage that draws a scene and the simulated participant that sees it both start from
+`SceneFrame`; nothing here knows a study.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.geometry import Vector
+from visavis.stimuli.picture import PosedPeople
+
+
+@dataclass(frozen=True)
+class Agent:
+    """One virtual human.
+
+    `character` names the model that plays the part, `place` where it sits ("left_close"),
+    `head_centre_m` (3,) and `head_radius_m` its head as a sphere, `facing` (3,) the unit
+    direction of the head's front, all in world; `eye_centre_m` (3,) the midpoint between its
+    eyes, from which gaze directions start.
+    """
+
+    agent_id: str
+    character: str
+    place: str
+    head_centre_m: Vector
+    head_radius_m: float
+    facing: Vector
+    eye_centre_m: Vector
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """An occluder: all points within `radius_m` of the segment from `start_m` to `end_m`."""
+
+    start_m: Vector
+    end_m: Vector
+    radius_m: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The part of a scene that does not change while it is shown.
+
+    `brightness_01` 0 is black (agents are then not visible, the mark still is); `mark_m` (3,) is
+    where a small fixation mark stands in world, or None. `dressed_by` names what makes pictures
+    of it, as "module:function"; a scene without is dark.
+    """
+
+    name: str
+    agents: tuple[Agent, ...]
+    occluders: tuple[Capsule, ...] = ()
+    brightness_01: float = 1.0
+    mark_m: Vector | None = None
+    dressed_by: str = ""
+
+    @property
+    def stand_m(self) -> Vector:
+        """Where people stand who are no agents: (n, 2) x and z on the floor."""
+        return np.empty((0, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFrame:
+    """What stands before the participant in one frame.
+
+    For n agents in the order of `scene.agents`: `gaze_direction` (n, 3) unit vectors in world,
+    `eye_openness_01` (n,) 0 closed; `gaze_distance_m` (n,) from between the eyes to where both
+    lines of gaze meet, NaN where they are parallel, None where nobody says. `people` is how
+    everyone stands where a study decides that by itself. `scene` is the same object while nothing
+    static changes, so identity tells whether anything must be rebuilt.
+    """
+
+    scene: Scene
+    t_ns: int
+    gaze_direction: npt.NDArray[np.float64]
+    eye_openness_01: npt.NDArray[np.float64]
+    people: PosedPeople | None = None
+    gaze_distance_m: npt.NDArray[np.float64] | None = None

@@ -1,0 +1,91 @@
+"""What a participant hears: recordings as samples, read from WAV files."""
+
+import hashlib
+import warnings
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import gcd
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.errors import DataError
+
+MAX_S: Final = 1800.0
+MIN_RATE_HZ, MAX_RATE_HZ = 4000, 192_000
+MAX_FILE_BYTES: Final = 1 << 30
+
+
+@dataclass(frozen=True, eq=False)
+class Sound:
+    """A recording: `samples` (n, c) float32 within −1 to 1, of one channel or two (left, right)."""
+
+    name: str
+    samples: npt.NDArray[np.float32] = field(repr=False)
+    rate_hz: int
+
+    @property
+    def duration_s(self) -> float:
+        """How long it lasts when it is played once."""
+        return len(self.samples) / self.rate_hz
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of rate and samples: what was heard, whatever the file is called."""
+        head = f"{self.rate_hz} {self.samples.shape}".encode()
+        return hashlib.sha256(head + self.samples.tobytes()).hexdigest()
+
+    def at_rate(self, rate_hz: int) -> "Sound":
+        """Return it resampled to a sound card's rate."""
+        if rate_hz == self.rate_hz:
+            return self
+        from scipy.signal import resample_poly  # it takes half a second
+
+        shared = gcd(rate_hz, self.rate_hz)
+        changed = resample_poly(self.samples, rate_hz // shared, self.rate_hz // shared, axis=0)
+        return Sound(self.name, np.clip(changed, -1, 1).astype(np.float32), rate_hz)
+
+
+def read_sound(path: Path) -> Sound:
+    """Read a WAV file of 8 to 32 bits or floats, with one channel or two.
+
+    Raises:
+        DataError: there is no such file, it is no WAV file, or it holds nothing that can be played.
+    """
+    from scipy.io import wavfile
+
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise DataError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB; cut the recording")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
+            rate_hz, raw = wavfile.read(path)
+    except OSError as problem:
+        raise DataError(f"{path}: cannot be read ({problem.strerror or problem})") from problem
+    except (ValueError, EOFError, IndexError, KeyError, TypeError, MemoryError) as problem:
+        raise DataError(
+            f"{path}: no WAV file that could be read ({problem}); save it as WAV, 16 bits"
+        ) from problem
+    except Exception as problem:  # scipy raises whatever struct and numpy do of a damaged file
+        raise DataError(f"{path}: a damaged WAV file ({problem}); save it anew") from problem
+    samples = _as_float(raw if raw.ndim > 1 else raw[:, None])
+    if not 1 <= samples.shape[1] <= 2:
+        raise DataError(f"{path}: {samples.shape[1]} channels; a sound has one or two")
+    if not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
+        raise DataError(f"{path}: {rate_hz} samples a second; {MIN_RATE_HZ} to {MAX_RATE_HZ}")
+    if not len(samples) or len(samples) > MAX_S * rate_hz:
+        raise DataError(f"{path}: {len(samples) / rate_hz:g} s; more than none, up to {MAX_S:g} s")
+    if not np.isfinite(samples).all():
+        raise DataError(f"{path}: holds values that are no numbers; save it anew")
+    return Sound(path.stem, np.clip(samples, -1, 1), int(rate_hz))
+
+
+def _as_float(raw: npt.NDArray[np.generic]) -> npt.NDArray[np.float32]:
+    """Return samples of any kind of WAV file on the scale from −1 to 1."""
+    if raw.dtype.kind == "u":  # 8 bits stand about 128
+        return ((raw.astype(np.float64) - 128) / 128).astype(np.float32)
+    if raw.dtype.kind == "i":  # 24 bits come in the upper bytes of 32
+        return (raw.astype(np.float64) / 2.0 ** (8 * raw.dtype.itemsize - 1)).astype(np.float32)
+    return raw.astype(np.float32)

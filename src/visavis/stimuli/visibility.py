@@ -1,0 +1,243 @@
+"""What a gaze ray meets in a scene: angles to heads, their size as seen, the first surface hit.
+
+Heads are spheres, bodies and furniture capsules. The rule of the area of interest itself (which
+angle counts as a look) is analysis' business; here is only the geometry it needs.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Vector
+from visavis.stimuli.scene import Scene
+
+HIT_NOTHING = -1
+HIT_LOST = -2
+
+Observation = tuple[
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.int16],
+]
+
+
+@compiled
+def _sphere_entry_m(
+    ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, radius: float
+) -> float:
+    """Return the distance along a unit ray to a sphere at −(ox, oy, oz); 0 inside, inf missed."""
+    c = ox * ox + oy * oy + oz * oz - radius * radius
+    if c <= 0.0:
+        return 0.0
+    b = ox * dx + oy * dy + oz * dz
+    if b >= 0.0:
+        return np.inf
+    # The perpendicular offset keeps precision that b² − c loses for distant small spheres.
+    px, py, pz = ox - b * dx, oy - b * dy, oz - b * dz
+    h = radius * radius - (px * px + py * py + pz * pz)
+    if h < 0.0:
+        return np.inf
+    return float(c / (-b + np.sqrt(h)))
+
+
+@compiled
+def capsule_entry_m(
+    ox: float,
+    oy: float,
+    oz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    capsule: npt.NDArray[np.float64],
+) -> float:
+    """Return the distance along a unit ray to a capsule; 0 inside, inf missed."""
+    ax, ay, az = capsule[3] - capsule[0], capsule[4] - capsule[1], capsule[5] - capsule[2]
+    radius = capsule[6]
+    sx, sy, sz = ox - capsule[0], oy - capsule[1], oz - capsule[2]
+    first = _sphere_entry_m(sx, sy, sz, dx, dy, dz, radius)
+    ex, ey, ez = ox - capsule[3], oy - capsule[4], oz - capsule[5]
+    first = min(first, _sphere_entry_m(ex, ey, ez, dx, dy, dz, radius))
+    length2 = ax * ax + ay * ay + az * az
+    if length2 == 0.0:
+        return first
+    ad = (ax * dx + ay * dy + az * dz) / length2
+    as_ = (ax * sx + ay * sy + az * sz) / length2
+    # Drop the components along the axis: a circle in the plane across it.
+    ux, uy, uz = dx - ad * ax, dy - ad * ay, dz - ad * az
+    wx, wy, wz = sx - as_ * ax, sy - as_ * ay, sz - as_ * az
+    a = ux * ux + uy * uy + uz * uz
+    c = wx * wx + wy * wy + wz * wz - radius * radius
+    if c <= 0.0 and 0.0 <= as_ <= 1.0:
+        return 0.0
+    if a < 1e-18:
+        return first
+    b = ux * wx + uy * wy + uz * wz
+    h = b * b - a * c
+    if h < 0.0:
+        return first
+    t = (-b - np.sqrt(h)) / a
+    if t >= 0.0 and 0.0 <= as_ + t * ad <= 1.0:
+        first = min(first, t)
+    return first
+
+
+@compiled
+def _angle_rad(
+    ax: float, ay: float, az: float, bx: float, by: float, bz: float
+) -> float:  # of unit vectors
+    chord2 = (ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2
+    sum2 = (ax + bx) ** 2 + (ay + by) ** 2 + (az + bz) ** 2
+    return float(2.0 * np.arctan2(np.sqrt(chord2), np.sqrt(sum2)))
+
+
+@compiled
+def _see_heads(
+    ox: float,
+    oy: float,
+    oz: float,
+    heads: npt.NDArray[np.float64],
+    seen: npt.NDArray[np.float64],
+    radius_deg: npt.NDArray[np.float64],
+    pad_limit_deg: npt.NDArray[np.float64],
+) -> None:
+    """Fill sizes and half gaps as seen from a point; `seen` (m, 5): unit direction, radius, gap."""
+    m = heads.shape[0]
+    for j in range(m):
+        x, y, z = heads[j, 0] - ox, heads[j, 1] - oy, heads[j, 2] - oz
+        r = heads[j, 3]
+        d2 = x * x + y * y + z * z
+        scale = 1.0 / np.sqrt(d2) if d2 > 0.0 else np.nan
+        seen[j, 0], seen[j, 1], seen[j, 2] = x * scale, y * scale, z * scale
+        # From within a head it fills half the view or more; a right angle is all one can say.
+        seen[j, 3] = np.arctan2(r, np.sqrt(d2 - r * r)) if d2 > r * r else np.pi / 2
+        seen[j, 4] = np.inf
+    # A chord is never longer than its arc, so a pair whose chord leaves a wider gap than both
+    # heads already have needs no arctangent.
+    for j in range(m):
+        for k in range(j + 1, m):
+            x, y, z = seen[j, 0] - seen[k, 0], seen[j, 1] - seen[k, 1], seen[j, 2] - seen[k, 2]
+            rims = seen[j, 3] + seen[k, 3]
+            least = np.sqrt(x * x + y * y + z * z) - rims
+            if least < seen[j, 4] or least < seen[k, 4]:
+                gap = (
+                    _angle_rad(
+                        seen[j, 0], seen[j, 1], seen[j, 2], seen[k, 0], seen[k, 1], seen[k, 2]
+                    )
+                    - rims
+                )
+                seen[j, 4] = min(seen[j, 4], gap)
+                seen[k, 4] = min(seen[k, 4], gap)
+    for j in range(m):
+        radius_deg[j] = np.degrees(seen[j, 3])
+        pad_limit_deg[j] = np.degrees(max(seen[j, 4], 0.0) / 2)
+
+
+@compiled
+def observe_rays(
+    origin: npt.NDArray[np.float64],
+    direction: npt.NDArray[np.float64],
+    valid: npt.NDArray[np.bool_],
+    heads: npt.NDArray[np.float64],
+    capsules: npt.NDArray[np.float64],
+    is_lit: bool,
+    out: npt.NDArray[np.float64],
+    hit: npt.NDArray[np.int16],
+) -> None:
+    """Do what `SceneGeometry.observe` says; `out` (3, n, m) and `hit` (n,) receive its results."""
+    n, m = origin.shape[0], heads.shape[0]
+    seen = np.empty((m, 5))
+    for i in range(n):
+        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
+        if not (np.isfinite(ox) and np.isfinite(oy) and np.isfinite(oz)):
+            out[:, i, :] = np.nan
+            hit[i] = -2
+            continue
+        repeated = (
+            i > 0 and ox == origin[i - 1, 0] and oy == origin[i - 1, 1] and oz == origin[i - 1, 2]
+        )
+        if repeated:
+            out[1, i, :] = out[1, i - 1, :]
+            out[2, i, :] = out[2, i - 1, :]
+        else:
+            _see_heads(ox, oy, oz, heads, seen, out[1, i], out[2, i])
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        if not valid[i] or not (length > 0.0) or not np.isfinite(length):
+            out[0, i, :] = np.nan
+            hit[i] = -2
+            continue
+        dx, dy, dz = dx / length, dy / length, dz / length
+        first = np.inf
+        which = -1
+        for j in range(m):
+            angle = _angle_rad(dx, dy, dz, seen[j, 0], seen[j, 1], seen[j, 2])
+            out[0, i, j] = np.degrees(angle)
+            if is_lit and angle <= seen[j, 3] + 1e-6:
+                t = _sphere_entry_m(
+                    ox - heads[j, 0],
+                    oy - heads[j, 1],
+                    oz - heads[j, 2],
+                    dx,
+                    dy,
+                    dz,
+                    heads[j, 3],
+                )
+                if t < first:
+                    first = t
+                    which = j
+        if which >= 0:
+            for k in range(capsules.shape[0]):
+                if capsule_entry_m(ox, oy, oz, dx, dy, dz, capsules[k]) < first:
+                    which = -1
+                    break
+        hit[i] = which
+
+
+@dataclass(frozen=True)
+class SceneGeometry:
+    """The surfaces of a scene packed for ray tests.
+
+    `heads` (m, 4): centre and radius in metres; `capsules` (c, 7): start, end and radius.
+    """
+
+    heads: npt.NDArray[np.float64]
+    capsules: npt.NDArray[np.float64]
+    is_lit: bool
+
+    @classmethod
+    def from_scene(cls, scene: Scene) -> Self:
+        """Pack a scene's heads and occluders; agent order is the scene's."""
+        heads = np.array([[*a.head_centre_m, a.head_radius_m] for a in scene.agents]).reshape(-1, 4)
+        capsules = np.array([[*c.start_m, *c.end_m, c.radius_m] for c in scene.occluders])
+        return cls(heads, capsules.reshape(-1, 7), scene.brightness_01 > 0)
+
+    def observe(
+        self, origin_m: Vector, direction: Vector, valid: npt.NDArray[np.bool_]
+    ) -> Observation:
+        """See n gaze rays: `(angle_deg, radius_deg, pad_limit_deg, hit)`, shapes (n, m) and (n,).
+
+        `origin_m` (n, 3) and `direction` (n, 3) in world; directions need not be unit length.
+        `angle_deg` from ray to head centre, NaN when lost; `radius_deg` the head's angular
+        radius; `pad_limit_deg` half the rim-to-rim gap to the nearest other head as seen (0 when
+        they overlap, inf for a head alone); both need only an origin. `hit` is the head met
+        before any other surface, -1 for none, -2 lost. A ray is lost when not valid, or when its
+        direction has no length or is not finite. In the dark nothing is hit.
+        """
+        n = origin_m.shape[0]
+        out = np.empty((3, n, self.heads.shape[0]))
+        hit = np.empty(n, np.int16)
+        observe_rays(
+            np.ascontiguousarray(origin_m, np.float64),
+            np.ascontiguousarray(direction, np.float64),
+            np.ascontiguousarray(valid, np.bool_),
+            self.heads,
+            self.capsules,
+            self.is_lit,
+            out,
+            hit,
+        )
+        return out[0], out[1], out[2], hit

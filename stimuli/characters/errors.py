@@ -1,7 +1,0 @@
-"""What can be wrong with a character."""
-
-from lab.errors import DataError
-
-
-class CharacterError(DataError):
-    """A character's file or figure is unusable; the message names file, bone and next step."""

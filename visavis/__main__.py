@@ -1,6 +1,0 @@
-"""`python -m visavis` is the command `visavis`, where its script is not on the path."""
-
-from cli.main import main
-
-if __name__ == "__main__":
-    main()
