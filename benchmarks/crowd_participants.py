@@ -28,7 +28,6 @@ import pandas as pd
 from scipy.stats import ttest_rel
 
 from visavis.analysis.cells import dice
-from visavis.experiment import StudyExperiment
 from visavis.experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC, CrowdParameters
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.experiments.crowd.participant.traits import DEFAULT_POPULATION
@@ -38,6 +37,7 @@ from visavis.experiments.crowd.study import study
 from visavis.lab.clock import StopWatch
 from visavis.lab.geometry import Vector
 from visavis.protocol.parameters import known_of
+from visavis.study.experiment import StudyExperiment
 
 PUBLISHED = {
     "collisions": ((71.0, 62.8, 60.7), (29.2, 34.6, 34.6)),

@@ -20,13 +20,13 @@ from pathlib import Path
 
 import numpy as np
 
-from visavis.catalogue import find_study
 from visavis.cli.app import load_lab
 from visavis.experiments.crowd.pulses import pulse_rows
 from visavis.lab.clock import Clock, SystemClock, cpu_time_s
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.study.catalogue import find_study
 
 LIMIT_S = 60.0
 LIMIT_SENT_MS = 5.0

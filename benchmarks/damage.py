@@ -27,14 +27,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from visavis.catalogue import find_study
 from visavis.cli.main import main as visavis
 from visavis.lab.clock import StopWatch
 from visavis.lab.errors import LabError
 from visavis.recording.reader import Recording
 from visavis.recording.sealed import copy_path
-from visavis.sessions.damage import require_intact
-from visavis.sessions.study_check import repair_study, study_problems
+from visavis.running.sessions.damage import require_intact
+from visavis.running.sessions.folder_check import repair_study, study_problems
+from visavis.study.catalogue import find_study
 
 STUDY = "waving"
 SHORT = (

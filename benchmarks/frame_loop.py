@@ -21,7 +21,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Row, show
-from visavis.catalogue import find_study
 from visavis.devices.drivers.pupil.driver import PupilCore
 from visavis.devices.shared_body import SharedBody
 from visavis.devices.sim.body.headset import SimulatedHeadset
@@ -36,8 +35,9 @@ from visavis.protocol.rig import Rig
 from visavis.protocol.session import Session
 from visavis.protocol.session_setup import SessionSetup
 from visavis.recording.writer import REAL_TIME_BATCH_NS, Recorder
-from visavis.sessions.perform import device_seed
+from visavis.running.sessions.perform import device_seed
 from visavis.stage.contracts import GeometryStage
+from visavis.study.catalogue import find_study
 
 SEED = 1
 DISPLAY_HZ = 90

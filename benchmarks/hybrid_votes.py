@@ -17,8 +17,8 @@ import pandas as pd
 from benchmarks.simulated_tracker import tracker_of
 from visavis.experiments.hybrid.clips import CLIPS
 from visavis.experiments.hybrid.study import study
-from visavis.opened import OpenedStudy
-from visavis.quick import quick_study
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.quick import quick_study
 
 MIN_HELD_01 = 0.90
 LEVELS = (-2, -1, 0, 1, 2)

@@ -5,11 +5,11 @@ python -m benchmarks.kill_resume --kills 1000 [--study stare] [--minutes 60] [--
 
 Kills are shared by the three studies, or are all `--study`'s; `--minutes` ends each study's share
 of the time early. Every life of a session is a forked process that performs a short session of the
-study on the virtual clock through `visavis.sessions.perform`; SIGKILL comes at an instant drawn
-over what is expected to be left of the session, start-up and close included. After every kill each
-trial that the process had acknowledged must be in the recording; a finished session must lack no
-planned trial, and its trial table, measures included, must equal that of an uninterrupted session.
-SIGKILL tests the death of a process, not the loss of power (`benchmarks.power_loss`).
+study on the virtual clock through `visavis.running.sessions.perform`; SIGKILL comes at an instant
+drawn over what is expected to be left of the session, start-up and close included. After every kill
+each trial that the process had acknowledged must be in the recording; a finished session must lack
+no planned trial, and its trial table, measures included, must equal that of an uninterrupted
+session. SIGKILL tests the death of a process, not the loss of power (`benchmarks.power_loss`).
 """
 
 import argparse
@@ -31,12 +31,9 @@ import numpy as np
 import pandas as pd
 
 from visavis.analysis.session_check import check_session
-from visavis.catalogue import find_study
-from visavis.experiment import StudyExperiment
 from visavis.lab.clock import NS_PER_S, StopWatch, SystemClock
 from visavis.lab.config import DeviceConfig, LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
-from visavis.opened import OpenedStudy
 from visavis.protocol.gaze_setup import TargetTiming
 from visavis.protocol.operator import SessionStatus, UnattendedOperator
 from visavis.protocol.plan import SessionPlan
@@ -44,7 +41,10 @@ from visavis.protocol.progress import DONE
 from visavis.protocol.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.perform import Request, perform_new, perform_rest, simulated_request
+from visavis.study.catalogue import find_study
+from visavis.study.experiment import StudyExperiment
 
 
 @dataclass(frozen=True)

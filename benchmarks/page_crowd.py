@@ -23,8 +23,8 @@ import aiohttp
 import numpy as np
 
 from visavis.lab.clock import StopWatch
-from visavis.page.server import KEY, LOCAL
 from visavis.recording.reader import Recording
+from visavis.running.page.server import KEY, LOCAL
 
 STUDY = """
 from visavis import Factor, Rating, Study

@@ -13,10 +13,10 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from visavis.catalogue import find_study
 from visavis.lab.clock import StopWatch, cpu_time_s
-from visavis.page.film_store import film_store
 from visavis.protocol.experiment import untold
+from visavis.running.film_store import film_store
+from visavis.study.catalogue import find_study
 
 
 def main() -> int:

@@ -24,8 +24,8 @@ from visavis.experiments.interpolation import published
 from visavis.experiments.interpolation.gestures import GESTURES, METHODS
 from visavis.experiments.interpolation.study import study
 from visavis.lab.clock import cpu_time_s
-from visavis.opened import OpenedStudy
-from visavis.quick import quick_study
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.quick import quick_study
 
 ALPHA = 0.05
 ASKED, LEVELS = "animation_experience", ("none", "tried", "studied", "work")

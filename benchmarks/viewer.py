@@ -22,15 +22,15 @@ from typing import Any
 
 from typer.testing import CliRunner
 
-from visavis.catalogue import find_study
 from visavis.cli.app import app
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.clock import StopWatch, cpu_time_s
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.folder import study_dir
-from visavis.sessions.perform import perform_new, simulated_request
-from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.study_folder import settle, wanted_settings
+from visavis.study.catalogue import find_study
 
 Row = dict[str, object]
 PARAMETERS: dict[str, dict[str, Any]] = {

@@ -51,8 +51,8 @@ from visavis.experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
-from visavis.power import KitPower
-from visavis.sessions.runners import on_this_machine
+from visavis.results.power import KitPower
+from visavis.running.sessions.runners import on_this_machine
 from visavis.stimuli.scenes.office import neighbour
 
 FIT_SEED, FRESH_SEED, CHECK_SEED = 20_230_000, 30_000_000, 50_000

@@ -21,7 +21,6 @@ from functools import partial
 
 import numpy as np
 
-from visavis.beside import AtOnce, Beside
 from visavis.experiments.waving.clips import (
     DEFAULT_MAKING,
     WARPING,
@@ -50,6 +49,7 @@ from visavis.stimuli.scenes.office import (
     OfficeFrame,
     OfficeScene,
 )
+from visavis.study.background import AtOnce, Beside
 
 FRAME_S = 1 / 90
 ON_TARGET_01, RATE_HZ, P99_MS = 0.8, 20.0, 11.0

@@ -26,7 +26,7 @@ from visavis.experiments.waving.quick_study import STIMULI, evidence_for
 from visavis.experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY
 from visavis.lab.clock import cpu_time_s
 from visavis.lab.config_files import EXAMPLE
-from visavis.power import KitPower
+from visavis.results.power import KitPower
 
 MEAN_LIMIT = 0.08
 SD_LIMIT = 0.08
@@ -99,10 +99,10 @@ def study_rows(
 
 def session_row() -> dict[str, object]:
     """Return the processor time of one whole simulated session, waves being there already."""
-    from visavis.catalogue import find_study
     from visavis.devices.registry import OPTION_MODELS
     from visavis.lab.config import load_config
-    from visavis.sessions.perform import perform_new, simulated_request
+    from visavis.running.sessions.perform import perform_new, simulated_request
+    from visavis.study.catalogue import find_study
 
     study = find_study("waving")
     config = load_config(EXAMPLE, OPTION_MODELS)

@@ -9,13 +9,13 @@ from typing import Any
 
 import pandas as pd
 
-from visavis.experiment import StudyExperiment
 from visavis.experiments.waving.judgement import DEFAULT_POPULATION, Population
 from visavis.experiments.waving.participant import WavingParticipant
 from visavis.experiments.waving.quick_study import quick_trials
 from visavis.experiments.waving.study import making_of, study
-from visavis.opened import OpenedStudy
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.opened_study import OpenedStudy
+from visavis.study.experiment import StudyExperiment
 
 
 def quick_session(

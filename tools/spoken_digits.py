@@ -4,7 +4,7 @@
 
 FROM holds 0.wav to 9.wav (16 bit, one channel, any rate); TO gets them at 16 kHz and 8 bits,
 without the silence around, as loud as they can be: at 8 kHz "five" and "nine" are hard to tell
-apart. Those of `src/visavis/page/digits` were spoken by SVOX Pico.
+apart. Those of `src/visavis/running/page/digits` were spoken by SVOX Pico.
 """
 
 import sys

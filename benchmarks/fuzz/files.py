@@ -26,7 +26,6 @@ from visavis.analysis.gaze.mapped_csv import mapping_of, read_csv, read_mapping
 from visavis.analysis.gaze.readers import read_pupil, read_vive
 from visavis.analysis.session_check import check_session
 from visavis.analysis.statistics_report.table_file import read_table
-from visavis.catalogue import find_study
 from visavis.devices.wirelog import read_wire_log
 from visavis.lab.clock import SimClock
 from visavis.lab.config import parse_config
@@ -34,8 +33,6 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import LabError
 from visavis.lab.plain_files import parse_json
 from visavis.lab.yaml_lines import parse_document
-from visavis.page.elsewhere.results import read_runs
-from visavis.picture_delay import SETTING, read_sync_test
 from visavis.protocol.exports_register import register_export, registered_exports
 from visavis.protocol.key_file import KeyFile
 from visavis.protocol.ledger import Ledger
@@ -50,9 +47,17 @@ from visavis.recording.reader import Recording
 from visavis.recording.sealed import read_sealed, seal
 from visavis.recording.stream_file import read_stream_file
 from visavis.recording.xdf import export_xdf
-from visavis.sessions.piecewise import read_kept
-from visavis.sessions.plan_lock import LOCK_NAME, PEEKS_NAME, lock_plan, read_lock, read_peeks
-from visavis.sessions.study_folder import StudySettings, read_settings, settle
+from visavis.results.picture_delay import SETTING, read_sync_test
+from visavis.running.page.other_hosts.results import read_runs
+from visavis.running.sessions.piecewise import read_kept
+from visavis.running.sessions.plan_lock import (
+    LOCK_NAME,
+    PEEKS_NAME,
+    lock_plan,
+    read_lock,
+    read_peeks,
+)
+from visavis.running.sessions.study_folder import StudySettings, read_settings, settle
 from visavis.stimuli.characters.gltf import import_gltf
 from visavis.stimuli.characters.gltf.figure import read_figure
 from visavis.stimuli.characters.gltf.file import read_glb
@@ -61,7 +66,8 @@ from visavis.stimuli.motion.bvh import parse_bvh
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.clip_file import read_clip, write_clip
 from visavis.stimuli.motion.skeleton import canonical_skeleton
-from visavis.texts import WORDS_DIR, read_texts
+from visavis.study.catalogue import find_study
+from visavis.study.texts import WORDS_DIR, read_texts
 
 TOLD_BY_IMPORT = (
     LookupError,
@@ -201,7 +207,7 @@ def files(scratch: Path) -> Iterator[Target]:
     kept = seal({"row": {"dwell_ms": 1.5}, "tables": {"looks": [{"zone": "A"}, {"zone": "B"}]}})
     measured = target("visavis.piecewise", kept, at("kept.json", read_kept))
     yield from (measured, again(measured, sealed_again))
-    yield target("visavis.picture_delay", json.dumps(SYNC), at("sync.json", read_sync_test))
+    yield target("visavis.results.picture_delay", json.dumps(SYNC), at("sync.json", read_sync_test))
     told_lines = "".join(json.dumps(line) + "\n" for line in RUN)
     yield target("visavis.elsewhere results", told_lines, at("results.jsonl", _runs))
     yield target("visavis.elsewhere archive", zipped(told_lines), at("results.zip", _runs))
@@ -209,7 +215,7 @@ def files(scratch: Path) -> Iterator[Target]:
         "visavis.protocol.questionnaires", SCALES_DIR / "free_comment.yaml", load_questionnaire
     )
     yield target(
-        "visavis.texts",
+        "visavis.study.texts",
         "\n".join((WORDS_DIR / "en.yaml").read_text("utf-8").splitlines()[:6]),
         at("texts/en.yaml", lambda p: read_texts([p.parent])),
     )

@@ -31,11 +31,11 @@ from benchmarks.page_faults.study import (
 )
 from visavis.lab.clock import StopWatch, SystemClock
 from visavis.lab.errors import DataError
-from visavis.page.elsewhere.bundle import write_bundle
-from visavis.page.elsewhere.results import read_runs
-from visavis.page.film_store import film_store
-from visavis.page.server import LOCAL
 from visavis.recording.reader import Recording
+from visavis.running.film_store import film_store
+from visavis.running.page.other_hosts.bundle import write_bundle
+from visavis.running.page.other_hosts.results import read_runs
+from visavis.running.page.server import LOCAL
 
 PATIENCE_S: Final = 60.0
 TRIES: Final = 3

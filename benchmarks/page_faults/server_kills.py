@@ -20,8 +20,8 @@ from benchmarks.page_faults.study import (
     kept_replies,
 )
 from visavis.lab.clock import StopWatch, SystemClock
-from visavis.page.server import KEY, LOCAL
 from visavis.recording.reader import Recording
+from visavis.running.page.server import KEY, LOCAL
 
 MAX_WRITING_S: Final = 0.01
 PATIENCE_S: Final = 30.0

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from benchmarks.page_faults.study import request_of, session_path
-from visavis.sessions.perform import PageAddress, perform_new, perform_rest
+from visavis.running.sessions.perform import PageAddress, perform_new, perform_rest
 
 
 def main(root: Path, label: str) -> None:

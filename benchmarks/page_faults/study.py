@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Final
 
 from tests.faults.sessions import lab
-from visavis.catalogue import find_study
-from visavis.experiment import StudyExperiment
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import RecordingError
-from visavis.opened import OpenedStudy
 from visavis.protocol.operator import UnattendedOperator
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import PageAddress, Request
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.perform import PageAddress, Request
+from visavis.study.catalogue import find_study
+from visavis.study.experiment import StudyExperiment
 
 NAME: Final = "faults"
 TRIALS: Final = 24

@@ -10,12 +10,12 @@ from visavis.analysis.report import Block, Bullets, Paragraph, Section
 from visavis.analysis.report.blocks import Column, Table
 from visavis.analysis.report.notation import decimal
 from visavis.analysis.statistics import StatisticsError, tost_one_sample
-from visavis.experiment import StudyExperiment
 from visavis.experiments.cameras.study import CAMERAS, PAIRS
 from visavis.experiments.cameras.walks import WALKS
-from visavis.page.film_store import film_store
-from visavis.sections import Extra
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.running.film_store import film_store
+from visavis.study.experiment import StudyExperiment
+from visavis.study.sections import Extra
 
 NAMES: Final = {
     "topology": "topology",

@@ -10,23 +10,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from visavis.asking import Answer
-from visavis.compare import Compare
-from visavis.exclusions import COMPLETENESS_RULES
 from visavis.experiments.cameras.walks import DOES_S, ROOM, WALKS, everybody, walked
-from visavis.filmed import FilmSeen
-from visavis.films import Directed, Film, Following, Moving, Pair, Placed
-from visavis.measures import column
-from visavis.person import Seen
+from visavis.people.person import Seen
 from visavis.protocol.columns import Column
 from visavis.protocol.design import Factor
 from visavis.protocol.parameters import Within
-from visavis.responses import Choice, Response
-from visavis.scenes import Scene, Staged, Staging, gathered
 from visavis.stimuli.motion.kinds import Idle, Walk
 from visavis.stimuli.scenes.gathering import GatheringScene
-from visavis.study import Study
-from visavis.trial import Action, TrialScript
+from visavis.study.asking import Answer
+from visavis.study.comparisons import Compare
+from visavis.study.declaration import Study
+from visavis.study.exclusions import COMPLETENESS_RULES
+from visavis.study.films import Directed, Film, Following, Moving, Pair, Placed
+from visavis.study.measures import column
+from visavis.study.moving_camera import FilmSeen
+from visavis.study.responses import Choice, Response
+from visavis.study.scenes import Scene, Staged, Staging, gathered
+from visavis.study.trial import Action, TrialScript
 
 CITATION: Final = (
     "Jovane, A. (2023): Modeling of reactive movement and non-verbal behaviors for the creation of "

@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from visavis.compare import Compare
-from visavis.exclusions import Exclusion
 from visavis.experiments.crowd import published
 from visavis.experiments.crowd.design import AFTER, BEFORE, CONTROL_GROUP, HAPTIC, HAPTICS_GROUP
 from visavis.lab.errors import UsageError
-from visavis.measures import Measure
-from visavis.pairs import Printed
+from visavis.study.comparisons import Compare
+from visavis.study.exclusions import Exclusion
+from visavis.study.measures import Measure
+from visavis.study.pairs import Printed
 
 PAIRS: Final = ((BEFORE, HAPTIC), (HAPTIC, AFTER), (BEFORE, AFTER))
 """Every two blocks, in the order of the published table of similarities."""

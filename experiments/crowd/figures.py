@@ -9,7 +9,7 @@ from visavis.analysis.plots.panels import no_data
 from visavis.analysis.plots.style import BLACK
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
 from visavis.experiments.crowd.paths import GroupPaths
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
 
 COLOURS = {BEFORE: BLUE, HAPTIC: VERMILION, AFTER: GREEN}
 SHORT = {BEFORE: "before", HAPTIC: "haptic", AFTER: "after"}

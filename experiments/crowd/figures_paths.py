@@ -22,6 +22,7 @@ from visavis.experiments.crowd.comparisons import PAIRS
 from visavis.experiments.crowd.measures import crowd_cells
 from visavis.experiments.crowd.paths import VARIANT_NAMES, VARIANTS, GroupPaths
 from visavis.lab.geometry import Vector
+from visavis.results.analysis import StudyAnalysis
 from visavis.stimuli.scenes.station_crowd import (
     BOARD_M,
     DENSITY_PER_M2,
@@ -29,7 +30,6 @@ from visavis.stimuli.scenes.station_crowd import (
     START_M,
     station_crowd,
 )
-from visavis.study_analysis import StudyAnalysis
 
 SHORT_PAIRS = dict(zip(PAIRS, ("before–haptic", "haptic–after", "before–after"), strict=True))
 _UPRIGHT = np.array([1.0, -1.0])

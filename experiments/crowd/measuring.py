@@ -14,11 +14,11 @@ from visavis.experiments.crowd.measures import (
 )
 from visavis.experiments.crowd.pulses import pulse_rows
 from visavis.experiments.crowd.walks import walk_of, walk_records
-from visavis.intake import person_of
-from visavis.pieces import MeasuredTrial, Pieces, Rows
 from visavis.protocol.questionnaires import load_questionnaire
 from visavis.recording.reader import Recording
+from visavis.results.intake import person_of
 from visavis.stimuli.scenes.station_crowd import DENSITY_PER_M2
+from visavis.study.pieces import MeasuredTrial, Pieces, Rows
 
 VERSION: Final = 7
 """Raise it when measures change: what was kept before is then measured again."""

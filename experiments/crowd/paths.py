@@ -25,7 +25,7 @@ from visavis.experiments.crowd.comparisons import PAIRS, PathThresholds
 from visavis.experiments.crowd.design import CONDITIONS, CONTROL_GROUP
 from visavis.lab.chance import generator
 from visavis.lab.geometry import Vector
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
 
 VARIANTS: Final[tuple[Variant, ...]] = ("union", "frequency", "pairs")
 VARIANT_NAMES: Final = {

@@ -9,10 +9,10 @@ IEEE TVCG 2020 (10.1109/TVCG.2020.3041341), as told in A. Jovane's thesis (Unive
 from collections.abc import Mapping
 from typing import Final
 
-from visavis.compare import published_f
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC, HAPTICS_GROUP
-from visavis.pairs import Printed
-from visavis.study import MeanSd, Source
+from visavis.study.comparisons import published_f
+from visavis.study.declaration import MeanSd, Source
+from visavis.study.pairs import Printed
 
 CITATION: Final = (
     "Berton, F., et al. (2020). Crowd navigation in VR: exploring haptic rendering of collisions. "

@@ -24,7 +24,7 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.geometry import Vector
 from visavis.protocol.plan import SessionPlan, Trial
 from visavis.protocol.questionnaires import Questionnaire, score
-from visavis.quick import answers_of
+from visavis.running.quick import answers_of
 from visavis.stimuli.contact.body import ARM_JOINTS, capsule_body
 from visavis.stimuli.contact.figures import crowd_figures
 from visavis.stimuli.contact.touch import REACH_M, rows_touching

@@ -17,15 +17,15 @@ from visavis.analysis.report.notation import (
     percentage,
     probability,
 )
-from visavis.experiment import StudyExperiment
 from visavis.experiments.crowd import published
 from visavis.experiments.crowd.columns import SIMILARITY
 from visavis.experiments.crowd.figures import collision_figures, counted_of
 from visavis.experiments.crowd.figures_paths import path_figures
 from visavis.experiments.crowd.paths import VARIANT_NAMES, VARIANTS, GroupPaths
-from visavis.report import picture_of
-from visavis.sections import Extra
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.report.study_report import picture_of
+from visavis.study.experiment import StudyExperiment
+from visavis.study.sections import Extra
 
 ARM_PARTS: Final = ("upper_arm", "lower_arm", "hand")
 RULES: Final = {

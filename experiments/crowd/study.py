@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from visavis.asking import frame
-from visavis.experiment import StudyExperiment
 from visavis.experiments.crowd import published
 from visavis.experiments.crowd.columns import TRIALS
 from visavis.experiments.crowd.comparisons import MEASURES, RULES, PathThresholds, compared
@@ -43,6 +41,7 @@ from visavis.protocol.plan import SessionPlan
 from visavis.protocol.questionnaires import load_questionnaire
 from visavis.protocol.shown import Shown
 from visavis.protocol.steps import Answered, Mark, Prompt, Show
+from visavis.results.analysis import Conclusion, StudyAnalysis
 from visavis.stimuli.contact.body import ARM_JOINTS
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.station_crowd import (
@@ -51,12 +50,13 @@ from visavis.stimuli.scenes.station_crowd import (
     max_people,
     station_frame,
 )
-from visavis.study import SETTABLE, Study
-from visavis.study_analysis import Conclusion, StudyAnalysis
-from visavis.trial import TrialScript
+from visavis.study.asking import frame
+from visavis.study.declaration import SETTABLE, Study
+from visavis.study.experiment import StudyExperiment
+from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
-    from visavis.quick import TrackerModel
+    from visavis.running.quick import TrackerModel
 
 NOMINAL_TRIAL_S: Final = 65.0
 LOOK_DOWN: Final = (

@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 
-from visavis.asking import frame
 from visavis.experiments.crowd.design import CrowdParameters
 from visavis.experiments.crowd.haptics import BandOrder
 from visavis.experiments.crowd.reflex import ContactReflex
@@ -40,6 +39,7 @@ from visavis.stimuli.scenes.station_crowd import (
     station_crowd,
     station_frame,
 )
+from visavis.study.asking import frame
 
 TRACKS: Final = tuple(str(number) for number in range(1, 13))
 

@@ -8,10 +8,10 @@ from visavis.analysis.report import Block, Paragraph, Section
 from visavis.analysis.report.blocks import Column, Table
 from visavis.analysis.report.notation import fraction
 from visavis.analysis.statistics.binomial import binomial_test
-from visavis.experiment import StudyExperiment
 from visavis.experiments.hybrid.clips import CLIPS
-from visavis.sections import Extra
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.study.experiment import StudyExperiment
+from visavis.study.sections import Extra
 
 SCALE: Final = (
     (-2, "clip significantly"),

@@ -12,22 +12,22 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from visavis.asking import Answer
-from visavis.compare import Compare
-from visavis.exclusions import COMPLETENESS_RULES
 from visavis.experiments.hybrid.clips import CHARACTER, CLIPS, Flaws, motion_of, period_s
-from visavis.films import Film, Lens, Pair
-from visavis.measures import column
-from visavis.person import Seen
+from visavis.people.person import Seen
 from visavis.protocol.design import Factor
-from visavis.responses import Choice, Response
-from visavis.scenes import Scene, Staged, Staging, gathered
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.motion.synthesis.hybrid import Controls
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
-from visavis.study import Study
-from visavis.trial import Action, TrialScript
+from visavis.study.asking import Answer
+from visavis.study.comparisons import Compare
+from visavis.study.declaration import Study
+from visavis.study.exclusions import COMPLETENESS_RULES
+from visavis.study.films import Film, Lens, Pair
+from visavis.study.measures import column
+from visavis.study.responses import Choice, Response
+from visavis.study.scenes import Scene, Staged, Staging, gathered
+from visavis.study.trial import Action, TrialScript
 
 CITATION: Final = (
     "Thesis, Blekinge Institute of Technology, Karlskrona (2017): hybrid animation of humanoid "

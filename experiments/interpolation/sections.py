@@ -7,10 +7,10 @@ import pandas as pd
 
 from visavis.analysis.report import Block, Bullets, Paragraph, Section
 from visavis.analysis.statistics import StatisticsError, oneway_anova, tost_paired, tukey_hsd
-from visavis.experiment import StudyExperiment
 from visavis.experiments.interpolation import published
-from visavis.sections import Extra
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.study.experiment import StudyExperiment
+from visavis.study.sections import Extra
 
 SAME_WITHIN: Final = 0.25
 """Steps of the scale within which two methods count as equally natural."""

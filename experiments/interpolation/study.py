@@ -11,9 +11,6 @@ from typing import Any, Final
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from visavis.careless import Careless
-from visavis.compare import Compare
-from visavis.exclusions import COMPLETENESS_RULES
 from visavis.experiments.interpolation import published
 from visavis.experiments.interpolation.gestures import (
     CHARACTER,
@@ -22,16 +19,19 @@ from visavis.experiments.interpolation.gestures import (
     motion_of,
     seconds_of,
 )
-from visavis.films import Film, Lens
-from visavis.person import Seen
+from visavis.people.person import Seen
 from visavis.protocol.design import Factor
-from visavis.responses import Rating, Response
-from visavis.scenes import Scene, Staged, Staging, gathered
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
-from visavis.study import Source, Study
-from visavis.trial import Action, TrialScript
+from visavis.study.careless_answers import Careless
+from visavis.study.comparisons import Compare
+from visavis.study.declaration import Source, Study
+from visavis.study.exclusions import COMPLETENESS_RULES
+from visavis.study.films import Film, Lens
+from visavis.study.responses import Rating, Response
+from visavis.study.scenes import Scene, Staged, Staging, gathered
+from visavis.study.trial import Action, TrialScript
 
 CITATION: Final = (
     "Lei, X., Adamo-Villani, N., Benes, B., Wang, Z., Meyer, Z., Mayer, R., & Lawson, A. "

@@ -2,10 +2,10 @@
 
 from typing import Any, Final
 
-from visavis.exclusions import COMPLETENESS_RULES, Exclusion
 from visavis.experiments.stare import published
 from visavis.experiments.stare.published import COMPARISONS
-from visavis.looks import (
+from visavis.study.exclusions import COMPLETENESS_RULES, Exclusion
+from visavis.study.look_measures import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,
     FIRST_FIXATION_TIME_MS,
@@ -14,11 +14,11 @@ from visavis.looks import (
     SECOND_FIXATION_DURATION_MS,
     SECOND_FIXATION_TIME_MS,
 )
-from visavis.looks import (
+from visavis.study.look_measures import (
     FIXATION_COUNT as COUNT_COLUMN,
 )
-from visavis.measures import Measure
-from visavis.pairs import Correlate, CorrelationTest, Family, Pairs, PairTest, Printed
+from visavis.study.measures import Measure
+from visavis.study.pairs import Correlate, CorrelationTest, Family, Pairs, PairTest, Printed
 
 DWELL: Final = Measure(DWELL_MS, "ms", "Dwell time", needs_gaze=True)
 FIXATION_COUNT: Final = Measure(COUNT_COLUMN, "1", "Fixation count", needs_gaze=True)

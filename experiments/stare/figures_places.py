@@ -13,9 +13,9 @@ from matplotlib.patches import Circle
 from visavis.analysis.plots import new_figure
 from visavis.analysis.plots.style import BLACK
 from visavis.experiments.stare.comparisons import DWELL
-from visavis.measures import aggregated
+from visavis.results.analysis import StudyAnalysis
 from visavis.stimuli.scenes.audience import HEAD_RADIUS_M, PARTICIPANT_EYE_M, PLACES, SEATS
-from visavis.study_analysis import StudyAnalysis
+from visavis.study.measures import aggregated
 
 DISC_M = 0.28
 

@@ -15,7 +15,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from visavis.looks import (
+from visavis.study.declaration import MeanSd
+from visavis.study.look_measures import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,
     FIRST_FIXATION_TIME_MS,
@@ -24,8 +25,7 @@ from visavis.looks import (
     SECOND_FIXATION_DURATION_MS,
     SECOND_FIXATION_TIME_MS,
 )
-from visavis.pairs import Printed
-from visavis.study import MeanSd
+from visavis.study.pairs import Printed
 
 CITATION: Final = (
     "Jovane, A. (2023). Modeling of reactive movement and non-verbal behaviors for the creation of "

@@ -8,16 +8,16 @@ import pandas as pd
 from visavis.analysis.plots import draw
 from visavis.analysis.report import Block, Bullets, Fold, Paragraph, Section
 from visavis.analysis.report.notation import counted, percentage
-from visavis.experiment import StudyExperiment
 from visavis.experiments.stare import published
 from visavis.experiments.stare.design import DYNAMIC_CONDITIONS
 from visavis.experiments.stare.figures_places import place_figure
 from visavis.experiments.stare.trial_example import TOLERANCE_MS, example_of, trial_figure
 from visavis.lab.clock import NS_PER_MS
-from visavis.looks import FIRST_FIXATION_DURATION_MS, FIRST_FIXATION_TIME_MS
-from visavis.report import picture_of
-from visavis.sections import Extra
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.report.study_report import picture_of
+from visavis.study.experiment import StudyExperiment
+from visavis.study.look_measures import FIRST_FIXATION_DURATION_MS, FIRST_FIXATION_TIME_MS
+from visavis.study.sections import Extra
 
 _NEEDED: Final = (
     "condition",

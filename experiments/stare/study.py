@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from visavis.experiment import StudyExperiment
 from visavis.experiments.stare import published
 from visavis.experiments.stare.comparisons import FAMILIES, MEASURES, RULES, SECOND_VIEW_MEASURES
 from visavis.experiments.stare.conclusions import RULE, conclude
@@ -26,22 +25,23 @@ from visavis.experiments.stare.design import (
 from visavis.experiments.stare.scene import dark_scene_of, distances
 from visavis.experiments.stare.trial import run_trial
 from visavis.lab.errors import DesignError
-from visavis.looks import LooksOn
-from visavis.observer import Observer
-from visavis.observer.temperament import DEFAULT_POPULATION, scaled_population
+from visavis.people.observer import Observer
+from visavis.people.observer.temperament import DEFAULT_POPULATION, scaled_population
 from visavis.protocol.columns import Column
 from visavis.protocol.design import Factor
 from visavis.protocol.parameters import known_of
 from visavis.protocol.plan import SessionPlan
 from visavis.protocol.steps import Show
+from visavis.results.analysis import Conclusion, StudyAnalysis
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.audience import DRESSED_BY, SPEAKER_EYE_M
-from visavis.study import SETTABLE, Source, Study
-from visavis.study_analysis import Conclusion, StudyAnalysis
-from visavis.trial import TrialScript
+from visavis.study.declaration import SETTABLE, Source, Study
+from visavis.study.experiment import StudyExperiment
+from visavis.study.look_measures import LooksOn
+from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
-    from visavis.quick import TrackerModel
+    from visavis.running.quick import TrackerModel
 
 QUESTIONNAIRES: Final = ("demographics", "social_anxiety", "free_comment")
 METHODS: Final = f"""

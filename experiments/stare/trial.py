@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
 from visavis.analysis.gaze.aoi import aoi_of_samples
-from visavis.asking import frame
 from visavis.experiments.stare.design import (
     AVERTED_THEN_DIRECTED,
     DYNAMIC_CONDITIONS,
@@ -28,8 +27,9 @@ from visavis.protocol.steps import (
     Scalar,
     Step,
 )
-from visavis.scenes import WithEyes
-from visavis.trial import arrived, shown
+from visavis.study.asking import frame
+from visavis.study.scenes import WithEyes
+from visavis.study.trial import arrived, shown
 
 TRAINING_PROMPT: Final = (
     "Training: has the participant seen audience and speaker, and is ready? Then space"

@@ -13,13 +13,13 @@ from visavis.analysis.plots import BLUE, VERMILION, Drawn, draw, new_figure
 from visavis.analysis.plots.style import BLACK, GREY
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DataError
-from visavis.looks import (
+from visavis.protocol.steps import Row
+from visavis.recording.reader import Recording
+from visavis.study.look_measures import (
     DEFAULT_MEASURE_PARAMETERS,
     MeasureParameters,
 )
-from visavis.measures import SessionGaze
-from visavis.protocol.steps import Row
-from visavis.recording.reader import Recording
+from visavis.study.measures import SessionGaze
 
 SHOWN_CONDITION = "AD"
 TOLERANCE_MS = 1.0

@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 
-from visavis.body import POINT_S, StandingBody
 from visavis.experiments.waving.judgement import (
     DEFAULT_POPULATION,
     Judgement,
@@ -23,7 +22,8 @@ from visavis.experiments.waving.perception import Evidence, evidence_of
 from visavis.lab.chance import generator
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector
-from visavis.person import plain_answer
+from visavis.people.body import POINT_S, StandingBody
+from visavis.people.person import plain_answer
 from visavis.stimuli.motion.warping.track import WarpTrack
 from visavis.stimuli.panels import choice_centre_m
 from visavis.stimuli.picture import Panel

@@ -7,12 +7,12 @@ import pandas as pd
 
 from visavis.analysis.report import Block, Column, Paragraph, Section, Table
 from visavis.analysis.report.notation import counted, decimal, fraction, percentage
-from visavis.experiment import StudyExperiment
 from visavis.experiments.waving.clips import TECHNIQUES
 from visavis.experiments.waving.study import DIRECTIONS, PLACES
-from visavis.sections import Extra
-from visavis.study_analysis import StudyAnalysis
-from visavis.texts import label_of
+from visavis.results.analysis import StudyAnalysis
+from visavis.study.experiment import StudyExperiment
+from visavis.study.sections import Extra
+from visavis.study.texts import label_of
 
 ENOUGH_ON_TARGET_01: Final = 0.8
 """Share of frames on target below which the report says that warping missed its target."""

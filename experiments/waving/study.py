@@ -12,10 +12,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from visavis.compare import Compare, published_f
-from visavis.confusion import Confusion
-from visavis.exclusions import STANDARD_RULES, needs_answer
-from visavis.experiment import StudyExperiment
 from visavis.experiments.waving.clips import (
     DEFAULT_MAKING,
     FINE_PX,
@@ -33,8 +29,6 @@ from visavis.experiments.waving.clips import (
 )
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, Vector
-from visavis.measures import column
-from visavis.pairs import Printed
 from visavis.protocol.columns import Column
 from visavis.protocol.design import Factor
 from visavis.protocol.parameters import Within, known_of
@@ -42,8 +36,7 @@ from visavis.protocol.participants import SimulatedParticipant
 from visavis.protocol.plan import Trial
 from visavis.protocol.shown import Shown
 from visavis.protocol.steps import FrameView, NextFrame, Scalar, Show, known
-from visavis.responses import Choice, Rating
-from visavis.scenes import WithEyes, places
+from visavis.results.confusion import Confusion
 from visavis.stimuli.dressing.office import office_eyes, office_scene
 from visavis.stimuli.dressing.office_view import VIEW_PX
 from visavis.stimuli.motion.warping.track import (
@@ -66,12 +59,19 @@ from visavis.stimuli.scenes.office import (
     neighbour,
     shift_m,
 )
-from visavis.study import Source, Study
-from visavis.trial import TrialScript
+from visavis.study.comparisons import Compare, published_f
+from visavis.study.declaration import Source, Study
+from visavis.study.exclusions import STANDARD_RULES, needs_answer
+from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import column
+from visavis.study.pairs import Printed
+from visavis.study.responses import Choice, Rating
+from visavis.study.scenes import WithEyes, places
+from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
     from visavis.experiments.waving.participant import WavingParticipant
-    from visavis.quick import TrackerModel
+    from visavis.running.quick import TrackerModel
 
 DIRECTIONS: Final = ("self", "left", "right")
 """Who is waved at: the participant, the customer to the left, the customer to the right."""

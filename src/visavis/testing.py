@@ -17,24 +17,24 @@ import numpy.typing as npt
 import pandas as pd
 
 from visavis.analysis.report.notation import counted
-from visavis.catalogue import find_study
-from visavis.dictionary import trial_columns, undescribed
-from visavis.experiment import StudyExperiment
 from visavis.lab.errors import DesignError, LabError
 from visavis.lab.geometry import Vector, unit
-from visavis.measures import Measure
-from visavis.opened import OpenedStudy
 from visavis.protocol.design import combinations_of
 from visavis.protocol.orders import Cell, Constraint
 from visavis.protocol.plan import SessionPlan, Trial
 from visavis.protocol.steps import Scalar
-from visavis.quick import quick_rows
-from visavis.reading import still_view
-from visavis.scenes import Scene, Staging, stage
+from visavis.results.opened_study import OpenedStudy
+from visavis.results.tables.dictionary import trial_columns, undescribed
+from visavis.running.quick import quick_rows
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.study import Study
-from visavis.texts import languages_in, own_texts, placeholders_of
-from visavis.trial import TrialScript
+from visavis.study.catalogue import find_study
+from visavis.study.declaration import Study
+from visavis.study.dry_run import still_view
+from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import Measure
+from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.texts import languages_in, own_texts, placeholders_of
+from visavis.study.trial import TrialScript
 
 SEED: Final = 1
 PEOPLE: Final = 4

@@ -7,17 +7,17 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.faults.sessions import CONFIG
-from visavis.catalogue import find_study
 from visavis.cli.main import app
 from visavis.lab.errors import UsageError
 from visavis.recording.manifest import read_manifest
-from visavis.sessions.begun_design import (
+from visavis.running.sessions.recorded_design import (
     changes_since,
     design_of,
     design_of_session,
     in_words,
     told_of_designs,
 )
+from visavis.study.catalogue import find_study
 
 STUDY = """
 from visavis import Compare, Factor, Rating, Scene, Study

@@ -12,8 +12,8 @@ from visavis.cli.main import app
 from visavis.lab.errors import DataError
 from visavis.protocol.exports_register import registered_exports
 from visavis.recording.reader import Recording
-from visavis.scripts import open_study
-from visavis.sessions.study_check import study_problems
+from visavis.running.scripts import open_study
+from visavis.running.sessions.folder_check import study_problems
 
 SHORT = ["trial_s=1", "intertrial_s=0.5", "practice_s=1", "repetitions=1"]
 

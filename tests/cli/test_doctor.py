@@ -24,7 +24,7 @@ from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import DeviceConfig, LabConfig, Sync
 from visavis.lab.errors import RecordingError, SessionAborted
 from visavis.protocol.operator import Command, UnattendedOperator
-from visavis.sessions.perform import perform_new
+from visavis.running.sessions.perform import perform_new
 
 Usage = namedtuple("Usage", "total used free")
 

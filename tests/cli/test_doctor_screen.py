@@ -12,7 +12,7 @@ from visavis.lab.clock import SimClock
 from visavis.lab.config import load_config, parse_config
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.lab.errors import ConfigError
-from visavis.sessions.rig import check_rig
+from visavis.running.sessions.device_setup import check_rig
 
 TEXT = SCREEN_EXAMPLE.read_text("utf-8")
 REAL_KEYS = TEXT.replace(

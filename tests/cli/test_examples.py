@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from visavis.cli.main import app
-from visavis.examples import READY, write_examples
 from visavis.lab.errors import UsageError
+from visavis.running.examples import READY, write_examples
 from visavis.testing import check_study
 
 ROOT = Path(__file__).parents[2]

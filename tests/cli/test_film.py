@@ -25,20 +25,20 @@ from visavis.cli.recorded_trial import recorded_trial, trial_row
 from visavis.cli.redraw import board_at
 from visavis.cli.session_lanes import lanes_of
 from visavis.cli.telling import Forecast
-from visavis.films import Film
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.geometry import Pose
-from visavis.page.seen import Question, SeenStep, seen_trial
 from visavis.protocol.exports_register import registered_exports
 from visavis.recording.folder import study_dir
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
-from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.running.page.seen_trial import Question, SeenStep, seen_trial
+from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.camera.sheet import FilmLog
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.motion.skeleton import forward
+from visavis.study.films import Film
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 

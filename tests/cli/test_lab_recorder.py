@@ -17,7 +17,7 @@ from visavis.lab.config import Sync
 from visavis.lab.errors import DeviceError, DeviceNotFound, SessionAborted
 from visavis.protocol.operator import Action, Command
 from visavis.protocol.states import SessionState
-from visavis.sessions.perform import perform_new
+from visavis.running.sessions.perform import perform_new
 
 OPTION = re.compile(r"{(?P<option>\w+?):(?P<value>[^}]*)}")
 """How LabRecorder reads what follows `filename` (`rcsUpdateFilename` in its mainwindow.cpp)."""

@@ -20,7 +20,7 @@ from visavis.lab.config import Sync
 from visavis.lab.errors import DeviceNotFound, SessionAborted
 from visavis.protocol.operator import Command, UnattendedOperator
 from visavis.protocol.rig import _of_band
-from visavis.sessions.perform import perform_new
+from visavis.running.sessions.perform import perform_new
 
 FRAMES = 12
 

@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 
 from tests.faults.sessions import CONFIG
 from tests.visavis.sessions import perform
-from visavis.catalogue import find_study
 from visavis.cli.app import app, load_lab
 from visavis.cli.film.on_page import page_label
 from visavis.cli.preview.pictures import TITLE_PX, write_below
@@ -19,8 +18,9 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.config import with_devices
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.recording.kept import KeptRecording
-from visavis.sessions.rig import screen_display
-from visavis.sessions.stages import build_stage, window_title
+from visavis.running.sessions.device_setup import screen_display
+from visavis.running.sessions.stage_setup import build_stage, window_title
+from visavis.study.catalogue import find_study
 
 
 def test_a_window_of_a_rehearsal_is_titled_so() -> None:

@@ -8,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.visavis.sessions import STUDIES
-from visavis.catalogue import find_study
 from visavis.cli.main import app
 from visavis.lab.errors import LabError, UsageError
+from visavis.study.catalogue import find_study
 from visavis.testing import check_study
 
 ROOT = Path(__file__).parents[2]

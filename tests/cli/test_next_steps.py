@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 from tests.faults.sessions import lab
 from tests.visavis.sessions import STUDIES
 from visavis.analysis.session_check import check_session
-from visavis.catalogue import find_study
 from visavis.cli.main import app
 from visavis.cli.preview.capture import Capture
 from visavis.lab.config_files import EXAMPLE
@@ -18,8 +17,9 @@ from visavis.lab.errors import LabError, SessionAborted
 from visavis.protocol.session import Session
 from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, simulated_request
-from visavis.sessions.study_folder import StudySettings, settle
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.study_folder import StudySettings, settle
+from visavis.study.catalogue import find_study
 
 
 def said(folder: Path, *arguments: str) -> str:

@@ -39,7 +39,7 @@ def readied(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         happened.append("operator's screen")
         raise UsageError("enough")
 
-    monkeypatch.setattr("visavis.sessions.perform.get_ready", get_ready)
+    monkeypatch.setattr("visavis.running.sessions.perform.get_ready", get_ready)
     monkeypatch.setattr("visavis.cli.commands.session.TerminalOperator", screen)
     monkeypatch.setattr("visavis.cli.commands.session.station_findings", lambda *_: ())
     return happened

@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 from tests.stage import figures
 from tests.visavis.sessions import STUDIES
-from visavis.catalogue import find_study
 from visavis.cli.app import load_lab
 from visavis.cli.film.on_page import BACK
 from visavis.cli.main import app
@@ -26,6 +25,7 @@ from visavis.lab.geometry import Pose, rotate
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import Renderer
 from visavis.stimuli.picture import Camera
+from visavis.study.catalogue import find_study
 
 
 @pytest.fixture(scope="module", autouse=True)

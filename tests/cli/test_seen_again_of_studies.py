@@ -13,17 +13,17 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from tests.visavis.test_every_study import SMALL, config_for, name_of
-from visavis.catalogue import find_study
 from visavis.cli.app import app
 from visavis.cli.film.on_page import FilmPictures
 from visavis.cli.redraw import UNDRAWN_PX
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, simulated_request
-from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Quality, Renderer
 from visavis.stage.stills import still_quality
+from visavis.study.catalogue import find_study
 
 CORE = ("stare", "crowd", "waving")
 ON_PAGE = str(Path(__file__).parents[1] / "visavis" / "studies" / "films.py")
@@ -131,7 +131,7 @@ def test_a_second_page_of_a_session_draws_no_film_anew(
 ) -> None:
     if session.reference != ON_PAGE:
         pytest.skip("films are of studies on a page")
-    monkeypatch.setattr("visavis.page.film_store.cache_folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr("visavis.running.film_store.cache_folder", lambda: tmp_path / "cache")
     session.run("view", session.path, "-o", tmp_path / "first.html")
 
     def drawn(*_: object) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-import visavis.sessions.perform
+import visavis.running.sessions.perform
 from tests.devices.band_makers import simulated_armband
 from tests.faults.sessions import lab, request
 from visavis.devices.drivers.armband.driver import ArmbandDriver
@@ -76,16 +76,16 @@ class ActingOperator(UnattendedOperator):
 def perform(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     def performed(clock: Clock, act: Any) -> tuple[WornBand, ActingOperator, Any]:
         band = WornBand(clock)
-        build = visavis.sessions.perform.build_rig
+        build = visavis.running.sessions.perform.build_rig
 
         def with_band(*args: Any) -> Any:
             rig = build(*args)
             return replace(rig, others={**rig.others, ROLE: band.driver})
 
-        monkeypatch.setattr(visavis.sessions.perform, "build_rig", with_band)
+        monkeypatch.setattr(visavis.running.sessions.perform, "build_rig", with_band)
         operator = ActingOperator(band, act(band))
         wanted = replace(request(lab(tmp_path), operator), clock=clock)
-        return band, operator, lambda: visavis.sessions.perform.perform_new(wanted)
+        return band, operator, lambda: visavis.running.sessions.perform.perform_new(wanted)
 
     return performed
 

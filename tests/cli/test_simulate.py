@@ -11,14 +11,14 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-import visavis.sessions.simulation
+import visavis.running.sessions.simulation
 from visavis.cli.main import app
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import ConfigError, DataError, SessionAborted, UsageError
 from visavis.recording.reader import Recording
 from visavis.recording.sealed import seal, unseal
-from visavis.sessions.perform import Request
-from visavis.sessions.study_folder import StudySettings, read_parameters, settle
+from visavis.running.sessions.perform import Request
+from visavis.running.sessions.study_folder import StudySettings, read_parameters, settle
 
 SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 SHORT += ["--set", "repetitions=1"]
@@ -200,7 +200,7 @@ def test_an_unknown_study_is_answered_with_the_nearest() -> None:
 def test_the_same_command_finishes_a_study_that_was_broken_off(
     study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    own = visavis.sessions.simulation.simulated_request
+    own = visavis.running.sessions.simulation.simulated_request
 
     def interrupt(_: str, done: int, __: int) -> None:
         if done == 5:
@@ -210,7 +210,7 @@ def test_the_same_command_finishes_a_study_that_was_broken_off(
         return replace(own(*args, **settings), on_trial=interrupt)
 
     with monkeypatch.context() as patched:
-        patched.setattr(visavis.sessions.simulation, "simulated_request", broken_off)
+        patched.setattr(visavis.running.sessions.simulation, "simulated_request", broken_off)
         with pytest.raises(SessionAborted, match="Give the same command again"):
             simulate(tmp_path)
     folder = simulate(tmp_path)

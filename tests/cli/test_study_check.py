@@ -15,8 +15,8 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DataError
 from visavis.protocol.ledger import Ledger
 from visavis.protocol.own_body import OwnBody, write_own_body
-from visavis.sessions.study_check import repair_study, study_problems
-from visavis.sessions.study_folder import StudySettings, read_settings, settle
+from visavis.running.sessions.folder_check import repair_study, study_problems
+from visavis.running.sessions.study_folder import StudySettings, read_settings, settle
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from visavis.protocol.ledger import Ledger
 from visavis.recording.folder import create_session
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.provenance import provenance
-from visavis.sessions.data_root import DataDisk
-from visavis.sessions.study_folder import StudySettings, read_settings
+from visavis.running.sessions.data_root import DataDisk
+from visavis.running.sessions.study_folder import StudySettings, read_settings
 
 
 @pytest.fixture
@@ -105,7 +105,7 @@ def test_a_study_is_not_simulated_to_a_data_root_that_keeps_no_files(
     lab_config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nothing = DataDisk(None, "this place keeps no files", "set data_root elsewhere")
-    monkeypatch.setattr("visavis.sessions.data_root.data_disk", lambda lab: nothing)
+    monkeypatch.setattr("visavis.running.sessions.data_root.data_disk", lambda lab: nothing)
     with pytest.raises(RecordingError, match=r"keeps no files; set data_root elsewhere.*lab_con"):
         visavis(lab_config, "simulate", "stare", "--participants", "1")
 

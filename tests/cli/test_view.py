@@ -19,7 +19,7 @@ from visavis.cli.viewer.models import LEVEL_OF_MANY, Models
 from visavis.cli.viewer.motion import key_samples, one_way_round
 from visavis.protocol.exports_register import registered_exports
 from visavis.recording.folder import study_dir
-from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stage.vertices import person_vertices

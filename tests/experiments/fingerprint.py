@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.recording.reader import Recording
-from visavis.sessions.study_folder import DERIVED, sessions_of
+from visavis.running.sessions.study_folder import DERIVED, sessions_of
 
 Fingerprint = Mapping[str, Any]
 

@@ -35,12 +35,12 @@ from visavis.experiments.crowd.sections import similarity_rows
 from visavis.experiments.stare.study import experiment_of as stare_experiment
 from visavis.experiments.stare.study import study as stare
 from visavis.lab.config_files import EXAMPLE
-from visavis.looks import MAIN_MEASURES
-from visavis.opened import OpenedStudy
-from visavis.outputs import contrast_rows, statistics_rows
-from visavis.quick import quick_study
 from visavis.recording.folder import SIMULATED_ROOT
-from visavis.sessions.study_folder import DERIVED
+from visavis.results.opened_study import OpenedStudy
+from visavis.results.outputs import contrast_rows, statistics_rows
+from visavis.running.quick import quick_study
+from visavis.running.sessions.study_folder import DERIVED
+from visavis.study.look_measures import MAIN_MEASURES
 
 PINNED: Final = Path(__file__).parent / "pinned"
 SEED: Final = 1

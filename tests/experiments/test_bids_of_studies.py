@@ -10,13 +10,13 @@ from tests.experiments.crowd.sessions import session as crowd_session
 from tests.experiments.small_studies import SESSIONS
 from tests.faults.sessions import lab, perform
 from tests.recording.test_export import ABOUT, issues_of
-from visavis.catalogue import find_study
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.recording.bids import export_bids
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.study.catalogue import find_study
 
 
 def recording_of(study: str, root: Path) -> Recording:

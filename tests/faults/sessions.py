@@ -9,8 +9,6 @@ import pandas as pd
 
 from visavis.analysis.session_check import check_session
 from visavis.analysis.session_verdict import SessionCheck
-from visavis.catalogue import find_study
-from visavis.experiment import StudyExperiment
 from visavis.experiments.stare.study import study
 from visavis.lab.config import DeviceConfig, LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
@@ -20,7 +18,9 @@ from visavis.protocol.plan import SessionPlan
 from visavis.protocol.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
+from visavis.running.sessions.perform import Request, perform_new, perform_rest, simulated_request
+from visavis.study.catalogue import find_study
+from visavis.study.experiment import StudyExperiment
 
 CONFIG = EXAMPLE
 REPOSITORY = Path(__file__).resolve().parents[2]

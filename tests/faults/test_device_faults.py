@@ -18,10 +18,10 @@ from tests.faults.sessions import (
     verdict,
 )
 from visavis.analysis.session_verdict import Level
-from visavis.catalogue import find_study
 from visavis.devices.drivers.streaming import exchange_log
 from visavis.lab.errors import DeviceError
 from visavis.recording.reader import Recording
+from visavis.study.catalogue import find_study
 
 
 @pytest.fixture(scope="module")

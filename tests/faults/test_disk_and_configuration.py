@@ -20,7 +20,6 @@ from tests.faults.sessions import (
     request,
     resume,
 )
-from visavis.catalogue import find_study
 from visavis.cli.app import load_lab
 from visavis.cli.main import app
 from visavis.lab.clock import SimClock
@@ -28,9 +27,10 @@ from visavis.lab.errors import ConfigError, RecordingError, UsageError
 from visavis.recording import durable
 from visavis.recording.folder import open_session
 from visavis.recording.reader import Recording
-from visavis.sessions.data_root import DataDisk
-from visavis.sessions.perform import perform_new
-from visavis.sessions.rig import build_rig, devices_for
+from visavis.running.sessions.data_root import DataDisk
+from visavis.running.sessions.device_setup import build_rig, devices_for
+from visavis.running.sessions.perform import perform_new
+from visavis.study.catalogue import find_study
 
 HEADSET = """  headset:
     driver: simulated_headset
@@ -90,7 +90,7 @@ def test_a_disk_that_fills_up_ends_the_session_and_keeps_what_was_acknowledged(
     assert "not done: T03" in findings(recording)
 
     full_disk = DataDisk(1.0, "1.0 GB are free, a session needs 2", "free some space")
-    monkeypatch.setattr("visavis.sessions.data_root.data_disk", lambda _: full_disk)
+    monkeypatch.setattr("visavis.running.sessions.data_root.data_disk", lambda _: full_disk)
     arguments = ["resume", str(path_of(config)), "--fast", "--config", str(CONFIG)]
     refused = CliRunner().invoke(app, arguments).exception
     assert isinstance(refused, RecordingError)

@@ -10,14 +10,14 @@ import pytest
 
 from tests.faults.sessions import CONFIG, REPOSITORY, events, findings, lab, request
 from visavis.devices.sim.pupil.capture import PupilCoreSimulator
-from visavis.experiment import StudyExperiment
 from visavis.experiments.stare.study import study
 from visavis.lab.clock import NS_PER_S, SystemClock
-from visavis.opened import OpenedStudy
 from visavis.protocol.gaze_setup import TargetTiming
 from visavis.protocol.plan import SessionPlan
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.perform import perform_new
+from visavis.study.experiment import StudyExperiment
 
 
 class Lenient(OpenedStudy):

@@ -6,11 +6,11 @@ from typing import cast
 import pytest
 
 from benchmarks.kill_resume import _fast_config, _ShortSessions
-from visavis.catalogue import find_study
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
-from visavis.opened import OpenedStudy
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, perform_rest
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.study.catalogue import find_study
 
 ASKED_BEFORE = 3
 

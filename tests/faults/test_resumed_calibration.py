@@ -12,7 +12,7 @@ from visavis.protocol.operator import Action, Command
 from visavis.protocol.plan import SessionPlan
 from visavis.protocol.states import SessionState
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.perform import perform_new, perform_rest
 
 
 class CalibratedOnce(FewTrials):

@@ -9,7 +9,7 @@ from visavis.protocol.operator import Command
 from visavis.protocol.stall_watch import StallWatch
 from visavis.protocol.states import SessionState
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new
+from visavis.running.sessions.perform import perform_new
 
 
 class StalledComputer(ScriptedOperator):

@@ -15,7 +15,6 @@ from tests.visavis.sessions import opened
 from visavis import Choice, Factor, Keys, Rating, Study
 from visavis.analysis.session_check import check_session
 from visavis.cli.main import app
-from visavis.experiment import StudyExperiment
 from visavis.experiments.crowd.measures import MeasureParameters
 from visavis.lab.errors import DeviceError, UsageError
 from visavis.protocol.experiment import spare_roles_of
@@ -23,7 +22,8 @@ from visavis.protocol.operator import Action, Command
 from visavis.protocol.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
+from visavis.running.sessions.perform import Request, perform_new, perform_rest, simulated_request
+from visavis.study.experiment import StudyExperiment
 
 BAND = "armband_right_forearm"
 GONE = [{"kind": "late_start"}, {"kind": "disconnect"}]

@@ -16,7 +16,7 @@ from visavis.lab.clock import (
     require_fine_clock,
 )
 from visavis.lab.errors import ConfigError
-from visavis.sessions.perform import perform_new
+from visavis.running.sessions.perform import perform_new
 
 
 class Ticking:

@@ -19,10 +19,10 @@ from visavis.analysis.statistics_report.table_file import read_table
 from visavis.devices.wirelog import FORMAT, VERSION, read_wire_log
 from visavis.lab.errors import DataError
 from visavis.lab.plain_files import read_arrays, read_packed
-from visavis.page.elsewhere.results import read_runs
-from visavis.picture_delay import read_sync_test
 from visavis.recording.chained import append_lines
-from visavis.sessions.plan_lock import PEEKS_NAME, read_peeks
+from visavis.results.picture_delay import read_sync_test
+from visavis.running.page.other_hosts.results import read_runs
+from visavis.running.sessions.plan_lock import PEEKS_NAME, read_peeks
 from visavis.stimuli.characters.cast import DATA
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.storage import read_character

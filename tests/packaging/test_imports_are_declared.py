@@ -14,8 +14,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 TESTING = ROOT / "devices" / "testing"
 """The other ends of wires, for the tests of drivers."""
 NAMES_ITS_EXTRA = {
-    "src/visavis/page/client.py": "aiohttp",
-    "src/visavis/page/server.py": "aiohttp",
+    "src/visavis/running/page/client.py": "aiohttp",
+    "src/visavis/running/page/server.py": "aiohttp",
     "src/visavis/cli/desk/server.py": "aiohttp",
 }
 """Files that need a library of an extra; who imports them says first which one to install."""

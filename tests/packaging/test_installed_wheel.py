@@ -247,7 +247,7 @@ def test_script_beside_a_labs_own_modules_imports_theirs_and_visavis(
 ) -> None:
     fill_lab_folder(tmp_path)
     printed = said(installed.run("python", "script.py", cwd=tmp_path))
-    assert "visavis.study visavis.analysis.gaze" in printed
+    assert "visavis.study.declaration visavis.analysis.gaze" in printed
 
 
 @pytest.mark.skipif(os.name == "nt", reason="links of Windows need a right of their own")

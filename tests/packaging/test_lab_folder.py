@@ -35,7 +35,7 @@ def printed(folder: Path, *arguments: str) -> str:
 
 
 def test_script_imports_its_own_modules_and_visavis(folder: Path) -> None:
-    assert "visavis.study visavis.analysis.gaze" in printed(folder, "script.py")
+    assert "visavis.study.declaration visavis.analysis.gaze" in printed(folder, "script.py")
 
 
 def test_command_runs_beside_own_modules(folder: Path) -> None:

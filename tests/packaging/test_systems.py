@@ -39,7 +39,7 @@ GUARDED = {
     ("devices/drivers/triggers/links.py", "fcntl"): "sys.platform; by address on Windows",
     ("src/visavis/recording/lock.py", "fcntl"): "sys.platform; msvcrt on Windows",
     ("src/visavis/recording/durable.py", "shutil.chown"): "sys.platform; personal on Windows",
-    ("src/visavis/sessions/simulation.py", "os.sched_getaffinity"): "sys.platform; cpu_count",
+    ("src/visavis/running/sessions/simulation.py", "os.sched_getaffinity"): "platform; cpu_count",
 }
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from visavis.lab.clock import SimClock
 from visavis.protocol.exports_register import ANALYSIS, register_export, registered_exports
-from visavis.sessions.study_check import study_problems
+from visavis.running.sessions.folder_check import study_problems
 
 
 def test_a_moved_study_still_knows_what_was_made_in_it(tmp_path: Path) -> None:

@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import Any
 
 from tests.faults.sessions import request
-from visavis.experiment import StudyExperiment
 from visavis.experiments.stare.study import study
 from visavis.lab.config import LabConfig
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
 from visavis.protocol.plan import SessionPlan
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new
+from visavis.running.sessions.perform import perform_new
 from visavis.stage.contracts import Viewer
 from visavis.stage.drawn_stage import DrawnStage
 from visavis.stage.renderer import Image
 from visavis.stimuli.scene import SceneFrame
+from visavis.study.experiment import StudyExperiment
 
 PARAMETERS = {"trial_s": 6.0, "practice_s": 2.0, "intertrial_s": 0.5, "repetitions": 1}
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import visavis.sessions.perform
+import visavis.running.sessions.perform
 from tests.faults.sessions import CONFIG
 from tests.stage.sessions import NowAndThen
 from tests.visavis.sessions import opened, perform
@@ -17,8 +17,8 @@ from visavis.lab.errors import UsageError
 from visavis.recording.folder import study_dir
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, simulated_request
-from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.drawn_stage import Display, default_views
 from visavis.stage.errors import StageError
 from visavis.stage.own_body import OwnBody
@@ -62,7 +62,7 @@ def test_boards_and_own_body_are_drawn_again(
         made.append(stage)
         return stage
 
-    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
     study = opened("duel")
     config = load_config(CONFIG, OPTION_MODELS)
     worn = config.display.model_copy(update={"own_body": "male"})

@@ -6,22 +6,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-import visavis.sessions.perform
+import visavis.running.sessions.perform
 from tests.faults.sessions import CONFIG
 from tests.stage.sessions import NowAndThen
 from tests.visavis.sessions import STUDIES
-from visavis.catalogue import find_study
 from visavis.cli.redraw import redraw
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, simulated_request
-from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.drawn_stage import Display, default_views
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.study.catalogue import find_study
 
 CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
 WAVING = {
@@ -62,7 +62,7 @@ def test_every_drawn_frame_of_a_study_redraws_as_it_was(
         made.append(stage)
         return stage
 
-    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
     chosen = find_study(study)
     config = load_config(CONFIG, OPTION_MODELS).model_copy(update={"data_root": tmp_path})
     request = simulated_request(

@@ -10,7 +10,7 @@ import pytest
 
 import visavis.devices.sim.openvr.runtime
 import visavis.devices.sim.openxr.runtime
-import visavis.sessions.stages
+import visavis.running.sessions.stage_setup
 import visavis.stage.drawn_stage
 from tests.faults.sessions import events, lab
 from tests.stage.sessions import perform_shortest
@@ -89,7 +89,7 @@ def thin_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     except StageError as problem:
         pytest.skip(str(problem))
     monkeypatch.setattr(visavis.stage.drawn_stage, "DrawnStage", _NowAndThen)
-    monkeypatch.setattr(visavis.sessions.stages, "OFFSCREEN_PX", (48, 54))
+    monkeypatch.setattr(visavis.running.sessions.stage_setup, "OFFSCREEN_PX", (48, 54))
 
 
 def _shown() -> tuple[_NowAndThen, list[npt.NDArray[np.uint8]]]:

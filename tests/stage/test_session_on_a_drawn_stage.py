@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import visavis.sessions.perform
+import visavis.running.sessions.perform
 from tests.faults.sessions import TRIALS, events, lab, path_of, perform
 from tests.stage.sessions import NowAndThen, perform_shortest
 from visavis.cli.redraw import recorded_frame, redraw
@@ -48,7 +48,7 @@ def test_recorded_frames_redraw_as_they_were(
         made.append(stage)
         return stage
 
-    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
     recording = perform_shortest(lab(tmp_path))
     assert recording.status == "complete"
     (stage,) = made
@@ -124,7 +124,7 @@ def test_images_go_to_the_headset_before_anything_else_is_shown(
         monkeypatch.setattr(rig.headset, "submit", submitted)
         return _Noting(arguments[-1], order)
 
-    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
     perform(lab(tmp_path))
     assert order[:3] * (len(order) // 3) == order
     assert ["draw", "submit", "handed over"] == order[:3]
@@ -137,7 +137,7 @@ def test_failing_display_interrupts_the_trial_and_nothing_is_lost(
     def build(*arguments: object) -> _Failing:
         return _Failing(arguments[-1], by_raising=by_raising)
 
-    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
     recording = perform(lab(tmp_path))
     assert recording.status == "complete"
     done = recording.trials()
@@ -192,7 +192,7 @@ def test_session_ended_within_a_frame_keeps_every_frame_before_it(
         made.append(_Stopped(arguments[-1], problem))
         return made[0]
 
-    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
     with pytest.raises(ends_as):
         perform(lab(tmp_path))
     recording = Recording(path_of(lab(tmp_path)))

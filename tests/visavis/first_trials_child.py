@@ -16,7 +16,7 @@ from tests.visavis.test_every_study import on_kit, request_for
 from visavis.protocol.frame_loop import FrameLoop
 from visavis.protocol.states import SessionState
 from visavis.protocol.steps import FrameView
-from visavis.sessions.perform import get_ready, perform_new
+from visavis.running.sessions.perform import get_ready, perform_new
 
 PERFORMED = (SessionState.INTERTRIAL, SessionState.TRIAL)
 TRIALS = 12

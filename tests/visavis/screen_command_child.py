@@ -23,9 +23,9 @@ from visavis.cli.commands import session
 from visavis.cli.main import app
 from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
 from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
-from visavis.experiment import StudyExperiment
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.geometry import unit
+from visavis.study.experiment import StudyExperiment
 
 SWAY_M, SWAY_S = (0.05, 0.02, 0.06), 30.0
 

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from tests.devices.bodies import FixatingBody
-from visavis.catalogue import find_study
 from visavis.devices.registry import OPTION_MODELS
 from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
 from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
@@ -23,7 +22,8 @@ from visavis.lab.config import parse_config
 from visavis.lab.geometry import unit
 from visavis.protocol.gaze_setup import TargetTiming
 from visavis.protocol.operator import UnattendedOperator
-from visavis.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.study.catalogue import find_study
 
 EYES_M = np.array([0.0, 1.2, 0.0])
 STUDY = """

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from tests.faults.sessions import lab
-from visavis.catalogue import find_study
-from visavis.opened import OpenedStudy
 from visavis.protocol.operator import Operator
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, simulated_request
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.study.catalogue import find_study
 
 STUDIES = Path(__file__).parent / "studies"
 

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from visavis.beside import AtOnce, Beside
+from visavis.study.background import AtOnce, Beside
 
 
 def test_work_is_done_at_once_in_the_same_process():

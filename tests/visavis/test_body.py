@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from visavis.body import segments_of
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import quat_from_yaw_pitch_deg, rotate
-from visavis.person import StudyPerson
+from visavis.people.body import segments_of
+from visavis.people.person import StudyPerson
 from visavis.stimuli.motion.skeleton import canonical_skeleton
 
 STANDING_EYE_M, SEATED_EYE_M = 1.62, 1.2

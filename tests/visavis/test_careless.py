@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from visavis.careless import Careless, patterned_01
 from visavis.lab.errors import DesignError
+from visavis.study.careless_answers import Careless, patterned_01
 
 
 @pytest.mark.parametrize(

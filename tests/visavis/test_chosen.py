@@ -7,8 +7,8 @@ import pytest
 
 from tests.visavis.sessions import opened, perform
 from visavis.recording.folder import study_dir
-from visavis.sessions.studies import analyse_study
-from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.running.sessions.studies import analyse_study
+from visavis.running.sessions.study_folder import settle, wanted_settings
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,11 @@ import pytest
 from visavis.analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
 from visavis.analysis.statistics_report import Question, answer
 from visavis.cli.quick_tracker import tracker_of
-from visavis.compare import Compare
 from visavis.lab.errors import DesignError
-from visavis.measures import Measure
-from visavis.power import KitPower
-from visavis.study_analysis import Finding, answered
+from visavis.results.analysis import Finding, answered
+from visavis.results.power import KitPower
+from visavis.study.comparisons import Compare
+from visavis.study.measures import Measure
 
 CLIPS = tuple(f"c{i}" for i in range(7))
 ICC2: dict[str, Any] = {"test": "icc", "options": [("kind", "ICC2")], "claim": "they agree"}

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from visavis.cli.quick_tracker import tracker_of
-from visavis.compare import Compare
 from visavis.lab.errors import DesignError
-from visavis.measures import Measure
-from visavis.power import KitPower
-from visavis.study_analysis import answered
+from visavis.results.analysis import answered
+from visavis.results.power import KitPower
+from visavis.study.comparisons import Compare
+from visavis.study.measures import Measure
 
 STUDY = """from visavis import Compare, Factor, Rating, Study
 

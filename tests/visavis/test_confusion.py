@@ -7,8 +7,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from visavis.catalogue import find_study
-from visavis.confusion import Confusion
+from visavis.results.confusion import Confusion
+from visavis.study.catalogue import find_study
 
 STUDY = """from visavis import Choice, Confusion, Factor, Scene, Study
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from visavis.exclusions import REASON, STANDARD_RULES, limits_in_force, select
 from visavis.recording.integrity import DAMAGED, LOST
+from visavis.study.exclusions import REASON, STANDARD_RULES, limits_in_force, select
 
 
 def rows(*statuses: str) -> pd.DataFrame:

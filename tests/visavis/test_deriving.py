@@ -6,10 +6,10 @@ import pytest
 
 from tests.visavis.sessions import STUDIES, opened
 from visavis import Exclusion, derive
-from visavis.catalogue import digest_of, find_study
 from visavis.lab.errors import ConfigError, DesignError
-from visavis.opened import OpenedStudy
-from visavis.study import Study
+from visavis.results.opened_study import OpenedStudy
+from visavis.study.catalogue import digest_of, find_study
+from visavis.study.declaration import Study
 
 DUEL = STUDIES / "duel.py"
 
@@ -108,7 +108,7 @@ def test_own_texts_lie_over_those_of_the_base(tmp_path: Path) -> None:
 
 
 def test_a_package_that_names_no_study_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("visavis.catalogue.SHIPPED", {"elsewhere": "builtins:dict"})
+    monkeypatch.setattr("visavis.study.catalogue.SHIPPED", {"elsewhere": "builtins:dict"})
     with pytest.raises(DesignError, match="builtins:dict is a dict; an entry point names a Study"):
         derive("elsewhere", "own")
 

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from visavis.compare import Compare
-from visavis.measures import Measure
-from visavis.study_analysis import answered
+from visavis.results.analysis import answered
+from visavis.study.comparisons import Compare
+from visavis.study.measures import Measure
 
 PAGE = Path(__file__).parents[2] / "docs" / "statistics.md"
 TABLE = PAGE.read_text(encoding="utf-8").split("## Ratings and choices in a study")[1]

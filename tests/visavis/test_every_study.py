@@ -15,24 +15,24 @@ import pytest
 
 from benchmarks.simulated_tracker import tracker_of
 from tests.faults.sessions import CONFIG, TIMING, lab
-from visavis.catalogue import SHIPPED, find_study
 from visavis.cli.preview.pictures import Viewpoint, camera_of
-from visavis.exclusions import COUNTED
-from visavis.experiment import StudyExperiment
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.geometry import Pose
-from visavis.opened import OpenedStudy
-from visavis.pairs import results_of
 from visavis.protocol.operator import SessionStatus, UnattendedOperator
 from visavis.protocol.states import SessionState
-from visavis.quick import quick_rows, quick_study
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
+from visavis.results.analysis import answered
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.quick import quick_rows, quick_study
+from visavis.running.sessions.perform import Request, perform_new, perform_rest, simulated_request
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.study_analysis import answered
+from visavis.study.catalogue import SHIPPED, find_study
+from visavis.study.exclusions import COUNTED
+from visavis.study.experiment import StudyExperiment
+from visavis.study.pairs import results_of
 from visavis.testing import (
     first_view,
     performing_problems,

@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from visavis.catalogue import SHIPPED, find_study
-from visavis.exclusions import (
+from visavis.lab.errors import UsageError
+from visavis.study.catalogue import SHIPPED, find_study
+from visavis.study.exclusions import (
     STANDARD_RULES,
     Exclusion,
     Selection,
@@ -13,7 +14,6 @@ from visavis.exclusions import (
     limits_in_force,
     select,
 )
-from visavis.lab.errors import UsageError
 
 LOST = Exclusion("max_lost_01", "trial", "lost_01", 0.3, "{value:.0%} lost", missing_is_out=True)
 

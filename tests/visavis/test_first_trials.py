@@ -12,17 +12,17 @@ import pytest
 
 from tests.faults.sessions import TIMING
 from tests.visavis.test_every_study import on_kit, request_for
-from visavis.catalogue import SHIPPED, find_study
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DeviceError, LabError, SessionAborted
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
-from visavis.sessions import perform
-from visavis.sessions.perform import get_ready
+from visavis.running.sessions import perform
+from visavis.running.sessions.perform import get_ready
 from visavis.stage.contracts import GeometryStage, Viewer
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.scene import SceneFrame
+from visavis.study.catalogue import SHIPPED, find_study
 
 ROOT = Path(__file__).parents[2]
 

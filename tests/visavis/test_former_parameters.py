@@ -6,9 +6,9 @@ from typing import Any, cast
 
 import pytest
 
-from visavis.catalogue import find_study
 from visavis.lab.errors import DataError
 from visavis.recording.reader import Recording
+from visavis.study.catalogue import find_study
 
 
 def recorded_with(**parameters: Any) -> Recording:

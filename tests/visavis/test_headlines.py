@@ -10,11 +10,11 @@ import pytest
 
 from visavis import Compare, Factor, Rating, Study
 from visavis.analysis.report import Verdict, Verdicts
-from visavis.experiment import StudyExperiment
-from visavis.opened import OpenedStudy
-from visavis.pairs import Correlate, Family
-from visavis.report import _summary
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.opened_study import OpenedStudy
+from visavis.results.report.study_report import _summary
+from visavis.study.experiment import StudyExperiment
+from visavis.study.pairs import Correlate, Family
 
 Value = Callable[[Mapping[str, Any], np.random.Generator], float]
 GAZE = Factor("gaze", ["averted", "directed"])

@@ -9,8 +9,8 @@ import pytest
 
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.targets import targets_of_part
-from visavis.intake import validations_of
-from visavis.looks import LooksOn
+from visavis.results.intake import validations_of
+from visavis.study.look_measures import LooksOn
 
 
 class FewSamples:

@@ -7,11 +7,11 @@ import pytest
 from tests.faults.sessions import CONFIG, events
 from tests.visavis.sessions import perform
 from visavis.cli.studies import check_wording
-from visavis.intake import person_of
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.errors import ConfigError
 from visavis.protocol.questionnaires import SCALES_DIR, available, load_questionnaire, read_answers
-from visavis.texts import WORDS_DIR, languages_in, read_texts
+from visavis.results.intake import person_of
+from visavis.study.texts import WORDS_DIR, languages_in, read_texts
 
 LANGUAGES = ("de", "fr")
 TRANSLATED = ("demographics", "free_comment")

@@ -11,7 +11,8 @@ from visavis.experiments.stare.design import StareParameters
 from visavis.experiments.stare.study import plan_session
 from visavis.experiments.stare.trial import run_trial
 from visavis.lab.errors import DataError, DesignError
-from visavis.looks import (
+from visavis.stimuli.scenes.audience import PLACES
+from visavis.study.look_measures import (
     LOOK_COLUMNS,
     MAIN_MEASURES,
     GazeTargets,
@@ -19,8 +20,7 @@ from visavis.looks import (
     sensitivity_rows,
     trial_measures,
 )
-from visavis.measures import TrialRecord, dwell_on
-from visavis.stimuli.scenes.audience import PLACES
+from visavis.study.measures import TrialRecord, dwell_on
 
 MS = 1_000_000
 ACTIVE = PLACES.index("centre_far")

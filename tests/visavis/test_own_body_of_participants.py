@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from tests.faults.sessions import lab
-from visavis.catalogue import find_study
 from visavis.cli.commands import session as commands
 from visavis.experiments.crowd.study import look_down
 from visavis.lab.clock import SimClock
@@ -16,8 +15,9 @@ from visavis.lab.errors import UsageError
 from visavis.protocol.ledger import Ledger
 from visavis.protocol.own_body import read_own_body
 from visavis.protocol.steps import Answered, Mark, NextFrame, Prompt
-from visavis.reading import still_view
-from visavis.sessions.perform import Request, body_of, simulated_request
+from visavis.running.sessions.perform import Request, body_of, simulated_request
+from visavis.study.catalogue import find_study
+from visavis.study.dry_run import still_view
 
 
 def request_of(

@@ -10,10 +10,10 @@ import pytest
 import visavis
 from tests.visavis.sessions import opened, perform
 from visavis.lab.errors import DataError, UsageError
-from visavis.locked.deviations import deviations_between
-from visavis.picture_delay import LATE, read_sync_test, required_for
-from visavis.sessions.plan_lock import content_now
-from visavis.sessions.studies import analyse_study
+from visavis.results.locked_plan.deviations import deviations_between
+from visavis.results.picture_delay import LATE, read_sync_test, required_for
+from visavis.running.sessions.plan_lock import content_now
+from visavis.running.sessions.studies import analyse_study
 
 DELAY_MS = 12.5
 STUDY = """

@@ -10,19 +10,19 @@ from typer.testing import CliRunner
 
 import visavis
 from tests.faults.sessions import CONFIG
-from visavis.catalogue import find_study
 from visavis.cli.main import app
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import DataError, UsageError
-from visavis.locked.deviations import deviations_between
-from visavis.sessions.plan_lock import (
+from visavis.results.locked_plan.deviations import deviations_between
+from visavis.running.sessions.folder_check import repair_study, study_problems
+from visavis.running.sessions.plan_lock import (
     LOCK_NAME,
     PAGE_NAME,
     content_now,
     lock_plan,
     read_lock,
 )
-from visavis.sessions.study_check import repair_study, study_problems
+from visavis.study.catalogue import find_study
 
 SIMULATED = ("--devices", "sim", "--config", str(CONFIG))
 STUDY = """

@@ -10,16 +10,16 @@ from scipy.io import wavfile
 from typer.testing import CliRunner
 
 from tests.faults.sessions import lab
-from visavis.catalogue import find_study
 from visavis.cli.main import app
 from visavis.devices.contracts import SOUND_EVENTS
-from visavis.dictionary import trial_columns
 from visavis.lab.config import DeviceConfig
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, simulated_request
-from visavis.sessions.rig import devices_for
+from visavis.results.tables.dictionary import trial_columns
+from visavis.running.sessions.device_setup import devices_for
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.study.catalogue import find_study
 
 STUDY = """
 from visavis import Choice, Factor, Keys, Scene, Study

@@ -9,9 +9,9 @@ import pytest
 from tests.visavis.sessions import STUDIES, opened
 from visavis.analysis.power import PowerRequest, jobs_of, run_job, summarise
 from visavis.cli.quick_tracker import tracker_of
-from visavis.compare import Compare
 from visavis.lab.errors import DataError, UsageError
-from visavis.power import KitPower, draw_people
+from visavis.results.power import KitPower, draw_people
+from visavis.study.comparisons import Compare
 
 DUEL = str(STUDIES / "duel.py")
 

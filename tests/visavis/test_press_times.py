@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from visavis.asking import pressed
 from visavis.lab.geometry import Pose
 from visavis.protocol.steps import FrameView, GazeView
+from visavis.study.asking import pressed
 
 MS = 1_000_000
 NOWHERE = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))

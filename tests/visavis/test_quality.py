@@ -4,14 +4,14 @@ import pytest
 from tests.experiments.stare.synthetic_rows import analysed, anxiety_answers, study_rows
 from tests.visavis.sessions import opened
 from visavis.analysis.report import ReportProvenance
-from visavis.exclusions import limits_in_force, select
 from visavis.experiments.stare.scene import distances
-from visavis.measures import Measure
-from visavis.quality import quality_of as quality_of_study
-from visavis.quality import quality_of_trials, quality_table
-from visavis.report import kept_of
-from visavis.reporting_list import FILL_IN, OPEN, WHY_NOT, reporting_table
-from visavis.study_analysis import analyse_rows
+from visavis.results.analysis import analyse_rows
+from visavis.results.quality import quality_of as quality_of_study
+from visavis.results.quality import quality_of_trials, quality_table
+from visavis.results.report.reporting_list import FILL_IN, OPEN, WHY_NOT, reporting_table
+from visavis.results.report.study_report import kept_of
+from visavis.study.exclusions import limits_in_force, select
+from visavis.study.measures import Measure
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 """References of a report, as programs for references read them."""
 
-from visavis.references import GUIDELINE, HOLM, Reference, bibtex, ris
+from visavis.results.report.references import GUIDELINE, HOLM, Reference, bibtex, ris
 
 
 def test_a_known_work_has_its_fields_and_a_quoted_one_its_text() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.visavis.sessions import opened, perform
-from visavis.measures import dwell_on
-from visavis.study_analysis import measures_of
+from visavis.results.analysis import measures_of
+from visavis.study.measures import dwell_on
 
 STUDY = """from visavis import Compare, Factor, Rating, Scene, Study, dwell_on
 

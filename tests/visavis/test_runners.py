@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from visavis.lab.errors import UsageError
-from visavis.sessions.runners import on_this_machine
+from visavis.running.sessions.runners import on_this_machine
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 

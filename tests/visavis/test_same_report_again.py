@@ -10,8 +10,8 @@ from tests.visavis.sessions import opened
 from visavis.lab.clock import SIMULATED_EPOCH_ISO
 from visavis.recording.folder import study_dir
 from visavis.recording.manifest import Manifest
-from visavis.sessions.studies import _from_root, _origin
-from visavis.sessions.study_folder import settle, wanted_settings
+from visavis.running.sessions.studies import _from_root, _origin
+from visavis.running.sessions.study_folder import settle, wanted_settings
 
 VIRTUAL, LIVED = (SIMULATED_EPOCH_ISO, 1), ("2026-03-02T10:00:00+01:00", 1)
 RESUMED = (SIMULATED_EPOCH_ISO, 2)

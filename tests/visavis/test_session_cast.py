@@ -11,19 +11,19 @@ import pytest
 from tests.stimuli.glb_figure import Plate, write_glb
 from visavis.cli.app import load_lab
 from visavis.devices.registry import OPTION_MODELS
-from visavis.films import Film
 from visavis.lab.config import LabConfig, parse_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DataError, UsageError
-from visavis.page.film_store import FilmStore
 from visavis.recording.reader import Recording
-from visavis.scenes import Scene
-from visavis.sessions import simulation
-from visavis.sessions.cast import use_cast_of, use_recorded_cast
-from visavis.sessions.simulation import SimulationTask
+from visavis.running.film_store import FilmStore
+from visavis.running.sessions import simulation
+from visavis.running.sessions.simulation import SimulationTask
 from visavis.stimuli.characters.library import import_characters
 from visavis.stimuli.dressing import casting, gathering
 from visavis.stimuli.dressing.casting import default_casting, members_of
+from visavis.study.cast import use_cast_of, use_recorded_cast
+from visavis.study.films import Film
+from visavis.study.scenes import Scene
 
 
 @pytest.fixture(autouse=True)

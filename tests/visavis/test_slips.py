@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from visavis.catalogue import find_study
 from visavis.lab.errors import DesignError
-from visavis.slips import forgotten_yields
-from visavis.trial import STEPS
+from visavis.study.catalogue import find_study
+from visavis.study.study_errors import forgotten_yields
+from visavis.study.trial import STEPS
 
 STUDY = """from visavis import Choice, Compare, Confusion, Factor, Rating, Scene, Study, dwell_on
 

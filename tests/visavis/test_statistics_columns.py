@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from visavis.analysis.statistics_report import TESTS
-from visavis.compare import AGREEMENT, Compare
-from visavis.dictionary import PEOPLE, STATISTICS
 from visavis.lab.errors import LabError
-from visavis.measures import Measure
-from visavis.study_analysis import answered
+from visavis.results.analysis import answered
+from visavis.results.tables.dictionary import PEOPLE, STATISTICS
+from visavis.study.comparisons import AGREEMENT, Compare
+from visavis.study.measures import Measure
 
 LEVELS = {"a": ("x", "y"), "b": ("u", "v", "w"), "g": ("g1", "g2"), "h": ("h0", "h1", "h2")}
 DESIGNS: tuple[dict[str, Any], ...] = (

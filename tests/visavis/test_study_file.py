@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from tests.visavis.sessions import opened, perform
-from visavis.catalogue import find_study, study_of_file
-from visavis.exclusions import COUNTED, REASON
 from visavis.lab.errors import ConfigError, DesignError, UsageError
-from visavis.reading import read_trial
-from visavis.trial import TrialScript
+from visavis.study.catalogue import find_study, study_of_file
+from visavis.study.dry_run import read_trial
+from visavis.study.exclusions import COUNTED, REASON
+from visavis.study.trial import TrialScript
 
 SMALL = {"repetitions": 1, "practice": 1}
 

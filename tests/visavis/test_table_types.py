@@ -11,12 +11,12 @@ from tests.experiments.stare.synthetic_rows import (
 )
 from visavis.analysis.plots import write_figure
 from visavis.analysis.report import ReportProvenance
-from visavis.dictionary import trial_columns
 from visavis.experiments.stare.study import experiment_of, study
-from visavis.intake import questionnaire
 from visavis.lab.errors import DataError
-from visavis.outputs import write_study
-from visavis.table_types import column_type, typed
+from visavis.results.intake import questionnaire
+from visavis.results.outputs import write_study
+from visavis.results.tables.column_types import column_type, typed
+from visavis.results.tables.dictionary import trial_columns
 
 COLUMNS = trial_columns(experiment_of(), ())
 
@@ -96,7 +96,7 @@ def test_a_figure_is_let_go_of_once_it_is_written(tmp_path, monkeypatch):
         written.append(drawn)
         return write_figure(drawn, folder)
 
-    monkeypatch.setattr("visavis.outputs.write_figure", write)
+    monkeypatch.setattr("visavis.results.outputs.write_figure", write)
 
     asked = [questionnaire(name, study.folders) for name in study.questionnaires]
     write_study(analysis, experiment_of(), asked, ReportProvenance("stare", "1", ""), tmp_path)

@@ -7,8 +7,8 @@ import pytest
 
 from tests.visavis.sessions import STUDIES
 from visavis.lab.errors import DesignError
-from visavis.opened import OpenedStudy
-from visavis.person import StudyPerson
+from visavis.people.person import StudyPerson
+from visavis.results.opened_study import OpenedStudy
 from visavis.testing import check_study
 
 HEAD = """from visavis import Choice, Compare, Factor, Rating, Scene, Study

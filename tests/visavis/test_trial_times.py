@@ -3,11 +3,11 @@
 import pytest
 
 from tests.visavis.sessions import perform
-from visavis.dictionary import scene_column
 from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.columns import DELIVERED
 from visavis.recording.reader import Recording
-from visavis.trial import DRAIN_MS
+from visavis.results.tables.dictionary import scene_column
+from visavis.study.trial import DRAIN_MS
 
 SAID = {c.name: c.description for c in DELIVERED}
 

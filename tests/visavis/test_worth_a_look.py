@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from visavis.exclusions import PERSON_OUT, PRACTICE, REPEATED
-from visavis.study_analysis import StudyAnalysis
-from visavis.worth_a_look import Striking, looks_table, striking_trials
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.unusual import Striking, looks_table, striking_trials
+from visavis.study.exclusions import PERSON_OUT, PRACTICE, REPEATED
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from visavis.experiments.crowd.participant.traits import Person
-from visavis.person import plain_answer
+from visavis.people.person import plain_answer
 
 _SUBSCALES = ("agency", "change", "ownership")
 _NOISE = 0.6

@@ -186,7 +186,7 @@ def load_lab(
     if not quiet:
         errors.print(f"[dim]configuration: {escape(said)}[/]", soft_wrap=True, highlight=False)
     if config.cast and with_cast:
-        from visavis.sessions.cast import use_cast_of
+        from visavis.study.cast import use_cast_of
 
         use_cast_of(config)
     if devices is None:

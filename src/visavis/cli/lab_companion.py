@@ -8,11 +8,11 @@ from visavis.cli.doctor.report import save_with_session
 from visavis.cli.lab_recorder import LabRecorder
 from visavis.devices.contracts import Device
 from visavis.recording.writer import Recorder
-from visavis.sessions.perform import Request
+from visavis.running.sessions.perform import Request
 
 
 class LabCompanion:
-    """Follow `visavis.sessions.perform.Companion`; `warn` hears what did not end as it should.
+    """Follow `sessions.perform.Companion`; `warn` hears what did not end as it should.
 
     `station` is how the computer kept time before the session, kept with the doctor's note.
     """

@@ -13,8 +13,8 @@ from visavis.lab.errors import LedgerError
 from visavis.protocol.exports_register import register_export
 from visavis.recording.durable import protect_files
 from visavis.recording.manifest import read_manifest
-from visavis.sessions.damage import counted_damage, describe, require_intact
-from visavis.sessions.study_check import is_study
+from visavis.running.sessions.damage import counted_damage, describe, require_intact
+from visavis.running.sessions.folder_check import is_study
 
 RISK = (
     "movements of head and body identify people even without a name (Nair et al. 2023, of 55,000 "

@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _say_interrupted()
         place = in_study_file(error)
         if place:
-            from visavis.slips import in_words
+            from visavis.study.study_errors import in_words
 
             told = f"{place}: {in_words(error)}"
             errors.print(f"[bold red]error[/]  {_escaped(told)}", highlight=False, soft_wrap=True)
@@ -68,7 +68,7 @@ def in_study_file(error: BaseException) -> str:
     It is the study's when nothing of ours lies deeper: errors of NumPy and pandas come from what
     the study called.
     """
-    from visavis.slips import MODULE_OF_STUDY  # late: help needs none of it
+    from visavis.study.study_errors import MODULE_OF_STUDY  # late: help needs none of it
 
     place, trace = "", error.__traceback__
     while trace is not None:

@@ -18,7 +18,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.config import INCIDENTS
 from visavis.protocol.operator import KEYS, Action, Command, SessionStatus
 from visavis.protocol.states import SessionState
-from visavis.sessions.rig import ESSENTIAL_ROLES
+from visavis.running.sessions.device_setup import ESSENTIAL_ROLES
 
 STATUS_PERIOD_NS = NS_PER_S // 4
 KEY_LINE = (

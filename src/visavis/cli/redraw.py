@@ -8,18 +8,16 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from visavis.experiment import StudyExperiment
 from visavis.lab.clock import NS_PER_S, SimClock
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
-from visavis.opened import OpenedStudy, overrides_of
 from visavis.protocol.plan import Trial
 from visavis.protocol.shown import Shown, of_part, shown_in
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
-from visavis.responses import Keys
-from visavis.sessions.study_folder import study_of_folder
+from visavis.results.opened_study import OpenedStudy, overrides_of
+from visavis.running.sessions.study_folder import study_of_folder
 from visavis.stage.drawn_stage import Display, DrawnStage, default_views
 from visavis.stage.frame_truth import read_views
 from visavis.stage.own_body import OwnBody
@@ -30,7 +28,9 @@ from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.panels import SIZE_M, PanelFrame, placed_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
-from visavis.trial import TrialScript, is_on_board
+from visavis.study.experiment import StudyExperiment
+from visavis.study.responses import Keys
+from visavis.study.trial import TrialScript, is_on_board
 
 UNDRAWN_PX: Final = (720, 800)
 MARKED_NS: Final = NS_PER_S // 2

@@ -8,16 +8,16 @@ from typing import Any
 import pandas as pd
 
 from visavis.analysis.blur_loss import loss_table, motion_of
-from visavis.catalogue import find_study
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import LabError, UsageError
-from visavis.methods import own_methods
-from visavis.opened import overrides_of
 from visavis.protocol.key_file import KeyFile
 from visavis.recording.bids_about import DatasetAbout
 from visavis.recording.reader import Recording
 from visavis.recording.sharing import TIERS, SharedRecording, Sharing, TextRule, Tier
-from visavis.responses import Text
+from visavis.results.opened_study import overrides_of
+from visavis.results.report.methods import own_methods
+from visavis.study.catalogue import find_study
+from visavis.study.responses import Text
 
 BLURRED_RISK = (
     "The public tier gives everybody the body of one reference person, smooths movements, tells "

@@ -5,24 +5,29 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from visavis.catalogue import SHIPPED, find_study, is_file
 from visavis.cli.telling import say_when_compiling
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.opened import OpenedStudy
 from visavis.protocol.key_file import KeyFile
 from visavis.protocol.ledger import Ledger, Participant, UnknownParticipant
 from visavis.protocol.questionnaires import available
 from visavis.recording.folder import SIMULATED_ROOT, study_dir
 from visavis.recording.manifest import read_manifest
 from visavis.recording.sealed import copy_path
-from visavis.sessions.begun_design import require_same_design
-from visavis.sessions.data_root import prepare_data_root
-from visavis.sessions.rig import is_simulated
-from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
-from visavis.sessions.study_folder import StudySettings, sessions_of, settle, wanted_settings
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.data_root import prepare_data_root
+from visavis.running.sessions.device_setup import is_simulated
+from visavis.running.sessions.folder_check import SIMULATED_PREFIX, is_study
+from visavis.running.sessions.recorded_design import require_same_design
+from visavis.running.sessions.study_folder import (
+    StudySettings,
+    sessions_of,
+    settle,
+    wanted_settings,
+)
+from visavis.study.catalogue import SHIPPED, find_study, is_file
 
 DRY_RUNS = "dry_runs"
 """Folder below the data root with a data root for each study that `simulate` made."""

@@ -19,9 +19,9 @@ from visavis.cli.app import console, errors, say_plainly
 from visavis.lab.clock import StopWatch
 
 if TYPE_CHECKING:
-    from visavis.experiment import StudyExperiment
     from visavis.lab.config import LabConfig
-    from visavis.opened import OpenedStudy
+    from visavis.results.opened_study import OpenedStudy
+    from visavis.study.experiment import StudyExperiment
 
 MEASURED_PICTURES = 8
 """A film says how long it takes once so many are drawn after the first, which loads everything."""
@@ -46,7 +46,7 @@ def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
 
 
 class TerminalTelling:
-    """Follow `visavis.sessions.studies.Telling` on the terminal."""
+    """Follow `visavis.running.sessions.studies.Telling` on the terminal."""
 
     def say(self, text: str) -> None:
         """Print it."""
@@ -78,7 +78,7 @@ def say_when_compiling() -> None:
 
 def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:
     """Do what would hold up a frame before anything is shown; done already, it takes no time."""
-    from visavis.sessions.perform import get_ready
+    from visavis.running.sessions.perform import get_ready
 
     with TELLING.progress(f"getting {experiment.name} ready") as told:
         trouble = get_ready(study, experiment, config, told)

@@ -11,7 +11,7 @@ from benchmarks.gaze_detectors.peers import PEERS
 from benchmarks.gaze_detectors.rates import DETECTORS
 from benchmarks.gaze_detectors.sets import SETS
 from visavis.analysis.gaze import events
-from visavis.looks import DEFAULT_MEASURE_PARAMETERS
+from visavis.study.look_measures import DEFAULT_MEASURE_PARAMETERS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "gaze.md").read_text(encoding="utf-8")
 PRESETS = {

@@ -18,8 +18,8 @@ from visavis.protocol.operator import Action, Command
 from visavis.protocol.states import SessionState
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
-from visavis.sessions.study_check import SIMULATED_PREFIX
-from visavis.sessions.study_folder import StudySettings, settle
+from visavis.running.sessions.folder_check import SIMULATED_PREFIX
+from visavis.running.sessions.study_folder import StudySettings, settle
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from tests.faults.sessions import lab
 from visavis.cli.desk import server as desk_server
 from visavis.cli.desk.link import About, SessionLink
 from visavis.cli.desk.server import DeskServer
-from visavis.page.server import KEY
 from visavis.protocol.operator import Action, Command, UnattendedOperator
+from visavis.running.page.server import KEY
 
 PATIENCE_S = 30.0
 FOUND = {"made_wall_iso": "2026-01-01T00:00:00+00:00", "count": {}, "findings": []}

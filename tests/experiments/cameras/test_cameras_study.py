@@ -9,10 +9,10 @@ import pytest
 from visavis.experiments.cameras.sections import equivalence, sides
 from visavis.experiments.cameras.study import CAMERAS, PAIRS, could_tell, faults, study
 from visavis.experiments.cameras.walks import WALKS, walked
-from visavis.filmed import FilmSeen
-from visavis.films import Film
-from visavis.opened import OpenedStudy
-from visavis.page.film_store import FilmStore, film_store
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.film_store import FilmStore, film_store
+from visavis.study.films import Film
+from visavis.study.moving_camera import FilmSeen
 
 
 @pytest.fixture(scope="module")

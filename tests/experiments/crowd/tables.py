@@ -8,10 +8,10 @@ import pandas as pd
 from visavis.experiments.crowd.design import CONTROL_GROUP, GROUPS, HAPTICS_GROUP
 from visavis.experiments.crowd.measures import DEFAULT_MEASURES, MeasureParameters
 from visavis.experiments.crowd.study import study
-from visavis.intake import SessionIntake
-from visavis.opened import OpenedStudy
 from visavis.recording.reader import Recording
-from visavis.study_analysis import StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.intake import SessionIntake
+from visavis.results.opened_study import OpenedStudy
 
 OPENED: Final = OpenedStudy(study)
 QUICK: Final = {"n_permutations": 49, "n_splits": 10}

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from visavis.experiments.crowd.measuring import sex_of
-from visavis.intake import blocks_of
 from visavis.protocol.questionnaires import load_questionnaire, read_answer
+from visavis.results.intake import blocks_of
 
 
 def recording(answers: dict[tuple[str, str], str | None]) -> Any:

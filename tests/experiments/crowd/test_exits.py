@@ -16,7 +16,7 @@ from visavis.lab.errors import SessionAborted
 from visavis.protocol.operator import Action, Command
 from visavis.protocol.states import SessionState
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new
+from visavis.running.sessions.perform import perform_new
 
 HAPTIC_WALK = (SessionState.TRIAL, 3)
 IN_THE_MIDST = 700

@@ -5,7 +5,6 @@ import pytest
 
 from tests.experiments.crowd.sessions import session
 from tests.experiments.crowd.tables import measured
-from visavis.catalogue import find_study
 from visavis.experiments.crowd.design import CrowdParameters
 from visavis.experiments.crowd.haptics import BAND_ROLES
 from visavis.experiments.crowd.measures import MeasureParameters
@@ -15,6 +14,7 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan import Trial
 from visavis.protocol.steps import NextFrame, Reflex, Silence, TrialInterrupted
+from visavis.study.catalogue import find_study
 
 QUICK = MeasureParameters(surface="capsules")
 HAPTIC_TRIAL = Trial(

@@ -11,9 +11,9 @@ from tests.experiments.crowd.tables import OPENED
 from visavis.cli.main import app
 from visavis.lab.clock import SimClock
 from visavis.lab.config_files import EXAMPLE
-from visavis.locked.deviations import deviations_between
-from visavis.sessions.plan_lock import content_now, lock_plan, read_lock
-from visavis.sessions.studies import Quiet, analyse_study
+from visavis.results.locked_plan.deviations import deviations_between
+from visavis.running.sessions.plan_lock import content_now, lock_plan, read_lock
+from visavis.running.sessions.studies import Quiet, analyse_study
 
 
 class Silent(Quiet):

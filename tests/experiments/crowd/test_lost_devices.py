@@ -14,7 +14,7 @@ from visavis.experiments.crowd.pulses import pulse_rows
 from visavis.protocol.operator import Action, Command
 from visavis.protocol.states import SessionState
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new
+from visavis.running.sessions.perform import perform_new
 
 ROLE = "armband_right_forearm"
 NOT_HAPTIC_S, HAPTIC_S = 18.0, 36.0

@@ -13,18 +13,18 @@ from tests.experiments.crowd.sessions import session
 from tests.experiments.crowd.tables import OPENED
 from visavis.experiments.crowd.measures import MeasureParameters
 from visavis.experiments.crowd.measuring import PIECES, trials_of
-from visavis.intake import SessionIntake
 from visavis.lab.errors import ConfigError, DataError, UsageError
-from visavis.pieces import MeasuredTrial
 from visavis.recording.reader import Recording
-from visavis.sessions.piecewise import (
+from visavis.results.intake import SessionIntake
+from visavis.running.sessions.piecewise import (
     TrialJob,
     kept_at,
     measure_job,
     measure_sessions,
     read_kept,
 )
-from visavis.sessions.runners import on_scheduler, on_this_machine
+from visavis.running.sessions.runners import on_scheduler, on_this_machine
+from visavis.study.pieces import MeasuredTrial
 
 QUICK = {"surface": "capsules"}
 HOW = MeasureParameters(surface="capsules")

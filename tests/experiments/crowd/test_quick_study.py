@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from visavis.analysis.gait import crossing_angles_deg, step_length_m, walk_measures
-from visavis.catalogue import find_study
 from visavis.experiments.crowd.collision_measures import collision_rows, walk_volumes
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC, CrowdParameters
 from visavis.experiments.crowd.measures import cells_of
@@ -17,6 +16,7 @@ from visavis.experiments.crowd.study import plan_session
 from visavis.experiments.crowd.walks import STEP_NS, Walk
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.stimuli.scenes.station_crowd import BOARD_M, START_M
+from visavis.study.catalogue import find_study
 
 ONE = {"configuration": [1]}
 

@@ -11,7 +11,7 @@ from tests.experiments.crowd.tables import OPENED, analysed
 from visavis.analysis.report import ReportProvenance, SessionSource
 from visavis.experiments.crowd.columns import TRIALS
 from visavis.lab.errors import DataError
-from visavis.outputs import write_study
+from visavis.results.outputs import write_study
 
 PROVENANCE = ReportProvenance("crowd", "1", "virtual time", commands=("visavis analyse crowd",))
 

@@ -12,7 +12,7 @@ from visavis.experiments.crowd.haptics import BAND_ROLES
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import SessionAborted
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.perform import perform_new, perform_rest
 
 PARAMETERS = {"configurations": [1, 2], "limit_s": 15.0}
 DONE_BEFORE = 4

@@ -12,8 +12,8 @@ from benchmarks.simulated_tracker import tracker_of
 from visavis.experiments.hybrid.clips import CLIPS, Flaws, hybrid_clip, key_frame_clip, period_s
 from visavis.experiments.hybrid.sections import consistency, sign_test_p
 from visavis.experiments.hybrid.study import looks_of, study
-from visavis.opened import OpenedStudy
-from visavis.quick import quick_study
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.quick import quick_study
 from visavis.stimuli.motion.clip import placed_joints
 
 PEOPLE = 31

@@ -19,8 +19,8 @@ from visavis.experiments.interpolation.gestures import (
     source_of,
 )
 from visavis.experiments.interpolation.study import ERROR_SD, PERSON_SD, naturalness_of, study
-from visavis.opened import OpenedStudy
-from visavis.quick import quick_study
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.quick import quick_study
 from visavis.stimuli.motion.clip import placed_joints
 from visavis.stimuli.motion.interpolation import Method
 

@@ -10,9 +10,9 @@ from visavis.experiments.stare.comparisons import MEASURES
 from visavis.experiments.stare.design import CONDITIONS
 from visavis.experiments.stare.published import MEANS
 from visavis.experiments.stare.study import study
-from visavis.opened import OpenedStudy
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.opened_study import OpenedStudy
 from visavis.stimuli.scenes.audience import ACTIVE_PLACES, depth_of, zone_of
-from visavis.study_analysis import StudyAnalysis
 
 SPREAD = {"dwell_ms": 0.8, "fixation_count": 0.9}
 """Within-person standard deviation of a trial as a share of the condition's mean."""

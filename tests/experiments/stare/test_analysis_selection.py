@@ -3,10 +3,10 @@ import pandas as pd
 import pytest
 
 from tests.experiments.stare.synthetic_rows import analysed, anxiety_answers, study_rows
-from visavis.exclusions import Selection, mean_error_deg
 from visavis.experiments.stare.study import study
 from visavis.lab.errors import UsageError
-from visavis.opened import OpenedStudy
+from visavis.results.opened_study import OpenedStudy
+from visavis.study.exclusions import Selection, mean_error_deg
 
 LIMIT_DEG = 2.5
 

@@ -23,8 +23,8 @@ from visavis.experiments.stare.conclusions import conclude
 from visavis.experiments.stare.design import CONDITIONS
 from visavis.experiments.stare.study import experiment_of
 from visavis.lab.errors import DataError
-from visavis.outputs import statistics_rows
-from visavis.pairs import (
+from visavis.results.outputs import statistics_rows
+from visavis.study.pairs import (
     Agreement,
     agreement,
     compare,

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from visavis.experiment import StudyExperiment
 from visavis.experiments.stare.design import CONDITIONS, StareParameters
 from visavis.experiments.stare.scene import CHARACTERS, characters_of, scene_of
 from visavis.experiments.stare.study import experiment_of, plan_session, study
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.stimuli.scenes.audience import ACTIVE_PLACES, PLACES, depth_of, zone_of
+from visavis.study.experiment import StudyExperiment
 
 PLAN = plan_session(7, 1)
 TRIALS = [t for t in PLAN.trials if not t.is_practice]

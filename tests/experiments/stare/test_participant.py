@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from visavis.devices.contracts import EYES_DTYPE
 from visavis.lab.geometry import angle_deg, rotate, unit
-from visavis.observer import Observer
+from visavis.people.observer import Observer
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.audience import (
     ACTIVE_PLACES,

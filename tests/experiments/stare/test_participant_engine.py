@@ -8,9 +8,9 @@ from visavis.experiments.stare.design import MAX_AGENTS, MIN_AGENTS
 from visavis.experiments.stare.study import study
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
-from visavis.opened import OpenedStudy
-from visavis.quick import quick_study
-from visavis.sessions.simulation import SimulationTask, measure_one, simulate_one
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.quick import quick_study
+from visavis.running.sessions.simulation import SimulationTask, measure_one, simulate_one
 
 SHORT = {"repetitions": 1, "trial_s": 6.0}
 SEED, INDEX = 7, 2

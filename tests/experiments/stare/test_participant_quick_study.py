@@ -14,11 +14,11 @@ from visavis.experiments.stare.design import (
 from visavis.experiments.stare.quick_study import quick_trials
 from visavis.experiments.stare.study import experiment_of
 from visavis.experiments.stare.study import study as stare
-from visavis.looks import MAIN_MEASURES
-from visavis.observer import Observer
-from visavis.opened import OpenedStudy
-from visavis.quick import quick_study
+from visavis.people.observer import Observer
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.quick import quick_study
 from visavis.stimuli.scene import SceneFrame
+from visavis.study.look_measures import MAIN_MEASURES
 
 EXPERIMENT = experiment_of()
 

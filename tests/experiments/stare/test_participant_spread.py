@@ -6,10 +6,10 @@ from scipy import special, stats
 
 from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.stare.published import MEANS, PARTICIPANTS, TESTS
-from visavis.looks import DWELL_MS, FIRST_FIXATION_DURATION_MS, FIXATION_COUNT
-from visavis.observer import Observer
-from visavis.observer.temperament import DEFAULT_POPULATION, draw_temperament
-from visavis.power import KitPower
+from visavis.people.observer import Observer
+from visavis.people.observer.temperament import DEFAULT_POPULATION, draw_temperament
+from visavis.results.power import KitPower
+from visavis.study.look_measures import DWELL_MS, FIRST_FIXATION_DURATION_MS, FIXATION_COUNT
 
 
 def printed_dz(first: str, second: str, measure: str) -> float:

@@ -20,9 +20,9 @@ from visavis.experiments.stare.published import (
     ZONE_TESTS,
     ZONE_THRESHOLDS,
 )
-from visavis.looks import DWELL_MS, MAIN_MEASURES
-from visavis.pairs import Printed
 from visavis.stimuli.scenes.audience import ACTIVE_PLACES
+from visavis.study.look_measures import DWELL_MS, MAIN_MEASURES
+from visavis.study.pairs import Printed
 
 DF = PARTICIPANTS - 1
 T_TESTS = {key: row for key, row in TESTS.items() if row.statistic is not None}

@@ -13,15 +13,15 @@ from tests.experiments.stare.synthetic_rows import (
 )
 from visavis.analysis.report import ReportProvenance, SessionSource
 from visavis.experiments.stare.study import experiment_of, study
-from visavis.family_report import agreement_table
-from visavis.intake import questionnaire
 from visavis.lab.errors import DataError, UsageError
-from visavis.methods import method_paragraphs
-from visavis.opened import OpenedStudy
-from visavis.outputs import write_study
-from visavis.quality import quality_of
-from visavis.report import kept_of
-from visavis.reporting_list import OPEN, SETUP_ITEMS, reporting_table
+from visavis.results.intake import questionnaire
+from visavis.results.opened_study import OpenedStudy
+from visavis.results.outputs import write_study
+from visavis.results.quality import quality_of
+from visavis.results.report.family_report import agreement_table
+from visavis.results.report.methods import method_paragraphs
+from visavis.results.report.reporting_list import OPEN, SETUP_ITEMS, reporting_table
+from visavis.results.report.study_report import kept_of
 
 PROVENANCE = ReportProvenance(
     study="stare",

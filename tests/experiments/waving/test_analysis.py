@@ -12,8 +12,8 @@ from visavis.experiments.waving.clips import TECHNIQUES
 from visavis.experiments.waving.sections import relative_confusion, warping_section
 from visavis.experiments.waving.study import DIRECTIONS, study
 from visavis.lab.errors import DataError
-from visavis.opened import OpenedStudy
-from visavis.outputs import statistics_rows, write_study
+from visavis.results.opened_study import OpenedStudy
+from visavis.results.outputs import statistics_rows, write_study
 
 WAVING = OpenedStudy(study)
 EXPERIMENT = WAVING.experiment({})

@@ -8,7 +8,7 @@ from visavis.experiments.waving import clips
 from visavis.experiments.waving.clips import DEFAULT_MAKING, TECHNIQUES
 from visavis.experiments.waving.study import DIRECTIONS, study, who_question
 from visavis.lab.errors import DesignError
-from visavis.opened import OpenedStudy
+from visavis.results.opened_study import OpenedStudy
 from visavis.stimuli.scenes.office import (
     CLERKS,
     CUSTOMERS,
@@ -16,7 +16,7 @@ from visavis.stimuli.scenes.office import (
     STANDING_EYE_M,
     neighbour,
 )
-from visavis.trial import TrialScript
+from visavis.study.trial import TrialScript
 
 WAVING = OpenedStudy(study)
 

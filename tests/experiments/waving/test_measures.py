@@ -6,8 +6,8 @@ import pytest
 from visavis.experiments.waving.clips import TECHNIQUES
 from visavis.experiments.waving.sections import relative_confusion
 from visavis.experiments.waving.study import DIRECTIONS, study
-from visavis.measures import aggregated
-from visavis.opened import OpenedStudy
+from visavis.results.opened_study import OpenedStudy
+from visavis.study.measures import aggregated
 
 WAVING = OpenedStudy(study)
 

@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 
 import visavis.experiments.waving.clips as clips
-from visavis.catalogue import find_study
 from visavis.experiments.waving.clips import study_wave, wave_of
 from visavis.experiments.waving.study import making_of
 from visavis.stimuli.motion.warping.track import Reached
+from visavis.study.catalogue import find_study
 
 
 @pytest.fixture

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from benchmarks.waving_quick import quick_analysis, quick_session, quick_study
-from visavis.catalogue import find_study
 from visavis.cli.quick_tracker import tracker_of
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
-from visavis.power import KitPower
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import perform_new, simulated_request
+from visavis.results.power import KitPower
+from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.study.catalogue import find_study
 
 PILOT = {
     "clerk": ["clerk_left"],

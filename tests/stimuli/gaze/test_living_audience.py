@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from visavis.lab.geometry import Vector, angle_deg, rotate, unit
-from visavis.scenes import Staging, WithEyes, two_people
 from visavis.stimuli.dressing.audience import audience_picture
 from visavis.stimuli.dressing.casting import build_of, default_casting
 from visavis.stimuli.dressing.gathering import gathering_picture
@@ -18,6 +17,7 @@ from visavis.stimuli.motion.seating import seated_under_eyes
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.rooms.audience_room import HIP_BEHIND_EYES_M, step_height_m
 from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
+from visavis.study.scenes import Staging, WithEyes, two_people
 
 NAMES = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
 OBSERVER_M = PARTICIPANT_EYE_M + np.array([0.05, -0.02, 0.03])

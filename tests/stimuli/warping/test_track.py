@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.stimuli.warping.bodies import arm_raised, box_person
-from visavis.beside import AtOnce
 from visavis.stimuli.motion.warping.control import (
     ControlSettings,
     Situation,
@@ -20,6 +19,7 @@ from visavis.stimuli.motion.warping.features import FeatureTarget
 from visavis.stimuli.motion.warping.outlook import looking_at, outlook
 from visavis.stimuli.motion.warping.track import SHOWN_AHEAD_S, TrackLoop, WarpTrack, solved
 from visavis.stimuli.motion.warping.units import units_named
+from visavis.study.background import AtOnce
 
 UNITS = units_named(("neck_head",))
 START_S, GAP_S, FADE_S = 1.0, 1 / 30, 0.5

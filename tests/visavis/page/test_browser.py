@@ -17,9 +17,9 @@ import pytest
 from tests.visavis.page.pages import STUDY
 from visavis.lab.clock import StopWatch
 from visavis.lab.config_files import EXAMPLE
-from visavis.page.desk import ASLEEP, RELOADED, RESTARTED
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
+from visavis.running.page.desk import ASLEEP, RELOADED, RESTARTED
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0

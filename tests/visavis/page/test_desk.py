@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.visavis.page.pages import TAB, begun, gone_on, study
-from visavis.careless import Careless
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
-from visavis.page.desk import ASLEEP, LEASE_NS, RELOADED, RESTARTED
-from visavis.page.errors import OpenElsewhereError, PageError
-from visavis.page.server import FILES, SITE
-from visavis.page.spoken import HOW_MANY, NOT_HEARD, heard, spoken, spoken_digits
 from visavis.recording.reader import Recording
+from visavis.running.page.desk import ASLEEP, LEASE_NS, RELOADED, RESTARTED
+from visavis.running.page.errors import OpenElsewhereError, PageError
+from visavis.running.page.server import FILES, SITE
+from visavis.running.page.spoken_digits import HOW_MANY, NOT_HEARD, heard, spoken, spoken_digits
+from visavis.study.careless_answers import Careless
 
 
 def answers_in(path: Path) -> list[tuple[str, Any]]:

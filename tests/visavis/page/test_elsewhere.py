@@ -16,19 +16,19 @@ from typing import Any
 import pytest
 
 from tests.visavis.page.pages import config
-from visavis.catalogue import find_study
-from visavis.experiment import StudyExperiment
 from visavis.lab.clock import StopWatch, SystemClock
 from visavis.lab.errors import DesignError, UsageError
-from visavis.page.elsewhere.bundle import steps_of_place, write_bundle
-from visavis.page.elsewhere.results import import_runs, read_runs
-from visavis.page.film_store import FilmStore, film_store
-from visavis.page.spoken import heard, spoken_digits
 from visavis.protocol.experiment import untold
 from visavis.protocol.ledger import Ledger
 from visavis.protocol.operator import UnattendedOperator
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import Request
+from visavis.running.film_store import FilmStore, film_store
+from visavis.running.page.other_hosts.bundle import steps_of_place, write_bundle
+from visavis.running.page.other_hosts.results import import_runs, read_runs
+from visavis.running.page.spoken_digits import heard, spoken_digits
+from visavis.running.sessions.perform import Request
+from visavis.study.catalogue import find_study
+from visavis.study.experiment import StudyExperiment
 
 PATIENCE_S = 60.0
 STUDY = """

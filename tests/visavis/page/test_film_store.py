@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from visavis.catalogue import find_study
-from visavis.films import Film, Following, Lens, Placed
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
-from visavis.page.film_store import FilmStore, film_store
-from visavis.scenes import Scene
+from visavis.running.film_store import FilmStore, film_store
 from visavis.stage.errors import StageError
 from visavis.stimuli.characters.character import Material
 from visavis.stimuli.dressing.picture_of import NOBODY
 from visavis.stimuli.picture import Light, Panel, Picture, PlacedProp, Prop, Room, StaticMesh
+from visavis.study.catalogue import find_study
+from visavis.study.films import Film, Following, Lens, Placed
+from visavis.study.scenes import Scene
 
 SHORT = Film(Scene("person", motion="wave"), 0.1, size_px=(64, 64), rate_hz=30)
 

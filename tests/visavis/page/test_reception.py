@@ -13,23 +13,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.visavis.page.pages import SEED, config, experiment, study
-from visavis.experiment import StudyExperiment
 from visavis.experiments.interpolation.study import study as interpolation
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import DataError, UsageError
-from visavis.page.arrivals import arrival_of, check_completion, completion_of, least_filled
-from visavis.page.client import arrive, visit
-from visavis.page.errors import PageError
-from visavis.page.film_store import film_store
-from visavis.page.perform import about_of
-from visavis.page.reception import IDLE_NS, Brake, Reception, Rules
-from visavis.page.server import KEY, PageServer
-from visavis.page.steps import PageStep
-from visavis.page.visitor import Visitor, visitor_of
 from visavis.protocol.ledger import Ledger
 from visavis.protocol.operator import UnattendedOperator
 from visavis.recording.reader import Recording
-from visavis.sessions.perform import Request
+from visavis.running.film_store import film_store
+from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled
+from visavis.running.page.client import arrive, visit
+from visavis.running.page.errors import PageError
+from visavis.running.page.perform import about_of
+from visavis.running.page.reception import IDLE_NS, Brake, Reception, Rules
+from visavis.running.page.server import KEY, PageServer
+from visavis.running.page.steps import PageStep
+from visavis.running.page.visitor import Visitor, visitor_of
+from visavis.running.sessions.perform import Request
+from visavis.study.experiment import StudyExperiment
 
 
 class Somebody(Visitor):

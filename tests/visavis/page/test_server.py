@@ -10,7 +10,7 @@ import aiohttp
 import pytest
 
 from tests.visavis.page.pages import Page, begun
-from visavis.page.server import KEY, SITE, Held, PageServer
+from visavis.running.page.server import KEY, SITE, Held, PageServer
 
 MAX_PAGE_BYTES = 300_000
 

@@ -18,8 +18,8 @@ def trial(t):
 CODE = """
 import sys
 import visavis.cli.commands.serving
-import visavis.page.reception
-from visavis.catalogue import find_study
+import visavis.running.page.reception
+from visavis.study.catalogue import find_study
 films = find_study(sys.argv[1]).experiment({}).films
 heavy = (
     "matplotlib", "av", "moderngl", "scipy.stats", "scipy.signal", "scipy.optimize",

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from visavis.page.server import KEY
 from visavis.recording.reader import Recording
+from visavis.running.page.server import KEY
 
 STUDY = """
 from visavis import Factor, Rating, Study

@@ -29,8 +29,8 @@ from visavis.cli.studies import folder_of, require_session, session_of
 from visavis.lab.errors import RecordingError
 from visavis.recording.reader import Recording
 from visavis.recording.recovery import recover as recover_session
-from visavis.sessions.study_check import is_study, repair_study, study_problems
-from visavis.sessions.study_folder import session_folders
+from visavis.running.sessions.folder_check import is_study, repair_study, study_problems
+from visavis.running.sessions.study_folder import session_folders
 
 EXIT_RED = 5
 DATA_SET = "dataset_description.json"

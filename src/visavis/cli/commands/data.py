@@ -25,8 +25,8 @@ from visavis.lab.config import LabConfig
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError, UsageError
 from visavis.recording.reader import Recording
-from visavis.sessions.study_check import is_study
-from visavis.sessions.study_folder import sessions_of
+from visavis.running.sessions.folder_check import is_study
+from visavis.running.sessions.study_folder import sessions_of
 
 FORMATS = ("parquet", "bids", "xdf", "pedpy")
 """What `export` writes."""
@@ -142,7 +142,7 @@ def export(
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
     from visavis.cli.sharing import BLURRED_RISK, LOSS_NAME, loss_page, losses, shared_recording
-    from visavis.sessions.damage import require_intact
+    from visavis.running.sessions.damage import require_intact
 
     if format_name not in FORMATS:
         raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")

@@ -48,8 +48,8 @@ def export_web(
 
     Example: visavis export-web ./lively.py --places 60 -o lively.jzip
     """
-    from visavis.page.arrivals import check_completion
-    from visavis.page.elsewhere.bundle import ARCHIVE, write_bundle
+    from visavis.running.page.arrivals import check_completion
+    from visavis.running.page.other_hosts.bundle import ARCHIVE, write_bundle
 
     check_completion(completion)
     parts = urlsplit(results)
@@ -95,7 +95,7 @@ def import_web(
 
     Example: visavis import-web ./lively.py jatos_results.jrzip
     """
-    from visavis.page.elsewhere.results import import_runs, read_runs
+    from visavis.running.page.other_hosts.results import import_runs, read_runs
 
     here, base = page_study(study, devices, config, seed, assignments, language)
     runs, unreadable = read_runs(files)

@@ -22,8 +22,8 @@ from visavis.cli.studies import session_of
 from visavis.cli.telling import TELLING, Forecast
 from visavis.lab.errors import UsageError
 from visavis.recording.kept import KeptRecording
-from visavis.sessions.cast import use_recorded_cast
-from visavis.sessions.study_folder import study_of_folder
+from visavis.running.sessions.study_folder import study_of_folder
+from visavis.study.cast import use_recorded_cast
 
 if TYPE_CHECKING:
     from visavis.cli.film.cameras import CameraKind

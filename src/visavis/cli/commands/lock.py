@@ -18,8 +18,8 @@ from visavis.cli.app import (
 from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption
 from visavis.cli.studies import study_here
 from visavis.lab.clock import SystemClock
-from visavis.sessions.plan_lock import LOCK_NAME, PAGE_NAME, lock_plan
-from visavis.sessions.study_folder import session_folders
+from visavis.running.sessions.plan_lock import LOCK_NAME, PAGE_NAME, lock_plan
+from visavis.running.sessions.study_folder import session_folders
 
 
 @app.command()

@@ -8,7 +8,7 @@ import typer
 
 from visavis.cli.app import ConfigOption, app, console, load_lab, say
 from visavis.cli.studies import study_of_lab
-from visavis.new_study import new_study
+from visavis.running.new_study import new_study
 
 
 @app.command()

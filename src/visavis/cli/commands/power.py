@@ -27,7 +27,6 @@ from visavis.analysis.power.summary import target_text
 from visavis.analysis.statistics import PowerPoint
 from visavis.analysis.statistics.power import AdequacyRule
 from visavis.analysis.statistics.results import number
-from visavis.catalogue import find_study, reference_of
 from visavis.cli.app import (
     ConfigOption,
     JsonOption,
@@ -45,12 +44,13 @@ from visavis.cli.quick_tracker import tracker_of
 from visavis.cli.telling import counting, say_when_compiling
 from visavis.lab.clock import StopWatch
 from visavis.lab.errors import UsageError
-from visavis.opened import OpenedStudy
-from visavis.power import KitPower
 from visavis.recording.csv_file import write_csv
-from visavis.sessions.runners import on_scheduler, on_this_machine
-from visavis.sessions.simulation import worker_count
-from visavis.sessions.study_folder import DEFAULT_SEED, read_parameters
+from visavis.results.opened_study import OpenedStudy
+from visavis.results.power import KitPower
+from visavis.running.sessions.runners import on_scheduler, on_this_machine
+from visavis.running.sessions.simulation import worker_count
+from visavis.running.sessions.study_folder import DEFAULT_SEED, read_parameters
+from visavis.study.catalogue import find_study, reference_of
 
 TESTS_PER_TABLE = 5
 WIDEST_COLUMN = 60

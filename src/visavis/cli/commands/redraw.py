@@ -20,7 +20,7 @@ from visavis.cli.leaving import leave, require_whole
 from visavis.cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from visavis.cli.studies import session_of
 from visavis.recording.kept import KeptRecording
-from visavis.sessions.cast import use_recorded_cast
+from visavis.study.cast import use_recorded_cast
 
 
 @app.command()

@@ -18,10 +18,10 @@ from visavis.cli.app import (
 )
 from visavis.cli.studies import session_of
 from visavis.lab.errors import UsageError
-from visavis.opened import OpenedStudy
 from visavis.recording.kept import KeptRecording
-from visavis.sessions.cast import use_recorded_cast
-from visavis.sessions.study_folder import study_of_folder
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.study_folder import study_of_folder
+from visavis.study.cast import use_recorded_cast
 
 
 @app.command()
@@ -59,7 +59,7 @@ def replay(
 
 def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -> None:
     from visavis.cli.commands.checking import EXIT_RED
-    from visavis.sessions.verifying import is_in_real_time, verify
+    from visavis.running.sessions.verification import is_in_real_time, verify
 
     lab = load_lab(config, "sim", only_simulates=True)
     in_real_time = recording.is_simulated and is_in_real_time(recording)

@@ -25,15 +25,15 @@ from visavis.cli.app import (
 from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOption, SetOption
 from visavis.cli.studies import StudyHere, study_here, study_of_lab
 from visavis.cli.telling import TELLING
-from visavis.experiment import StudyExperiment
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import UsageError
 from visavis.protocol.operator import UnattendedOperator
-from visavis.sessions.data_root import require_space
-from visavis.sessions.perform import Request
+from visavis.running.sessions.data_root import require_space
+from visavis.running.sessions.perform import Request
+from visavis.study.experiment import StudyExperiment
 
 if TYPE_CHECKING:
-    from visavis.page.film_store import FilmStore
+    from visavis.running.film_store import FilmStore
 
 EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
 
@@ -76,7 +76,7 @@ def serve(
 
     Example: visavis serve ./lively.py --public https://study.example.org --participants 40
     """
-    from visavis.page.arrivals import check_completion
+    from visavis.running.page.arrivals import check_completion
 
     check_completion(completion)
     parts = urlsplit(public)
@@ -141,7 +141,7 @@ def page_study(
 
 def built_films(base: Request) -> "FilmStore":
     """Return a study's films, built where they are not, with a bar that shows it."""
-    from visavis.page.film_store import film_store
+    from visavis.running.film_store import film_store
 
     experiment = base.experiment
     assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has looked
@@ -161,8 +161,8 @@ async def _serve(
     quota: int | None,
     completion: str,
 ) -> None:
-    from visavis.page.reception import Reception, Rules
-    from visavis.page.server import LOCAL, PageServer
+    from visavis.running.page.reception import Reception, Rules
+    from visavis.running.page.server import LOCAL, PageServer
 
     store = built_films(base)
     key_file = None if here.is_simulated else here.key_file
@@ -215,7 +215,7 @@ def board(
 
     `visavis serve` prints the address of the same as a page. Example: visavis board ./lively.py
     """
-    from visavis.page.board import STATES, board_of
+    from visavis.running.page.board import STATES, board_of
 
     here = study_here(study, load_lab(config, devices, quiet=as_json))
     made = board_of(here.ledger.list(), here.folder)

@@ -37,11 +37,9 @@ from visavis.cli.operator_screen import TerminalOperator
 from visavis.cli.questions import TerminalRespondent
 from visavis.cli.studies import StudyHere, require_session, study_here, study_of_lab
 from visavis.cli.telling import TELLING, counting, make_ready
-from visavis.experiment import StudyExperiment
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
-from visavis.opened import OpenedStudy, overrides_of
 from visavis.protocol.experiment import Experiment, demands_of, spare_roles_of
 from visavis.protocol.identifiers import make_label
 from visavis.protocol.ledger import Ledger, Participant, UnknownParticipant
@@ -50,19 +48,24 @@ from visavis.protocol.own_body import OwnBody, read_own_body
 from visavis.protocol.plan import SessionPlan
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from visavis.recording.reader import Recording
-from visavis.sessions.begun_design import (
+from visavis.results.opened_study import OpenedStudy, overrides_of
+from visavis.running.sessions.data_root import require_space
+from visavis.running.sessions.device_setup import (
+    check_rig,
+    devices_for,
+    is_simulated,
+    require_picture,
+)
+from visavis.running.sessions.folder_check import SIMULATED_PREFIX
+from visavis.running.sessions.perform import PageAddress, Request, perform_new, perform_rest
+from visavis.running.sessions.recorded_design import (
     changes_of_design,
     changes_since,
     design_of,
     design_of_session,
     in_words,
 )
-from visavis.sessions.cast import use_recorded_cast
-from visavis.sessions.data_root import require_space
-from visavis.sessions.perform import PageAddress, Request, perform_new, perform_rest
-from visavis.sessions.rig import check_rig, devices_for, is_simulated, require_picture
-from visavis.sessions.study_check import SIMULATED_PREFIX
-from visavis.sessions.study_folder import (
+from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
     StudySettings,
     may_become,
@@ -70,7 +73,9 @@ from visavis.sessions.study_folder import (
     refuse_other,
     study_of_folder,
 )
-from visavis.texts import DEFAULT_LANGUAGE, Texts, label_of
+from visavis.study.cast import use_recorded_cast
+from visavis.study.experiment import StudyExperiment
+from visavis.study.texts import DEFAULT_LANGUAGE, Texts, label_of
 
 BODIES = ("female", "male")
 MIN_STATURE_M, MAX_STATURE_M = 1.2, 2.3
@@ -467,7 +472,7 @@ def _perform(
     simulated = here.is_simulated
     experiment = here.study.experiment(settings.parameters)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
-        from visavis.page.film_store import film_store
+        from visavis.running.film_store import film_store
 
         with TELLING.progress("building films") as told:
             film_store(experiment).build(experiment.films, told)

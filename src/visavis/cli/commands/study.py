@@ -13,9 +13,9 @@ from visavis.cli.studies import DRY_RUNS, folder_of, study_of_lab
 from visavis.cli.telling import TELLING
 from visavis.lab.clock import StopWatch
 from visavis.recording.folder import SIMULATED_ROOT
-from visavis.sessions.data_root import require_space
-from visavis.sessions.studies import analyse_study, simulate_study
-from visavis.sessions.study_folder import (
+from visavis.running.sessions.data_root import require_space
+from visavis.running.sessions.studies import analyse_study, simulate_study
+from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
     StudySettings,
     wanted_settings,

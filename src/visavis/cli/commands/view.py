@@ -21,8 +21,8 @@ from visavis.cli.studies import session_of
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.recording.kept import KeptRecording
-from visavis.sessions.cast import use_recorded_cast
-from visavis.sessions.study_folder import study_of_folder
+from visavis.running.sessions.study_folder import study_of_folder
+from visavis.study.cast import use_recorded_cast
 
 MAX_SHOWN_S = 300.0
 """Trials beyond this length together are left out of a page unless they are named."""

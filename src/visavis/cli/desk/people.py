@@ -9,7 +9,6 @@ from typing import Any
 
 from visavis.analysis.session_check import check_session
 from visavis.analysis.session_verdict import SessionCheck
-from visavis.catalogue import SHIPPED
 from visavis.cli.commands.checking import ANSWER
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
@@ -18,8 +17,9 @@ from visavis.protocol.ledger import Ledger, Participant
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT
 from visavis.recording.manifest import PartStatus, read_manifest
 from visavis.recording.reader import Recording
-from visavis.sessions.rig import is_simulated
-from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
+from visavis.running.sessions.device_setup import is_simulated
+from visavis.running.sessions.folder_check import SIMULATED_PREFIX, is_study
+from visavis.study.catalogue import SHIPPED
 
 
 class Verdicts:

@@ -19,10 +19,10 @@ from visavis.cli.doctor.report import FILE_NAME, examine
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import DeviceError, LabError
-from visavis.page.errors import PageError
-from visavis.page.server import KEY, LOCAL, LocalServer, body_of
 from visavis.protocol.operator import Action, Command
-from visavis.sessions.rig import is_simulated
+from visavis.running.page.errors import PageError
+from visavis.running.page.server import KEY, LOCAL, LocalServer, body_of
+from visavis.running.sessions.device_setup import is_simulated
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {"/": "desk.html", "/desk.js": "desk.js", "/desk.css": "desk.css"}

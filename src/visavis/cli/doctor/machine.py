@@ -17,8 +17,8 @@ from visavis.lab.clock import MAX_STEP_NS, NS_PER_MS, Clock, clock_step_ns
 from visavis.lab.config import LabConfig, Screen
 from visavis.lab.errors import LabError
 from visavis.recording.provenance import provenance
-from visavis.sessions.data_root import data_disk
-from visavis.sessions.rig import (
+from visavis.running.sessions.data_root import data_disk
+from visavis.running.sessions.device_setup import (
     NO_PICTURE_REMEDY,
     NO_WINDOW_REMEDY,
     shows_nothing,

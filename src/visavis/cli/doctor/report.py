@@ -18,7 +18,7 @@ from visavis.devices.registry import driver_spec, driver_specs
 from visavis.lab.clock import Clock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE
-from visavis.sessions.rig import roles_expected
+from visavis.running.sessions.device_setup import roles_expected
 
 DEVICES = "devices"
 SELF_TEST_S = 10.0

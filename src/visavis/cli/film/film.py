@@ -39,9 +39,9 @@ from visavis.cli.session_lanes import lanes_of
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector, quat_conjugate, rotate
-from visavis.opened import OpenedStudy
-from visavis.page.seen import is_on_page
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.page.seen_trial import is_on_page
 from visavis.stage.identity import IdentityBuffer
 from visavis.stage.renderer import ON_PROCESSOR, Renderer
 from visavis.stimuli.camera.filming import capsules

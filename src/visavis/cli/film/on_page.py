@@ -11,13 +11,13 @@ from PIL import Image, ImageDraw, ImageFont
 from visavis.cli.film.renderer import film_renderer
 from visavis.cli.preview.pictures import SIMULATED, labelled
 from visavis.cli.recorded_trial import factors_of, trial_row
-from visavis.films import Film
 from visavis.lab.clock import NS_PER_S
-from visavis.opened import OpenedStudy
-from visavis.page.film_store import FilmStore
-from visavis.page.seen import Question, SeenStep, seen_trial
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.film_store import FilmStore
+from visavis.running.page.seen_trial import Question, SeenStep, seen_trial
 from visavis.stimuli.picture import Picture
+from visavis.study.films import Film
 
 Pixels = npt.NDArray[np.uint8]
 FILM_SHARE: Final = 0.68

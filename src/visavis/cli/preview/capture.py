@@ -11,19 +11,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from visavis.experiment import StudyExperiment
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
-from visavis.opened import OpenedStudy
 from visavis.protocol.experiment import Experiment
 from visavis.protocol.plan import SessionPlan, Trial
 from visavis.recording.kept import KeptRecording
-from visavis.sessions.perform import Request, of_no_session, perform_new, simulated_request
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.perform import Request, of_no_session, perform_new, simulated_request
 from visavis.stage.contracts import GeometryStage, Stage, Viewer
 from visavis.stimuli.scene import SceneFrame
+from visavis.study.experiment import StudyExperiment
 
 
 @dataclass(frozen=True, eq=False)

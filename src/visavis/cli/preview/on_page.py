@@ -13,7 +13,7 @@ from visavis.cli.preview.capture import Capture
 from visavis.cli.preview.pictures import SIMULATED, contact_sheet, labelled
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
-from visavis.opened import OpenedStudy
+from visavis.results.opened_study import OpenedStudy
 
 COLUMNS, ROWS = 3, 2
 

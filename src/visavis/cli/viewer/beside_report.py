@@ -9,9 +9,9 @@ from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.page import page_of
 from visavis.recording.durable import make_folder, replace_file
 from visavis.recording.kept import KeptRecording
-from visavis.sessions.cast import use_recorded_cast
-from visavis.sessions.study_folder import study_of_folder
-from visavis.worth_a_look import VIEWS, Striking, view_name
+from visavis.results.unusual import VIEWS, Striking, view_name
+from visavis.running.sessions.study_folder import study_of_folder
+from visavis.study.cast import use_recorded_cast
 
 
 def write_views(folder: Path, out_dir: Path, striking: Sequence[Striking]) -> None:

@@ -22,10 +22,10 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.lab.schema import Field
-from visavis.opened import OpenedStudy
-from visavis.page.seen import is_on_page
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import flattened
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.page.seen_trial import is_on_page
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Picture

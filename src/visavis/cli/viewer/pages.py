@@ -16,10 +16,10 @@ from visavis.cli.film.on_page import FilmPictures
 from visavis.cli.film.renderer import film_renderer
 from visavis.cli.recorded_trial import trial_row
 from visavis.cli.viewer.bundle import Bundle
-from visavis.films import Film
-from visavis.opened import OpenedStudy
-from visavis.page.seen import SeenStep, SeenTrial, seen_trial
 from visavis.recording.kept import KeptRecording
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.page.seen_trial import SeenStep, SeenTrial, seen_trial
+from visavis.study.films import Film
 
 PICTURES_PER_S: Final = 12
 HEIGHT_PX: Final = 320

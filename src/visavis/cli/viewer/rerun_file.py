@@ -15,10 +15,10 @@ from visavis.cli.viewer.content import Sample, samples_of, times_of
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
-from visavis.opened import OpenedStudy
-from visavis.page.seen import is_on_page
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import flattened
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.page.seen_trial import is_on_page
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.picture import Room

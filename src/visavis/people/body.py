@@ -1,0 +1,248 @@
+"""Simulated bodies: a hand that points and presses, segments as trackers see them, who stands."""
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.devices.contracts import EYES_DTYPE
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
+from visavis.people.resting_pose import at_ease, posed
+from visavis.protocol.boards import ALONG_FINGERS, HAND
+from visavis.stimuli.motion.blending import eased
+
+POINT_S: Final = 0.5
+"""How long a hand takes from one point to the next."""
+RELEASED_AFTER_NS: Final = NS_PER_S // 10
+TURN_S: Final = 0.45
+HEAD_SHARE: Final = 0.6
+"""Of a gaze shift that the head takes over."""
+SWAY_M: Final = 0.006
+SWAY_HZ: Final = (0.13, 0.11, 0.17)
+HALF_IPD_M: Final = 0.0315
+PUPIL_MM: Final = 3.5
+
+
+class PointingHand:
+    """A hand that goes from point to point and presses; times count from a stretch's begin.
+
+    `rest_m` (3,) is what it points to before anything is asked.
+    """
+
+    def __init__(self, rest_m: Vector) -> None:
+        self._points: list[tuple[float, Vector]] = [(-10.0, rest_m)]
+        self._presses: list[tuple[int, str, float]] = []
+
+    def point(self, start_s: float, goal_m: Vector) -> None:
+        """Begin to point to another point (3,) at a time."""
+        self._points.append((start_s, goal_m))
+
+    def press(self, t_ns: int, control: str) -> None:
+        """Press a control, session time, and let go of it."""
+        self._presses += [(t_ns, control, 1.0), (t_ns + RELEASED_AFTER_NS, control, 0.0)]
+        self._presses.sort(key=lambda press: press[0])
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield what was pressed and let go of since the last call."""
+        while self._presses and self._presses[0][0] <= until_ns:
+            yield self._presses.pop(0)
+
+    def next_press_ns(self) -> int | None:
+        """Return when something is pressed or let go of next; None when nothing is."""
+        return self._presses[0][0] if self._presses else None
+
+    def pointed_at(self, t_s: Vector) -> Vector:
+        """Return what is pointed to (t, 3)."""
+        point = np.broadcast_to(self._points[0][1], (len(t_s), 3))
+        for start_s, goal in self._points[1:]:
+            point = point + eased((t_s - start_s) / POINT_S)[:, None] * (goal - point)
+        return point
+
+
+def segments_of(
+    names: Sequence[str],
+    at_m: Vector,
+    eyes_m: Vector,
+    head_wxyz: Vector,
+    hand_m: Vector,
+    pointed_m: Vector,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return positions (t, n, 3) and orientations (t, n, 4) of segments of somebody who points.
+
+    They sit or stand at ease where their eyes are at `at_m` (3,), feet on the floor: whose eyes are
+    low sits. The trunk follows the head, of which `eyes_m` (t, 3) is the middle between the eyes
+    and `head_wxyz` (t, 4) the turn; the right hand is at `hand_m` (t, 3) and its fingers point to
+    `pointed_m` (t, 3).
+
+    Raises:
+        DataError: the body has no such segment.
+    """
+    unknown = [name for name in names if name not in BODY_JOINTS]
+    if unknown:
+        raise DataError(
+            f"the simulated body has no segment {', '.join(unknown)}; "
+            f"it has {', '.join(BODY_JOINTS)}"
+        )
+    hand_wxyz = fingers_to(unit(pointed_m - hand_m))
+    ease = at_ease(*(round(float(v), 3) for v in at_m))
+    all_m, all_wxyz = posed(ease, eyes_m, head_wxyz, hand_m, hand_wxyz)
+    chosen = [ease.skeleton.index(name) for name in names]
+    return all_m[:, chosen], all_wxyz[:, chosen]
+
+
+def hand_alone(
+    hand_m: Vector, pointed_m: Vector
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the right hand alone as `segments_of` does: it needs no body."""
+    return hand_m[:, None, :].copy(), fingers_to(unit(pointed_m - hand_m))[:, None, :]
+
+
+def fingers_to(direction: Vector) -> Vector:
+    """Return turns (t, 4) of a right hand whose fingers point along unit directions (t, 3)."""
+    found = np.empty((len(direction), 4))
+    found[:, 0] = 1.0 + direction @ ALONG_FINGERS
+    found[:, 1:] = np.cross(ALONG_FINGERS, direction)
+    length = np.linalg.norm(found, axis=1, keepdims=True)
+    backwards = np.array([0.0, 0.0, 1.0, 0.0])
+    return np.where(length < 1e-9, backwards, found / np.maximum(length, 1e-9))
+
+
+class StandingBody:
+    """Somebody who stands and sways, looks from point to point with eyes and head, and points.
+
+    The bodily part of `visavis.protocol.participants.SimulatedParticipant`; who they are and what
+    they answer is for who inherits. `eye_m` (3,) is where the eyes are when upright, `sway_rad`
+    (3,) where in its swaying the body begins, `ahead_m` what is looked at by itself, `hand_m` where
+    the right hand is and `rest_m` what it points to.
+    """
+
+    def __init__(
+        self, eye_m: Vector, sway_rad: Vector, *, ahead_m: Vector, hand_m: Vector, rest_m: Vector
+    ) -> None:
+        self._eye, self._sway = eye_m, sway_rad
+        self._ahead, self._hand_m, self._rest = ahead_m, hand_m, rest_m
+        self._fit = 0
+        self.prepare(0, 0)
+
+    # ---- SimulatedParticipant ----
+
+    def prepare(self, stretch: int, t_ns: int) -> None:
+        """Begin a new stretch of behaviour at this session time: look ahead, the hand down."""
+        self._stretch, self._origin_ns = stretch, t_ns
+        self._looks: list[tuple[float, Vector]] = [(-10.0, self._ahead)]
+        self._aimed = np.zeros((0, 2))
+        self.hand = PointingHand(self._rest)
+
+    def wear(self, fit: int) -> None:
+        """Put the headset on anew."""
+        self._fit = fit
+
+    def look_at(self, target_world_m: Sequence[float] | None, t_ns: int) -> None:
+        """Follow the instruction to look at a point; None ends it."""
+        point = self._ahead if target_world_m is None else target_world_m
+        self.look(self.since_s(t_ns) + 0.2, np.array(point, dtype=np.float64))
+
+    # ---- MovingBody ----
+
+    def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return true eye states, shape (n,), dtype `EYES_DTYPE`."""
+        eyes = np.zeros(t_ns.shape[0], EYES_DTYPE)
+        t_s = (t_ns - self._origin_ns) / NS_PER_S
+        position, turn = self._heads(t_s)
+        target = self._targets(t_s)
+        for name, side in (("left", -1.0), ("right", 1.0)):
+            at = position + rotate(turn, np.array([side * HALF_IPD_M, 0.0, 0.0]))
+            eyes[f"{name}_direction_head"] = unit(rotate(quat_conjugate(turn), target - at))
+        eyes["openness_01"] = 1.0
+        eyes["pupil_mm"] = PUPIL_MM
+        return eyes
+
+    def head(self, t_ns: int) -> tuple[Vector, Vector]:
+        """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
+        position, turn = self._heads(np.array([self.since_s(t_ns)]))
+        return position[0], turn[0]
+
+    def segments(
+        self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
+        t_s = (t_ns - self._origin_ns) / NS_PER_S
+        eyes_m, turn = self._heads(t_s)
+        hand_m = self._hand_m + eyes_m - self._eye
+        if tuple(names) == (HAND,):
+            return hand_alone(hand_m, self.hand.pointed_at(t_s))
+        return segments_of(names, self._eye, eyes_m, turn, hand_m, self.hand.pointed_at(t_s))
+
+    def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
+        """Feel a vibration; it changes nothing in this body."""
+
+    def stretch(self) -> int:
+        """Return the number of the present stretch of behaviour."""
+        return self._stretch
+
+    def fit(self) -> int:
+        """Return how the headset sits."""
+        return self._fit
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield what was pressed since the last call."""
+        return self.hand.presses(until_ns)
+
+    def next_press_ns(self) -> int | None:
+        """Return when something is pressed or let go of next."""
+        return self.hand.next_press_ns()
+
+    # ---- for who inherits ----
+
+    def since_s(self, t_ns: int) -> float:
+        """Return a session time as seconds since the stretch began."""
+        return (t_ns - self._origin_ns) / NS_PER_S
+
+    def look(self, t_s: float, point_m: Vector) -> None:
+        """Look at a point from a time on; what was planned for later is given up."""
+        self._aimed = np.zeros((0, 2))
+        self._looks = [look for look in self._looks if look[0] < t_s]
+        self._looks.append((t_s, point_m))
+
+    def answer_at(self, board_m: Vector, choice_m: Vector, t_s: float, takes_s: float) -> None:
+        """Look at a board (3,), then at a choice, point to it and pull the trigger."""
+        begin_s = t_s + takes_s - POINT_S
+        self.look(t_s + 0.2, board_m)
+        self.look(begin_s, choice_m)
+        self.hand.point(begin_s, choice_m)
+        self.hand.press(self._origin_ns + round((t_s + takes_s + 0.1) * NS_PER_S), "trigger")
+
+    # ---- within ----
+
+    def _heads(self, t_s: Vector) -> tuple[Vector, Vector]:
+        aims = self._aims
+        angles = np.broadcast_to(aims[0], (len(t_s), 2))
+        if len(aims) > 1:
+            starts = np.array([start for start, _ in self._looks[1:]])
+            angles = angles + eased((t_s[:, None] - starts) / TURN_S) @ np.diff(aims, axis=0)
+        yaw, up = HEAD_SHARE * angles.T / 2
+        cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(up), np.sin(up)
+        return self._positions(t_s), np.stack([cy * cp, cy * sp, sy * cp, -sy * sp], axis=1)
+
+    def _positions(self, t_s: Vector) -> Vector:
+        wave = np.sin(2 * np.pi * np.array(SWAY_HZ) * t_s[:, None] + self._sway)
+        found: Vector = self._eye + SWAY_M * wave
+        return found
+
+    @property
+    def _aims(self) -> Vector:
+        """Yaw and pitch (n, 2) in radians of what is looked at one after the other."""
+        if len(self._aimed) != len(self._looks):
+            x, y, z = (np.array([point for _, point in self._looks]) - self._eye).T
+            self._aimed = np.stack([np.arctan2(-x, -z), np.arctan2(y, np.hypot(x, z))], axis=1)
+        return self._aimed
+
+    def _targets(self, t_s: Vector) -> Vector:
+        starts = np.array([start for start, _ in self._looks])
+        points = np.array([point for _, point in self._looks])
+        found: Vector = points[np.searchsorted(starts, t_s, side="right").clip(1) - 1]
+        return found

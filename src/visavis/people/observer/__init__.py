@@ -1,0 +1,10 @@
+"""A simulated person who looks at people: attention, eyes, head, lids, and answers to questions.
+
+The model sees what the display shows and nothing else. It was fitted to the stare study
+(`python -m benchmarks.stare_participants`) and serves every study of looking.
+"""
+
+from visavis.people.observer.observer import Observer
+from visavis.people.observer.temperament import DEFAULT_POPULATION, Population, Temperament
+
+__all__ = ["DEFAULT_POPULATION", "Observer", "Population", "Temperament"]

@@ -1,0 +1,326 @@
+"""A simulated person who sees people, moves eyes and head, and answers questions.
+
+It receives what the display shows and nothing else; no condition, place or trial reaches it.
+What it does not model: fatigue and practice across trials, hearing, pursuit of moving targets,
+attraction by an agent's blink, torsion of the eyes, standing or walking.
+"""
+
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.devices.contracts import EYES_DTYPE, PressesNothing
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg
+from visavis.people.observer import attention, attention_causes, state
+from visavis.people.observer.self_report import answer_question
+from visavis.people.observer.temperament import (
+    DEFAULT_POPULATION,
+    Population,
+    Temperament,
+    draw_temperament,
+)
+from visavis.stimuli.scene import Scene, SceneFrame
+from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M
+
+CHEST_BELOW_HEAD_M = 0.40
+ROOM_YAW_PITCH_DEG = (
+    (-38.0, 27.0),
+    (-8.0, 32.0),
+    (22.0, 30.0),
+    (40.0, 14.0),
+    (-34.0, -12.0),
+    (2.0, -24.0),
+    (24.0, -20.0),
+    (46.0, 2.0),
+)
+"""Walls, ceiling, stage front and floor round the audience, from the middle of the view."""
+ROOM_DISTANCE_M = 3.5
+ROOM_RADIUS_RAD = 0.12
+SPEAKER_SIDE_YAW_DEG = 52.0
+"""Where a seated person looks who looks towards the speaker without turning round."""
+RECALLS_NS = NS_PER_S // 4
+"""The last two blinks and sixteen saccades are remembered; blinks are 0.3 s apart at least."""
+N_PEOPLE_STREAM = 1
+N_BEHAVIOUR_STREAM = 2
+N_ANSWER_STREAM = 3
+
+
+class Observer(PressesNothing):
+    """Implement `visavis.protocol.participants.SimulatedParticipant` for one seated observer.
+
+    `index` and `seed` make the person; `effect=False` makes them blind to gaze contact, so that
+    all conditions are alike to them. `seat_m` is where the eyes are with the head straight.
+    """
+
+    def __init__(
+        self,
+        index: int,
+        seed: int,
+        effect: bool = True,
+        *,
+        population: Population = DEFAULT_POPULATION,
+        seat_m: Vector = PARTICIPANT_EYE_M,
+    ) -> None:
+        self._population = population
+        self._entropy = (seed, index)
+        self.temperament: Temperament = draw_temperament(
+            self._population, self._rng(N_PEOPLE_STREAM)
+        )
+        self._effect = effect
+        self._seat = np.array(seat_m, dtype=np.float64)
+        self._person = self.temperament.constants.copy()
+        self._person["seat_x"], self._person["seat_y"], self._person["seat_z"] = self._seat
+        self._cos_contact = float(np.cos(np.radians(self._population.contact_deg)))
+        self._mind = np.zeros(1, dtype=state.MIND_DTYPE)
+        self._segments = np.zeros(state.N_SEGMENTS, dtype=state.SEGMENT_DTYPE)
+        self._targets = np.zeros(1, dtype=state.TARGET_DTYPE)
+        self._scratch = np.zeros(1)
+        self._agent_eyes = np.zeros((0, 3))
+        self._layout: Layout | None = None
+        self._appeal: npt.NDArray[np.float64] = np.zeros(0)
+        self._scene: Scene | None = None
+        self._gaze: npt.NDArray[np.float64] | None = None
+        self._openness: npt.NDArray[np.float64] | None = None
+        self._instructed: tuple[float, ...] | None = None
+        self._scene_keys = np.uint64(0), np.uint64(0)
+        self._stretch = 0
+        self._fit = 0
+        self._origin_ns = 0
+        self.prepare(0, 0)
+
+    # ---- SimulatedParticipant ----
+
+    def prepare(self, stretch: int, t_ns: int) -> None:
+        """Begin a new stretch of behaviour (a trial, a validation) at this session time.
+
+        Gaze then rests on the point of the instruction in force, else straight ahead.
+        """
+        self._stretch = stretch
+        self._origin_ns = t_ns
+        keys = self._sequence(N_BEHAVIOUR_STREAM, stretch).generate_state(4, np.uint64)
+        mind = self._mind
+        mind["key"], mind["blink_key"] = keys[:2]
+        self._scene_keys = keys[2], keys[3]
+        mind["rest_yaw"] = mind["rest_pitch"] = 0.0
+        direction, dioptre = np.array([0.0, 0.0, -1.0]), 1 / ROOM_DISTANCE_M
+        if self._instructed is not None:
+            direction, dioptre = self._towards(self._instructed)
+        attention_causes.begin_stretch(mind, self._person, self._segments, direction, dioptre)
+        self._scene = self._gaze = self._openness = None
+        if self._instructed is not None:
+            attention_causes.instruct(mind, self._person, direction, dioptre, 0)
+
+    def wear(self, fit: int) -> None:
+        """Put the headset on anew."""
+        self._fit = fit
+
+    def look_at(self, target_world_m: Sequence[float] | None, t_ns: int) -> None:
+        """Follow the instruction to look at a point (calibration, mark); None ends it."""
+        if target_world_m is None:
+            self._instructed = None
+            attention_causes.release(self._mind, self._person, t_ns - self._origin_ns)
+            return
+        point = tuple(float(x) for x in target_world_m)
+        if point == self._instructed:
+            return
+        self._instructed = point
+        direction, dioptre = self._towards(point)
+        attention_causes.instruct(
+            self._mind, self._person, direction, dioptre, t_ns - self._origin_ns
+        )
+
+    def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
+        """Answer a question; None when this participant would leave it out."""
+        rng = self._rng(N_ANSWER_STREAM, zlib.crc32(question_id.encode()))
+        return answer_question(
+            self.temperament, self._population, question_id, prompt, options, rng
+        )
+
+    # ---- Viewer ----
+
+    def see(self, view: SceneFrame, t_display_ns: int) -> None:
+        """Receive what the display shows from `t_display_ns` on."""
+        if view.scene is not self._scene:
+            self._meet(view.scene, t_display_ns - self._origin_ns)
+        elif view.gaze_direction is self._gaze and view.eye_openness_01 is self._openness:
+            return
+        self._gaze, self._openness = view.gaze_direction, view.eye_openness_01
+        if self._effect and view.scene.brightness_01 > 0:
+            attention_causes.see_gaze(
+                self._mind,
+                self._agent_eyes,
+                self._gaze,
+                self._openness,
+                self._seat,
+                self._cos_contact,
+                t_display_ns - self._origin_ns,
+            )
+
+    # ---- Body ----
+
+    def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return true eye states, shape (n,), dtype `EYES_DTYPE`."""
+        return self.sense(t_ns)[0]
+
+    def sense(
+        self, t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.void], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return eye states (n,), head positions (n, 3) and orientations (n, 4) at these times."""
+        n = t_ns.shape[0]
+        eyes, positions, orientations = np.empty((n, 8)), np.empty((n, 3)), np.empty((n, 4))
+        if n:
+            attention.sense(
+                self._mind,
+                self._person,
+                self._segments,
+                self._targets,
+                self._scratch,
+                t_ns,
+                self._origin_ns,
+                eyes,
+                positions,
+                orientations,
+            )
+        return np.ndarray((n,), EYES_DTYPE, eyes), positions, orientations
+
+    def head(self, t_ns: int) -> tuple[Vector, Vector]:
+        """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
+        position, orientation = np.empty(3), np.empty(4)
+        attention.advance_and_pose(
+            self._mind,
+            self._person,
+            self._segments,
+            self._targets,
+            self._scratch,
+            t_ns - self._origin_ns,
+            position,
+            orientation,
+        )
+        return position, orientation
+
+    def stretch(self) -> int:
+        """Return the number of the present stretch of behaviour."""
+        return self._stretch
+
+    @property
+    def notices_contact(self) -> bool:
+        """Whether gaze contact means anything to this participant."""
+        return self._effect
+
+    def fit(self) -> int:
+        """Return how the headset sits."""
+        return self._fit
+
+    def next_press_ns(self) -> int | None:
+        """Return None: nothing is pressed."""
+        return None
+
+    @property
+    def recalls_ns(self) -> int:
+        """How long what the eyes did is told as it was: well within the blinks remembered."""
+        return RECALLS_NS
+
+    # ---- within ----
+
+    def _sequence(self, *spawn_key: int) -> np.random.SeedSequence:
+        return np.random.SeedSequence(self._entropy, spawn_key=spawn_key)
+
+    def _rng(self, *spawn_key: int) -> np.random.Generator:
+        return np.random.default_rng(self._sequence(*spawn_key))
+
+    def _towards(self, point_m: Sequence[float]) -> tuple[Vector, float]:
+        offset = np.array(point_m, dtype=np.float64) - self._seat
+        distance = max(float(np.linalg.norm(offset)), 0.1)
+        return offset / distance, 1 / distance
+
+    def _meet(self, scene: Scene, t_ns: int) -> None:
+        """Take in a scene: what there is to look at, and what each thing is worth."""
+        self._scene = scene
+        lit = scene.brightness_01 > 0 and len(scene.agents) > 0
+        if lit:
+            if self._layout is None or self._layout.scene is not scene:
+                self._layout = Layout(scene, self._seat)
+                self._appeal = self._appeal_of(self._layout)
+            what = self._layout
+            self._agent_eyes = what.agent_eyes
+            self._targets = what.targets.copy()
+            self._targets["appeal"] = self._appeal
+            self._scratch = np.zeros(len(self._targets))
+            self._mind["rest_yaw"], self._mind["rest_pitch"] = what.rest
+        else:
+            self._mind["rest_yaw"] = self._mind["rest_pitch"] = 0.0
+        n = len(self._targets) if lit else 0
+        key = self._scene_keys[int(lit)]
+        attention_causes.begin_scene(self._mind, self._person, key, scene.brightness_01, n, t_ns)
+        if self._instructed is None and not lit and scene.mark_m is not None:
+            direction, dioptre = self._towards(scene.mark_m.tolist())
+            attention_causes.instruct(self._mind, self._person, direction, dioptre, t_ns)
+        elif self._instructed is None:
+            attention_causes.release(self._mind, self._person, t_ns)
+
+    def _appeal_of(self, what: "Layout") -> npt.NDArray[np.float64]:
+        q, who = self._population, self.temperament
+        by_kind = np.array(
+            [
+                q.head_appeal * who.head_appeal,
+                q.body_appeal * who.head_appeal,
+                q.room_appeal,
+                q.speaker_appeal,
+            ]
+        )
+        worth = by_kind[what.targets["kind"]]
+        of_people = what.targets["kind"] <= state.BODY
+        placed = what.size**q.size_power * np.exp(
+            who.left_bias * what.leftward_deg / 20 - (what.eccentric_deg / q.centre_deg) ** 2 / 2
+        )
+        appeal: npt.NDArray[np.float64] = np.where(of_people, worth * placed, worth)
+        return appeal
+
+
+class Layout:
+    """A scene as targets seen from a seat, before anyone's preferences."""
+
+    def __init__(self, scene: Scene, seat: Vector) -> None:
+        self.scene = scene
+        n = len(scene.agents)
+        heads = np.array([a.head_centre_m for a in scene.agents])
+        bodies = heads - np.array([0.0, CHEST_BELOW_HEAD_M, 0.0])
+        self.agent_eyes = np.array([a.eye_centre_m for a in scene.agents])
+        middle = (heads - seat) / np.linalg.norm(heads - seat, axis=1, keepdims=True)
+        centre = middle.mean(axis=0)
+        yaw = float(np.arctan2(-centre[0], -centre[2]))
+        self.rest = (yaw, 0.0)
+        room = np.array(ROOM_YAW_PITCH_DEG)
+        around = direction_from_yaw_pitch_deg(np.degrees(yaw) - room[:, 0], room[:, 1])
+        aside = direction_from_yaw_pitch_deg(SPEAKER_SIDE_YAW_DEG, 2.0)
+        points = np.concatenate(
+            [heads, bodies, seat + ROOM_DISTANCE_M * around, [seat + ROOM_DISTANCE_M * aside]]
+        )
+        offset = points - seat
+        distance = np.linalg.norm(offset, axis=1)
+        direction = offset / distance[:, None]
+        t = np.zeros(len(points), dtype=state.TARGET_DTYPE)
+        t["kind"] = np.repeat(
+            [
+                state.HEAD,
+                state.BODY,
+                state.ROOM,
+                state.SPEAKER_SIDE,
+            ],
+            [n, n, len(room), 1],
+        )
+        t["agent"] = np.concatenate([np.arange(n), np.arange(n), np.full(len(room) + 1, -1)])
+        t["direction"], t["distance_m"], t["lost_ns"] = direction, distance, -1
+        radius = np.full(len(points), ROOM_RADIUS_RAD)
+        head_radius = np.array([a.head_radius_m for a in scene.agents]) / distance[:n]
+        radius[:n] = radius[n : 2 * n] = head_radius
+        t["radius_rad"] = radius
+        self.targets = t
+        self.size = np.ones(len(points))
+        self.size[:n] = self.size[n : 2 * n] = head_radius / head_radius.mean()
+        turn = np.degrees(np.arctan2(-direction[:, 0], -direction[:, 2]) - yaw)
+        self.leftward_deg = turn
+        self.eccentric_deg = np.hypot(turn, np.degrees(np.arcsin(direction[:, 1])))

@@ -1,0 +1,357 @@
+"""Who the simulated participants are: the population's constants, and one person drawn from it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.errors import UsageError
+from visavis.people.observer.state import PERSON_DTYPE
+
+MIN_RETURN_GAIN, MAX_RETURN_GAIN = 0.1, 90.0
+"""What contact leaves of a head's attraction in those whom it repels most, and makes of it in those
+whom it draws most."""
+MIN_RECHECK_GAIN = -0.9
+"""What an agent that looked away loses of its attraction, in those who avoid it most."""
+
+
+@dataclass(frozen=True)
+class Population:
+    """Every constant of the model, with its role and where its value comes from.
+
+    F: fitted by hand so that studies of 30 reproduce the published means, spreads and verdicts
+    (`python -m benchmarks.stare_participants`). L: an ordinary value of the eye movement
+    literature, not fitted. C: a choice, plausible but without a figure to hold it against, made
+    before fitting and kept. `*_sd` are between-person
+    standard deviations (of the logarithm where the name says log); within-person spreads are
+    `*_log_sd` of visits and fixations.
+    """
+
+    # ---- what attracts (relative weights; only ratios matter) ----
+    head_appeal: float = 1.0
+    """C: unit of the weights, a head of average size in the middle of the view."""
+    body_appeal: float = 0.5
+    """C: a chest, against a head."""
+    room_appeal: float = 2.15
+    """F: one of the room's points (walls, ceiling, floor), against a head."""
+    speaker_appeal: float = 2.0
+    """C: the side towards which the audience looks, where the speaker is known to stand."""
+    size_power: float = 0.5
+    """C: attraction grows with angular radius to this power."""
+    left_bias: float = 0.25
+    """C (sign: Foulsham et al. 2013, Ossandon et al. 2014): log weight per 20° to the left."""
+    centre_deg: float = 35.0
+    """C: weights fall with the angle from the middle of the view as a Gaussian of this width."""
+    head_appeal_log_sd: float = 0.42
+    """F: between-person spread of the share of looking that heads get."""
+    novelty_gain: float = 1.0
+    """C: weight of a target not yet inspected in this trial."""
+    familiar_share: float = 0.34
+    """F: weight of a head inspected before, without contact, once recovered."""
+    recovery_s: float = 0.6
+    """F: time constant with which a target just left attracts again (inhibition of return)."""
+    second_look_gain: float = 0.9
+    """F: extra attraction of a head inspected a moment ago (facilitation of return, Smith &
+    Henderson 2009), ..."""
+    second_look_s: float = 2.5
+    """C: ... and the time constant with which it fades."""
+    early_gain: float = 0.7
+    """F: extra attraction of heads just after the scene appears, ..."""
+    early_s: float = 4.0
+    """C: ... and the time constant with which it fades."""
+    amplitude_deg: float = 14.0
+    """L: near targets before far ones, exponential in saccade size (Tatler et al. 2006)."""
+
+    # ---- how long visits and fixations last ----
+    head_visit_s: float = 0.262
+    """F: mean visit to a head without contact (one or more fixations on it)."""
+    head_visit_log_sd: float = 0.45
+    """F: its within-person log spread."""
+    head_visit_between_log_sd: float = 0.22
+    """F: its between-person log spread."""
+    other_visit_s: float = 0.35
+    """C: mean visit to a body or a point of the room."""
+    other_visit_log_sd: float = 0.45
+    """C: its log spread."""
+    fixation_s: float = 0.28
+    """L: mean fixation in scene viewing (Henderson 2003); longer visits hold several."""
+    fixation_log_sd: float = 0.35
+    """L: its log spread; fixation durations are skewed to the right."""
+    onset_latency_s: float = 0.25
+    """L: from the appearance of a scene or an instruction to the first saccade."""
+
+    # ---- gaze contact ----
+    contact_deg: float = 5.0
+    """L: gaze within about this angle of one's eyes is felt as contact (Gamer & Hecht 2007)."""
+    notice_p: float = 0.95
+    """C: probability that contact is noticed on looking at the head at all."""
+    notice_s: float = 0.12
+    """C: mean time from landing on a head to knowing where it looks."""
+    change_notice_s: float = 0.20
+    """C: mean time to notice that the agent looked at begins or ends contact."""
+    notice_log_sd: float = 0.35
+    """C: log spread of both."""
+    hold_s: float = 0.30
+    """F: mean prolongation of a visit by contact."""
+    hold_log_sd: float = 0.60
+    """C: its within-person log spread."""
+    hold_between_share: float = 0.98
+    """F: its between-person spread, a share of the mean; people below zero cut a visit short when
+    they are looked at."""
+    startle_s: float = 0.27
+    """F: mean time a visit goes on after contact was seen to end."""
+    startle_between_share: float = 2.05
+    """F: its between-person spread, a share of the mean; people below zero leave at once."""
+    hold_growth: float = 1.0
+    """F: factor on `hold_s` at each further visit to an agent in contact."""
+    caught_hold: float = 1.15
+    """F: factor on `hold_s` for an agent seen to look elsewhere before, ..."""
+    caught_return: float = 2.1
+    """F: ... and on `return_gain`: being caught staring asks for another look."""
+    return_gain: float = 9.0
+    """F: median factor by which an agent known to be in contact draws gaze back."""
+    return_between_log_sd: float = 2.15
+    """F: its between-person log spread; below one, contact repels."""
+    return_levels: float = 0.35
+    """F: how much less those most drawn exceed the mean than others stay below it, ..."""
+    hold_levels: float = 0.60
+    """F: ... and the same of those most held, so that differences of looking are as normal as the
+    source's t tests take them to be."""
+    return_habituation: float = 0.42
+    """F: factor on the former at each further visit."""
+    recheck_gain: float = 4.5
+    """F: extra attraction of an agent that was seen to look away, ..."""
+    recheck_between_share: float = 1.8
+    """F: its between-person spread, a share of the mean; below zero it is avoided."""
+    recheck_s: float = 5.0
+    """F: ... and the time constant with which it fades."""
+    parafovea_p: float = 0.10
+    """C: probability per fixation to notice contact just beside the point looked at, ..."""
+    parafovea_deg: float = 6.0
+    """C: ... falling with eccentricity as a Gaussian of this width (Palanica & Itier 2011)."""
+    onset_p: float = 0.46
+    """F: the same for the first impression of a scene just appeared, taken from its middle, ..."""
+    onset_deg: float = 9.0
+    """F: ... falling with the horizontal angle from there (published: the centre's effect)."""
+    capture_gain: float = 4.0
+    """F: extra attraction of an agent whose contact was noticed beside the point looked at."""
+
+    # ---- social anxiety ----
+    anxiety_on_hold: float = -0.35
+    """F: correlation of the trait with the log of `hold_s` (published: dwell rs -.37 to -.57)."""
+    anxiety_on_return: float = -0.45
+    """F: correlation of the trait with the log of `return_gain`."""
+    anxiety_on_visit: float = -0.55
+    """F: correlation of the trait with the log of `head_visit_s` (published: A rs -.40)."""
+    hold_with_return: float = 0.9
+    """F: correlation of the two gains through what is not anxiety."""
+
+    # ---- eye movements ----
+    saccade_s: float = 0.021
+    """L: main sequence, duration at amplitude zero (Carpenter 1988)."""
+    saccade_s_per_deg: float = 0.0022
+    """L: main sequence, duration per degree."""
+    undershoot_p: float = 0.5
+    """L: share of saccades above 5° that fall short and need a second one (Becker 1991)."""
+    undershoot_share: float = 0.10
+    """L: mean shortfall of these, share of the amplitude."""
+    correction_s: float = 0.14
+    """L: mean time until the second saccade."""
+    scatter_share: float = 0.30
+    """C: fixations scatter round a target's centre by this share of its radius (SD per axis)."""
+    drift_deg: float = 0.10
+    """L: amplitude of slow drift within a fixation."""
+    tremor_deg: float = 0.005
+    """L: amplitude of tremor."""
+    head_gain: float = 0.35
+    """L: share of a gaze shift that the head contributes when seated (Freedman 2008), mean."""
+    head_gain_sd: float = 0.12
+    """L: its between-person spread; people are head movers or eye movers."""
+    head_rate_per_s: float = 7.0
+    """C: rate of the critically damped head movement; most of it follows the eyes' arrival."""
+    eye_range_deg: float = 28.0
+    """L: the head takes over what would leave the eyes further out than this."""
+
+    # ---- blinks, pupil, build ----
+    blinks_per_min: float = 15.0
+    """L: mean rate (Bentivoglio et al. 1997)."""
+    blinks_log_sd: float = 0.35
+    """L: between-person spread of its logarithm."""
+    blink_s: float = 0.13
+    """L: mean time with the lids shut; 40 ms closing and 60 ms opening are added."""
+    pupil_dark_mm: float = 5.5
+    """L: diameter in the dark, mean."""
+    pupil_bright_mm: float = 3.6
+    """L: diameter before the lit scene, mean."""
+    pupil_sd_mm: float = 0.5
+    """L: between-person spread of both."""
+    pupil_arousal_mm: float = 0.10
+    """C: dilation while in contact."""
+    pupil_s: float = 0.6
+    """L: time constant of the light reflex."""
+    sway_m: float = 0.003
+    """C: amplitude of a seated trunk's sway."""
+    ipd_m: float = 0.063
+    """L: distance between the pupils, mean (SD 3.5 mm)."""
+    neck_back_m: float = 0.10
+    """C: the head turns about a point this far behind the eyes ..."""
+    neck_up_m: float = 0.08
+    """C: ... and this far below them."""
+
+    # ---- the questionnaire ----
+    lsas_mean: float = 46.0
+    """C: mean total of the social anxiety scale in a volunteer sample (range 0-144)."""
+    lsas_sd: float = 21.0
+    """C: its between-person spread."""
+
+
+DEFAULT_POPULATION = Population()
+
+
+@dataclass(frozen=True)
+class Temperament:
+    """One simulated person: `constants` for the kernel and what the questionnaires ask about.
+
+    `constants` has dtype `state.PERSON_DTYPE`, shape (1,). `anxiety` is the standardised
+    trait; `head_appeal` multiplies what heads are worth.
+    """
+
+    constants: npt.NDArray[np.void]
+    anxiety: float
+    head_appeal: float
+    left_bias: float
+    age_years: int
+    is_female: bool
+    vr_experience: int
+    games_experience: int
+
+
+def _correlated(z: float, fresh: float, r: float) -> float:
+    """Return a standard normal with correlation `r` to `z`."""
+    return float(r * z + np.sqrt(1 - r * r) * fresh)
+
+
+def _levelled(z: float, by: float) -> float:
+    """Return a standard normal with its upper side drawn in by `by`; mean 0 and SD 1 stay."""
+    square = by * by
+    mean = (1 - np.exp(square / 2)) / by
+    sd = np.sqrt(np.exp(2 * square) - np.exp(square)) / by
+    return float(((1 - np.exp(-by * z)) / by - mean) / sd)
+
+
+def draw_temperament(population: Population, rng: np.random.Generator) -> Temperament:
+    """Draw one person; the seat is left at the origin."""
+    q = population
+    z = rng.standard_normal(16)
+    anxiety = float(z[0])
+    hold = _correlated(anxiety, z[1], q.anxiety_on_hold)
+    rest = _correlated(z[1], z[2], q.hold_with_return)
+    come_back = _correlated(anxiety, rest, q.anxiety_on_return)
+    visit = _correlated(anxiety, z[3], q.anxiety_on_visit)
+    held, drawn = _levelled(hold, q.hold_levels), _levelled(come_back, q.return_levels)
+    values = {
+        "head_visit_s": q.head_visit_s * np.exp(q.head_visit_between_log_sd * visit),
+        "head_visit_log_sd": q.head_visit_log_sd,
+        "other_visit_s": q.other_visit_s * np.exp(0.10 * z[4]),
+        "other_visit_log_sd": q.other_visit_log_sd,
+        "hold_s": q.hold_s * (1 + q.hold_between_share * held),
+        "hold_log_sd": q.hold_log_sd,
+        "startle_s": q.startle_s * (1 + q.startle_between_share * held),
+        "hold_growth": q.hold_growth,
+        "caught_hold": q.caught_hold,
+        "caught_return": q.caught_return,
+        "return_gain": np.clip(
+            q.return_gain * np.exp(q.return_between_log_sd * drawn),
+            MIN_RETURN_GAIN,
+            MAX_RETURN_GAIN,
+        ),
+        "return_habituation": q.return_habituation,
+        "recheck_gain": max(
+            MIN_RECHECK_GAIN, q.recheck_gain * (1 + q.recheck_between_share * come_back)
+        ),
+        "recheck_s": q.recheck_s,
+        "novelty_gain": q.novelty_gain,
+        "recovery_s": q.recovery_s,
+        "familiar_share": q.familiar_share,
+        "second_look_gain": q.second_look_gain,
+        "second_look_s": q.second_look_s,
+        "early_gain": q.early_gain,
+        "early_s": q.early_s,
+        "notice_s": q.notice_s,
+        "change_notice_s": q.change_notice_s,
+        "notice_log_sd": q.notice_log_sd,
+        "notice_p": q.notice_p,
+        "parafovea_p": q.parafovea_p,
+        "parafovea_rad": np.radians(q.parafovea_deg),
+        "onset_p": q.onset_p,
+        "onset_rad": np.radians(q.onset_deg),
+        "capture_gain": q.capture_gain,
+        "amplitude_rad": np.radians(q.amplitude_deg),
+        "scatter_share": q.scatter_share,
+        "fixation_s": q.fixation_s * np.exp(0.08 * z[5]),
+        "fixation_log_sd": q.fixation_log_sd,
+        "onset_latency_s": q.onset_latency_s * np.exp(0.12 * z[6]),
+        "undershoot_share": q.undershoot_share,
+        "undershoot_p": q.undershoot_p,
+        "correction_s": q.correction_s,
+        "saccade_s": q.saccade_s,
+        "saccade_s_per_rad": np.degrees(q.saccade_s_per_deg) * np.exp(0.06 * z[7]),
+        "drift_rad": np.radians(q.drift_deg) * np.exp(0.2 * z[8]),
+        "tremor_rad": np.radians(q.tremor_deg),
+        "head_gain": np.clip(q.head_gain + q.head_gain_sd * z[9], 0.05, 0.8),
+        "head_rate": q.head_rate_per_s * np.exp(0.1 * z[10]),
+        "eye_range_rad": np.radians(q.eye_range_deg),
+        "blink_interval_s": 60.0 / (q.blinks_per_min * np.exp(q.blinks_log_sd * z[11])),
+        "blink_s": q.blink_s,
+        "pupil_dark_mm": q.pupil_dark_mm + q.pupil_sd_mm * z[12],
+        "pupil_bright_mm": q.pupil_bright_mm + 0.7 * q.pupil_sd_mm * z[12],
+        "pupil_arousal_mm": q.pupil_arousal_mm,
+        "pupil_s": q.pupil_s,
+        "sway_m": q.sway_m * np.exp(0.3 * z[13]),
+        "ipd_m": q.ipd_m + 0.0035 * z[14],
+        "neck_back_m": q.neck_back_m,
+        "neck_up_m": q.neck_up_m,
+    }
+    constants = np.zeros(1, dtype=PERSON_DTYPE)
+    for name, value in values.items():
+        constants[name] = value
+    return Temperament(
+        constants=constants,
+        anxiety=anxiety,
+        head_appeal=float(np.exp(q.head_appeal_log_sd * z[15])),
+        left_bias=float(q.left_bias + 0.1 * rng.standard_normal()),
+        age_years=int(np.clip(round(22 + rng.gamma(1.0, 8.5)), 18, 65)),
+        is_female=bool(rng.random() < 8 / 30),
+        vr_experience=int(np.clip(round(3.4 + 1.4 * rng.standard_normal()), 1, 5)),
+        games_experience=int(np.clip(round(3.5 + 1.5 * rng.standard_normal()), 1, 5)),
+    )
+
+
+def scaled_population(population: Population, effect: float) -> Population:
+    """Scale everything that gaze contact does to people; what they do otherwise stays.
+
+    Durations and additions are multiplied by `effect`, factors are raised to its power, so that
+    1 is the fitted population and the limit 0 is nobody moved by contact. The scale is one of
+    mechanisms: means move with it, not in proportion. Raises UsageError above 2, where the
+    model was never looked at.
+    """
+    if not 0 <= effect <= 2:
+        raise UsageError(
+            f"these simulated people can scale their effect from 0 to 2, not {effect:g}"
+        )
+    p = population
+    if effect in (0, 1):
+        return p
+    return replace(
+        p,
+        hold_s=p.hold_s * effect,
+        startle_s=p.startle_s * effect,
+        recheck_gain=p.recheck_gain * effect,
+        capture_gain=p.capture_gain * effect,
+        hold_growth=p.hold_growth**effect,
+        caught_hold=p.caught_hold**effect,
+        caught_return=p.caught_return**effect,
+        return_gain=p.return_gain**effect,
+        return_between_log_sd=p.return_between_log_sd * effect,
+        return_habituation=p.return_habituation**effect,
+    )

@@ -1,0 +1,305 @@
+"""The simulated person of a study on the kit: looks at people, points, presses, and answers.
+
+They see what the display shows and hear what is asked, nothing else. What they answer is decided
+by the study's own function of what was `Seen`, or by a person without opinions.
+"""
+
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.chance import generator
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import unit
+from visavis.people.body import POINT_S, PointingHand, hand_alone, segments_of
+from visavis.people.observer import DEFAULT_POPULATION, Observer, Population
+from visavis.people.observer.observer import Layout
+from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
+from visavis.protocol.boards import HAND
+from visavis.stimuli.panels import PanelFrame, choice_centre_m
+from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import SceneFrame
+from visavis.study.responses import (
+    Choice,
+    Keys,
+    Number,
+    Pointing,
+    Rating,
+    Response,
+    SideBySide,
+    Text,
+)
+
+if TYPE_CHECKING:
+    from visavis.study.moving_camera import FilmSeen
+
+_MIND_STREAM, _LEANING_STREAM, _PACE_STREAM = 11, 12, 13
+HAND_AT_M: Final = (0.26, -0.42, -0.30)
+"""From the eyes to the right hand that points."""
+HAND_REST: Final = (0.30, -0.85, -1.0)
+"""What the hand points to before a question, from the eyes."""
+PRESS_S: Final = 0.1
+THINKING_S: Final = 1.1
+THINKING_LOG_SD: Final = 0.3
+NOTICE_S: Final = 0.32
+"""From an onset to a press that nothing has to be weighed for."""
+CONTACT_DEG: Final = 5.0
+FITTED_PEOPLE: Final = 11
+"""How many people the model of attention was fitted before."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a person has seen since the trial began, as `answer` gets it.
+
+    `first` and `last` are the first and the last lit frame (None: none was), `seconds` the time
+    between them; for the n agents of the last scene `looked_at_me_01` (n,) is the share of that
+    time in which their gaze met the person's eyes. `effect` is False for somebody to whom what
+    was shown makes no difference: answers should then not depend on it.
+    """
+
+    first: SceneFrame | None
+    last: SceneFrame | None
+    seconds: float
+    looked_at_me_01: npt.NDArray[np.float64]
+    effect: bool
+    leaning: float
+    """A standard normal number of this person's own: whether they rather say much or little."""
+    felt: tuple[str, ...] = ()
+    """The armbands (roles) that vibrated since the trial began, in that order."""
+    experience_01: float = 0.0
+    """How experienced this person is; what a questionnaire asks of experience is answered by it."""
+    films: "Mapping[str, FilmSeen]" = field(default_factory=dict)
+    """Films by moving cameras that ran on a page, by where they stood ("film", "left", "right")."""
+
+
+AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
+
+
+class StudyPerson(Observer):
+    """An `Observer` who also answers: by ray and trigger on boards, by keys, in words.
+
+    `words` leads from the text of a board to the response it asks for.
+    """
+
+    _panel_text: str
+    _films: "Mapping[str, FilmSeen]"
+
+    def __init__(
+        self,
+        index: int,
+        seed: int,
+        effect: bool = True,
+        *,
+        responses: Mapping[str, Response],
+        answer_of: AnswerOf | None = None,
+        population: Population = DEFAULT_POPULATION,
+    ) -> None:
+        self._responses = responses
+        self._answer_of = answer_of or unopinionated
+        self._leaning = float(generator((seed, index), _LEANING_STREAM).standard_normal())
+        self._forget()
+        super().__init__(index, seed, effect, population=population)
+
+    # ---- SimulatedParticipant ----
+
+    def prepare(self, stretch: int, t_ns: int) -> None:
+        """Begin a new stretch of behaviour: nothing seen, the hand down, no board to look at."""
+        if self._panel_text:
+            self._instructed = None
+        super().prepare(stretch, t_ns)
+        self._forget()
+
+    def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
+        """Answer a question at the terminal; None when this person would leave it out."""
+        response = self._responses.get(prompt)
+        if response is None:
+            return super().answer(question_id, prompt, options)
+        said = self._said(response)
+        if said is None:
+            return None
+        return options[list(response.options).index(said)] if response.options else str(said)
+
+    # ---- Viewer ----
+
+    def see(self, view: SceneFrame, t_display_ns: int) -> None:
+        """Receive what the display shows from `t_display_ns` on."""
+        if isinstance(view, PanelFrame) and view.panels:
+            panel = view.panels[0]
+            if panel.text != self._panel_text:
+                self._panel_text = panel.text
+                self._decide(panel, t_display_ns)
+            return
+        if self._panel_text:
+            self._panel_text = ""
+            self.look_at(None, t_display_ns)
+        super().see(view, t_display_ns)
+        if view.scene.brightness_01 > 0:
+            self._take_in(view, t_display_ns)
+
+    # ---- Body ----
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield what was pressed since the last call."""
+        return self._hand.presses(until_ns)
+
+    def next_press_ns(self) -> int | None:
+        """Return when something is pressed or let go of next."""
+        return self._hand.next_press_ns()
+
+    def segments(
+        self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
+        t_s = (t_ns - self._origin_ns) / NS_PER_S
+        hand_m = np.broadcast_to(self._seat + np.array(HAND_AT_M), (len(t_s), 3))
+        pointed_m = self._seat + self._hand.pointed_at(t_s)
+        if tuple(names) == (HAND,):
+            return hand_alone(hand_m, pointed_m)
+        _, eyes_m, turn = self.sense(t_ns)
+        return segments_of(names, self._seat, eyes_m, turn, hand_m, pointed_m)
+
+    def watch(self, films: "Mapping[str, FilmSeen]") -> None:
+        """See films by moving cameras on a page, by where they stand."""
+        self._films = films
+
+    def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
+        """Feel a vibration, of which answers may tell."""
+        if any(a > 0 for a in amplitudes_01) and role not in self._felt:
+            self._felt.append(role)
+
+    # ---- within ----
+
+    def _appeal_of(self, what: Layout) -> npt.NDArray[np.float64]:
+        """Return what each target is worth; a room counts less before few people than before many.
+
+        The model's room was fitted before an audience; nobody here is known to stand aside.
+        """
+        appeal = super()._appeal_of(what)
+        kind = what.targets["kind"]
+        people = int((kind == HEAD).sum())
+        appeal[kind == ROOM] *= min(1.0, people / FITTED_PEOPLE)
+        appeal[kind == SPEAKER_SIDE] = 0.0
+        return appeal
+
+    def _forget(self) -> None:
+        self._first: SceneFrame | None = None
+        self._last: SceneFrame | None = None
+        self._first_ns = self._last_ns = 0
+        self._contact_ns: npt.NDArray[np.float64] = np.zeros(0)
+        self._contact: npt.NDArray[np.bool_] = np.zeros(0, np.bool_)
+        self._panel_text = ""
+        self._hand = PointingHand(np.array(HAND_REST))
+        self._felt: list[str] = []
+        self._films = {}
+
+    def _take_in(self, view: SceneFrame, t_ns: int) -> None:
+        n = len(view.scene.agents)
+        if self._last is None or view.scene is not self._last.scene:
+            self._first, self._first_ns = view, t_ns
+            self._contact_ns, self._contact = np.zeros(n), np.zeros(n, np.bool_)
+            self._press_when_noticed(t_ns)
+        else:
+            self._contact_ns[self._contact] += t_ns - self._last_ns
+        if self._last is None or view.gaze_direction is not self._last.gaze_direction:
+            self._contact = self._meets_me(view)
+        self._last, self._last_ns = view, t_ns
+
+    def _meets_me(self, view: SceneFrame) -> npt.NDArray[np.bool_]:
+        agents = view.scene.agents
+        if not agents:
+            return np.zeros(0, np.bool_)
+        to_me = unit(self._seat - np.array([a.eye_centre_m for a in agents]))
+        met = np.einsum("ij,ij->i", to_me, view.gaze_direction) > np.cos(np.radians(CONTACT_DEG))
+        return np.asarray(met & (view.eye_openness_01 > 0.5), np.bool_)
+
+    def _seen(self) -> Seen:
+        passed = max(self._last_ns - self._first_ns, 1)
+        return Seen(
+            self._first,
+            self._last,
+            passed / NS_PER_S,
+            self._contact_ns / passed,
+            self.notices_contact,
+            self._leaning,
+            tuple(self._felt),
+            (self.temperament.vr_experience - 1) / 4,
+            self._films,
+        )
+
+    def _said(self, response: Response) -> str | None:
+        rng = self._rng(_MIND_STREAM, self.stretch(), zlib.crc32(response.name.encode()))
+        said = self._answer_of(self._seen(), response, rng)
+        if said is None:
+            return None
+        options = tuple(map(str, response.options))
+        if options and str(said) not in options:
+            raise DataError(
+                f"the simulated person answered {said!r} to {response.name}; its options are "
+                f"{', '.join(options)}"
+            )
+        return str(said)
+
+    def takes_s(self, response: Response | None) -> float:
+        """Return how long this person takes to answer."""
+        name = "" if response is None else response.name
+        rng = self._rng(_PACE_STREAM, self.stretch(), zlib.crc32(name.encode()))
+        return float(THINKING_S * np.exp(THINKING_LOG_SD * rng.standard_normal()))
+
+    def _decide(self, panel: Panel, t_ns: int) -> None:
+        response = self._responses.get(panel.text)
+        if response is None:
+            return
+        said = self._said(response)
+        if said is None:
+            return
+        takes_s = max(self.takes_s(response), POINT_S + 0.15)
+        middle = choice_centre_m(panel, list(map(str, response.options)).index(said))
+        since_s = (t_ns - self._origin_ns) / NS_PER_S
+        self._hand.point(since_s + takes_s - POINT_S, middle - self._seat)
+        self._hand.press(t_ns + round((takes_s + PRESS_S) * NS_PER_S), "trigger")
+        self.look_at(middle.tolist(), t_ns)
+
+    def _press_when_noticed(self, t_ns: int) -> None:
+        """Press where the study asks for keys: nothing tells a person that but the instruction."""
+        for response in dict.fromkeys(self._responses.values()):
+            if isinstance(response, Keys):
+                said = self._said(response)
+                if said is not None:
+                    takes = NOTICE_S * self.takes_s(response) / THINKING_S
+                    self._hand.press(t_ns + round(takes * NS_PER_S), said)
+            elif isinstance(response, Pointing) and self._last is not None:
+                self._hand.press(t_ns + round(self.takes_s(response) * NS_PER_S), "trigger")
+
+
+def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> Any:
+    """Answer as somebody for whom what was shown makes no difference."""
+    if isinstance(response, Rating):
+        middle = (response.low + response.high) / 2
+        spread = (response.high - response.low) / 6
+        wanted = middle + spread * (0.7 * seen.leaning + rng.standard_normal())
+        return int(np.clip(round(wanted), response.low, response.high))
+    if isinstance(response, Number):
+        low, high = max(response.low, 0.0), min(response.high, max(response.low, 0.0) + 100.0)
+        return f"{rng.uniform(low, high):.1f}"
+    if isinstance(response, Text):
+        return None if rng.random() < 0.5 else "I just looked around."
+    if isinstance(response, Choice | SideBySide | Keys):
+        return response.options[int(rng.integers(len(response.options)))]
+    return None
+
+
+def plain_answer(
+    age: int, gender: str, question_id: str, options: Sequence[str], rng: np.random.Generator
+) -> str | None:
+    """Answer a questionnaire with age and gender, and any of the options; None leaves it out."""
+    if question_id == "age":
+        return str(age)
+    if question_id == "gender":
+        return gender if gender in options else None
+    return options[int(rng.integers(len(options)))] if options else None

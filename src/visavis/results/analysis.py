@@ -1,0 +1,503 @@
+"""From the rows of a study's trials to cell means and an answer to each comparison."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from visavis.analysis.report.blocks import Status
+from visavis.analysis.statistics import adjust_p
+from visavis.analysis.statistics.results import MINUS
+from visavis.analysis.statistics_report import Outcome, answer
+from visavis.lab.errors import DataError, LabError
+from visavis.protocol.steps import Scalar
+from visavis.recording.reader import Recording
+from visavis.results.sensitivity import SensitivityRow, sensitivity
+from visavis.study.comparisons import AGREEMENT, THING, Compare
+from visavis.study.declaration import Study
+from visavis.study.exclusions import Selection
+from visavis.study.look_measures import MAIN_MEASURES
+from visavis.study.measures import Measure, aggregated
+from visavis.study.pairs import (
+    DEFAULT_TEST_RULES,
+    Agreement,
+    CorrelationTest,
+    Family,
+    Pairs,
+    PairTest,
+    Printed,
+    Test,
+    TestRules,
+    compare_pairs,
+    results_of,
+)
+from visavis.study.responses import Rating
+
+SIMULATED_COLUMN: Final = "is_simulated"
+DECIDING: Final = ("p_used", "p_above", "p")
+"""Columns of a row of a test, the first of which that is there holds the p that decides."""
+MIN_PARTICIPANTS: Final = 3
+"""Below this nothing is tested."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One effect of a comparison: its p, and its p corrected over the family."""
+
+    name: str
+    p: float
+    p_corrected: float
+    alpha: float
+    row: Mapping[str, Any] = field(repr=False)
+
+    @property
+    def is_significant(self) -> bool:
+        """The corrected decision, the only one that headlines are made of."""
+        return self.p_corrected < self.alpha
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """Two levels compared after the test over all of a factor: first minus second.
+
+    `difference` is that of the means; log odds of being preferred in a Bradley–Terry model.
+
+    `p` is corrected over the contrasts; significant only where the test over all was.
+    """
+
+    first: str
+    second: str
+    p: float
+    is_significant: bool
+    difference: float
+    sentence: str
+    row: Mapping[str, Any] = field(repr=False)
+    printed: Printed | None = None
+
+    @property
+    def name(self) -> str:
+        """The contrast in short: 'A – B'."""
+        return f"{self.first} – {self.second}"
+
+    @property
+    def agreement(self) -> Agreement | None:
+        """Our verdict beside the source's; None where it prints none.
+
+        Its direction is that of second minus first.
+        """
+        if self.printed is None:
+            return None
+        same = self.printed.direction in (0, -int(np.sign(self.difference)))
+        return Agreement(self.printed.is_significant, self.is_significant, same)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came of one planned comparison; `outcome` is None where nothing was tested."""
+
+    compare: Compare
+    measure: Measure
+    outcome: Outcome | None
+    terms: tuple[Term, ...]
+    why_not: str = ""
+
+    @property
+    def contrasts(self) -> tuple[Contrast, ...]:
+        """The levels of its one factor, or the items of a Bradley–Terry model, two by two."""
+        compare, outcome = self.compare, self.outcome
+        factors = (*compare.within, *compare.between)
+        if compare.model == "bradleyterry":
+            return self._items_compared()
+        if compare.test in AGREEMENT:
+            return ()
+        if outcome is None or outcome.data is None or len(factors) != 1 or not self.terms:
+            return ()
+        values = outcome.data[compare.dv].astype(float)
+        means = values.groupby(outcome.data[factors[0]].astype(str)).mean()
+        levels = list(map(str, outcome.data[factors[0]].cat.categories))
+        told = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
+        rows = [(*_levels_of(row), float(row["p_adjusted"]), said, row) for row, said in told]  # type: ignore[arg-type]  # a number, as tests write it
+        if not rows and len(levels) == 2:
+            rows = [
+                (
+                    levels[0],
+                    levels[1],
+                    self.terms[0].p_corrected,
+                    " ".join(outcome.sentences),
+                    self.terms[0].row,
+                )
+            ]
+        return tuple(
+            Contrast(
+                a,
+                b,
+                p,
+                self.terms[0].is_significant and p < compare.alpha,
+                float(means[a] - means[b]),
+                said,
+                row,
+                compare.pairs.get((a, b)),
+            )
+            for a, b, p, said, row in rows
+        )
+
+    def _items_compared(self) -> tuple[Contrast, ...]:
+        outcome, compare = self.outcome, self.compare
+        if outcome is None or not self.terms:
+            return ()
+        told = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
+        return tuple(
+            Contrast(
+                *(pair := _levels_of(row)),
+                float(p := row["p_adjusted"]),  # type: ignore[arg-type]  # a number, as tests write it
+                self.terms[0].is_significant and float(p) < compare.alpha,  # type: ignore[arg-type]  # as above
+                float(row["estimate"]),  # type: ignore[arg-type]  # as above
+                said,
+                row,
+                compare.pairs.get(pair),
+            )
+            for row, said in told
+            if row["family"] == "items"
+        )
+
+    def contrast(self, pair: tuple[str, str]) -> Contrast | None:
+        """Return the contrast of two levels; None where it was not tested."""
+        return next((c for c in self.contrasts if (c.first, c.second) == pair), None)
+
+
+@dataclass(frozen=True)
+class Results:
+    """The tests of one family."""
+
+    of: Family
+    tests: tuple[Test, ...] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """One question of a study with its answer and the sentences of all the tests it rests on.
+
+    `was_tested` is False when a test it needs could not be made at all; `name` is that of
+    `Study.questions`, where the question has one.
+    """
+
+    status: Status
+    question: str
+    answer: str
+    evidence: tuple[str, ...]
+    was_tested: bool = True
+    name: str = ""
+
+    @property
+    def headline(self) -> str:
+        """Question and answer in one line."""
+        return f"{self.question}: {self.answer}"
+
+    @property
+    def is_found(self) -> bool | None:
+        """Tell whether the effect was found in full; None when it was not tested."""
+        return self.status == "found" if self.was_tested else None
+
+
+@dataclass(frozen=True)
+class StudyAnalysis:
+    """Everything the analysis of a study found.
+
+    `results` are those of its families of tests, made by `rules`; `without_rules` and
+    `sensitivity` repeat the first family of pairs: on every finished trial, and by padding and
+    minimum duration of looks. Both are empty where there is no such family.
+    """
+
+    study: Study
+    is_simulated: bool
+    selection: Selection
+    people: pd.DataFrame = field(repr=False)
+    levels: Mapping[str, tuple[Scalar, ...]]
+    measures: tuple[Measure, ...]
+    findings: tuple[Finding, ...]
+    cells: tuple[str, ...]
+    """The factors whose combinations tables describe."""
+    results: tuple[Results, ...] = ()
+    without_rules: tuple[PairTest, ...] = field(default=(), repr=False)
+    sensitivity: tuple[SensitivityRow, ...] = field(default=(), repr=False)
+    rules: TestRules = DEFAULT_TEST_RULES
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict, repr=False)
+    """Further tables of the study by name."""
+    thresholds: Any = None
+    """Those of the study's own analysis, `Study.thresholds` with what was set."""
+    how: Any = None
+    """How trials were measured one by one."""
+    further: Any = field(default=None, repr=False)
+    """What the study finds besides; None in power."""
+    example: Recording | None = field(default=None, repr=False)
+    """A session from which sections may show a trial."""
+
+    @property
+    def n_participants(self) -> int:
+        """Participants with trials that count."""
+        return int(self.selection.counted["participant"].nunique())
+
+    @property
+    def measured_by(self) -> str:
+        """How trials were measured one by one ("rule volume, surface fine"); else nothing."""
+        pieces = self.study.measured_in_pieces
+        if pieces is None or self.how is None:
+            return ""
+        return ", ".join(f"{name} {getattr(self.how, name)}" for name in pieces.kept_by)
+
+    def measure(self, column: str) -> Measure:
+        """Return a measure by its column."""
+        return next(m for m in self.measures if m.column == column)
+
+    def finding(self, column: str) -> Finding | None:
+        """Return what came of the first comparison of a measure; None where there is none."""
+        return next((f for f in self.findings if f.compare.dv == column), None)
+
+    def families(self) -> tuple[str, ...]:
+        """Return the names of the families of tests that were made."""
+        return tuple(dict.fromkeys(r.of.family for r in self.results))
+
+    def tests_of(self, family: str) -> tuple[Test, ...]:
+        """Return the tests of a family."""
+        return tuple(t for r in self.results if r.of.family == family for t in r.tests)
+
+    def pairs_of(self, family: str) -> tuple[PairTest, ...]:
+        """Return the paired tests of a family."""
+        return tuple(t for t in self.tests_of(family) if isinstance(t, PairTest))
+
+    def correlations_of(self, family: str) -> tuple[CorrelationTest, ...]:
+        """Return the correlations of a family."""
+        return tuple(t for t in self.tests_of(family) if isinstance(t, CorrelationTest))
+
+    @property
+    def conclusions(self) -> tuple[Conclusion, ...]:
+        """The study's own answers to its questions."""
+        of = self.study.conclude_of
+        return () if of is None else tuple(of(self))
+
+    def cell_means(self) -> pd.DataFrame:
+        """Return one row per participant and cell, levels in their order, with every measure."""
+        found = aggregated(self.selection.counted, self.measures, self.cells)
+        order = {f: {level: i for i, level in enumerate(self.levels[f])} for f in self.cells}
+        kept: pd.DataFrame = found.sort_values(
+            ["participant", *self.cells],
+            key=lambda c: c if c.name == "participant" else c.map(order[str(c.name)]),
+            ignore_index=True,
+        )
+        return kept
+
+
+def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ...]:
+    """Return what a study measures: its own, every answer that is a number, share or time."""
+    found = {m.column: m for m in study.measures}
+    for name, response in responses.items():
+        words = name.replace("_", " ").capitalize()
+        if response.aggregate == "mean":
+            ends = (response.low, response.high) if isinstance(response, Rating) else None
+            unit = getattr(response, "unit", "1")
+            found.setdefault(name, Measure(name, unit, words, scale=ends))
+        if getattr(response, "right", None) is not None and response.aggregate == "share":
+            right = f"{name}_is_right"
+            found.setdefault(right, Measure(right, "1", f"{words} right", None, "share"))
+        found.setdefault(
+            f"{name}_ms",
+            Measure(f"{name}_ms", "ms", f"Time to answer {name.replace('_', ' ')}", None, "median"),
+        )
+    return tuple(found.values())
+
+
+def analyse_rows(
+    study: Study,
+    selection: Selection,
+    people: pd.DataFrame,
+    *,
+    levels: Mapping[str, tuple[Scalar, ...]],
+    measures: Sequence[Measure],
+    is_simulated: bool,
+    cells: Sequence[str] = (),
+    rules: TestRules = DEFAULT_TEST_RULES,
+    varied: pd.DataFrame | None = None,
+    compare: Sequence[Compare] | None = None,
+    tables: Mapping[str, pd.DataFrame] | None = None,
+    thresholds: Any = None,
+    how: Any = None,
+    called: Mapping[str, str] | None = None,
+) -> StudyAnalysis:
+    """Answer every planned comparison and make every family of tests; untested ones say why.
+
+    `compare` are the comparisons that this design can make (all by default). `varied` holds the
+    main measures of looks by padding and minimum duration, where there are any; `tables`, `how`
+    and `thresholds` are what sections and further findings need. `called` is what sentences call
+    levels; by their names where it is left out.
+
+    Raises:
+        DataError: no trial counts.
+    """
+    if selection.counted.empty:
+        why = "; ".join(f"{left.count} {left.level}s: {left.words}" for left in selection.left)
+        raise DataError(
+            f"no trial of {study.name} counts ({why or 'there is none'}); nothing can be analysed"
+        )
+    known = {m.column: m for m in measures}
+    found = [
+        answered(
+            c, selection.counted, known, dict(levels), is_simulated=is_simulated, called=called
+        )
+        for c in (study.compare if compare is None else compare)
+    ]
+    made = StudyAnalysis(
+        study,
+        is_simulated,
+        selection,
+        people,
+        dict(levels),
+        tuple(measures),
+        corrected(found),
+        tuple(cells or levels),
+        rules=rules,
+        tables=tables or {},
+        thresholds=thresholds,
+        how=how,
+    )
+    made = _with_families(made, known, varied)
+    return made if study.further_of is None else replace(made, further=study.further_of(made))
+
+
+def _with_families(
+    made: StudyAnalysis, known: Mapping[str, Measure], varied: pd.DataFrame | None
+) -> StudyAnalysis:
+    """Make every family of which all measures were measured."""
+    kept, levels, rules = made.selection.counted, made.levels, made.rules
+    results = tuple(
+        Results(of, results_of(of, kept, made.people, known, levels, rules))
+        for of in made.study.families
+        if all(name in kept for name in of.measures)
+    )
+    made = replace(made, results=results)
+    main = next((r.of for r in results if isinstance(r.of, Pairs) and not r.of.each), None)
+    if main is None:
+        return made
+    finished = made.selection.finished
+    again = compare_pairs(main, finished, known, levels, rules, family="without exclusions")
+    made = replace(made, without_rules=again)
+    if varied is None or varied.empty or not set(main.measures) <= set(MAIN_MEASURES):
+        return made
+    first = made.pairs_of(main.family)
+    return replace(made, sensitivity=sensitivity(varied, kept, first, main, known, levels, rules))
+
+
+def answered(
+    compare: Compare,
+    trials: pd.DataFrame,
+    measures: Mapping[str, Measure],
+    levels: dict[str, tuple[Scalar, ...]],
+    *,
+    is_simulated: bool,
+    called: Mapping[str, str] | None = None,
+) -> Finding:
+    """Test one comparison on the trials that count; `called` is what sentences call levels.
+
+    Raises:
+        DataError: there is no such measure or factor.
+    """
+    measure = measures.get(compare.dv)
+    if measure is None:
+        raise DataError(
+            f"the comparison {compare.name} asks for {compare.dv}, which is no measure of this "
+            f"study; there are {', '.join(measures)}"
+        )
+    factors = (*compare.within, *compare.between)
+    unknown = [f for f in factors if f not in levels]
+    if unknown:
+        raise DataError(
+            f"the comparison {compare.name} names {', '.join(unknown)}, which is no factor of this "
+            f"study; there are {', '.join(levels)}"
+        )
+    trials = compare.chosen(trials)
+    if measure.column not in trials:
+        return Finding(compare, measure, None, (), f"no trial has {measure.column}")
+    if compare.model:  # which takes single trials
+        frame = trials[["participant", *factors, measure.column]].copy()
+        frame[measure.column] = pd.to_numeric(frame[measure.column], errors="coerce").astype(float)
+    else:
+        frame = aggregated(trials, [measure], factors).drop(columns="n")
+    n = frame.dropna(subset=[measure.column])["participant"].nunique()
+    if n < MIN_PARTICIPANTS:
+        words = measure.words[:1].lower() + measure.words[1:]
+        who = "1 participant has" if n == 1 else f"{n} participants have"
+        why = f"{who} {words}; tests need {MIN_PARTICIPANTS}"
+        return Finding(compare, measure, None, (), why)
+    notes: tuple[str, ...] = ()
+    if compare.test in AGREEMENT:
+        frame, notes = _rated(compare, frame)
+    question = compare.question(
+        {f: tuple(map(str, levels[f])) for f in factors},
+        called=called,
+        unit="" if measure.unit == "1" else measure.unit,
+    )
+    frame = frame.assign(**{SIMULATED_COLUMN: is_simulated})
+    try:
+        outcome = answer(frame, question, name="the trials that count")
+    except LabError as error:
+        return Finding(compare, measure, None, (), str(error))
+    outcome = replace(outcome, notes=(*notes, *outcome.notes))
+    terms = tuple(
+        Term(
+            str(row.get("term") or ":".join(factors) or compare.dv),
+            float(p),
+            float(p),
+            compare.alpha,
+            row,
+        )
+        for row in outcome.rows
+        if isinstance(p := next((row[n] for n in DECIDING if row.get(n) is not None), None), float)
+    )
+    return Finding(compare, measure, outcome, terms)
+
+
+def _rated(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Name what was rated; of participants who rate, those without all ratings leave an ICC."""
+    notes: tuple[str, ...] = ()
+    if compare.raters != "participant":
+        notes = ("what one participant rated counts as independent of each other",)
+    things = frame[list(compare.things)].astype(str)
+    frame = frame.assign(**{THING: things.agg(", ".join, axis=1)})
+    if compare.test == "icc" and compare.raters == "participant":
+        rated = frame.dropna(subset=[compare.dv]).groupby("participant")[THING].nunique()
+        gaps = rated.index[rated < frame[THING].nunique()]
+        if 0 < len(gaps):
+            frame = frame[~frame["participant"].isin(gaps)]
+            notes = (f"left out: {len(gaps)} participants without all ratings",)
+    return frame[["participant", *compare.within, THING, compare.dv]], notes
+
+
+def _levels_of(row: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the two levels of a contrast's row."""
+    if "level_1" in row:
+        return str(row["level_1"]), str(row["level_2"])
+    first, _, second = str(row["contrast"]).partition(f" {MINUS} ")
+    return first, second
+
+
+def corrected(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return the findings with every term's p corrected over its family."""
+    families: dict[tuple[str, str], list[float]] = {}
+    for finding in findings:
+        key = (finding.compare.family, finding.compare.correction)
+        families.setdefault(key, []).extend(t.p for t in finding.terms)
+    adjusted = {
+        key: iter(adjust_p(ps, key[1]).tolist() if ps else [])  # type: ignore[arg-type]  # the corrections of Compare are those of adjust_p
+        for key, ps in families.items()
+    }
+    return tuple(
+        replace(
+            f,
+            terms=tuple(
+                replace(t, p_corrected=next(adjusted[(f.compare.family, f.compare.correction)]))
+                for t in f.terms
+            ),
+        )
+        for f in findings
+    )

@@ -1,0 +1,131 @@
+"""How often each option of every `Choice` was taken, by condition: a section and a table."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+from visavis.protocol.columns import Column as Described
+from visavis.study.responses import Choice
+from visavis.study.sections import Extra
+from visavis.study.texts import label_in_unit, label_of
+
+if TYPE_CHECKING:
+    from visavis.analysis.report import Block
+    from visavis.results.analysis import StudyAnalysis
+    from visavis.study.experiment import StudyExperiment
+
+NAME: Final = "choices"
+MAX_OPEN_ROWS: Final = 24
+"""Longer tables of the report are folded."""
+COLUMNS: Final = (
+    Described("asked", "", "the choice, as the study names it"),
+    Described("option", "", "one of its options"),
+    Described("times_chosen", "1", "answers that named the option in this condition"),
+    Described("answers", "1", "answers given in this condition; trials without one do not count"),
+    Described("people", "1", "participants who answered in this condition"),
+    Described("share_01", "1", "times_chosen of answers"),
+    Described("share_low_01", "1", "lower end of the share's interval, over participants"),
+    Described("share_high_01", "1", "upper end of the share's interval, over participants"),
+)
+
+
+def chosen(analysis: "StudyAnalysis", experiment: "StudyExperiment") -> Extra:
+    """Return how often each option of every choice was taken; nothing where none was asked for."""
+    import pandas as pd
+
+    from visavis.analysis.report import Section
+
+    rows: list[dict[str, Any]] = []
+    blocks: list[Block] = []
+    for response in experiment.responses.values():
+        if isinstance(response, Choice) and response.name in analysis.selection.counted:
+            found = list(_counts(analysis, response))
+            rows += found
+            blocks += _told(found, response, analysis, experiment) if found else []
+    if not rows:
+        return Extra()
+    section = Section(NAME, "What was chosen", tuple(blocks))
+    return Extra(section, (), {NAME: pd.DataFrame(rows)}, COLUMNS)
+
+
+def _counts(analysis: "StudyAnalysis", response: Choice) -> Iterator[dict[str, Any]]:
+    """Yield a row for each condition and option, in their order."""
+    from visavis.analysis.statistics.binomial import clustered_share
+
+    name, factors = response.name, list(analysis.cells)
+    trials = analysis.selection.counted
+    given = trials[trials[name].notna()]
+    said = given[name].astype(str)
+    options = dict.fromkeys([*map(str, response.options), *sorted(said.unique())])
+    cells = given.groupby(factors, sort=False, observed=True) if factors else [((), given)]
+    for key, cell in cells:
+        levels = key if isinstance(key, tuple) else (key,)
+        who = cell["participant"].astype(str)
+        answers = who.value_counts(sort=False)
+        for option in options:
+            hits = who[said[cell.index] == option].value_counts().reindex(answers.index).fillna(0)
+            share, interval = clustered_share(
+                hits.to_numpy(), answers.to_numpy(), level=analysis.rules.interval_level
+            )
+            yield {
+                "asked": name,
+                **dict(zip(factors, levels, strict=True)),
+                "option": option,
+                "times_chosen": int(hits.sum()),
+                "answers": len(cell),
+                "people": len(answers),
+                "share_01": share,
+                "share_low_01": interval.low,
+                "share_high_01": interval.high,
+            }
+
+
+def _told(
+    rows: list[dict[str, Any]],
+    response: Choice,
+    analysis: "StudyAnalysis",
+    experiment: "StudyExperiment",
+) -> "Iterator[Block]":
+    from visavis.analysis.report import Column, Fold, Paragraph, Table
+    from visavis.analysis.report.notation import counted, percentage
+
+    texts, factors = experiment.texts, list(analysis.cells)
+    words = dict(zip(map(str, response.options), response.options, strict=True))
+    names = {
+        option: (None if response.labels else texts.find(f"choices.{response.name}.{known}"))
+        or label_of(texts, option)
+        for option, known in words.items()
+    }
+    level = f"{100 * analysis.rules.interval_level:.0f} %"
+    heads = ", ".join(label_in_unit(texts, f) for f in factors) or "Condition"
+    listed = tuple(
+        (
+            ", ".join(label_of(texts, str(row[f])) for f in factors) or "all",
+            names.get(row["option"], row["option"]),
+            f"{row['times_chosen']} of {row['answers']}",
+            percentage(row["share_01"], 0),
+            f"{percentage(row['share_low_01'], 0)} to {percentage(row['share_high_01'], 0)}",
+        )
+        for row in rows
+    )
+    asked = response.name.replace("_", " ")
+    prompt = texts.find(f"questions.{response.name}", values=dict(experiment.settings.values))
+    table = Table(
+        (
+            Column(heads[:1].upper() + heads[1:]),
+            Column("Option"),
+            Column("Chosen", "right"),
+            Column("Share", "right"),
+            Column(f"{level} interval", "right"),
+        ),
+        listed,
+        f"{asked[:1].upper()}{asked[1:]}: how often each option was chosen",
+        "Intervals are over participants: answers of one person count as alike as they were "
+        "(Korn and Graubard, 1998).",
+    )
+    if prompt:
+        yield Paragraph(f"Asked: {prompt}")
+    long = len(listed) > MAX_OPEN_ROWS
+    yield Fold(f"{asked}: {counted(len(listed), 'row')}", (table,)) if long else table
+    missing = int(analysis.selection.counted[response.name].isna().sum())
+    if missing:
+        yield Paragraph(f"{counted(missing, 'trial')} without an answer are left out.")

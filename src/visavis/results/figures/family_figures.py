@@ -1,0 +1,206 @@
+"""Figures of families of tests: levels, their differences, measures against a score."""
+
+from collections.abc import Callable, Iterator, Sequence
+from math import ceil
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from visavis.analysis.plots import BLUE, Drawn, draw, new_figure
+from visavis.analysis.plots.panels import (
+    ALL,
+    Values,
+    differences,
+    dots,
+    left_out_lines,
+    no_data,
+    paired_lines,
+    published_mark,
+    wrapped,
+)
+from visavis.analysis.report.notation import counted, fraction, probability, threshold
+from visavis.analysis.statistics.ranks import average_ranks
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.figures.study_figures import (
+    COLOURS,
+    trials_of_who_is_out,
+    trials_with_left_out,
+)
+from visavis.study.measures import Measure, aggregated
+from visavis.study.pairs import Correlate, Pairs, scores_of
+from visavis.study.texts import Texts, label_of
+
+COLUMNS = 3
+"""At most how many panels stand side by side."""
+
+
+def figure_names(family: str) -> tuple[str, str]:
+    """Return the file stems of a family's figures: levels (or a score), differences."""
+    stem = family.replace(" ", "_")
+    return stem, f"{stem}_differences"
+
+
+def family_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[Drawn]:
+    """Yield the figures of every family, drawn as asked for; made place by place: none."""
+    for family in analysis.families():
+        of = next(r.of for r in analysis.results if r.of.family == family)
+        if isinstance(of, Correlate):
+            yield _scores(analysis, of, texts)
+        elif not of.each:
+            yield from _pairs(analysis, family, of, texts)
+
+
+def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Iterator[Drawn]:
+    tests = analysis.pairs_of(family)
+    measures = list(dict.fromkeys(t.measure for t in tests))
+    factor = label_of(texts, of.factor)
+    n = counted(analysis.n_participants, "participant")
+    percent = f"{100 * analysis.rules.interval_level:.0f} %"
+    cells = {} if analysis.study.source is None else analysis.study.source.cells
+    printed = any(m.column in cells for m in measures)
+    called = ", ".join(f"{v} {of.called(str(v))}" for v in analysis.levels[of.factor])
+    stars = ", ".join(threshold(analysis.rules.alpha / divisor) for divisor in (1, 5, 50))
+    names = figure_names(family)
+    yield draw(
+        names[0],
+        lambda: _grid(measures, 3.3, lambda axes, m, _: _levels(axes, analysis, of, m)),
+        title=f"Measures by {factor}",
+        caption=f"Each line is one participant ({n}); discs are means with {percent} "
+        f"confidence intervals. {called}."
+        + (" Open diamonds with dashed bars: published mean ± SD." if printed else ""),
+        alternative=f"A panel for each measure, with every participant by {factor}.",
+        is_simulated=analysis.is_simulated,
+    )
+    yield draw(
+        names[1],
+        lambda: _grid(measures, 3.0, lambda axes, m, i: _offs(axes, analysis, family, m, i)),
+        title=f"Differences by {factor}",
+        caption="Each dot is one participant's difference, the first level minus the second as "
+        f"in the tables. Discs are means with {percent} confidence intervals. {called}. "
+        f"Stars: significant after Bonferroni ({stars})."
+        + (" Open diamonds: the published difference of means." if printed else ""),
+        alternative="A panel for each measure, with participants' differences by comparison.",
+        is_simulated=analysis.is_simulated,
+    )
+
+
+def _grid(
+    measures: Sequence[Measure], height: float, panel: Callable[[Axes, Measure, int], None]
+) -> Figure:
+    """Draw a panel for each measure."""
+    across = min(COLUMNS, len(measures))
+    down = ceil(len(measures) / across)
+    figure = new_figure(3.2 * across, height * down)
+    every = figure.subplots(down, across, squeeze=False).flat
+    for i, (axes, measure) in enumerate(zip(every, measures, strict=False)):
+        panel(axes, measure, i)
+    for axes in list(figure.axes)[len(measures) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def _values(
+    trials: pd.DataFrame, factor: str, measure: Measure, of: Sequence[str]
+) -> tuple[Values, list[str]]:
+    """Return a measure, one row per participant and one column per level, NaN where missing, and
+    whose the rows are.
+    """
+    means = aggregated(trials, [measure], [factor])
+    means[factor] = means[factor].astype(str)
+    if measure.column not in means or means.empty:
+        return np.empty((0, len(of))), []
+    wide = means.pivot(index="participant", columns=factor, values=measure.column)
+    return wide.reindex(columns=list(of)).to_numpy(float), [str(p) for p in wide.index]
+
+
+def _published(analysis: StudyAnalysis, measure: Measure) -> dict[str, tuple[float, float | None]]:
+    source = analysis.study.source
+    return {} if source is None else dict(source.cells.get(measure.column, {}))
+
+
+def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) -> None:
+    levels = [str(v) for v in analysis.levels[of.factor]]
+    colours = [COLOURS[i % len(COLOURS)] for i in range(len(levels))]
+    table, people = _values(analysis.selection.counted, of.factor, measure, levels)
+    paired_lines(axes, table, levels, colours, people=people)
+    outside = trials_of_who_is_out(analysis)
+    printed = _published(analysis, measure)
+    for x, level in enumerate(levels):
+        if level in printed:
+            published_mark(axes, x + 0.26, *printed[level])
+    axes.set_ylabel(wrapped(measure.axis, 30))
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    left_out_lines(axes, *_values(outside, of.factor, measure, levels))
+    besides = trials_with_left_out(analysis)
+    left_out_lines(axes, *_values(besides, of.factor, measure, levels), kind=ALL)
+
+
+def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, panel: int) -> None:
+    tests = [t for t in analysis.pairs_of(family) if t.measure == measure]
+    printed = _published(analysis, measure)
+    columns, labels = [], []
+    people: list[str] = []
+    for j, test in enumerate(tests):
+        pair = (test.first, test.second)
+        table, people = _values(analysis.selection.counted, test.of.factor, measure, pair)
+        columns.append(table[:, 0] - table[:, 1])
+        name = f"{test.first} − {test.second} {test.stars:<3}"
+        labels.append(name if panel % COLUMNS == 0 else test.stars)
+        if set(pair) <= set(printed):
+            first, second = (printed[level][0] for level in pair)
+            published_mark(axes, j + 0.3, first - second, horizontal=True)
+    differences(axes, columns, labels, BLUE, people=people)
+    axes.set_title(wrapped(measure.words))
+    axes.set_xlabel("Difference" + (f" ({measure.unit})" if measure.unit not in ("", "1") else ""))
+
+
+def _scores(analysis: StudyAnalysis, of: Correlate, texts: Texts) -> Drawn:
+    measure = analysis.measure(of.measures[0])
+    return draw(
+        figure_names(of.family)[0],
+        lambda: _score_panels(analysis, of, measure),
+        title=f"{measure.words} and {of.score_words}",
+        caption=f"One dot per participant. Top: {measure.words.lower()} against the score. "
+        "Bottom: the ranks that Spearman's coefficient correlates. p uncorrected.",
+        alternative=f"Scatter plots of {measure.words.lower()} against {of.score_words} by "
+        f"{label_of(texts, of.factor)}, in values and in ranks.",
+        is_simulated=analysis.is_simulated,
+    )
+
+
+def _score_panels(analysis: StudyAnalysis, of: Correlate, measure: Measure) -> Figure:
+    levels = [str(v) for v in analysis.levels[of.factor]]
+    figure = new_figure(2.4 * max(len(levels), 2), 5.4)
+    grid = figure.subplots(2, len(levels), sharey="row", sharex="row", squeeze=False)
+    scores = scores_of(analysis.people, of.score)
+    means = aggregated(analysis.selection.counted, [measure], [of.factor])
+    for j, level in enumerate(levels):
+        top, bottom = grid[0, j], grid[1, j]
+        here = means[means[of.factor].astype(str) == level].set_index("participant")
+        known = here[measure.column].dropna()
+        both = known.index.intersection(scores.index)
+        top.set_title(" – ".join(dict.fromkeys((level, of.names.get(level, level)))), fontsize=9.5)
+        top.set_xlabel(of.score_words.capitalize())
+        bottom.set_xlabel(f"Rank of {of.score_words}")
+        if len(both) == 0:
+            no_data(top, f"no {of.score_words}\nscores")
+            no_data(bottom, "")
+            continue
+        x, y = np.asarray(scores[both], np.float64), np.asarray(known[both], np.float64)
+        colour = COLOURS[j % len(COLOURS)]
+        people = [str(p) for p in both]
+        dots(top, x, y, people, s=22, color=colour, alpha=0.8, linewidths=0)
+        ranks = average_ranks(x), average_ranks(y)
+        dots(bottom, *ranks, people, s=22, color=colour, alpha=0.8, linewidths=0)
+        tests = analysis.correlations_of(of.family)
+        found = next(c for c in tests if c.measure == measure and c.level == level)
+        if found.outcome is not None:
+            p = probability(found.outcome.p)
+            text = f"rₛ = {fraction(found.outcome.r)}, p {p if p[0] in '<>' else '= ' + p}"
+            bottom.set_title(text, fontsize=9.5, fontweight="normal")
+    grid[0, 0].set_ylabel(measure.axis)
+    grid[0, 0].set_ylim(bottom=min(0.0, grid[0, 0].get_ylim()[0]))
+    grid[1, 0].set_ylabel(f"Rank of {measure.words.lower()}")
+    return figure

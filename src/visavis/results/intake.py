@@ -1,0 +1,341 @@
+"""Take in one session: every trial measured, every questionnaire read, and where they come from."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from visavis.analysis.gaze.targets import gaze_delay_ms
+from visavis.analysis.own_streams import OwnStream, own_streams
+from visavis.analysis.report import SessionSource
+from visavis.analysis.report.sources import source_of
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import DataError
+from visavis.protocol.gaze_setup import TARGETS
+from visavis.protocol.questionnaires import (
+    Questionnaire,
+    load_questionnaire,
+    read_answers,
+    score,
+    unanswered,
+)
+from visavis.recording.integrity import analysed_trials
+from visavis.recording.manifest import Manifest
+from visavis.recording.reader import Recording
+from visavis.results.picture_delay import LATE, LatePictures, answered_from_light
+from visavis.study.exclusions import ANSWERED
+from visavis.study.look_measures import LOOK_COLUMNS, LooksOn
+from visavis.study.measures import Measure, SessionGaze, TrialRecord, value_of
+
+
+@dataclass(frozen=True)
+class SessionIntake:
+    """What one session gives to analysis: `rows` one per performed trial with its measures,
+    `person` the answers of the questionnaires and what became of the validations.
+
+    `blocks` holds the answers and scores of questionnaires asked after blocks, `tables` further
+    tables by name, of studies measured trial by trial.
+    `sensitivity` are the main measures of looks by padding and minimum duration, `facts` what the
+    recording says for the eye-tracking reporting list.
+    """
+
+    rows: pd.DataFrame
+    person: Mapping[str, Any]
+    source: SessionSource
+    manifest: Manifest = field(repr=False)
+    sensitivity: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
+    facts: Mapping[str, str] = field(default_factory=dict)
+    streams: tuple[OwnStream, ...] = field(repr=False, default=())
+    """What devices of the lab's own recorded."""
+    blocks: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
+    tables: Mapping[str, pd.DataFrame] = field(repr=False, default_factory=dict)
+
+    def without_tables(self) -> "SessionIntake":
+        """Return what is asked of a session once its trials are joined with everybody's."""
+        empty = pd.DataFrame()
+        return replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
+
+    @property
+    def planned(self) -> int:
+        """How many trials were planned, practice not counted."""
+        blocks = self.manifest.plan.get("blocks", ())
+        return sum(not t["is_practice"] for b in blocks for t in b["trials"])
+
+
+def questionnaire(
+    name: str, folders: Sequence[Path], wording: Path | None = None, *, language: str = ""
+) -> Questionnaire:
+    """Return a questionnaire: one of the study's folders (NAME.yaml), or one of Visavis."""
+    own = next((path for f in folders if (path := f / f"{name}.yaml").is_file()), None)
+    return load_questionnaire(own or name, wording, language=language)
+
+
+def take_in(
+    recording: Recording,
+    measures: Sequence[Measure],
+    questionnaires: Sequence[Questionnaire],
+    looks: Sequence[LooksOn] = (),
+    after_block: Sequence[Questionnaire] = (),
+    blocked_by: str | None = None,
+    needs: Sequence[str] | None = (),
+    answers: Sequence[str] = (),
+    picture_delay_ms: float | None = None,
+) -> SessionIntake:
+    """Measure every finished and intact trial; the others keep their row unmeasured.
+
+    With `picture_delay_ms` gaze is held against pictures when their light was at the eye, and
+    times to the `answers` run from then (`visavis.results.picture_delay`).
+
+    A measure that is a score of a questionnaire asked after blocks stands in every row of its
+    block. `needs` are streams of which a trial must have lost nothing (None: any).
+
+    Raises:
+        DataError: the session has no trial rows, or a measure cannot be computed.
+    """
+    if needs is not None and (looks or any(m.needs_gaze for m in measures)):
+        needs = (*needs, "gaze", "gaze_targets")
+    rows = analysed_trials(recording, needs=needs)
+    if "status" not in rows:
+        raise DataError(
+            f"{recording.path} holds no trial; was it ended before the first? Move it away, or "
+            "go on with it: visavis resume"
+        )
+    gaze = SessionGaze(recording)
+    wanted = [m for m in measures if m.of is not None]
+    values: dict[str, list[Any]] = {m.column: [] for m in wanted}
+    looked: list[dict[str, Any]] = []
+    varied: list[dict[str, Any]] = []
+    rules = [(on, on.rules(recording.manifest.plan)) for on in looks]
+    late = None if picture_delay_ms is None else LatePictures(recording, picture_delay_ms)
+    if late is not None:
+        rows = _from_light(rows, late, answers)
+    for row in rows.to_dict("records"):
+        measured = row["status"] == "complete"
+        record = TrialRecord(
+            {str(k): v for k, v in row.items()},
+            recording,
+            gaze.of_part(int(row["recording_part"])) if measured else None,
+        )
+        if record.gaze is not None and (late_ms := record.number(LATE.name)) is not None:
+            seen_ns = record.gaze.t_ns - round(late_ms * NS_PER_MS)
+            record = replace(record, gaze=replace(record.gaze, t_ns=seen_ns))
+        for measure in wanted:
+            values[measure.column].append(value_of(measure, record) if measured else None)
+        looked.append({})
+        for on, params in rules if measured else ():
+            frozen = gaze.frozen_of_part(int(row["recording_part"]))
+            columns, settings = on.measure(record, frozen, params)
+            looked[-1] |= columns
+            if not row["is_practice"]:
+                key = {k: row[k] for k in ("participant", "session", "trial_id", "attempt")}
+                varied += [{**key, **setting} for setting in settings]
+    added = pd.DataFrame(values, index=rows.index)
+    if rules:
+        named = [c.name for c in LOOK_COLUMNS]
+        added = pd.concat([added, pd.DataFrame(looked, index=rows.index, columns=named)], axis=1)
+    rows = pd.concat([rows.drop(columns=[c for c in added if c in rows]), added], axis=1)
+    blocks = blocks_of(recording, after_block, blocked_by)
+    scored = [m.column for m in measures if m.column in blocks]
+    if scored:
+        rows = rows.drop(columns=[c for c in scored if c in rows])
+        rows = rows.merge(blocks[["block", *scored]], on="block", how="left")
+    rows.insert(0, "is_simulated", recording.is_simulated)
+    return SessionIntake(
+        rows,
+        person_of(recording, questionnaires),
+        source_of(recording),
+        recording.manifest,
+        pd.DataFrame(varied),
+        gaze_facts(recording, rows),
+        own_streams(recording),
+        blocks,
+    )
+
+
+def _from_light(rows: pd.DataFrame, late: LatePictures, answers: Sequence[str]) -> pd.DataFrame:
+    """Return trials with how late their pictures were, and times to answer from their light."""
+    rows = rows.copy()
+    found = [late.late_ns(row) for row in rows.to_dict("records")]
+    rows[LATE.name] = [None if ns is None else ns / NS_PER_MS for ns in found]
+    for index, row, late_ns in zip(rows.index, rows.to_dict("records"), found, strict=True):
+        if late_ns is None:
+            continue
+        for column, ms in answered_from_light(row, answers, late_ns).items():
+            rows.loc[index, column] = ms
+    return rows
+
+
+def _answers(recording: Recording) -> dict[str, dict[str, Any]]:
+    """Return what was answered by questionnaire (NAME, or NAME@BLOCK) and question."""
+    events = recording.events()
+    given: dict[str, dict[str, Any]] = {}
+    for payload in events.loc[events["name"] == "answer", "payload"]:
+        given.setdefault(payload["questionnaire"], {})[payload["question"]] = payload["answer"]
+    return given
+
+
+def blocks_of(
+    recording: Recording, after_block: Sequence[Questionnaire], blocked_by: str | None = None
+) -> pd.DataFrame:
+    """Return one row per block with the answers and scores of what was asked after it."""
+    given, found = _answers(recording), []
+    for block in recording.manifest.plan["blocks"]:
+        row: dict[str, Any] = {
+            "participant": recording.manifest.participant,
+            "block": block["index"],
+        }
+        if blocked_by is not None:
+            row[blocked_by] = block["trials"][0]["factors"][blocked_by]
+        asked = [q for q in after_block if f"{q.name}@{block['index']}" in given]
+        for one in asked:
+            answers = given[f"{one.name}@{block['index']}"]
+            row |= read_answers(one, answers) | score(one, answers)
+        found += [row] if asked else []
+    return pd.DataFrame(found)
+
+
+def person_of(recording: Recording, questionnaires: Sequence[Questionnaire]) -> dict[str, Any]:
+    """Return a participant's answers and scores; a questionnaire asked twice has both, numbered."""
+    events, given = recording.events(), _answers(recording)
+    person: dict[str, Any] = {
+        "participant": recording.manifest.participant,
+        **validations_of(events),
+    }
+    required = missing = 0
+    for asked in questionnaires:
+        answers = read_answers(asked, given.get(asked.name, {}))
+        required += sum(q.item.required for q in asked.questions())
+        missing += len(unanswered(asked, answers))
+        person |= answers
+        person |= {f"{asked.name}_{name}": value for name, value in score(asked, answers).items()}
+    if required:
+        person[ANSWERED] = (required - missing) / required
+    return person
+
+
+def validations_of(events: pd.DataFrame) -> dict[str, Any]:
+    """Return the error at the end of a session, how far it drifted, and validations rejected.
+
+    Nothing where no tracker was validated.
+    """
+    found = list(events.loc[events["name"] == "validation", "payload"])
+    if not found:
+        return {}
+    starts = [v for v in found if v["moment"] == "block_start" and v["accuracy_deg"] is not None]
+    ends = [v for v in found if v["moment"] == "end" and v["accuracy_deg"] is not None]
+    end_deg = ends[-1]["accuracy_deg"] if ends else None
+    return {
+        "end_accuracy_deg": end_deg,
+        "drift_deg": end_deg - starts[-1]["accuracy_deg"] if ends and starts else None,
+        "rejected_validations": sum(not v["accepted"] for v in found if v["moment"] != "end"),
+    }
+
+
+def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
+    """Return what a recording answers of the reporting list for eye tracking; {} without gaze."""
+    devices = {d["role"]: d for d in recording.manifest.devices}
+    tracker, headset = devices.get("eye_tracker", {}), devices.get("headset", {})
+    is_recorded = "gaze" in recording.stream_names
+    gaze = recording.stream_schema("gaze") if is_recorded else None
+    if not tracker and gaze is None:
+        return {}
+    calibrated = (recording.events()["name"] == "calibration").any()
+    facts = {
+        "eyes": "both recorded; the combined ray used, one eye's when the other is lost",
+        "calibration": ""
+        if not calibrated
+        else (
+            f"tracker's own 3-D calibration, then validation at {len(TARGETS)} points up to 15°, "
+            f"{_when_calibrated(recording.manifest.plan)}; validation again at the end; accepted "
+            "up to 1.5° mean and 3° at the worst point"
+        ),
+        "filter": "none; raw samples with the tracker's own validity",
+    }
+    facts |= _timing_facts(recording, rows)
+    tracked = [d for role, d in devices.items() if role in ("headset", "body_tracker")]
+    facts["tracking"] = "; ".join(
+        f"{d['vendor']} {d['model']} ({_role_with_rate(recording, d['role'])})" for d in tracked
+    )
+    if tracker:
+        made_up = " (SIMULATED)" if tracker.get("is_simulated") else ""
+        facts["eye_tracker"] = f"{tracker['vendor']} {tracker['model']}{made_up}"
+    if headset:
+        frames = recording.stream_schema("frames")
+        rate = f", {frames.nominal_rate_hz:g} Hz" if frames is not None else ""
+        facts["display"] = f"{headset['vendor']} {headset['model']}{rate}"
+    done = rows[rows["status"] == "complete"]
+    if gaze is not None and len(done):
+        facts["sampling_rate"] = (
+            f"{gaze.nominal_rate_hz:g} Hz nominal, "
+            f"{_rate_in_trials_hz(recording, 'gaze', done):.1f} Hz effective"
+        )
+    return facts
+
+
+def _when_calibrated(plan: Mapping[str, Any]) -> str:
+    """Return before which blocks of a recorded plan the tracker was calibrated, in words."""
+    blocks = plan.get("blocks", ())
+    often = sum(bool(block.get("calibrate")) for block in blocks)
+    return "before the first block" if often < max(len(blocks), 2) else "before every block"
+
+
+def _role_with_rate(recording: Recording, role: str) -> str:
+    """Return the role of what follows the head or the body, with its nominal rate if it has one."""
+    stream = {"headset": "head", "body_tracker": "body"}[role]
+    schema = recording.stream_schema(stream) if stream in recording.stream_names else None
+    rate_hz = 0.0 if schema is None else schema.nominal_rate_hz
+    return role.replace("_", " ") + (f", {rate_hz:g} Hz" if rate_hz else "")
+
+
+def _rate_in_trials_hz(recording: Recording, stream: str, done: pd.DataFrame) -> float:
+    """Return how many samples of a stream came in a second of finished trials."""
+    columns = recording.stream_arrays(stream)
+    parts, at_ns = columns["recording_part"], columns["t_host_ns"]
+    count = duration_s = 0.0
+    for part, start_ns, end_ns in zip(
+        done["recording_part"], done["t_start_ns"], done["t_end_ns"], strict=True
+    ):
+        in_trial = (parts == part) & (at_ns >= start_ns) & (at_ns < end_ns)
+        count += float(in_trial.sum())
+        duration_s += float(end_ns - start_ns) / NS_PER_S
+    return count / duration_s if duration_s else float("nan")
+
+
+def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
+    """Return what is known of the latency of gaze and of frames that were missed."""
+    facts = {}
+    events = recording.events()
+    trips_ms = [
+        (receive - send) / NS_PER_MS
+        for payload in events.loc[events["name"] == "clock_exchanges", "payload"]
+        for send, _, receive in payload["send_device_receive_ns"]
+    ]
+    if trips_ms:
+        delay_ms = gaze_delay_ms(recording)
+        own = (
+            "the delay within the tracker is not known and not in it"
+            if delay_ms is None
+            else f"the tracker's own delay, {delay_ms:g} ms, is taken off every sample's time"
+        )
+        facts["latency"] = (
+            f"transport {float(np.median(trips_ms)) / 2:.1f} ms one way, half the median of "
+            f"{len(trips_ms)} time exchanges; {own}"
+        )
+    if LATE.name in rows and rows[LATE.name].notna().any():
+        late_ms = float(rows[LATE.name].median())
+        facts["latency"] = "; ".join(
+            (
+                *filter(None, [facts.get("latency")]),
+                f"pictures reached the eye {late_ms:.1f} ms (median) after their frame began, by "
+                "the display's prediction and the delay measured in the room, and gaze is held "
+                "against them then",
+            )
+        )
+    if len(rows) and {"frames", "frames_dropped"} <= set(rows):
+        frames, missed = int(rows["frames"].sum()), int(rows["frames_dropped"].sum())
+        if frames:
+            facts["frames"] = f"{missed} of {frames + missed} missed in trials"
+    return facts

@@ -1,0 +1,138 @@
+"""What a locked plan holds: everything of a study that decides its results, as plain data."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, fields
+from typing import Any, Final
+
+from visavis.recording.journal import as_json
+from visavis.recording.provenance import Provenance
+from visavis.results.picture_delay import SETTING, delay_of
+from visavis.study.comparisons import Compare
+from visavis.study.exclusions import limits_in_force
+from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import Measure
+from visavis.study.pairs import DEFAULT_TEST_RULES
+
+LOCK_VERSION: Final = 1
+VERSIONS: Final = "versions"
+FILE_SHA256: Final = "study_file_sha256"
+COMPARED: Final = (
+    "parameters",
+    "factors",
+    "measures",
+    "comparisons",
+    "families",
+    "tests",
+    "exclusions",
+    "questionnaires",
+    "seed",
+    VERSIONS,
+)
+"""The parts of a plan in which something can be done otherwise than planned."""
+_WORDING: Final = ("family", "names", "noun", "words")
+
+
+def plan_content(
+    experiment: StudyExperiment,
+    measures: Sequence[Measure],
+    *,
+    seed: int,
+    provenance: Provenance,
+    file_sha256: str = "",
+    settings: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Return what a study plans; `settings` replace limits of exclusion rules.
+
+    Everything in it is text, number, truth, list or mapping. Comparisons, measures and rules stand
+    by name, so that two plans can be held against each other.
+    """
+    study = experiment.study
+    design = study.design(experiment.parameters)
+    levels = {f.name: tuple(map(str, f.levels)) for f in design.factors}
+    limits = limits_in_force(study.exclusions, settings or {})
+    rules = DEFAULT_TEST_RULES.with_settings(settings or {})
+    thresholds, pieces = study.thresholds_with(settings or {}), study.measured_in_pieces
+    compare = [c.with_alphas(settings or {}) for c in study.compare]
+    content = {
+        "study": study.name,
+        "title": study.title,
+        "question": study.question,
+        "study_version": study.version,
+        "source": "" if study.source is None else study.source.citation,
+        "seed": seed,
+        "parameters": dict(experiment.parameters),
+        "factors": {
+            f.name: {"levels": list(f.levels), "between": bool(f.between)} for f in design.factors
+        },
+        "questionnaires": list(study.questionnaires),
+        "measures": {
+            m.column: {
+                "words": m.words,
+                "unit": m.unit,
+                "aggregate": m.aggregate,
+                "needs_gaze": m.needs_gaze,
+            }
+            for m in measures
+        },
+        "comparisons": dict(_comparisons(compare, levels)),
+        "families": {
+            f"{i}. {family.family}": {
+                f.name: value
+                for f in fields(family)
+                if not callable(value := getattr(family, f.name)) and f.name not in _WORDING
+            }
+            for i, family in enumerate(study.families, start=1)
+        },
+        "tests": {
+            **(asdict(rules) if study.families else {}),
+            **({} if thresholds is None else asdict(thresholds)),
+            **({} if pieces is None else asdict(pieces.how_with(settings or {}))),
+            **({} if (late := delay_of(settings or {})) is None else {SETTING: late}),
+        },
+        "exclusions": {
+            r.name: {
+                "level": r.level,
+                "column": r.column,
+                "limit": limits[r.name],
+                "leaves_out": "missing" if r.if_missing else "above" if r.above else "below",
+            }
+            for r in study.exclusions
+        },
+        VERSIONS: {
+            "python": provenance.python,
+            **provenance.packages,
+            "code revision": provenance.code_revision,
+        },
+        FILE_SHA256: file_sha256,
+    }
+    found: dict[str, Any] = as_json(content)
+    return found
+
+
+def _comparisons(
+    compare: Sequence[Compare], levels: dict[str, tuple[str, ...]]
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    for name, one in named(compare).items():
+        known = {*one.within, *one.between} <= set(levels)
+        about = {f.name: getattr(one, f.name) for f in fields(one)}
+        del about["published"], about["pairs"]
+        about["only"] = dict(one.only)
+        if not one.only:  # which plans locked before had not
+            del about["only"]
+        if one.raters == "participant":  # nor this
+            del about["raters"]
+        about["test"] = one.question(levels).test if known else one.test
+        about["options"] = {key: str(value) for key, value in one.options}
+        yield name, about
+
+
+def named(compare: Sequence[Compare]) -> dict[str, Compare]:
+    """Return comparisons by name; a number tells those of one name apart."""
+    found: dict[str, Compare] = {}
+    for one in compare:
+        name, n = one.name, 1
+        while name in found:
+            n += 1
+            name = f"{one.name} ({n})"
+        found[name] = one
+    return found

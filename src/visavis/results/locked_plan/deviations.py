@@ -1,0 +1,109 @@
+"""What was done otherwise than a locked plan says, and from when on."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from visavis.results.locked_plan.content import COMPARED, FILE_SHA256, VERSIONS, named
+from visavis.study.comparisons import Compare
+
+NOTHING: Final = "–"
+UNPLANNED: Final = "not planned"
+"""The family of comparisons that a locked plan does not name: no planned one pays for them."""
+_PART: Final[Mapping[str, str]] = {
+    "parameters": "parameter", "factors": "factor", "measures": "measure",
+    "comparisons": "comparison", "families": "family", "tests": "test rule",
+    "exclusions": "exclusion", VERSIONS: "version", "questions": "question", "scenes": "scene",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """One thing done otherwise: what, as planned, as done; `since` says from when on.
+
+    `part` is one of COMPARED, "sample" or "study file"; `name` what it concerns.
+    """
+
+    part: str
+    name: str
+    planned: str
+    done: str
+    since: str = ""
+
+    @property
+    def what(self) -> str:
+        """What deviates, in words."""
+        return f"{_PART.get(self.part, self.part)} {self.name}".strip()
+
+    @property
+    def is_exploratory(self) -> bool:
+        """Tell a comparison that is asked besides, which changes nothing that was planned."""
+        return self.part in ("comparisons", "families") and self.planned == NOTHING
+
+
+def deviations_between(
+    planned: Mapping[str, Any], done: Mapping[str, Any]
+) -> tuple[Deviation, ...]:
+    """Return everything in which two contents of `plan_content` differ.
+
+    The study's file is named where it changed and nothing that the plan freezes did.
+    """
+    found = tuple(d for part in COMPARED for d in differing(part, planned[part], done[part]))
+    before, after = str(planned[FILE_SHA256]), str(done[FILE_SHA256])
+    in_file = any(d.part != VERSIONS for d in found)
+    if before != after and before and after and not in_file:
+        about = "(what is shown or said)"
+        found = (*found, Deviation("study file", about, before[:12], after[:12]))
+    return found
+
+
+def differing(part: str, planned: Any, done: Any) -> Iterator[Deviation]:
+    """Yield in what one part of a content differs, name by name."""
+    if not isinstance(planned, Mapping):
+        if planned != done:
+            yield Deviation(part, "", _said(planned), _said(done))
+        return
+    for name in dict.fromkeys((*planned, *done)):
+        if name not in planned or name not in done:
+            before, after = planned.get(name), done.get(name)
+            yield Deviation(part, str(name), _in_short(before), _in_short(after))
+        elif not isinstance(planned[name], Mapping):
+            if planned[name] != done[name]:
+                yield Deviation(part, str(name), _said(planned[name]), _said(done[name]))
+        else:
+            for key in dict.fromkeys((*planned[name], *done[name])):
+                before, after = planned[name].get(key), done[name].get(key)
+                if before != after:
+                    yield Deviation(part, f"{name}: {key}", _said(before), _said(after))
+
+
+def _in_short(value: Any) -> str:
+    if value is None:
+        return NOTHING
+    if isinstance(value, Mapping):
+        told = value.get("test") or value.get("words") or value.get("limit")
+        return "there" if told is None else _said(told)
+    return _said(value)
+
+
+def _said(value: Any) -> str:
+    if value is None or value == "":
+        return NOTHING
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(map(_said, value)) or NOTHING
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_said(v)}" for k, v in value.items()) or NOTHING
+    return str(value)
+
+
+def marked(compare: Sequence[Compare], planned: Mapping[str, Any]) -> tuple[Compare, ...]:
+    """Return comparisons with those a locked plan does not name marked as exploratory.
+
+    They form a family of their own, so that planned ones are corrected as was planned.
+    """
+    return tuple(
+        one if name in planned["comparisons"] else replace(one, exploratory=True, family=UNPLANNED)
+        for name, one in named(compare).items()
+    )

@@ -1,0 +1,189 @@
+"""How a study held to its locked plan: for the report, the tables and whoever runs the analysis."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final
+
+import pandas as pd
+
+from visavis.analysis.report import Block, Bullets, Cell, Column, Paragraph, Section, Table
+from visavis.analysis.report.notation import counted
+from visavis.recording.manifest import Manifest
+from visavis.results.locked_plan.deviations import Deviation, deviations_between
+
+IN_ANALYSIS: Final = "this analysis"
+CONFIGURATION_KEY: Final = "plan_lock"
+"""Where a session's configuration keeps the hash of the locked plan, and what deviated then."""
+
+
+@dataclass(frozen=True)
+class LockedPlan:
+    """A plan as it was locked: the content of `plan_content`, the sample, when, and its hash."""
+
+    plan: Mapping[str, Any]
+    participants: int
+    rule: str
+    is_blinded: bool
+    sessions_before: int
+    locked_at: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Peek:
+    """One look at results before a blinded study was complete."""
+
+    at: str
+    sessions: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class PlanReview:
+    """What was planned, what was done otherwise, what was asked besides.
+
+    `carried` sessions bear the plan's hash, of `recorded` ones.
+    """
+
+    locked: LockedPlan
+    deviations: tuple[Deviation, ...]
+    exploratory: tuple[str, ...]
+    carried: int
+    recorded: int
+    peeks: tuple[Peek, ...] = ()
+
+    def lines(self) -> tuple[str, ...]:
+        """Return what to tell whoever runs the analysis, a line each."""
+        locked = self.locked
+        head = f"plan locked {locked.locked_at[:10]} ({locked.sha256[:12]})"
+        if not self.deviations:
+            return (f"{head}: kept in everything",)
+        return (
+            f"{head}: {counted(len(self.deviations), 'deviation')}",
+            *(
+                f"  {d.what}: planned {d.planned}, done {d.done} (since {d.since})"
+                for d in self.deviations
+            ),
+        )
+
+    def table(self) -> pd.DataFrame:
+        """Return a row per deviation: what, planned, done, since."""
+        rows = [{"what": d.what, **asdict(d)} for d in self.deviations]
+        return pd.DataFrame(rows, columns=["what", "part", "name", "planned", "done", "since"])
+
+
+def review_of(
+    locked: LockedPlan,
+    done: Mapping[str, Any],
+    manifests: Sequence[Manifest],
+    peeks: Sequence[Peek] = (),
+) -> PlanReview:
+    """Hold what an analysis does, and what sessions recorded, against a locked plan.
+
+    `done` is the content of `plan_content` as analysed now. A deviation counts from the first
+    session that recorded it; one that none recorded is the analysis's own.
+    """
+    by_time = sorted(manifests, key=lambda m: m.created_wall_iso)
+    first: dict[Deviation, str] = {}
+    for manifest in by_time:
+        for deviation in recorded_deviations(manifest):
+            first.setdefault(deviation, _whose(manifest))
+    found = deviations_between(locked.plan, done)
+    besides = tuple(d.name for d in found if d.is_exploratory)
+    kept = [d for d in found if not d.is_exploratory]
+    now = [replace(d, since=first.pop(d, IN_ANALYSIS)) for d in kept]
+    past = [
+        replace(d, since=f"{since}, no longer")
+        for d, since in first.items()
+        if not d.is_exploratory
+    ]
+    carried = [m for m in by_time if hash_carried(m) == locked.sha256]
+    without = [m for m in by_time if m not in carried]
+    more = list(_about_sample(locked, len({m.participant for m in manifests})))
+    if without:
+        more.append(
+            Deviation(
+                "sessions", "without the plan's hash", "0", str(len(without)), _whose(without[0])
+            )
+        )
+    return PlanReview(
+        locked, (*now, *past, *more), besides, len(carried), len(by_time), tuple(peeks)
+    )
+
+
+def hash_carried(manifest: Manifest) -> str:
+    """Return the hash of the locked plan that a session bears; empty without one."""
+    return str(_carried(manifest).get("sha256", ""))
+
+
+def recorded_deviations(manifest: Manifest) -> tuple[Deviation, ...]:
+    """Return what deviated from the locked plan when a session began."""
+    listed = _carried(manifest).get("deviations", [])
+    return tuple(
+        Deviation(str(d["part"]), str(d["name"]), str(d["planned"]), str(d["done"])) for d in listed
+    )
+
+
+def _carried(manifest: Manifest) -> Mapping[str, Any]:
+    found = manifest.configuration.get(CONFIGURATION_KEY)
+    return found if isinstance(found, Mapping) else {}
+
+
+def _whose(manifest: Manifest) -> str:
+    return f"{manifest.participant}, {manifest.created_wall_iso[:10]}"
+
+
+def _about_sample(locked: LockedPlan, people: int) -> list[Deviation]:
+    if people == locked.participants:
+        return []
+    said = "so far " if people < locked.participants else ""
+    return [Deviation("sample", "size", str(locked.participants), f"{said}{people}", IN_ANALYSIS)]
+
+
+def review_section(review: PlanReview) -> Section:
+    """Return the section of a report that says how the locked plan was kept."""
+    locked = review.locked
+    plan = locked.plan["comparisons"]
+    deviating = {d.name.partition(": ")[0] for d in review.deviations if d.part == "comparisons"}
+    before = (
+        "before any session was recorded"
+        if not locked.sessions_before
+        else f"after {counted(locked.sessions_before, 'session')} had been recorded"
+    )
+    blocks: list[Block] = [
+        Paragraph(
+            f"The plan was locked on {locked.locked_at[:10]}, {before} (SHA-256 {locked.sha256}). "
+            f"{review.carried} of {counted(review.recorded, 'session')} bear its hash. Planned "
+            f"were {locked.participants} participants. {locked.rule}".strip()
+        ),
+        Table(
+            (Column("Planned comparison"), Column("Test"), Column("Done")),
+            tuple(
+                (
+                    f"{name}: {c['claim']}" if c["claim"] else name,
+                    str(c["test"]),
+                    Cell("deviates", "differ") if name in deviating else Cell("as planned"),
+                )
+                for name, c in plan.items()
+            ),
+            "What was planned",
+        ),
+    ]
+    if review.deviations:
+        heads = tuple(Column(h) for h in ("What", "Planned", "Done", "Since"))
+        rows = tuple((d.what, d.planned, d.done, d.since) for d in review.deviations)
+        blocks.append(Table(heads, rows, "Deviations from the plan"))
+    else:
+        blocks.append(Paragraph("Nothing deviates from the plan."))
+    if review.exploratory:
+        blocks.append(Paragraph("Exploratory, as the plan does not name them:"))
+        blocks.append(Bullets(review.exploratory))
+    if review.peeks:
+        looks = tuple(
+            f"{p.at[:10]}, with {counted(p.sessions, 'session')}"
+            + (f": {p.reason}" if p.reason else "")
+            for p in review.peeks
+        )
+        blocks.append(Paragraph("Results were looked at before the study was complete:"))
+        blocks.append(Bullets(looks))
+    return Section("plan", "Planned and done", tuple(blocks))

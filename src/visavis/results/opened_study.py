@@ -1,0 +1,504 @@
+"""A study as the command line and scripts use it: made, performed, measured, analysed."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from visavis.analysis.report.sources import provenance_of_sessions
+from visavis.lab.config import LabConfig
+from visavis.lab.errors import ConfigError, DataError, DesignError
+from visavis.lab.yaml_lines import did_you_mean
+from visavis.people.person import StudyPerson
+from visavis.protocol.experiment import ValidationPoint, ValidationVerdict
+from visavis.protocol.participants import SimulatedParticipant
+from visavis.protocol.questionnaires import Questionnaire
+from visavis.protocol.shown import Shown
+from visavis.recording.reader import Recording
+from visavis.results.analysis import StudyAnalysis, analyse_rows, measures_of
+from visavis.results.confusion import Confusion
+from visavis.results.intake import SessionIntake, questionnaire, take_in
+from visavis.results.locked_plan.review import PlanReview
+from visavis.results.picture_delay import SETTING, delay_of
+from visavis.results.unusual import MAX_LISTED, Striking, striking_trials
+from visavis.results.validation import judge_validation
+from visavis.stimuli.scene import SceneFrame
+from visavis.study.cast import use_recorded_cast
+from visavis.study.declaration import Study
+from visavis.study.exclusions import (
+    ANSWERED,
+    STANDARD_COLUMNS,
+    Exclusion,
+    Selection,
+    left_out_lines,
+    limits_in_force,
+    select,
+)
+from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import Measure, lost_gaze, lost_head
+from visavis.study.pairs import DEFAULT_TEST_RULES, TestRules
+from visavis.study.pieces import MeasuredTrial, Pieces
+from visavis.study.responses import Choice
+from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.study_errors import line_saying
+from visavis.study.texts import label_of
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedStudy:
+    """What every command asks of a study declared on the kit."""
+
+    study: Study
+    plan: PlanReview | None = None
+    """How its locked plan was kept, for the report; None where no plan was locked."""
+    tell: Callable[[str], None] | None = None
+    """Hears of every trial and person that an analysis leaves out, and why."""
+    make_views: Callable[[Path, Sequence[Striking]], None] | None = None
+    """Makes the pages of trials to look at, beside the report in the folder it is given."""
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        return self.study.name
+
+    @property
+    def title(self) -> str:
+        """The study's name in a heading."""
+        return self.study.title
+
+    def experiment(self, overrides: Mapping[str, Any]) -> StudyExperiment:
+        """Return the experiment; `overrides` replace parameters by name.
+
+        Raises:
+            ConfigError: a parameter, a value or a text does not exist.
+            DesignError: a trial cannot be run through.
+        """
+        made = StudyExperiment(self.study, dict(overrides))
+        self._refuse_slips(made)
+        return made
+
+    def experiment_of(self, recording: Recording) -> StudyExperiment:
+        """Return the experiment with the parameters that a session was recorded with.
+
+        Raises:
+            DataError: its study no longer has one of them, or refuses its value.
+        """
+        try:
+            return self.experiment(overrides_of(recording.manifest.plan))
+        except ConfigError as error:
+            raise DataError(
+                f"{recording.path} was recorded with parameters that its study does not have now "
+                f"({error}); analyse it with the version of Visavis that its manifest.json names "
+                "under provenance, or move its folder out of the study"
+            ) from error
+
+    def _refuse_slips(self, made: StudyExperiment) -> None:
+        """Refuse comparisons, measures, exclusions and sections of what the study does not have.
+
+        Raises:
+            DesignError: naming the line of the study file, and the nearest there is.
+        """
+        measured = tuple(m.column for m in self.measures(made))
+        factors = (*(f.name for f in self.study.factors), *self.study.derived)
+        slips = [
+            *((c.dv, "measure", measured) for c in self.study.compare),
+            *(
+                (name, "factor", factors)
+                for c in self.study.compare
+                for name in (*c.within, *c.between, *c.only)
+            ),
+        ]
+        choices = tuple(n for n, r in made.responses.items() if isinstance(r, Choice))
+        columns = (*factors, *(c.name for c in self.study.columns))
+        for section in self.study.sections:
+            if isinstance(section, Confusion):
+                slips.append((section.answered, "choice", choices))
+                slips.append((section.shown, "factor or column", columns))
+                slips += [(section.by, "factor", factors)] if section.by else []
+        roles = frozenset().union(*(t.roles for t in made.read.values()))
+        if roles:
+            who = tuple(sorted(roles))
+            slips += [(m.role, "role", who) for m in self.study.measures if m.role]
+        own = [r for r in self.study.exclusions if r.column not in STANDARD_COLUMNS]
+        for rule in own:
+            slips += self._unknown_column(rule, made)
+        for name, kind, known in slips:
+            if name not in known:
+                place = line_saying(self.study.path, name) or f"study {self.study.name}"
+                near = did_you_mean(name, known)
+                is_short = "known:" not in near and not kind.startswith("column")
+                there = f" there are {', '.join(known)}" if is_short else ""
+                raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
+
+    def _unknown_column(
+        self, rule: Exclusion, made: StudyExperiment
+    ) -> list[tuple[str, str, tuple[str, ...]]]:
+        """Return the slip of a rule whose column no trial and no person can have."""
+        # The dictionary is imported with what writes tables: most commands do without.
+        from visavis.results.tables.dictionary import PEOPLE, of_shown, trial_columns
+
+        if rule.level == "participant":
+            known = tuple(c.name for c in PEOPLE)
+            # What a study's own facts are called is known from data alone.
+            is_known = rule.column in known or self.study.facts_of is not None
+        else:
+            known = tuple(trial_columns(made, self.measures(made)))
+            roles = frozenset().union(*(t.roles for t in made.read.values()))
+            is_known = rule.column in known or of_shown(rule.column, roles)
+        return [] if is_known else [(rule.column, f"column of {rule.level}s", known)]
+
+    def _refuse_absent(
+        self, experiment: StudyExperiment, rows: pd.DataFrame, facts: pd.DataFrame | None
+    ) -> None:
+        """Refuse a rule of exclusion about what neither the study nor these data have.
+
+        Raises:
+            DataError: naming the line of the study file, and the nearest there is.
+        """
+        from visavis.results.tables.dictionary import PEOPLE, trial_columns
+
+        own: list[str] = [] if facts is None else list(map(str, facts))
+        there = {"trial": list(map(str, rows)), "participant": own}
+        described = {
+            "trial": trial_columns(experiment, self.measures(experiment)),
+            "participant": {c.name for c in PEOPLE},
+        }
+        for rule in self.study.exclusions:
+            known = {*there[rule.level], *described[rule.level], *STANDARD_COLUMNS}
+            if rule.column not in known:
+                place = line_saying(self.study.path, rule.column) or f"study {self.name}"
+                raise DataError(
+                    f"{place}: no {rule.level} has {rule.column!r}"
+                    f"{did_you_mean(rule.column, known)}"
+                )
+
+    def participant(
+        self, index: int, seed: int, *, effect: bool, experiment: Any = None
+    ) -> SimulatedParticipant:
+        """Return a simulated participant, who is told what a participant is told, no more."""
+        made = self.experiment({}) if experiment is None else experiment
+        if self.study.person_of is not None:
+            return self.study.person_of(index, seed, effect, made)
+        if self.study.scaled_of is not None:
+            return self.study.scaled_of(index, seed, float(effect), made)
+        return StudyPerson(
+            index, seed, effect, responses=made.words, answer_of=self.study.answer_of
+        )
+
+    def judge_validation(
+        self, points: Sequence[ValidationPoint], rate_hz: float
+    ) -> ValidationVerdict:
+        """Measure a validation per eye; the combined eye decides, where anything rests on gaze."""
+        if not self.study.validate:
+            return ValidationVerdict(
+                True, "gaze is not measured in this study", None, None, None, 0, ()
+            )
+        return judge_validation(points, rate_hz)
+
+    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
+        """Return the questionnaires asked after blocks and at the end, in the lab's wording."""
+        return tuple(
+            questionnaire(n, self.study.folders, config.wording.get(n), language=config.language)
+            for n in (*self.study.after_block, *self.study.questionnaires)
+        )
+
+    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
+        """Yield the views that a recorded frame may have shown, the likeliest first."""
+        if self.study.views_of is not None:
+            plan = shown.recording.manifest.plan
+            experiment = shown.once("experiment", lambda: self.experiment(overrides_of(plan)))
+            yield from self.study.views_of(shown, experiment)
+            return
+        bare = shown.view
+        latest = shown.latest("shown")
+        if latest is None or not shown.scene.agents:
+            yield replace(bare, scene=replace(bare.scene, dressed_by=self.study.dressed_by))
+            return
+        _, payload = latest
+        options = {
+            k.removeprefix("option_"): v for k, v in payload.items() if k.startswith("option_")
+        }
+        staging = Staging(
+            np.random.default_rng(0), 0.0, int(payload["start_ns"]), self.study.files_folder
+        )
+        staged = stage(Scene(payload["scene"], **options), staging, self.study.makers)
+        scene = replace(
+            staged.scene, agents=shown.scene.agents, brightness_01=shown.scene.brightness_01
+        )
+        yield replace(bare, scene=scene)
+
+    # ---- analysis ----
+
+    def measures(self, experiment: StudyExperiment) -> tuple[Measure, ...]:
+        """Return everything measured; what was lost of gaze too, or of the head where no gaze is.
+
+        Looks say themselves what of gaze was lost.
+        """
+        found = measures_of(self.study, experiment.responses)
+        if self.study.looks:
+            return found
+        lost = lost_gaze() if any(m.needs_gaze for m in found) else lost_head()
+        return found if lost.column in {m.column for m in found} else (*found, lost)
+
+    @property
+    def pieces(self) -> Pieces | None:
+        """How its trials are measured one by one; None where a session is measured at once."""
+        return self.study.measured_in_pieces
+
+    def asked(self, names: Sequence[str]) -> list[Questionnaire]:
+        """Return questionnaires by name, as they were written."""
+        return [questionnaire(name, self.study.folders) for name in names]
+
+    def measure(
+        self,
+        recording: Recording,
+        settings: Mapping[str, Any] | None = None,
+        measured: Mapping[str, MeasuredTrial] | None = None,
+    ) -> SessionIntake:
+        """Take in one session; `measured` are trials that were measured one by one before."""
+        use_recorded_cast(recording)
+        study, pieces = self.study, self.pieces
+        experiment = self.experiment_of(recording)
+        taken = take_in(
+            recording,
+            self.measures(experiment),
+            self.asked(study.questionnaires),
+            study.looks,
+            self.asked(study.after_block),
+            study.blocked_by,
+            () if pieces is None else None,
+            answers=tuple(experiment.responses),
+            picture_delay_ms=delay_of(settings or {}),
+        )
+        if pieces is None:
+            return taken
+        how = pieces.how_with(settings or {})
+        found = pieces.measured(recording, how) if measured is None else measured
+        factors = [f.name for f in study.factors]
+        rows, tables = pieces.put_together(recording, taken.rows, found, factors, how)
+        return replace(taken, rows=rows, tables=tables)
+
+    def check_settings(self, settings: Mapping[str, Any]) -> None:
+        """Refuse settings of the analysis that do not exist, before anything is measured.
+
+        Raises:
+            DataError: there is no such rule or threshold.
+            UsageError: one is out of range.
+            ConfigError: a value is none of the kind.
+        """
+        study, pieces = self.study, self.pieces
+        known = [SETTING, *(r.name for r in study.exclusions)]
+        if study.families:
+            known += [f.name for f in fields(TestRules)]
+        elif study.compare:
+            known += ["alpha", "normality_alpha"]
+        known += [] if study.thresholds is None else [f.name for f in fields(study.thresholds)]
+        known += [] if pieces is None else pieces.settable
+        unknown = set(settings) - set(known)
+        if unknown:
+            raise DataError(
+                f"{self.name} has no rule {', '.join(sorted(unknown))}; its rules are "
+                f"{', '.join(known)}"
+            )
+        delay_of(settings)
+        limits_in_force(study.exclusions, settings)
+        DEFAULT_TEST_RULES.with_settings(settings)
+        study.thresholds_with(settings)
+        _ = pieces is None or pieces.how_with(settings)
+
+    def analysis_of(
+        self, sessions: Sequence[SessionIntake], settings: Mapping[str, Any] | None = None
+    ) -> StudyAnalysis:
+        """Analyse sessions that were taken in.
+
+        `settings` replace limits of exclusion rules, thresholds of tests (`TestRules`) and of
+        the study's own analysis.
+
+        Raises:
+            DataError: there is no such rule or threshold, or nothing counts.
+            UsageError: one is out of range.
+        """
+        settings = settings or {}
+        self.check_settings(settings)
+        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
+        rows = pd.concat([s.rows for s in sessions], ignore_index=True)
+        facts_of = self.study.facts_of
+        self._refuse_absent(experiment, rows, None if facts_of is None else facts_of(rows))
+        return self.analysis_of_rows(
+            experiment,
+            rows,
+            pd.DataFrame([dict(s.person) for s in sessions]),
+            planned={str(s.manifest.participant): s.planned for s in sessions},
+            settings=settings,
+            varied=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
+            tables=self._tables(sessions),
+        )
+
+    def _tables(self, sessions: Sequence[SessionIntake]) -> dict[str, pd.DataFrame]:
+        """Return the further tables of all sessions: answers after blocks, and the study's own."""
+        every = [{"blocks": s.blocks, **s.tables} for s in sessions]
+        found = {
+            name: pd.concat([t[name] for t in every], ignore_index=True)
+            for name in dict.fromkeys(name for t in every for name in t)
+        }
+        return {name: t for name, t in found.items() if len(t.columns) or name != "blocks"}
+
+    def analysis_of_rows(
+        self,
+        experiment: StudyExperiment,
+        rows: pd.DataFrame,
+        people: pd.DataFrame,
+        *,
+        planned: Mapping[str, int],
+        settings: Mapping[str, Any] | None = None,
+        varied: pd.DataFrame | None = None,
+        tables: Mapping[str, pd.DataFrame] | None = None,
+    ) -> StudyAnalysis:
+        """Analyse trials, one row each; `people` hold answers of questionnaires.
+
+        `planned` is how many trials each participant was to have; `varied` are the main measures
+        of looks by padding and minimum duration, `tables` the study's further tables.
+
+        Raises:
+            DataError: nothing counts.
+        """
+        design = self.study.design(experiment.parameters)
+        compared = self.study.cells_of(design)
+        settings = settings or {}
+        selection = self.selection_of(
+            experiment, rows, planned=planned, settings=settings, people=people
+        )
+        pieces = self.pieces
+        return analyse_rows(
+            self.study,
+            selection,
+            people,
+            levels=experiment.levels,
+            measures=self.measures(experiment),
+            is_simulated=bool(rows["is_simulated"].any()),
+            cells=[f.name for f in (*design.between, *compared)],
+            rules=DEFAULT_TEST_RULES.with_settings(settings),
+            varied=varied,
+            compare=[c.with_alphas(settings) for c in experiment.compare],
+            tables=tables or {},
+            thresholds=self.study.thresholds_with(settings),
+            how=None if pieces is None else pieces.how_with(settings),
+            called={
+                str(level): label_of(experiment.texts, str(level))
+                for levels in experiment.levels.values()
+                for level in levels
+            },
+        )
+
+    def selection_of(
+        self,
+        experiment: StudyExperiment,
+        rows: pd.DataFrame,
+        *,
+        planned: Mapping[str, int],
+        settings: Mapping[str, Any] | None = None,
+        people: pd.DataFrame | None = None,
+    ) -> Selection:
+        """Decide by the study's rules which trials count; `people` hold what they answered."""
+        rules, facts_of = self.study.exclusions, self.study.facts_of
+        compared = self.study.cells_of(self.study.design(experiment.parameters))
+        return select(
+            rows,
+            rules,
+            limits_in_force(rules, settings or {}),
+            cells=[f.name for f in compared],
+            planned=planned,
+            cell_count=int(np.prod([len(f.levels) for f in compared])),
+            facts=_facts(None if facts_of is None else facts_of(rows), people),
+        )
+
+    def analyse(
+        self,
+        sessions: Sequence[SessionIntake],
+        out_dir: Path,
+        *,
+        is_simulated: bool,
+        commands: tuple[str, ...],
+        example: Recording | None,
+        settings: Mapping[str, Any] | None = None,
+        folder: str = "",
+    ) -> Path:
+        """Write tables, figures and the report of a study; return the report's path."""
+        analysis = self.analysis_of(sessions, settings)
+        return self.write(
+            analysis,
+            sessions,
+            out_dir,
+            is_simulated=is_simulated,
+            commands=commands,
+            example=example,
+            folder=folder,
+        )
+
+    def write(
+        self,
+        analysis: StudyAnalysis,
+        sessions: Sequence[SessionIntake],
+        out_dir: Path,
+        *,
+        is_simulated: bool,
+        commands: tuple[str, ...],
+        example: Recording | None,
+        folder: str = "",
+    ) -> Path:
+        """Write tables, figures and the report of what was analysed; return the report's path.
+
+        `folder` is the study's, as the report names it.
+
+        The tables of `sessions` are not asked for again.
+        """
+        # Figures take a second to import; sessions and previews do without.
+        from visavis.results.outputs import write_study
+
+        analysis = replace(analysis, is_simulated=is_simulated, example=example)
+        for line in left_out_lines(analysis.selection, self.study.exclusions):
+            if self.tell is not None:
+                self.tell(line)
+        if self.make_views is not None:
+            self.make_views(out_dir, striking_trials(analysis)[:MAX_LISTED])
+        provenance = provenance_of_sessions(
+            self.name,
+            [s.manifest for s in sessions],
+            [s.source for s in sessions],
+            commands,
+            folder,
+        )
+        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
+        asked = self.asked(self.study.questionnaires)
+        facts = {**sessions[0].facts, **self.study.setup}
+        return write_study(
+            analysis,
+            experiment,
+            asked,
+            provenance,
+            out_dir,
+            facts,
+            self.plan,
+            [stream for s in sessions for stream in s.streams],
+        )
+
+
+def _facts(own: pd.DataFrame | None, people: pd.DataFrame | None) -> pd.DataFrame | None:
+    """Return what is known of people besides their trials, the study's own facts among it."""
+    if people is None or ANSWERED not in people:
+        return own
+    answered = people[["participant", ANSWERED]]
+    return answered if own is None else answered.merge(own, on="participant", how="outer")
+
+
+def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters that a recorded plan was made with, as the plan names them."""
+    found = {}
+    for name, value in plan.get("parameters", {}).items():
+        is_list = isinstance(value, str) and value.startswith("[")
+        found[name] = json.loads(value) if is_list else value
+    return found

@@ -1,0 +1,261 @@
+"""Write what an analyst takes away of a study: tables, dictionaries, figures, report."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from visavis.analysis.own_streams import OwnStream, figures_of_streams, streams_section
+from visavis.analysis.plots import Drawn, write_figure
+from visavis.analysis.report import Picture, ReportProvenance
+from visavis.lab.errors import UsageError
+from visavis.protocol.columns import Column
+from visavis.protocol.questionnaires import Questionnaire
+from visavis.results.analysis import SIMULATED_COLUMN, Finding, StudyAnalysis
+from visavis.results.choices import chosen
+from visavis.results.figures.family_figures import family_figures
+from visavis.results.figures.study_figures import figure_of_quality, study_figures
+from visavis.results.intake import questionnaire
+from visavis.results.locked_plan.review import PlanReview, review_section
+from visavis.results.quality import QUALITY_TABLE, Quality, quality_of
+from visavis.results.report.references import bibtex, references_of, ris
+from visavis.results.report.study_report import REPORT_NAME, build_report, picture_of
+from visavis.results.sensitivity import sensitivity_columns
+from visavis.results.tables.column_types import typed
+from visavis.results.tables.dictionary import (
+    PEOPLE,
+    STATISTICS,
+    block_columns,
+    fixed_columns,
+    people_columns,
+    trial_columns,
+    write_table,
+)
+from visavis.study.experiment import StudyExperiment
+from visavis.study.pairs import columns_of_tests, published_cells
+from visavis.study.sections import Extra, made
+
+
+def write_study(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    questionnaires: Sequence[Questionnaire],
+    provenance: ReportProvenance,
+    out_dir: Path,
+    facts: Mapping[str, str] | None = None,
+    plan: PlanReview | None = None,
+    streams: Sequence[OwnStream] = (),
+) -> Path:
+    """Write tables, figures and the report; return the report's path.
+
+    `facts` is what recordings answer of the reporting list for eye tracking, `plan` how a locked
+    plan was kept, `streams` what devices of the lab's own recorded.
+
+    Raises:
+        UsageError: the folder cannot be written to.
+        DataError: a column of a table is not described.
+    """
+    extras = [made(section)(analysis, experiment) for section in experiment.study.sections]
+    extras.append(chosen(analysis, experiment))
+    quality = quality_of(analysis, facts) if experiment.study.validate else None
+    try:
+        out_dir.mkdir(parents=True, exist_ok=True)
+        write_tables(analysis, experiment, questionnaires, out_dir, extras, quality)
+        sections = [extra.section for extra in extras if extra.section is not None]
+        own = {d.name: d for extra in extras for d in extra.figures}
+        del extras
+        pictures: dict[str, Picture] = {}
+        # Drawn, a figure holds much of every participant: each is let go of once it is written.
+        for figure in _figures(analysis, experiment, own, quality):
+            write_figure(figure, out_dir / "figures")
+            pictures[figure.name] = picture_of(figure)
+            figure.figure.clear()  # its artists refer to each other
+        shown = []
+        for figure in figures_of_streams(streams):
+            write_figure(figure, out_dir / "figures")  # everybody's lie beside the report
+            if figure.name.endswith(f"_{streams[0].participant}"):
+                shown.append(picture_of(figure))
+            figure.figure.clear()
+    except OSError as error:
+        raise UsageError(
+            f"the analysis cannot be written to {out_dir}: {error.strerror or error}; choose a "
+            "folder you may write to"
+        ) from error
+    sections += [streams_section(streams, shown)] if streams else []
+    sections += [] if plan is None else [review_section(plan)]
+    cited = references_of(analysis, with_gaze=quality is not None)
+    (out_dir / "references.bib").write_text(bibtex(cited), encoding="utf-8")
+    (out_dir / "references.ris").write_text(ris(cited), encoding="utf-8")
+    path = out_dir / REPORT_NAME
+    return build_report(
+        analysis, experiment, provenance, pictures, path, questionnaires, sections, quality
+    )
+
+
+def _figures(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    own: dict[str, Drawn],
+    quality: Quality | None,
+) -> Iterator[Drawn]:
+    """Yield every figure once; `own` are those of the study's sections, which go before others.
+
+    They are taken out of `own` as they are yielded.
+    """
+    texts = experiment.texts
+    for drawn in chain(study_figures(analysis, texts), family_figures(analysis, texts)):
+        if drawn.name not in own:
+            yield drawn
+    while own:
+        yield own.pop(next(iter(own)))
+    if quality is not None:
+        yield figure_of_quality(analysis, quality)
+
+
+def write_tables(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    questionnaires: Sequence[Questionnaire],
+    out_dir: Path,
+    extras: Sequence[Extra] = (),
+    quality: Quality | None = None,
+) -> None:
+    """Write trials, participants, cell means, statistics and contrasts, each with a dictionary.
+
+    Further tables of the study, and the trials, are written as Parquet, too. Every table says how
+    trials were measured where that can be set.
+    """
+    study = experiment.study
+    pieces = study.measured_in_pieces
+    marks = {SIMULATED_COLUMN: analysis.is_simulated}
+    marks |= {} if pieces is None or analysis.how is None else pieces.marks(analysis.how)
+    trials = analysis.selection.rows.assign(**marks)
+    known = trial_columns(experiment, analysis.measures)
+    trials = typed(trials, {c.name: c for c in fixed_columns(experiment)})
+    write_table(trials, known, out_dir / "trials.csv", scenes=True)
+    trials.to_parquet(out_dir / "trials.parquet", index=False)
+    people = analysis.selection.people
+    rest = [c for c in analysis.people if c == "participant" or c not in people]
+    people = people.merge(analysis.people[rest], on="participant", how="left")
+    if quality is not None:
+        twice = [c for c in quality.participants if c in people and c != "participant"]
+        measured = quality.participants.drop(columns=twice)
+        people = people.merge(measured, on="participant", how="left")
+    people = people.assign(**marks)
+    described_people = {**known, **people_columns(questionnaires)}
+    described_people |= {c.name: c for c in QUALITY_TABLE}
+    write_table(people, described_people, out_dir / "participants.csv")
+    means = analysis.cell_means().assign(**marks)
+    counted = {**known, "n": Column("n", "1", "trials that count")}
+    write_table(means, counted, out_dir / "cell_means.csv")
+    for extra in extras:
+        for name, table in extra.tables.items():
+            columns = {**known, **{c.name: c for c in extra.columns}}
+            write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
+    asked = [questionnaire(name, study.folders) for name in study.after_block]
+    for name, table in analysis.tables.items():
+        columns = {**known, **block_columns(asked)} if name == "blocks" else known
+        own = () if pieces is None else pieces.tables.get(name, ())
+        columns = {**columns, **{c.name: c for c in own}}
+        write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
+        table.assign(**marks).to_parquet(out_dir / f"{name}.parquet", index=False)
+    described = {c.name: c for c in (*PEOPLE, *STATISTICS)}
+    described |= {name: known[name] for name in marks}
+    described |= columns_of_tests(analysis.study.families) if analysis.results else {}
+    for name, rows in (
+        ("statistics", statistics_rows(analysis)),
+        ("contrasts", contrast_rows(analysis)),
+    ):
+        if rows:
+            table = pd.DataFrame(rows).assign(**marks)
+            write_table(table, described, out_dir / f"{name}.csv")
+    if analysis.sensitivity:
+        table = pd.DataFrame([row.row() for row in analysis.sensitivity]).assign(**marks)
+        of = analysis.sensitivity[0].shown[0].of
+        columns = sensitivity_columns(of, {m.column: m for m in analysis.measures})
+        write_table(table, known | columns, out_dir / "sensitivity.csv")
+
+
+def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
+    """Return one row per effect of every comparison, then per test of every family.
+
+    The first family without rules of exclusion comes last. Untested ones say why.
+    """
+    rows: list[dict[str, Any]] = []
+    for finding in analysis.findings:
+        compare = finding.compare
+        about: dict[str, Any] = {
+            "comparison": compare.name,
+            "claim": compare.claim,
+            "measure": compare.dv,
+            "family": compare.family,
+            "family_correction": compare.correction,
+            "is_exploratory": compare.exploratory,
+            "is_tested": bool(finding.terms),
+            "why_not": finding.why_not,
+            "alpha": compare.alpha,
+            "sentence": "" if finding.outcome is None else " ".join(finding.outcome.sentences),
+        }
+        if not finding.terms:
+            rows.append(about)
+        for term in finding.terms:
+            decided: dict[str, Any] = {
+                "term": term.name,
+                "p_family": term.p_corrected,
+                "is_significant": term.is_significant,
+            }
+            printed = compare.published_of(term.name)
+            if printed is not None:
+                decided |= {
+                    "published": str(printed),
+                    "published_statistic": printed.statistic,
+                    "published_significant": printed.is_significant,
+                    "agrees_with_published": term.is_significant == printed.is_significant,
+                }
+            rows.append({**about, **_plain(term.row), **decided})
+    rows += [
+        test.row() | published_cells(test) for results in analysis.results for test in results.tests
+    ]
+    return rows + [test.row() for test in analysis.without_rules]
+
+
+def contrast_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
+    """Return one row per contrast of every comparison."""
+    return [
+        {
+            "comparison": finding.compare.name,
+            "measure": finding.compare.dv,
+            **{("term" if k == "family" else k): v for k, v in _plain(row).items()},
+            **_decided(finding, row),
+        }
+        for finding in analysis.findings
+        if finding.outcome is not None
+        for row in finding.outcome.contrasts
+    ]
+
+
+def _decided(finding: Finding, row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what was decided of a contrast of two levels, beside what the source prints."""
+    found = next((c for c in finding.contrasts if c.row is row), None)
+    if found is None:
+        return {}
+    decided: dict[str, Any] = {
+        "level_1": found.first,
+        "level_2": found.second,
+        "mean_difference": found.difference,
+        "is_significant": found.is_significant,
+        "sentence": found.sentence,
+    }
+    beside = found.agreement
+    if beside is not None:
+        decided |= {
+            "published_significant": beside.published,
+            "agrees_with_published": beside.agrees,
+        }
+    return decided
+
+
+def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {str(k): v for k, v in row.items()}

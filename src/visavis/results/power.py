@@ -1,0 +1,516 @@
+"""Power and studies of the null hypothesis, for every study on the kit.
+
+Both follow from what the study declares: simulated people perform its trials over the quick path,
+its exclusion rules decide what counts, its planned comparisons are tested with the correction of
+their family. `effect` 0 gives people to whom what is shown makes no difference, so that whatever
+is significant is false.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from visavis.analysis.power import Found, PrintedTest, Source, Verdicts
+from visavis.analysis.statistics.results import number
+from visavis.lab.errors import DataError, UsageError
+from visavis.results.analysis import Finding, Results, StudyAnalysis, answered, corrected
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.quick import MakeTracker, quick_study
+from visavis.study.catalogue import find_study
+from visavis.study.comparisons import AGREEMENT, Compare
+from visavis.study.declaration import Study
+from visavis.study.exclusions import COUNTED, Selection
+from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import aggregated
+from visavis.study.pairs import (
+    DEFAULT_TEST_RULES,
+    Correlate,
+    CorrelationTest,
+    Family,
+    Pairs,
+    PairTest,
+    Test,
+    compare_pairs,
+    results_of,
+    scores_of,
+)
+
+MIN_N = 3
+
+
+@dataclass(frozen=True)
+class KitPower:
+    """Implement `visavis.analysis.power.PowerStudy` for a study on the kit.
+
+    `reference` finds the study again in any process; `make_tracker` gives each person a tracker;
+    `overrides` replace parameters of the study.
+    """
+
+    reference: str
+    make_tracker: MakeTracker = field(repr=False)
+    smallest_n: int = MIN_N
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def _opened(self) -> OpenedStudy:
+        return find_study(self.reference)
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        return self._opened.name
+
+    @property
+    def tests(self) -> Mapping[str, str]:
+        """Every planned test by name, with what it claims: effects, pairs, correlations, questions.
+
+        Of a comparison's effects the one that its claim is about comes first.
+
+        Raises:
+            UsageError: the study plans none.
+        """
+        study = self._opened.study
+        found = {}
+        compared = self._opened.experiment(self.overrides).compare
+        for compare in (c for c in compared if not c.exploratory):
+            claimed_first = sorted(compare.terms, key=lambda term: term != compare.claimed)
+            for term in claimed_first:
+                found[_effect_name(compare, term, compared)] = _claim_of(compare, term)
+        for of in families_of(study):
+            found |= claims_of(study, of)
+        found |= study.questions
+        if not found:
+            raise UsageError(
+                f"{self.name} plans no comparison, so there is no power to find; declare one: "
+                'compare=[Compare("…", within="…")]'
+            )
+        return found
+
+    @property
+    def printed(self) -> Mapping[str, PrintedTest]:
+        """The F tests of effects within people, and paired t tests, that the source prints."""
+        study = self._opened.study
+        found = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
+        compared = self._opened.experiment(self.overrides).compare
+        for compare in compared:
+            for term in compare.terms:
+                printed = compare.published_of(term)
+                if compare.between or printed is None or printed.statistic is None:
+                    continue
+                if printed.df is not None:
+                    df1, df2 = printed.df
+                    found[_effect_name(compare, term, compared)] = PrintedTest(
+                        f"F({df1:g}, {df2:g}) = {number(printed.statistic)}",
+                        printed.statistic,
+                        df1,
+                        df2,
+                        round(df2 / df1) + 1,
+                    )
+        return found
+
+    @property
+    def shown_tests(self) -> Sequence[str]:
+        """What is shown unless asked otherwise; the first decides the number of participants.
+
+        Every effect of a comparison, the first measure's pairs of the first family, and questions.
+        """
+        study, every = self._opened.study, self.tests
+        families = families_of(study)
+        first = claims_of(study, families[0], families[0].measures[:1]) if families else {}
+        further = {n for of in families for n in claims_of(study, of)}
+        return tuple(n for n in every if n in first or n not in further)
+
+    def rule(self, alpha: float) -> str:
+        """Return how a test becomes significant."""
+        study = self._opened.study
+        pairs = [of for of in families_of(study) if isinstance(of, Pairs)]
+        if pairs and not study.compare:
+            n = len(pairs[0].levels) * len(pairs[0].measures)
+            return f"Shapiro-Wilk, then paired t or Wilcoxon, two-sided, p < {alpha:g}/{n}"
+        ways = {c.correction for c in study.compare if not c.exploratory}
+        return (
+            f"the study's own tests, corrected within families ({', '.join(sorted(ways))}), "
+            f"p < {alpha:g}"
+        )
+
+    def effect_meaning(self, effect: float, source: Source) -> str:
+        """Return what the multiplier did."""
+        if source == "study folder":
+            as_found = "People drawn with replacement from those recorded"
+            if effect == 1:
+                return f"{as_found}, their effect as found"
+            return f"{as_found}, mean differences to the first level multiplied by {effect:g}"
+        if effect == 0:
+            return (
+                "Simulated people to whom nothing shown makes a difference: whatever is "
+                "significant is false"
+            )
+        if effect == 1:
+            return "Simulated people as the study declares them"
+        return (
+            f"Simulated people whose responses to what is shown are scaled by {effect:g} "
+            "(durations multiplied, factors raised to that power)"
+        )
+
+    def prepare(self, told: Callable[[int, int], None]) -> None:
+        """Do what the study does before a first trial: of waving, make the waves."""
+        self._opened.experiment(self.overrides).prepare(told)
+
+    def simulate(
+        self,
+        numbers: Sequence[int],
+        tests: Sequence[str],
+        *,
+        effect: float,
+        seed: int,
+        alpha: float,
+    ) -> Mapping[int, Verdicts]:
+        """Simulate the largest study over the quick path and test its first n people for all n."""
+        rows = self.simulate_people(range(max(numbers)), effect=effect, seed=seed)
+        return self._at_every_number(rows, numbers, tests, alpha)
+
+    def simulate_people(self, indices: Sequence[int], *, effect: float, seed: int) -> pd.DataFrame:
+        """Return what tests need of some simulated people: trials that count, or means.
+
+        Raises:
+            UsageError: the study's people cannot be given such an effect.
+        """
+        opened = self._opened
+        experiment = opened.experiment(self.overrides)
+        made = quick_study(opened, experiment, self.make_tracker, indices, seed=seed, effect=effect)
+        kept = _counted(opened, experiment, made.trials)
+        return _needed(opened, experiment, kept, made.people)
+
+    def people_of(self, folder: Path, *, effect: float) -> tuple[pd.DataFrame, bool]:
+        """Return what tests need of the people in a study's folder.
+
+        Raises:
+            DataError: no trial table of this study there, simulated and real people together, too
+                few people, or an effect that cannot be changed in recorded people.
+        """
+        opened = self._opened
+        families = families_of(opened.study)
+        path = _table(folder, "trials.csv")
+        if path is None:
+            raise DataError(
+                f"{folder} holds no trials.csv; make it with `visavis analyse {folder}` and give "
+                "that folder or its derived/ folder"
+            )
+        if effect != 1 and (opened.study.compare or not families):
+            raise DataError(
+                "people who were recorded keep the effect that was found in them: "
+                "leave --effect out"
+            )
+        rows = pd.read_csv(path, dtype={"participant": str})
+        if COUNTED not in rows:
+            raise DataError(f"{path} was not made by a study on the kit; analyse it again")
+        simulated = rows["is_simulated"].astype(bool)
+        if simulated.any() and not simulated.all():
+            raise DataError(f"{path} mixes simulated and real people; take them apart")
+        kept: pd.DataFrame = rows[rows[COUNTED].astype(bool)].reset_index(drop=True)
+        if kept["participant"].nunique() < MIN_N:
+            raise DataError(
+                f"{path} holds {kept['participant'].nunique()} people who count; drawing from "
+                f"fewer than {MIN_N} says nothing"
+            )
+        answers = _table(folder, "participants.csv")
+        people = None if answers is None else pd.read_csv(answers, dtype={"participant": str})
+        needed = _needed(opened, opened.experiment(self.overrides), kept, people)
+        for of in (of for of in families if isinstance(of, Pairs)):
+            needed = _scaled(needed, of, effect)
+        return needed, bool(simulated.any())
+
+    def resample(
+        self,
+        people: pd.DataFrame,
+        numbers: Sequence[int],
+        tests: Sequence[str],
+        *,
+        seed: int,
+        alpha: float,
+    ) -> Mapping[int, Verdicts]:
+        """Draw people with all their trials, with replacement."""
+        drawn = draw_people(people, max(numbers), np.random.default_rng(seed))
+        return self._at_every_number(drawn, numbers, tests, alpha)
+
+    def _at_every_number(
+        self, rows: pd.DataFrame, numbers: Sequence[int], tests: Sequence[str], alpha: float
+    ) -> dict[int, Verdicts]:
+        """Test the first n names for every n; a person left out by the rules leaves a gap."""
+        opened = self._opened
+        experiment = opened.experiment(self.overrides)
+        place = rows["participant"].astype(int).to_numpy()
+        return {
+            n: self._verdicts(rows[place < n], tests, alpha, opened, experiment) for n in numbers
+        }
+
+    def _verdicts(
+        self,
+        rows: pd.DataFrame,
+        tests: Sequence[str],
+        alpha: float,
+        opened: OpenedStudy,
+        experiment: StudyExperiment,
+    ) -> dict[str, Found]:
+        known = {m.column: m for m in opened.measures(experiment)}
+        levels = experiment.levels
+        asks = any(name in opened.study.questions for name in tests)
+        findings = corrected(
+            [
+                answered(compare, rows, known, levels, is_simulated=True)
+                for compare in (c.with_alphas({"alpha": alpha}) for c in experiment.compare)
+                if not compare.exploratory and (asks or _is_asked(compare, tests, experiment))
+            ]
+        )
+        found: dict[str, Found] = dict.fromkeys(tests, Found(None))
+        for finding in findings:
+            for term in finding.terms:
+                name = _effect_name(finding.compare, term.name, experiment.compare)
+                if name in found:
+                    found[name] = Found(
+                        bool(term.p_corrected < alpha), *_difference(finding, rows, levels)
+                    )
+        return found | _of_families(opened, experiment, rows, tests, alpha, findings)
+
+
+def _effect_name(compare: Compare, term: str, every: Sequence[Compare]) -> str:
+    """Return what an effect is called: measure and term, and where several comparisons have it, of
+    whom, by which model or test and over which factors.
+    """
+    name = f"{compare.dv}:{term}"
+    same = [c for c in every if not c.exploratory and c.dv == compare.dv and term in c.terms]
+    if len(same) < 2:
+        return name
+    whom = [str(level) for level in compare.only.values()]
+    over = "by " + " × ".join((*compare.within, *compare.between))
+    return f"{name} ({', '.join(filter(None, (*whom, compare.model or compare.test, over)))})"
+
+
+def _is_asked(compare: Compare, tests: Sequence[str], experiment: StudyExperiment) -> bool:
+    """Tell whether a comparison, or another that shares its correction, is asked for."""
+    family = [
+        c
+        for c in experiment.compare
+        if c is compare or (c.correction != "none" and c.family == compare.family)
+    ]
+    return any(name.partition(":")[0] == c.dv for c in (compare, *family) for name in tests)
+
+
+def _of_families(
+    opened: OpenedStudy,
+    experiment: StudyExperiment,
+    rows: pd.DataFrame,
+    tests: Sequence[str],
+    alpha: float,
+    findings: tuple[Finding, ...],
+) -> dict[str, Found]:
+    """Make the asked tests of families; a question needs every test of every family."""
+    study, levels = opened.study, experiment.levels
+    known = {m.column: m for m in opened.measures(experiment)}
+    asks = any(name in study.questions for name in tests)
+    rules = DEFAULT_TEST_RULES.with_settings({"alpha": alpha})
+    people = rows.drop_duplicates("participant")
+    found: dict[str, Found] = {}
+    results = []
+    for of in families_of(study):
+        is_asked = asks or not claims_of(study, of).keys().isdisjoint(tests)
+        if not is_asked or not all(measure in rows for measure in of.measures):
+            continue
+        made: Sequence[Test]
+        if isinstance(of, Pairs):
+            every = {(pair, m) for pair in of.levels for m in of.measures}
+            only = {(p, m) for p, m in every if asks or pair_name(p, m) in tests}
+            made = compare_pairs(of, rows, known, levels, rules, only=only)
+        else:
+            made = results_of(of, rows, people, known, levels, rules)
+        results.append(Results(of, tuple(made)))
+        found |= dict(_found(rows, made))
+    if asks:
+        selection = Selection(rows, people, len(rows), (), {})
+        analysis = StudyAnalysis(
+            study,
+            True,
+            selection,
+            people,
+            levels,
+            tuple(known.values()),
+            findings,
+            (),
+            tuple(results),
+            rules=rules,
+        )
+        found |= {c.name: Found(c.is_found) for c in analysis.conclusions}
+    return {name: verdict for name, verdict in found.items() if name in tests}
+
+
+def _claim_of(compare: Compare, term: str) -> str:
+    """Return what a test of one effect claims: the comparison's claim is put to one of several."""
+    if len(compare.terms) == 1 and compare.claim:
+        return compare.claim
+    named = f"{compare.dv} depends on {term.replace(':', ' × ')}"
+    return f"{named}: {compare.claim}" if term == compare.claimed else named
+
+
+def families_of(study: Study) -> tuple[Family, ...]:
+    """Return the families of which power is found: planned ones, not made place by place."""
+    return tuple(
+        of
+        for of in study.families
+        if not of.exploratory and not (isinstance(of, Pairs) and of.each)
+    )
+
+
+def pair_name(pair: tuple[str, str], measure: str) -> str:
+    """Return the name of a test of two levels on the command line: "A-D:dwell_ms"."""
+    return f"{pair[0]}-{pair[1]}:{measure}"
+
+
+def claims_of(study: Study, of: Family, measures: Sequence[str] | None = None) -> dict[str, str]:
+    """Return the tests of a family by name, with what they claim."""
+    words = {m.column: m.words.lower() for m in study.measures}
+    names = [(m, words.get(m, m)) for m in (of.measures if measures is None else measures)]
+    if isinstance(of, Pairs):
+        return {
+            pair_name(pair, m): f"{pair[0]} – {pair[1]}, {said}"
+            for pair in of.levels
+            for m, said in names
+        }
+    levels = study.factor(of.factor).levels
+    return {
+        f"{of.family}-{level}:{m}": f"{of.score_words} and {said} under {level}"
+        for level in levels
+        for m, said in names
+    }
+
+
+def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
+    """Yield what a source prints of the paired t tests of a family, by their names."""
+    if not isinstance(of, Pairs) or of.printed is None or study.source is None:
+        return
+    n, nan = study.source.participants, float("nan")
+    if n is None:
+        return
+    known = {m.column: m for m in study.measures}
+    n_tests = (len(of.levels) if "levels" in of.shared else 1) * (
+        len(of.measures) if "measures" in of.shared else 1
+    )
+    for pair in of.levels:
+        for column in of.measures:
+            unmade = PairTest(
+                of, "", known[column], *pair, 0, 0, nan, nan, nan, nan, nan, n_tests, None
+            )
+            printed = of.printed(unmade)
+            if printed is not None and printed.statistic is not None:
+                yield (
+                    pair_name(pair, column),
+                    PrintedTest(
+                        f"t({n - 1}) = {number(printed.statistic)}",
+                        printed.statistic**2,
+                        1,
+                        n - 1,
+                        n,
+                        n_tests,
+                    ),
+                )
+
+
+def _found(rows: pd.DataFrame, tests: Sequence[Test]) -> Iterator[tuple[str, Found]]:
+    """Yield the verdict of every test by its name."""
+    for test in tests:
+        column = test.measure.column
+        if isinstance(test, CorrelationTest):
+            r = float("nan") if test.outcome is None else test.outcome.r
+            yield f"{test.of.family}-{test.level}:{column}", Found(test.is_significant, r, r)
+        elif test.outcome is None:
+            yield pair_name((test.first, test.second), column), Found(None)
+        else:
+            off = _off(rows, test.of.factor, column, test.first, test.second)
+            yield pair_name((test.first, test.second), column), Found(test.is_significant, *off)
+
+
+def _needed(
+    opened: OpenedStudy,
+    experiment: StudyExperiment,
+    counted: pd.DataFrame,
+    people: pd.DataFrame | None,
+) -> pd.DataFrame:
+    """Return what tests need: means by level where all of them compare levels of one factor.
+
+    Scores stand in every row of a person, so that whoever is drawn brings theirs.
+    """
+    families = families_of(opened.study)
+    factors = {of.factor for of in families}
+    kept = counted
+    if not opened.study.compare and len(factors) == 1:
+        names = {name for of in families for name in of.measures}
+        measures = [m for m in opened.measures(experiment) if m.column in names]
+        kept = aggregated(counted, measures, list(factors)).drop(columns="n")
+    for of in families:
+        if isinstance(of, Correlate):
+            scores = scores_of(pd.DataFrame() if people is None else people, of.score)
+            kept = kept.assign(**{of.score: kept["participant"].map(scores).astype(float)})
+    return kept
+
+
+def _scaled(people: pd.DataFrame, of: Pairs, effect: float) -> pd.DataFrame:
+    """Move each level so that its mean difference to the first is multiplied; spreads stay."""
+    if effect == 1:
+        return people
+    moved, columns = people.copy(), list(of.measures)
+    grand = people.groupby(of.factor)[columns].mean()
+    first = of.levels[0][0]
+    for level in grand.index:
+        if str(level) != first and first in grand.index:
+            here = moved[of.factor] == level
+            shift = (effect - 1) * (grand.loc[level] - grand.loc[first])
+            moved.loc[here, columns] += shift.to_numpy(float)
+    return moved
+
+
+def _table(folder: Path, name: str) -> Path | None:
+    return next((p for p in (folder / name, folder / "derived" / name) if p.exists()), None)
+
+
+def draw_people(people: pd.DataFrame, n: int, rng: np.random.Generator) -> pd.DataFrame:
+    """Draw n people with replacement, each with all rows; the drawn get numbers as names."""
+    rows_of = list(people.groupby("participant", sort=True).indices.values())
+    chosen = [rows_of[i] for i in rng.integers(0, len(rows_of), n)]
+    drawn = people.iloc[np.concatenate(chosen)].reset_index(drop=True)
+    names: npt.NDArray[np.object_] = np.array([f"{i:05d}" for i in range(n)], dtype=object)
+    drawn["participant"] = np.repeat(names, [len(rows) for rows in chosen])
+    return drawn
+
+
+def _difference(
+    finding: Finding, rows: pd.DataFrame, levels: Mapping[str, tuple[Any, ...]]
+) -> tuple[float, float]:
+    """Return mean difference and dz of two levels within people; NaN for anything else."""
+    compare = finding.compare
+    if compare.test in AGREEMENT:
+        return float("nan"), float("nan")
+    if len(compare.within) != 1 or compare.between or len(levels[compare.within[0]]) != 2:
+        return float("nan"), float("nan")
+    return _off(rows, compare.within[0], compare.dv, *levels[compare.within[0]])
+
+
+def _off(
+    rows: pd.DataFrame, factor: str, column: str, first: Any, second: Any
+) -> tuple[float, float]:
+    """Return the mean difference of two levels over people, second minus first, and dz."""
+    wide = rows.pivot_table(index="participant", columns=factor, values=column)
+    if first not in wide or second not in wide:
+        return float("nan"), float("nan")
+    off = (wide[second] - wide[first]).dropna()
+    sd = float(off.std(ddof=1))
+    return float(off.mean()), float(off.mean()) / sd if sd > 0 else float("nan")
+
+
+def _counted(opened: OpenedStudy, experiment: StudyExperiment, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the trials that the study's rules let count."""
+    planned = {str(name): int(n) for name, n in rows.groupby("participant").size().items()}
+    return opened.selection_of(experiment, rows, planned=planned).counted

@@ -1,0 +1,316 @@
+"""Sections of the report on families of tests: every test beside what its source prints."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from visavis.analysis.report import (
+    Block,
+    Bullets,
+    Cell,
+    Column,
+    Fold,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+    Verdict,
+)
+from visavis.analysis.report.notation import (
+    MISSING,
+    counted,
+    decimal,
+    fraction,
+    interval,
+    mean_sd,
+    probability,
+    threshold,
+)
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.figures.family_figures import figure_names
+from visavis.study.pairs import (
+    Agreement,
+    CorrelationTest,
+    PairTest,
+    Printed,
+    agreement,
+    count_agreement,
+    same_verdicts,
+)
+
+HERE, PRINTED = "This study", "Published"
+ARROWS = {1: "↗", -1: "↘"}
+
+
+def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
+    """Return the study's own conclusions; of a study without, how much each family found."""
+    if analysis.study.conclude_of is not None:
+        return tuple(
+            Verdict(c.status, c.headline, " ".join(c.evidence)) for c in analysis.conclusions
+        )
+    found = []
+    for family in dict.fromkeys(r.of.family for r in analysis.results if not r.of.exploratory):
+        tests = analysis.tests_of(family)
+        made = [t for t in tests if t.outcome is not None]
+        hits = [t for t in made if t.holds_corrected]
+        found_of = f"{len(hits)} of {counted(len(made), 'test')} significant"
+        headline = f"{family.capitalize()}: {found_of if made else 'not tested'}"
+        said = " ".join(t.sentence() for t in hits or tests[:1])
+        found.append(
+            Verdict("found" if hits else "not_found" if made else "undecided", headline, said)
+        )
+    return tuple(found)
+
+
+FITTED: Final = (
+    " The people are simulated and fitted to the published study: agreement shows that recording "
+    "and analysis work, and is no evidence about people."
+)
+
+
+def agreement_table(analysis: StudyAnalysis) -> Table | None:
+    """Return how many published verdicts come back, by family; None where nothing is printed."""
+    rows = []
+    for family in analysis.families():
+        tests = analysis.tests_of(family)
+        count = count_agreement(tests)
+        if count.published:
+            where = dict.fromkeys(t.printed.where for t in tests if t.printed is not None)
+            words = next(r.of.words for r in analysis.results if r.of.family == family)
+            rows.append((words or family, str(count), ", ".join(filter(None, where))))
+    if not rows:
+        return None
+    return Table(
+        (Column("Family of tests"), Column("Verdicts that agree", "right"), Column("Published in")),
+        tuple(rows),
+        "Agreement with the published study",
+        "Verdicts agree when both are not significant, or both are, in the same direction. "
+        "Undecided: not tested, or so few participants that the test cannot reach its threshold."
+        + fitted_note(analysis),
+    )
+
+
+def fitted_note(analysis: StudyAnalysis) -> str:
+    """Return what agreement with a source means where people are simulated; else nothing."""
+    return FITTED if analysis.is_simulated else ""
+
+
+def family_sections(
+    analysis: StudyAnalysis, pictures: Mapping[str, Picture]
+) -> tuple[Section, ...]:
+    """Return a section for each family, and one on what verdicts rest on."""
+    sections = []
+    for family in analysis.families():
+        pairs, correlations = analysis.pairs_of(family), analysis.correlations_of(family)
+        blocks: list[Block] = [pictures[n] for n in figure_names(family) if n in pictures]
+        blocks += [
+            _pair_table([t for t in pairs if (t.first, t.second) == pair])
+            for pair in dict.fromkeys((t.first, t.second) for t in pairs)
+        ]
+        if correlations:
+            blocks.append(_correlation_table(correlations))
+        said = tuple(t.sentence() for t in analysis.tests_of(family))
+        blocks.append(Fold(f"All {len(said)} conclusions in words", (Bullets(said),)))
+        words = next(r.of.words for r in analysis.results if r.of.family == family)
+        if words:
+            blocks.insert(0, Paragraph(f"{words[:1].upper()}{words[1:]}."))
+        sections.append(Section(figure_names(family)[0], family.capitalize(), tuple(blocks)))
+    return (*sections, *_robustness(analysis))
+
+
+def _robustness(analysis: StudyAnalysis) -> tuple[Section, ...]:
+    again = analysis.without_rules
+    if not again:
+        return ()
+    family = again[0].of.family
+    main = analysis.pairs_of(family)
+    finished = analysis.selection.finished
+    text = (
+        f"Without any exclusion ({counted(len(finished), 'trial')} of "
+        f"{counted(finished['participant'].nunique(), 'participant')}), "
+        f"{same_verdicts(again, main)} of {len(main)} verdicts ({family}) are the same as in the "
+        "main analysis."
+    )
+    blocks: list[Block] = [Paragraph(text)]
+    if analysis.sensitivity:
+        blocks.append(_sensitivity_table(analysis))
+    return (Section("robustness", "Robustness", tuple(blocks)),)
+
+
+def _pair_table(tests: Sequence[PairTest]) -> Table:
+    """Return the tests of two levels, one row per measure (and place)."""
+    of, first, second = tests[0].of, tests[0].first, tests[0].second
+    beside = any(t.printed is not None for t in tests)
+    columns = [
+        Column("Measure"),
+        Column(first, "right", HERE),
+        Column("", "centre", HERE),
+        Column(second, "right", HERE),
+        Column("n", "right", HERE),
+        Column(f"Statistic, {first} − {second}", "right", HERE),
+        Column("p", "right", HERE),
+        Column("", "tight", HERE),
+        Column(f"Effect, {first} − {second} [CI]", "right", HERE),
+        Column("η²p", "right", HERE),
+    ]
+    if beside:
+        columns += [
+            Column(f"t, {first} − {second}", "right", PRINTED),
+            Column("p", "right", PRINTED),
+            Column("", "tight", PRINTED),
+            Column("η²p", "right", PRINTED),
+            Column("Verdict", "centre"),
+        ]
+    rows = tuple((*_pair_cells(t), *(_printed_cells(t) if beside else ())) for t in tests)
+    stars = [threshold(tests[0].threshold / divisor) for divisor in (1, 5, 50)]
+    where = ", ".join(dict.fromkeys(t.printed.where for t in tests if t.printed is not None))
+    return Table(
+        tuple(columns),
+        rows,
+        f"{first} against {second}: {of.called(first)} and {of.called(second)}",
+        "Mean (SD) over participants who have both values. "
+        f"* p < {stars[0]}, ** p < {stars[1]}, *** p < {stars[2]} (alpha shared by "
+        f"{counted(tests[0].n_tests, 'test')}). t: paired t test with dz; V: Wilcoxon signed-rank "
+        "test with rank-biserial correlation"
+        + (f"; “wilc.”: the source prints no statistic. Published: {where}." if where else "."),
+    )
+
+
+def _name(test: PairTest) -> str:
+    where = f", {test.where.replace('_', ' ')}" if test.where else ""
+    unit = f" ({test.measure.unit})" if test.measure.unit not in ("", "1") else ""
+    return f"{test.measure.words}{unit}{where}"
+
+
+def _pair_cells(test: PairTest) -> tuple[Cell | str, ...]:
+    digits = test.measure.digits
+    first = mean_sd(test.first_mean, test.first_sd, digits)
+    second = mean_sd(test.second_mean, test.second_sd, digits)
+    if test.outcome is None:
+        untested = Cell("not tested", "weak", test.problem)
+        return (
+            _name(test),
+            first,
+            "",
+            second,
+            str(test.n_pairs),
+            untested,
+            MISSING,
+            "",
+            MISSING,
+            MISSING,
+        )
+    eta, effect = test.outcome.eta, test.outcome.effect
+    bounds = (
+        "" if effect.interval is None else f" {interval(effect.interval.low, effect.interval.high)}"
+    )
+    return (
+        _name(test),
+        first,
+        Cell(ARROWS.get(test.direction, "") if test.is_significant else "", "strong"),
+        second,
+        str(test.n_pairs),
+        Cell(test.statistic(), hint=test.sentence()),
+        Cell(probability(test.outcome.p), "strong" if test.is_significant else ""),
+        test.stars,
+        f"{decimal(effect.value)}{bounds}",
+        MISSING if eta is None else fraction(eta.value),
+    )
+
+
+def _printed_cells(test: PairTest) -> tuple[Cell, ...]:
+    printed = test.printed or Printed(False)
+    wilcoxon = printed.is_wilcoxon
+    return (
+        Cell("wilc." if wilcoxon else decimal(printed.statistic), "weak"),
+        Cell(probability(printed.p), "weak"),
+        Cell("*" * printed.stars, "weak"),
+        Cell("wilc." if wilcoxon else fraction(printed.eta_p2), "weak"),
+        verdict_cell(agreement(test)),
+    )
+
+
+def verdict_cell(found: Agreement | None) -> Cell:
+    """Return how our verdict stands to the published one."""
+    if found is None:
+        return Cell(MISSING, "weak")
+    if found.ours is not None and not found.is_decidable:
+        return Cell(
+            "? undecided", "weak", "with so few participants the test cannot reach its threshold"
+        )
+    if found.agrees is None:
+        return Cell("not tested", "weak")
+    if found.agrees:
+        return Cell("✓ same", "agree")
+    if found.published and found.ours:
+        return Cell("✗ opposite", "differ")
+    return Cell("✗ only publ." if found.published else "✗ only here", "differ")
+
+
+def _correlation_table(tests: Sequence[CorrelationTest]) -> Table:
+    """Return the coefficients, one row per measure and a group of columns per level."""
+    levels = list(dict.fromkeys(t.level for t in tests))
+    beside = any(t.printed is not None for t in tests)
+    columns = [Column("Measure")]
+    for level in levels:
+        columns += [Column("rs", "right", level), Column("p", "right", level)]
+        if beside:
+            columns += [Column("publ. rs", "right", level), Column("", "left", level)]
+    by_key = {(t.measure, t.level): t for t in tests}
+    rows = []
+    for measure in dict.fromkeys(t.measure for t in tests):
+        row: list[Cell | str] = [measure.words]
+        for level in levels:
+            found = by_key[measure, level]
+            if found.outcome is None:
+                row += [Cell(MISSING, "weak", found.problem), Cell(MISSING, "weak")]
+            else:
+                p = Cell(probability(found.outcome.p), "strong" if found.is_significant else "")
+                row += [Cell(fraction(found.outcome.r), hint=found.sentence()), p]
+            if beside:
+                printed, verdict = found.printed, verdict_cell(agreement(found))
+                unknown = printed is None or printed.r is None
+                text = "n.s." if unknown else fraction(getattr(printed, "r", None))
+                row += [Cell(text, "weak"), Cell(verdict.text[:1], verdict.mark, verdict.text)]
+        rows.append(tuple(row))
+    sizes = sorted({t.n for t in tests})
+    n = f"n = {sizes[0]}" if len(sizes) == 1 else f"n = {sizes[0]} to {sizes[-1]}, by measure"
+    return Table(
+        tuple(columns),
+        tuple(rows),
+        f"Spearman correlations with {tests[0].of.score_name}",
+        f"{n}. p uncorrected with threshold {threshold(tests[0].alpha)}; Holm-adjusted values are "
+        "in statistics.csv."
+        + (
+            " n.s.: the source states no correlation. ✓ same verdict, ✗ different, ? undecided, "
+            "n not tested."
+            if beside
+            else ""
+        ),
+    )
+
+
+def _sensitivity_table(analysis: StudyAnalysis) -> Table:
+    """Return the first tests of the family for other paddings and minimum durations."""
+    rows: list[tuple[Any, ...]] = []
+    columns = [Column("Padding (°)", "right"), Column("Minimum fixation (ms)", "right")]
+    for test in analysis.sensitivity[0].shown:
+        group = test.measure.axis
+        columns += [Column(n, "right", group) for n in (test.first, test.second, "p")]
+    columns += [Column("Significant", "right"), Column("Verdict as in the main analysis", "right")]
+    for r in analysis.sensitivity:
+        shown: list[str] = []
+        for test in r.shown:
+            means = (test.first_mean, test.second_mean)
+            shown += [decimal(mean, test.measure.digits) for mean in means]
+            shown.append(probability(test.outcome.p if test.outcome else None))
+        same = Cell(
+            f"{r.same_verdicts} of {r.n_tests}", "" if r.same_verdicts == r.n_tests else "differ"
+        )
+        pad, minimum = decimal(r.pad_deg, 1), decimal(r.minimum_fixation_ms, 0)
+        rows.append((pad, minimum, *shown, str(r.significant), same))
+    return Table(
+        tuple(columns),
+        tuple(rows),
+        "Sensitivity to the angular padding of heads and to the minimum fixation",
+        "p before correction; the same trials as in the main analysis.",
+    )

@@ -1,0 +1,206 @@
+"""The method section, written from what the study declares and the parameters in force."""
+
+from collections.abc import Iterator
+
+from visavis.analysis.report.notation import decimal, threshold
+from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME
+from visavis.protocol.plan import Trial
+from visavis.results.analysis import Finding, StudyAnalysis
+from visavis.results.report.reporting_list import STAMPS_COUNTED, confidence_rule, stamp_rule
+from visavis.study.experiment import StudyExperiment
+from visavis.study.look_measures import MeasureParameters
+from visavis.study.pairs import Correlate, Pairs
+from visavis.study.responses import Rating, Response
+from visavis.study.texts import Texts, label_in_unit, label_of, shown
+from visavis.study.trial import TrialScript
+
+
+def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> tuple[str, ...]:
+    """Return the paragraphs: the study's own words, design, procedure, measures, statistics."""
+    study = experiment.study
+    looks = [_looks(on.rules({"parameters": experiment.parameters})) for on in study.looks[:1]]
+    every = (
+        *own_methods(experiment),
+        _procedure(experiment),
+        _measured(analysis),
+        *looks,
+        _excluded(analysis),
+        _compared(analysis, experiment.texts),
+        *_families(analysis),
+    )
+    return tuple(filter(None, every))
+
+
+def own_methods(experiment: StudyExperiment) -> tuple[str, ...]:
+    """Return what is known before anything is analysed: the study's own words, its design."""
+    values = {k: shown(v) for k, v in experiment.parameters.items()}
+    own = experiment.study.methods.format_map(values)
+    parts = (p.strip() for p in own.split("\n\n") if p.strip())
+    return (*parts, _design(experiment))
+
+
+def _design(experiment: StudyExperiment) -> str:
+    plan = experiment.plan(0, 1)
+    counted = [t for t in plan.trials if not t.is_practice]
+    blocks = len({t.block for t in counted})
+    practice = len(plan.trials) - len(counted)
+    factors = []
+    for factor in experiment.study.design(experiment.parameters).factors:
+        kind = "between" if factor.between else "within"
+        levels = ", ".join(label_of(experiment.texts, str(v)) for v in factor.levels)
+        name = label_in_unit(experiment.texts, factor.name)
+        factors.append(f"{name} ({levels}; {kind} participants)")
+    repeated = int(experiment.parameters["repetitions"])
+    times = "once" if repeated == 1 else f"{repeated} times"
+    order = str(experiment.parameters["order"]).replace("_", " ")
+    tried = f" after {practice} for practice" if practice else ""
+    return (
+        f"Factors were {'; '.join(factors)}. Every combination came {times}: {len(counted)} trials"
+        f"{tried}, in {order} order, in {_blocks(blocks)}."
+    )
+
+
+def _procedure(experiment: StudyExperiment) -> str:
+    """Return what trials showed and asked, where the study's own words do not tell it."""
+    if experiment.study.methods.strip():
+        return ""
+    said = []
+    shown_in: dict[str, dict[str, list[str]]] = {}
+    for read in experiment.read.values():
+        for scene in read.scenes:
+            options = shown_in.setdefault(scene.name, {})
+            for name, value in scene.options.items():
+                values = options.setdefault(name, [])
+                values += [] if str(value) in values else [str(value)]
+    for scene_name, of in shown_in.items():
+        told = "; ".join(
+            f"{label_in_unit(experiment.texts, name)}: {' or '.join(v)}" for name, v in of.items()
+        )
+        said.append(f"the scene {scene_name.replace('_', ' ')}" + (f" ({told})" if told else ""))
+    asked = [_asked(experiment, response) for response in experiment.responses.values()]
+    parts = [f"Trials showed {' and '.join(said)}." if said else ""]
+    parts.append(f"Participants were asked: {'; '.join(asked)}." if asked else "")
+    return " ".join(filter(None, parts))
+
+
+def _asked(experiment: StudyExperiment, response: Response) -> str:
+    """Return a question in the participants' words, with its scale or options."""
+    cell = dict(next(iter(experiment.read)))
+    script = TrialScript(Trial("T1", 1, 0, False, cell, 1), experiment.settings)
+    prompt, labels = script.words_of(response)
+    how = ", ".join(map(str, labels))
+    if isinstance(response, Rating):
+        how = f"a rating from {response.low} to {response.high}"
+    return f"“{prompt}” ({response.name.replace('_', ' ')}{': ' if how else ''}{how})"
+
+
+def _blocks(count: int) -> str:
+    return "one block" if count == 1 else f"{count} blocks"
+
+
+def _measured(analysis: StudyAnalysis) -> str:
+    used = dict.fromkeys(
+        (
+            *(f.measure for f in analysis.findings),
+            *(t.measure for r in analysis.results for t in r.tests),
+        )
+    )
+    words = [
+        f"{m.words[:1].lower()}{m.words[1:]} ({m.column}, {m.aggregate} over the trials of a cell)"
+        for m in used
+    ]
+    return f"Measures were {'; '.join(words)}." if words else "No measure was compared."
+
+
+def _looks(rules: MeasureParameters) -> str:
+    looks = rules.looks
+    return (
+        "Gaze was on an agent's head when its ray met the head before any occluder, or passed it "
+        f"within an angular padding of {decimal(rules.pad_deg, 1)}°, limited by half the gap to "
+        "the nearest head. Uninterrupted gaze on the head is a look; lost gaze of at most "
+        f"{decimal(looks.bridge_ms, 0)} ms within one look was bridged (Olsen, 2012), gaze "
+        f"elsewhere never. Looks of at least {decimal(looks.minimum_fixation_ms, 0)} ms are "
+        "fixations, shorter ones glances. Dwell time is the time of valid samples on the head, "
+        "glances included; fixation count, and time and duration of the first and second fixation, "
+        "follow from the fixations. A trial without the fixation in question has no value for it. "
+        f"Validity of samples – {confidence_rule()}. Time stamps – {stamp_rule(looks)}"
+        f"{STAMPS_COUNTED}."
+    )
+
+
+def _excluded(analysis: StudyAnalysis) -> str:
+    selection = analysis.selection
+    applied = selection.applied(analysis.study.exclusions)
+    rules = [
+        rule.rule(selection.limits[rule.name])
+        + ("" if rule.if_missing or "{" in rule.words else f", {rule.words}")
+        for rule in applied
+    ]
+    return (
+        "Trials that were not finished were left out; of trials performed again the last counts. "
+        + (f"Left out further: {'; '.join(rules)}." if rules else "")
+    )
+
+
+def _compared(analysis: StudyAnalysis, texts: Texts) -> str:
+    said = []
+    for finding in analysis.findings:
+        title = "not tested" if finding.outcome is None else finding.outcome.title
+        how = finding.compare.correction
+        of = f"the family “{finding.compare.family}”"
+        family = f", {ADJUSTMENT_NAME.get(how, how)} over {of}" if how != "none" else ""
+        said.append(f"{spoken(finding, texts)}: {title} (α = {finding.compare.alpha:g}{family})")
+    chosen = [f for f in analysis.findings if f.outcome is not None]
+    is_art = any(f.compare.test == f.compare.model == "" and _factor_count(f) > 1 for f in chosen)
+    why = (
+        (
+            " The aligned rank transform was taken as the test over several factors where the "
+            "study names none: it tests their interactions, too, and asks neither for normal "
+            "residuals nor for equal steps of a scale; its contrasts are in ranks."
+        )
+        if is_art
+        else ""
+    )
+    if not said:
+        return "" if analysis.results else "No comparison was planned."
+    return f"Comparisons: {'; '.join(said)}.{why}"
+
+
+def _factor_count(finding: Finding) -> int:
+    return len(finding.compare.within) + len(finding.compare.between)
+
+
+def _families(analysis: StudyAnalysis) -> Iterator[str]:
+    rules = analysis.rules
+    percent = f"{100 * rules.interval_level:.0f} %"
+    if any(isinstance(r.of, Pairs) for r in analysis.results):
+        yield (
+            "Two levels were compared with paired t tests where Shapiro–Wilk did not reject the "
+            f"normality of the differences (α = {threshold(rules.normality_alpha)}), with "
+            "Wilcoxon's signed-rank test (exact) otherwise. Statistics and effect sizes of a "
+            "comparison A – B, and figures, are of A minus B. Effect sizes are "
+            f"dz and partial η² (t tests, with noncentral {percent} intervals; Steiger, "
+            "2004) or the rank-biserial correlation."
+        )
+    said = []
+    for r in analysis.results:
+        words = f"{r.of.family} ({r.of.words})" if r.of.words else r.of.family
+        alpha = threshold(rules.alpha)
+        if isinstance(r.of, Correlate):
+            said.append(f"{words}: Spearman's coefficient at {alpha}, uncorrected")
+        elif analysis.pairs_of(r.of.family):
+            n = analysis.pairs_of(r.of.family)[0].n_tests
+            said.append(f"{words}: Bonferroni, {alpha}/{n} = {threshold(rules.alpha / n)}")
+    if said:
+        yield f"Families of tests: {'; '.join(dict.fromkeys(said))}."
+
+
+def spoken(finding: Finding, texts: Texts) -> str:
+    """Return what a comparison is called in sentences: measure, factors, and of whom."""
+    words = finding.measure.words
+    factors = " × ".join(
+        label_of(texts, name)
+        for name in (*finding.compare.within, *finding.compare.between) or ("itself",)
+    )
+    levels = ", ".join(label_of(texts, str(v)) for v in finding.compare.only.values())
+    return f"{words[:1].lower()}{words[1:]} by {factors}" + (f" ({levels})" if levels else "")

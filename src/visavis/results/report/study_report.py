@@ -1,0 +1,657 @@
+"""The report of a study: one HTML file, from its analysis, whatever the study."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from visavis.analysis.plots import Drawn, svg_for_page
+from visavis.analysis.plots.panels import Values
+from visavis.analysis.report import (
+    Block,
+    Bullets,
+    Cell,
+    Code,
+    Column,
+    Facts,
+    Fold,
+    Page,
+    Paragraph,
+    Picture,
+    ReportProvenance,
+    Section,
+    Table,
+    Verdict,
+    Verdicts,
+    write_page,
+)
+from visavis.analysis.report.notation import counted, mean_sd, percentage, probability
+from visavis.analysis.statistics.results import quantities
+from visavis.protocol.questionnaires import Questionnaire
+from visavis.results.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
+from visavis.results.figures.study_figures import figure_name
+from visavis.results.quality import LOSS_COLUMNS, Quality, quality_table
+from visavis.results.report.family_report import (
+    agreement_table,
+    family_sections,
+    family_verdicts,
+    fitted_note,
+    verdict_cell,
+)
+from visavis.results.report.methods import method_paragraphs, spoken
+from visavis.results.report.reporting_list import Kept, reporting_table
+from visavis.results.unusual import VIEWS, looks_table, striking_trials
+from visavis.study.comparisons import trials_of
+from visavis.study.exclusions import rule_words
+from visavis.study.experiment import StudyExperiment
+from visavis.study.look_measures import LooksOn
+from visavis.study.measures import aggregated
+from visavis.study.texts import Texts, label_in_unit, label_of
+
+REPORT_NAME: Final = "report.html"
+AGE_DIGITS: Final = 1
+SCORE_DIGITS: Final = 1
+Pictures = Mapping[str, Picture]
+
+
+def build_report(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    provenance: ReportProvenance,
+    pictures: Mapping[str, Picture],
+    path: Path,
+    questionnaires: Sequence[Questionnaire] = (),
+    sections: Sequence[Section] = (),
+    quality: Quality | None = None,
+) -> Path:
+    """Write the report and return its path; the same input gives the same bytes.
+
+    `pictures` are the figures by name.
+    """
+    checked = (
+        [] if quality is None else [_quality(analysis, experiment, quality, provenance, pictures)]
+    )
+    study = analysis.study
+    page = Page(
+        title=study.title,
+        subtitle=study.question,
+        facts=Facts(
+            (
+                (
+                    "Participants analysed",
+                    f"{analysis.n_participants} of {len(analysis.selection.people)}"
+                    f"{_by_group(analysis)}",
+                ),
+                ("Trials analysed", str(len(analysis.selection.counted))),
+                *([("Measured by", analysis.measured_by)] if analysis.measured_by else []),
+                ("Data", "simulated" if analysis.is_simulated else "real"),
+                ("Recorded", provenance.data_date or "unknown"),
+                ("Study version", provenance.study_version),
+                ("Visavis", provenance.versions.get("visavis", "unknown")),
+            )
+        ),
+        is_simulated=analysis.is_simulated,
+        sections=(
+            _summary(analysis, experiment),
+            *_measures(analysis, experiment, pictures),
+            *family_sections(analysis, pictures),
+            *sections,
+            *checked,
+            _people(analysis, experiment, questionnaires, pictures, provenance, path.parent),
+            _methods(analysis, experiment),
+            provenance_section(provenance),
+        ),
+        footer="" if study.source is None else f"Published values: {study.source.citation}",
+    )
+    return write_page(page, path)
+
+
+def _by_group(analysis: StudyAnalysis) -> str:
+    """Return how many participants of each group count; nothing where there are no groups."""
+    told = []
+    for factor in (f for f in analysis.study.factors if f.between and f.name in analysis.levels):
+        counts = analysis.selection.counted.groupby(factor.name)["participant"].nunique()
+        told += [f"{counts.get(level, 0)} {level}" for level in analysis.levels[factor.name]]
+    return f" ({', '.join(told)})" if told else ""
+
+
+def picture_of(drawn: Drawn) -> Picture:
+    """Return a figure as a block of a report."""
+    return Picture(svg_for_page(drawn), drawn.title, drawn.caption, drawn.alternative)
+
+
+def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
+    verdicts = [
+        _verdict(analysis, finding, term, experiment)
+        for finding in analysis.findings
+        if not finding.compare.exploratory
+        for term in finding.terms or (None,)
+    ]
+    if analysis.study.conclude_of is not None:
+        verdicts = []  # its own conclusions say it
+    verdicts += family_verdicts(analysis)
+    blocks: list[Block] = []
+    if verdicts:
+        blocks.append(Verdicts(tuple(verdicts)))
+    else:
+        blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
+    beside = _beside_published(analysis, experiment.texts)
+    blocks += [] if beside is None else [beside]
+    agreed = agreement_table(analysis)
+    blocks += [] if agreed is None else [agreed]
+    source = analysis.study.source
+    if source is not None and analysis.n_participants < (source.participants or 0):
+        blocks.append(
+            Paragraph(
+                f"With {counted(analysis.n_participants, 'participant')} instead of the source's "
+                f"{source.participants}, power is lower and verdicts are unsteady: none shows "
+                "that there is no effect."
+            )
+        )
+    return Section("summary", "Result", tuple(blocks))
+
+
+def _verdict(
+    analysis: StudyAnalysis, finding: Finding, term: Term | None, experiment: StudyExperiment
+) -> Verdict:
+    compare = finding.compare
+    words = finding.measure.words
+    if term is None or finding.outcome is None:
+        untested = f"{words}: not tested" + (f" – {_lower(compare.claim)}" if compare.claim else "")
+        return Verdict("undecided", untested, f"{finding.why_not}.")
+    names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
+    significant = term.is_significant
+    is_claimed = bool(compare.claim) and (len(finding.terms) == 1 or compare.is_claimed(term.name))
+    doubts = finding.outcome.doubts(term.name)
+    if doubts:
+        about = compare.claim if is_claimed else f"{words} by {names}"
+        headline = f"Inconclusive: {_lower(about)}"
+    elif is_claimed:
+        headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
+    elif significant:
+        headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
+    else:
+        headline = f"Inconclusive: {_lower(words)} by {names}"
+    corrected = ""
+    if compare.correction != "none" and term.p_corrected != term.p:
+        corrected = (
+            f" Corrected over the family of {compare.family} comparisons ({compare.correction}): "
+            f"p {_p(term.p_corrected)}."
+        )
+    published, printed = "", compare.published_of(term.name)
+    if printed is not None:
+        same = printed.is_significant == significant
+        published = f" Published: {printed} ({'the same' if same else 'another'} verdict)."
+    return Verdict(
+        "undecided" if doubts else "found" if significant else "not_found",
+        headline,
+        f"{_sentence(finding, term)}{corrected}{published}"
+        + "".join(f" Note: {note}." for note in doubts),
+    )
+
+
+def _direction(
+    analysis: StudyAnalysis, finding: Finding, experiment: StudyExperiment
+) -> str | None:
+    """Return which of two levels has more of a measure; None where there are not two."""
+    factors = (*finding.compare.within, *finding.compare.between)
+    if len(factors) != 1 or len(analysis.levels[factors[0]]) != 2:
+        return None
+    column = finding.measure.column
+    counted_rows = finding.compare.chosen(analysis.selection.counted)
+    cells = aggregated(counted_rows, [finding.measure], factors)
+    means = cells.groupby(factors[0])[column].mean()
+    one, other = analysis.levels[factors[0]]
+    if one not in means or other not in means or means[one] == means[other]:
+        return None
+    more, less = (one, other) if means[one] > means[other] else (other, one)
+    texts = experiment.texts
+    unit = "" if finding.measure.unit in ("", "1") else f" {finding.measure.unit}"
+    high, low = quantities(means[more], means[less])
+    return (
+        f"{finding.measure.words}: more with {label_in_unit(texts, factors[0])} "
+        f"{label_of(texts, str(more))} than {label_of(texts, str(less))} "
+        f"({high}{unit} and {low}{unit})"
+    )
+
+
+def _sentence(finding: Finding, term: Term) -> str:
+    outcome = finding.outcome
+    if outcome is None:
+        return ""
+    for said in outcome.sentences:
+        if said.startswith(f"{term.name.replace(':', ' × ')}:"):
+            return said
+    return " ".join(outcome.sentences)
+
+
+def _p(p: float) -> str:
+    text = probability(p)
+    return text if text.startswith(("<", ">")) else f"= {text}"
+
+
+def _lower(text: str) -> str:
+    return text[:1].lower() + text[1:]
+
+
+def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
+    source = analysis.study.source
+    if source is None:
+        return None
+    rows: list[tuple[Cell | str, ...]] = []
+    misfits: list[str] = []
+    only = {name: level for name, level in source.only.items() if name in analysis.levels}
+    counted_rows = trials_of(analysis.selection.counted, only)
+    for column, cells in source.cells.items():
+        measure = analysis.measure(column)
+        if column not in counted_rows:
+            continue
+        for factor, levels in analysis.levels.items():
+            if not set(map(str, levels)) >= set(cells):
+                continue
+            means = aggregated(counted_rows, [measure], [factor])
+            for level, (mean, sd) in cells.items():
+                ours = means.loc[means[factor].astype(str) == level, column].to_numpy(float)
+                here = _mean_sd(ours, measure.digits)
+                printed_mean = mean_sd(mean, sd, measure.digits)
+                what = f"{measure.axis}, {label_of(texts, level)}"
+                rows.append((what, here, printed_mean, _off(ours, mean)))
+            break
+    for finding in analysis.findings:
+        for term in finding.terms:
+            printed = finding.compare.published_of(term.name)
+            if printed is None:
+                continue
+            same = term.is_significant == printed.is_significant
+            agree = Cell("agree" if same else "differ", "agree" if same else "differ")
+            what = f"{finding.measure.words} by {term.name.replace(':', ' × ')}"
+            rows.append((what, f"p {_p(term.p_corrected)}", str(printed), agree))
+            misfits += printed.misfits
+        for contrast in finding.contrasts:
+            beside = contrast.agreement
+            if beside is not None and contrast.printed is not None:
+                rows.append(
+                    (
+                        f"{finding.measure.words}, {contrast.name}",
+                        f"p {_p(contrast.p)}",
+                        str(contrast.printed),
+                        verdict_cell(beside),
+                    )
+                )
+        if not finding.terms:
+            for name, printed in finding.compare.published_terms.items():
+                what = f"{finding.measure.words} by {name.replace(':', ' × ')}"
+                rows.append((what, "–", str(printed), Cell("not tested", "weak")))
+    if not rows:
+        return None
+    return Table(
+        (Column("What"), Column("Here"), Column("Published"), Column("Off by, or verdicts")),
+        tuple(rows),
+        "Beside the published study",
+        " ".join(
+            (
+                f"Means (SD over participants). {source.note}".strip(),
+                *(f"{m[:1].upper()}{m[1:]}." for m in misfits),
+            )
+        )
+        + fitted_note(analysis),
+    )
+
+
+def _mean_sd(values: Values, digits: int = 2) -> str:
+    known = values[np.isfinite(values)]
+    if known.size == 0:
+        return "–"
+    sd = float(known.std(ddof=1)) if known.size > 1 else None
+    return mean_sd(float(known.mean()), sd, digits)
+
+
+def _off(ours: Values, printed: float) -> str:
+    """Return how far a mean lies from the published one, as a signed share of it."""
+    known = ours[np.isfinite(ours)]
+    if known.size == 0 or printed == 0:
+        return ""
+    text = percentage(float(known.mean()) / printed - 1, 0)
+    return text if text[:1] in "-−0" else f"+{text}"
+
+
+def _measures(
+    analysis: StudyAnalysis, experiment: StudyExperiment, pictures: Pictures
+) -> list[Section]:
+    sections = []
+    cells = analysis.cell_means()
+    for column in dict.fromkeys(f.measure.column for f in analysis.findings):
+        findings = [f for f in analysis.findings if f.measure.column == column]
+        measure = findings[0].measure
+        blocks: list[Block] = []
+        for finding in findings:
+            picture = pictures.get(figure_name(finding))
+            blocks += [] if picture is None else [picture]
+            blocks += _tests(finding, experiment.texts)
+        if column in analysis.selection.counted:
+            is_known = analysis.selection.counted[column].notna().any()
+            means = _means_table(analysis, cells, column, experiment)
+            blocks.append(means if is_known else _nobody_has([measure.words]))
+        sections.append(Section(column, measure.words, tuple(blocks)))
+    compared = {f.measure.column for f in analysis.findings}
+    counted_rows = analysis.selection.counted
+    further = [m for m in analysis.measures if m.column in counted_rows]
+    further = [m for m in further if m.column not in compared]
+    known = [m for m in further if counted_rows[m.column].notna().any()]
+    others: list[Block] = [_means_table(analysis, cells, m.column, experiment) for m in known]
+    if unknown := [m.words for m in further if m not in known]:
+        others.append(_nobody_has(unknown))
+    if others:
+        title = "Means of further measures" if compared else "Means"
+        sections.append(Section("others", title, tuple(others)))
+    return sections
+
+
+def _nobody_has(measures: Sequence[str]) -> Paragraph:
+    return Paragraph(f"Nobody has a value: {'; '.join(_lower(words) for words in measures)}.")
+
+
+def _tests(finding: Finding, texts: Texts) -> list[Block]:
+    name = spoken(finding, texts)
+    if finding.outcome is None:
+        return [Paragraph(f"{name[:1].upper()}{name[1:]}: not tested, {finding.why_not}.")]
+    outcome = finding.outcome
+    kind = "Exploratory. " if finding.compare.exploratory else ""
+    blocks: list[Block] = [
+        Paragraph(f"{kind}{outcome.title} of {name}:"),
+        Bullets(tuple(outcome.sentences)),
+    ]
+    for summary, lines in (
+        ("How it was decided", outcome.path),
+        ("Contrasts", outcome.contrast_sentences),
+        ("Notes", outcome.notes),
+    ):
+        if lines:
+            blocks.append(Fold(f"{summary}: {len(lines)}", (Bullets(tuple(lines)),)))
+    return blocks
+
+
+def _means_table(
+    analysis: StudyAnalysis, cells: pd.DataFrame, column: str, experiment: StudyExperiment
+) -> Table:
+    measure = analysis.measure(column)
+    factors = list(analysis.cells)
+    rows = []
+    for key, group in cells.groupby(factors, sort=False, observed=True):
+        levels = key if isinstance(key, tuple) else (key,)
+        names = ", ".join(label_of(experiment.texts, str(v)) for v in levels)
+        values = group[column].to_numpy(float)
+        rows.append((names, _mean_sd(values, measure.digits), str(int(np.isfinite(values).sum()))))
+    unit = "" if measure.unit in ("", "1") else f" in {measure.unit}"
+    heads = ", ".join(label_in_unit(experiment.texts, f) for f in factors)
+    return Table(
+        (
+            Column(heads[:1].upper() + heads[1:]),
+            Column("Mean (SD)", "right"),
+            Column("People", "right"),
+        ),
+        tuple(rows),
+        f"{measure.words}{unit}: mean over participants (SD)",
+    )
+
+
+def _quality(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    quality: Quality,
+    provenance: ReportProvenance,
+    pictures: Pictures,
+) -> Section:
+    looks = analysis.study.looks
+    rules = looks[0].rules({"parameters": experiment.parameters}) if looks else LooksOn().rules({})
+    selection, kept = analysis.selection, kept_of(analysis)
+    listed = reporting_table(
+        kept,
+        quality,
+        provenance,
+        rules,
+        _losses(analysis, experiment.texts),
+        counts_stamps="repeated_samples" in selection.rows,
+    )
+    blocks: list[Block] = [
+        pictures["quality"],
+        listed,
+        Fold("Every participant", (quality_table(quality),)),
+    ]
+    heads = tuple(Column(h) for h in ("Participant", "What", "Why"))
+    errors = selection.people.get("calibration_error_deg")
+    ruled = any(r.column == "calibration_error_deg" for r in analysis.study.exclusions)
+    if ruled and errors is not None and errors.isna().any():
+        unknown = ", ".join(selection.people.loc[errors.isna(), "participant"].astype(str))
+        blocks.append(
+            Paragraph(
+                f"No validation is known for {unknown}; the rule on calibration "
+                "error could not be applied there."
+            )
+        )
+    if quality.incidents:
+        table = Table(heads, quality.incidents, "Interruptions and deviations")
+        blocks.append(Fold(f"Interruptions and deviations: {len(quality.incidents)}", (table,)))
+    return Section("quality", "Quality of gaze data", tuple(blocks))
+
+
+def _losses(analysis: StudyAnalysis, texts: Texts) -> list[tuple[str, str]]:
+    """Return every level of the factors compared with the share of gaze lost in its trials."""
+    rows = analysis.selection.finished
+    lost = next((c for c in LOSS_COLUMNS if c in rows), None)
+    if lost is None:
+        return []
+    found = []
+    for factor in analysis.cells:
+        for level in analysis.levels[factor]:
+            share = pd.to_numeric(rows.loc[rows[factor] == level, lost], errors="coerce").mean()
+            said = "not recorded" if share != share else percentage(float(share))
+            found.append((f"{label_of(texts, factor)} {label_of(texts, str(level))}", said))
+    return found
+
+
+def kept_of(analysis: StudyAnalysis) -> Kept:
+    """Return what was left out by which limits, for the reporting list."""
+    selection = analysis.selection
+    limits = "; ".join(
+        rule_words(selection, [rule], rule.name)
+        for rule in selection.applied(analysis.study.exclusions)
+    )
+    finished = selection.finished
+    return Kept(
+        len(selection.people),
+        int((~selection.people["is_analysed"].astype(bool)).sum()),
+        len(finished),
+        int((~finished["is_analysed"].astype(bool)).sum()),
+        limits,
+    )
+
+
+def _people(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    questionnaires: Sequence[Questionnaire],
+    pictures: Pictures,
+    provenance: ReportProvenance,
+    out_dir: Path,
+) -> Section:
+    blocks: list[Block] = [pictures["exclusions"]]
+    people = analysis.people
+    if "age" in people:
+        ages = pd.to_numeric(people["age"], errors="coerce").dropna().to_numpy(float)
+        if len(ages):
+            blocks.append(Paragraph(f"Age {_mean_sd(ages, AGE_DIGITS)} years."))
+    for asked in questionnaires:
+        blocks += _said(asked, people)
+    blocks += [
+        Paragraph(_answered_by(analysis, name))
+        for name in experiment.responses
+        if f"{name}_by" in analysis.selection.counted
+    ]
+    out = analysis.selection.people
+    gone = out[~out["is_analysed"]]
+    if len(gone):
+        rows = tuple(
+            (str(p), str(why))
+            for p, why in zip(gone["participant"], gone["left_out_because"], strict=True)
+        )
+        blocks.append(Table((Column("Participant"), Column("Why")), rows, "Left out"))
+    if analysis.n_participants < MIN_PARTICIPANTS:
+        blocks.append(Paragraph(f"Tests need {MIN_PARTICIPANTS} participants."))
+    rows_ = analysis.selection.rows
+    other = rows_[(rows_["status"] != "complete") & ~rows_["is_practice"].astype(bool)]
+    if len(other):
+        listed = tuple(
+            tuple(map(str, r))
+            for r in other[["participant", "trial_id", "status", "reason"]].itertuples(index=False)
+        )
+        heads = tuple(Column(h) for h in ("Participant", "Trial", "Status", "Reason"))
+        blocks.append(Fold("Interrupted and skipped trials", (Table(heads, listed, "Trials"),)))
+    blocks += _flagged(analysis.selection.rows)
+    blocks += _happened(provenance)
+    looks = looks_table(striking_trials(analysis), provenance.folder, out_dir / VIEWS)
+    blocks += [] if looks is None else [Fold(f"{looks.caption}: {len(looks.rows)}", (looks,))]
+    return Section("people", "Participants", tuple(blocks))
+
+
+def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
+    """Yield what devices and operators flagged: how many trials, of how many people; no practice,
+    of which nothing is analysed.
+    """
+    if "flags" not in rows:
+        return
+    rows = rows[~rows["is_practice"].astype(bool)]
+    flags = rows[["participant", "flags"]].assign(
+        flags=rows["flags"].fillna("").astype(str).str.split(";")
+    )
+    each = flags.explode("flags").query("flags != ''")
+    if len(each):
+        heads = (Column("Flag"), Column("Trials", "right"), Column("People", "right"))
+        counts = each.groupby("flags", sort=True)["participant"].agg(["size", "nunique"])
+        listed = tuple((str(f), str(n), str(people)) for f, n, people in counts.itertuples())
+        note = (
+            "A flag ending in _lost: the device was away, or the session went on without it; in "
+            "_warning: it warned during the trial, in words that visavis check shows for the "
+            "session; picture_stalled: the picture stood still. Flags leave no trial out; "
+            "exclusions do. Practice trials are not counted."
+        )
+        flagged = int(rows["flags"].fillna("").ne("").sum())
+        yield Fold(
+            f"Flagged trials: {flagged} of {len(rows)}", (Table(heads, listed, "Flags", note),)
+        )
+
+
+def _happened(provenance: ReportProvenance) -> Iterator[Block]:
+    """Yield what happened between trials: pauses with their reasons, sessions that broke off."""
+    rows = tuple(
+        (source.participant, source.session, one.where, one.what, one.why or "no reason given")
+        for source in provenance.sessions
+        for one in source.incidents
+    )
+    if rows:
+        heads = ("Participant", "Session", "Where", "What", "Why")
+        table = Table(tuple(map(Column, heads)), rows, "Pauses and interruptions of sessions")
+        yield Fold(f"{table.caption}: {len(rows)}", (table,))
+
+
+def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
+    """Yield how often each option was chosen, and what was said in free words.
+
+    Of a questionnaire that is scored the scores stand first, and its questions fold.
+    """
+    chosen = []
+    for question in asked.questions():
+        name = question.question_id
+        if name not in people:
+            continue
+        answers = people[name]
+        if question.scale.kind == "text":
+            words = tuple(
+                f"{who}: {text}"
+                for who, text in zip(people["participant"], answers, strict=True)
+                if isinstance(text, str) and text
+            )
+            if words:
+                yield Fold(
+                    f"{question.prompt} ({counted(len(words), 'answer')})", (Bullets(words),)
+                )
+        elif question.scale.options:
+            counts = {
+                label: int((pd.to_numeric(answers, errors="coerce") == value).sum())
+                for value, label in question.scale.options.items()
+            }
+            counts["no answer"] = len(answers) - sum(counts.values())
+            told = ", ".join(f"{label} {n}" for label, n in counts.items() if n)
+            chosen.append(f"{question.prompt} {told}.")
+    if asked.scores:
+        yield from _scores(asked, people)
+        title = f"{asked.title}: every answer, {counted(len(chosen), 'question')}"
+        yield from [Fold(title, (Bullets(tuple(chosen)),))] if chosen else []
+    else:
+        yield from map(Paragraph, chosen)
+
+
+def _scores(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Table]:
+    rows = []
+    for name in asked.scores:
+        column = f"{asked.name}_{name}"
+        values = pd.to_numeric(people[column], errors="coerce") if column in people else None
+        if values is not None and values.notna().any():
+            n = str(int(values.notna().sum()))
+            rows.append((name.replace("_", " "), _mean_sd(values.to_numpy(float), SCORE_DIGITS), n))
+    if rows:
+        heads = (Column("Score"), Column("Mean (SD)", "right"), Column("People", "right"))
+        yield Table(heads, tuple(rows), f"{asked.title}: scores")
+
+
+def _answered_by(analysis: StudyAnalysis, response: str) -> str:
+    ways = analysis.selection.counted[f"{response}_by"].value_counts()
+    given = ", ".join(f"by {way} {counted(count, 'time')}" for way, count in ways.items())
+    return f"How {response.replace('_', ' ')} was answered: {given}."
+
+
+def _methods(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
+    blocks: list[Block] = [Paragraph(p) for p in method_paragraphs(analysis, experiment)]
+    changed = [
+        f"{name} is {experiment.parameters[name]} (the study's own: {usual})."
+        for name, usual in _usual(experiment).items()
+        if experiment.parameters[name] != usual
+    ]
+    if changed:
+        blocks += [Paragraph("Set otherwise for these sessions:"), Bullets(tuple(changed))]
+    if experiment.study.references:
+        blocks.append(Fold("References", (Bullets(tuple(experiment.study.references)),)))
+    return Section("methods", "Methods", tuple(blocks))
+
+
+def _usual(experiment: StudyExperiment) -> dict[str, object]:
+    usual = StudyExperiment(experiment.study, {"language": experiment.language}).parameters
+    return {k: v for k, v in usual.items() if k in experiment.parameters}
+
+
+def provenance_section(provenance: ReportProvenance) -> Section:
+    """Return the section that says where the numbers come from and how to make them again."""
+    facts = [("Study", f"{provenance.study}, version {provenance.study_version}")]
+    if provenance.seed is not None:
+        facts.append(("Seed", str(provenance.seed)))
+    for label, value in (
+        ("Configuration SHA-256", provenance.configuration_sha256),
+        ("Plan SHA-256", provenance.plan_sha256),
+    ):
+        if value:
+            facts.append((label, value))
+    facts += list(provenance.versions.items())
+    blocks: list[Block] = [Facts(tuple(facts))]
+    if provenance.commands:
+        blocks += [Paragraph("The same report again:"), Code(provenance.commands)]
+    rows = tuple(
+        (s.participant, s.session, s.started_at, s.status, s.sha256, s.code_revision)
+        for s in provenance.sessions
+    )
+    if rows:
+        heads = ("Participant", "Session", "Began", "Status", "SHA-256", "Code")
+        table = Table(tuple(Column(h) for h in heads), rows, "Recordings")
+        blocks.append(Fold(counted(len(rows), "recording"), (table,)))
+    return Section("provenance", "Provenance", tuple(blocks))

@@ -1,0 +1,258 @@
+"""What every column of every table is, for the analyst who has only the tables."""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import pandas as pd
+
+from visavis.lab.errors import DataError
+from visavis.protocol.columns import ENGINE_COLUMNS, Column
+from visavis.protocol.questionnaires import Questionnaire, score_range
+from visavis.recording.csv_file import tell_neutralised, write_csv
+from visavis.results.picture_delay import LATE
+from visavis.running.page.steps import film_columns
+from visavis.study.exclusions import ANSWERED
+from visavis.study.experiment import StudyExperiment
+from visavis.study.look_measures import LOOK_COLUMNS
+from visavis.study.measures import Measure
+
+ANALYSED: Final = (
+    Column("is_analysed", "", "the trial counts in means and tests"),
+    Column("left_out_because", "", "why it does not count; empty where it does"),
+)
+PEOPLE: Final = (
+    Column("participant", "", "label from the ledger"),
+    Column("trials_finished", "1", "trials finished, practice and repetitions not counted"),
+    Column("completed_01", "1", "share of the planned trials that were finished"),
+    Column("bad_trials_01", "1", "share of the finished trials that were left out"),
+    Column("smallest_cell_trials", "1", "trials that count in the emptiest cell"),
+    Column("smallest_cell_01", "1", "their share of the trials planned for a cell"),
+    Column(ANSWERED, "1", "share of the questionnaires' required questions that were answered"),
+    Column("calibration_error_deg", "deg", "mean error over the validations of these trials"),
+    Column("end_accuracy_deg", "deg", "mean error of the validation after the last trial"),
+    Column("drift_deg", "deg", "error after the last trial minus that before; positive: worse"),
+    Column("rejected_validations", "1", "validations that did not meet the thresholds"),
+    Column("left_out_because", "", "why the person does not count; empty where they do"),
+    Column("is_analysed", "", "the person counts"),
+    Column("is_simulated", "", "nobody took part"),
+)
+
+STATISTICS: Final = (
+    Column("comparison", "", "measure and factors of the planned comparison"),
+    Column("claim", "", "what a significant result would show"),
+    Column("measure", "", "the column tested"),
+    Column("family", "", "comparisons corrected together"),
+    Column("family_correction", "", "how: none, holm, bonferroni or bh"),
+    Column("is_exploratory", "", "not planned: makes no headline"),
+    Column("is_tested", "", "a test could be made"),
+    Column("why_not", "", "why not, where it could not"),
+    Column("p_family", "1", "p corrected over the family: the one that decides"),
+    Column("is_significant", "", "p_family is below alpha"),
+    Column("alpha", "1", "threshold of significance"),
+    Column("published", "", "what the source prints of it"),
+    Column("published_statistic", "1", "the statistic it prints"),
+    Column("published_significant", "", "the source's verdict"),
+    Column("agrees_with_published", "", "the same verdict as the source's"),
+    Column("term", "", "the effect tested"),
+    Column("kind", "", "which coefficient of agreement"),
+    Column("agreement", "1", "its value: 1 where raters agree, 0 where they do so by chance"),
+    Column("above", "1", "what agreement was tested to lie above"),
+    Column("p_above", "1", "p that it lies above, one-sided"),
+    Column("scale", "", "scale of the ratings: nominal, ordinal, interval or ratio"),
+    Column("hits", "1", "how many were counted"),
+    Column("of", "1", "of how many"),
+    Column("item", "", "what was compared with others, or left out of a scale"),
+    Column("first", "", "first level of a difference"),
+    Column("second", "", "second level: the difference is first minus second"),
+    Column("contrast", "", "first level minus second"),
+    Column("level_1", "", "first level of a difference"),
+    Column("level_2", "", "second level of a difference"),
+    Column("F", "1", "F statistic"),
+    Column("t", "1", "t statistic"),
+    Column("W", "1", "signed-rank or rank-sum statistic"),
+    Column("V", "1", "sum of positive ranks"),
+    Column("T", "1", "smaller sum of signed ranks"),
+    Column("sample", "", "what was tested: a level, or a difference of levels"),
+    Column("n_nonzero", "1", "differences that are not zero"),
+    Column("H", "1", "Kruskal–Wallis statistic"),
+    Column("epsilon2", "1", "epsilon squared"),
+    Column("kendall_W", "1", "Kendall's coefficient of concordance"),
+    Column("iman_davenport_F", "1", "Iman–Davenport's F of Friedman's test"),
+    Column("iman_davenport_p", "1", "its p"),
+    Column("U", "1", "Mann–Whitney statistic"),
+    Column("z", "1", "z statistic"),
+    Column("chi2", "1", "chi-square statistic"),
+    Column("chi2_p", "1", "p of the likelihood ratio, in which people's effects are alike"),
+    Column("df", "1", "degrees of freedom"),
+    Column("df1", "1", "numerator degrees of freedom"),
+    Column("df2", "1", "denominator degrees of freedom"),
+    Column("p", "1", "uncorrected p"),
+    Column("p_used", "1", "p after the correction for sphericity in force"),
+    Column("p_adjusted", "1", "p after the correction within the test's own contrasts"),
+    Column("adjustment", "", "that correction"),
+    Column("threshold", "1", "what p was compared with"),
+    Column("significant", "", "verdict of the test by itself, before the family's correction"),
+    Column("stars", "", "* p < .05, ** p < .01, *** p < .001"),
+    Column("estimate", "", "difference or coefficient, in units of the measure"),
+    Column("mean_difference", "", "mean difference, in units of the measure"),
+    Column("se", "", "standard error of the estimate"),
+    Column("ci_low", "", "lower end of its confidence interval (95 % as a rule), or that of r"),
+    Column("ci_high", "", "upper end of it"),
+    Column("effect", "", "which effect size"),
+    Column("effect_size", "1", "its value"),
+    Column("effect_ci_low", "1", "lower end of its confidence interval"),
+    Column("effect_ci_high", "1", "upper end of it"),
+    Column("eta_p2", "1", "partial eta squared"),
+    Column("ges", "1", "generalised eta squared"),
+    Column("ss", "", "sum of squares"),
+    Column("ss_error", "", "sum of squares of its error"),
+    Column("error_term", "", "what the effect was tested against"),
+    Column("mauchly_W", "1", "Mauchly's test of sphericity"),
+    Column("mauchly_p", "1", "its p"),
+    Column("gg_epsilon", "1", "Greenhouse–Geisser epsilon"),
+    Column("p_gg", "1", "p corrected by it"),
+    Column("hf_epsilon", "1", "Huynh–Feldt epsilon"),
+    Column("p_hf", "1", "p corrected by it"),
+    Column("sphericity_correction", "", "the correction in force"),
+    Column("shapiro_W", "1", "Shapiro–Wilk test of the differences"),
+    Column("shapiro_p", "1", "its p"),
+    Column("test", "", "the test that was made"),
+    Column("n", "1", "subjects tested"),
+    Column("sentence", "", "the result in words"),
+    Column("correction", "", "correction for several tests within it"),
+    Column("dropped", "", "who was left out of the test, and why"),
+    Column("notes", "", "what to know about it"),
+    Column("is_simulated", "", "nobody took part"),
+)
+
+
+def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> dict[str, Column]:
+    """Return what describes the columns of a study's trial table, by name."""
+    found = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED, LATE)}
+    for factor in experiment.study.factors:
+        levels = ", ".join(map(str, factor.levels))
+        kind = "between" if factor.between else "within"
+        words = experiment.texts.find(f"labels.{factor.name}") or factor.name.replace("_", " ")
+        found[factor.name] = Column(factor.name, "", f"{words} ({kind} participants): {levels}")
+    for response in experiment.responses.values():
+        found |= {c.name: c for c in response.columns()}
+    for walked in (
+        Column("walk_ms", "ms", "time until the place was reached; empty if it was not"),
+        Column("walk_reached", "", "the place was reached in time"),
+    ):
+        found[walked.name] = walked
+    for name in dict.fromkeys(n for t in experiment.read.values() for n in t.sound_columns):
+        words = (
+            "session time at which the sound's first sample left the card; empty if nobody knows"
+        )
+        found[name] = Column(name, "ns", words)
+    found |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
+    found |= {m.column: m.description() for m in measures}
+    found |= {c.name: c for c in experiment.study.columns}
+    for name in experiment.study.derived:
+        found.setdefault(name, Column(name, "", f"{name.replace('_', ' ')}, from the factors"))
+    if experiment.study.looks:
+        found |= {c.name: c for c in LOOK_COLUMNS}
+    return found
+
+
+def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
+    """Return the columns of a study's trial table whose types do not depend on the data.
+
+    What a study's own trial counts (unit "1") may be whole or not.
+    """
+    own = (
+        c
+        for c in experiment.study.columns
+        if c.unit != "1" or c.name.endswith(("_frames", "_samples"))
+    )
+    looks = LOOK_COLUMNS if experiment.study.looks else ()
+    return (*ENGINE_COLUMNS, *own, *looks)
+
+
+def scene_column(name: str) -> Column | None:
+    """Return what a column that showing a scene adds holds, by its ending."""
+    for ending, unit, words in (
+        ("_on_ns", "ns", "session time at which the first frame that showed {} began"),
+        (
+            "_off_ns",
+            "ns",
+            "session time up to which {} counts; it stays until another is shown",
+        ),
+        (
+            "_frames",
+            "1",
+            "display frames that showed {}, those included in which its last gaze "
+            "samples were waited for after its end (at most 50 ms)",
+        ),
+    ):
+        if name.endswith(ending):
+            return Column(name, unit, words.format(name.removesuffix(ending)))
+    scene, _, role = name.partition("_")
+    return Column(name, "", f"index of the agent that plays {role!r} in {scene}") if role else None
+
+
+def of_shown(name: str, roles: Iterable[str]) -> bool:
+    """Tell whether what a trial shows, under whatever name, can add a column of this name."""
+    endings = ("_on_ns", "_off_ns", "_frames", *(f"_{role}" for role in roles))
+    return any(name.endswith(ending) and name != ending for ending in endings)
+
+
+def people_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
+    """Return what describes the columns of the table of participants."""
+    found = {c.name: c for c in PEOPLE}
+    for asked in questionnaires:
+        for question in asked.questions():
+            name = question.question_id
+            levels = {str(v): label for v, label in question.scale.options.items()}
+            unit = "years" if question.scale_name == "years" else ""
+            found[name] = Column(name, unit, f"{asked.name}: {question.prompt}", levels)
+        for score, rule in asked.scores.items():
+            column = f"{asked.name}_{score}"
+            low, high = score_range(asked, score)
+            words = f"{asked.title}: {rule.method} of {score.replace('_', ', ')}"
+            found[column] = Column(column, "1", f"{words}, {low:g} to {high:g}")
+    return found
+
+
+def block_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
+    """Return what describes the answers and scores of questionnaires asked after blocks."""
+    found = people_columns(questionnaires)
+    found["block"] = Column("block", "1", "number of the block")
+    for asked in questionnaires:
+        for score_name in asked.scores:
+            found[score_name] = replace(found[f"{asked.name}_{score_name}"], name=score_name)
+    return found
+
+
+def write_table(
+    table: pd.DataFrame, known: dict[str, Column], path: Path, *, scenes: bool = False
+) -> tuple[Path, Path]:
+    """Write a table as CSV with the JSON dictionary of its columns, as BIDS sidecars are.
+
+    Raises:
+        DataError: a column is not described.
+    """
+    described: dict[str, dict[str, Any]] = {}
+    for name in map(str, table.columns):
+        column = known.get(name) or (scene_column(name) if scenes else None)
+        if column is None:
+            raise DataError(f"column {name!r} of {path.name} is not described")
+        described[name] = {"Description": column.description}
+        if column.unit:
+            described[name]["Units"] = column.unit
+        if column.levels:
+            described[name]["Levels"] = dict(column.levels)
+    touched = write_csv(table, path)
+    sidecar = path.with_suffix(".json")
+    sidecar.write_text(json.dumps(described, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    tell_neutralised(sidecar, touched)
+    return path, sidecar
+
+
+def undescribed(columns: Iterable[str], known: dict[str, Column]) -> tuple[str, ...]:
+    """Return the columns that nothing describes."""
+    return tuple(c for c in columns if c not in known and scene_column(c) is None)

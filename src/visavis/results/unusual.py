@@ -1,0 +1,126 @@
+"""Which recorded trials somebody should look at again, and where their pages are."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from visavis.analysis.report import Cell, Column, Table
+from visavis.analysis.report.notation import counted, decimal
+from visavis.results.analysis import StudyAnalysis
+from visavis.study.exclusions import COUNTED, PERSON_OUT, PRACTICE, REASON, REPEATED
+from visavis.study.measures import Measure
+
+VIEWS: Final = "views"
+"""Folder beside a report with the pages of its trials."""
+MAX_MODIFIED_Z: Final = 3.5
+"""Beyond it a value is outlying (Iglewicz & Hoaglin, 1993)."""
+NORMAL_MAD: Final = 0.6745
+"""Median absolute deviation of a normal distribution, in standard deviations."""
+MIN_OF_A_KIND: Final = 5
+"""Of fewer trials nothing can be told to lie apart."""
+MAX_LISTED: Final = 60
+
+
+@dataclass(frozen=True)
+class Striking:
+    """A trial of somebody and why to look at it."""
+
+    participant: str
+    session: str
+    trial_id: str
+    why: str
+
+
+def striking_trials(analysis: StudyAnalysis) -> tuple[Striking, ...]:
+    """Return trials that were broken off, skipped, flagged, left out, or whose value lies apart.
+
+    A value lies apart when it is farther than `MAX_MODIFIED_Z` from the median of the same person's
+    trials with the same levels of all factors compared, by the spread of the whole study about
+    those medians. Practice is left out, and who does not count at all.
+    """
+    rows = analysis.selection.rows
+    whys: dict[tuple[str, str, str], list[str]] = {}
+    for found in rows[rows[REASON] != PRACTICE].to_dict("records"):
+        row = {str(name): value for name, value in found.items()}
+        key = _key(row)
+        flags, said = row.get("flags"), []
+        if row["status"] != "complete":
+            reason = row.get("reason")
+            said.append(f"{row['status']}: {reason}" if isinstance(reason, str) else row["status"])
+        elif not row[COUNTED] and not str(row[REASON]).startswith((REPEATED, PERSON_OUT)):
+            said.append(f"left out: {row[REASON]}")
+        said += [flags.replace(";", ", ")] if isinstance(flags, str) and flags else []
+        if said:
+            whys.setdefault(key, []).extend(said)
+    for key, why in _apart(analysis):
+        whys.setdefault(key, []).append(why)
+    return tuple(Striking(*key, "; ".join(dict.fromkeys(why))) for key, why in whys.items())
+
+
+def _apart(analysis: StudyAnalysis) -> Iterator[tuple[tuple[str, str, str], str]]:
+    rows = analysis.selection.counted
+    measures = {f.measure.column: f.measure for f in analysis.findings}
+    keys = ["participant", *(c for c in analysis.cells if c in rows)]
+    for measure in measures.values():
+        if measure.column not in rows:
+            continue
+        values = pd.to_numeric(rows[measure.column], errors="coerce").astype(float)
+        cell = values.groupby([rows[k] for k in keys], observed=True)
+        off = values - cell.transform("median")
+        enough = cell.transform("count") >= MIN_OF_A_KIND
+        known = off[enough & off.notna()]
+        spread = float(np.median(np.abs(known))) / NORMAL_MAD if len(known) else 0.0
+        if spread <= 0:
+            continue
+        score = known / spread
+        for index in score.index[score.abs() > MAX_MODIFIED_Z]:
+            yield _key(rows.loc[index]), _far(measure, float(values[index]), float(score[index]))
+
+
+def _key(row: Mapping[str, Any] | pd.Series) -> tuple[str, str, str]:
+    return str(row["participant"]), f"ses-{int(row['session']):03d}", str(row["trial_id"])
+
+
+def _far(measure: Measure, value: float, score: float) -> str:
+    unit = "" if measure.unit in ("", "1") else f" {measure.unit}"
+    side = "above" if score > 0 else "below"
+    return (
+        f"{measure.words} {decimal(value, measure.digits)}{unit}, far {side} their others of this "
+        f"kind (modified z {decimal(score, 1)})"
+    )
+
+
+def view_name(participant: str, session: str) -> str:
+    """Return what a session's page beside a report is called."""
+    return f"{participant}_{session}.html"
+
+
+def looks_table(striking: tuple[Striking, ...], folder: str, views: Path) -> Table | None:
+    """Return the trials to look at, each with its page in `views`, or the command that makes it."""
+    if not striking:
+        return None
+    rows = []
+    for one in striking[:MAX_LISTED]:
+        name = view_name(one.participant, one.session)
+        session = f"{folder}/sub-{one.participant}/{one.session}"
+        is_there = (views / name).is_file()
+        shown = Cell(
+            one.trial_id,
+            link=f"{VIEWS}/{name}#trial={one.trial_id}" if is_there else "",
+            command="" if is_there else f"visavis view {session} --trial {one.trial_id} --show",
+        )
+        rows.append((one.participant, shown, one.why))
+    more = len(striking) - len(rows)
+    beyond = f" {counted(more, 'further trial')} in trials.csv." if more else ""
+    return Table(
+        (Column("Participant"), Column("Trial"), Column("Why")),
+        tuple(rows),
+        "Trials to look at",
+        "A trial opens its page in the viewer where that stands beside this report, else it copies "
+        f"the command that shows it; visavis report {folder} --views makes all pages. Values that "
+        f"lie apart count: modified z beyond {MAX_MODIFIED_Z} (Iglewicz & Hoaglin, 1993)." + beyond,
+    )

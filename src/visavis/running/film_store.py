@@ -1,0 +1,327 @@
+"""Films as files: drawn once from people, camera and seed, and kept under what they show.
+
+A film's name is the SHA-256 of everything its pictures are made of: how everybody looks, their
+pose in every frame, the room, its lamps and what moves in it, the camera (in every frame where it
+moves), size and rate, and how it is drawn and encoded. So a film that was built before is found
+again, and anything that changes what it shows makes another one.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import astuple, dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import platformdirs
+
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import ConfigError, DesignError
+from visavis.lab.geometry import Pose
+from visavis.lab.kept import digest_of
+from visavis.lab.plain_files import parse_json, read_plain
+from visavis.lab.version import version
+from visavis.running.page.spoken_digits import spoken_digits
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.picture import Camera, Picture, Prop, Room
+from visavis.stimuli.scene import SceneFrame
+from visavis.study.dry_run import still_view
+from visavis.study.experiment import StudyExperiment
+from visavis.study.films import MIME, Film, Lens
+from visavis.study.scenes import Maker, Staged, Staging, stage
+
+if TYPE_CHECKING:
+    from visavis.stage.renderer import Renderer
+    from visavis.study.moving_camera import FilmSeen
+
+MADE: Final = "vp9 4"
+"""How films are drawn and encoded: another one here makes every film anew."""
+QUALITY: Final[Mapping[str, str]] = {
+    "crf": "18",
+    "b": "0",
+    "deadline": "realtime",
+    "cpu-used": "6",
+    "threads": "1",
+    "row-mt": "0",
+    "g": "30",
+}
+"""One thread, so that the same pictures give the same bytes."""
+TOLD_EVERY: Final = 10
+POSE_DECIMALS: Final = 6
+NO_POSE: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+@dataclass(frozen=True)
+class FilmFile:
+    """A film that was built: its file, the SHA-256 of it, and its size."""
+
+    path: Path
+    sha256: str
+    size_bytes: int
+
+
+@dataclass(frozen=True, eq=False)
+class FilmStore:
+    """The films of one study; built ones lie in the user's cache, or in `folder`."""
+
+    makers: Mapping[str, Maker]
+    study_folder: Path
+    folder: Path = field(default_factory=lambda: cache_folder())
+
+    def staged(self, film: Film) -> Staged:
+        """Return the scene of a film."""
+        return _staged(film, tuple(self.makers.items()), self.study_folder)
+
+    def seen(self, film: Film) -> "FilmSeen":
+        """Return what a film by a moving camera shows, found once in a process.
+
+        Raises:
+            DesignError: its camera stands still, or finds nobody to film.
+        """
+        return _seen(film, tuple(self.makers.items()), self.study_folder)
+
+    def cameras(self, film: Film) -> Sequence[Camera]:
+        """Return the camera of every picture of a film."""
+        if isinstance(film.lens, Lens):
+            return (camera_of(film.lens, film.size_px),) * film.frame_count
+        return self.seen(film).cameras
+
+    def name_of(self, film: Film) -> str:
+        """Return what names a film: the hash of what it shows."""
+        return _name_of(self, film)
+
+    def file_of(self, film: Film) -> FilmFile | None:
+        """Return a film's file; None where it was not built, or is not what was built."""
+        path = self.folder / f"{self.name_of(film)}.webm"
+        try:
+            built = parse_json(read_plain(path.with_suffix(".json")))["sha256"]
+            content = path.read_bytes()
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        digest = hashlib.sha256(content).hexdigest()
+        return FilmFile(path, digest, len(content)) if built == digest else None
+
+    def build(self, films: Sequence[Film], told: Callable[[int, int], None]) -> None:
+        """Draw and encode the films that are not there yet; `told` hears frames of how many."""
+        missing = [film for film in films if self.file_of(film) is None]
+        total, done = sum(film.frame_count for film in missing), 0
+        told(0, total)
+        if not missing:
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with _renderer() as renderer:
+            for film in missing:
+                for frames in self._write(film, renderer):
+                    if frames % TOLD_EVERY == 0:
+                        told(done + frames, total)
+                done += film.frame_count
+        told(total, total)
+
+    def told(self, film: Film, *, is_simulated: bool = False) -> dict[str, Any]:
+        """Return what a page is told of a film; simulated people need no file.
+
+        Raises:
+            ConfigError: it was not built.
+        """
+        # A name from what makes it, not from what it shows, which takes seconds to compute.
+        name = (
+            hashlib.sha256(repr(film).encode()).hexdigest() if is_simulated else self.name_of(film)
+        )
+        told = {
+            "film": name,
+            "seconds": film.frame_count / film.rate_hz,
+            "frames": film.frame_count,
+            "rate_hz": film.rate_hz,
+            "width_px": film.size_px[0],
+            "height_px": film.size_px[1],
+            "mime": MIME,
+        }
+        if is_simulated:
+            return told | {"sha256": "", "bytes": 0}
+        found = self.file_of(film)
+        if found is None:
+            raise ConfigError(
+                f"film {name[:12]} of {film.scene.name} is not built; begin again, which builds it"
+            )
+        return told | {"sha256": found.sha256, "bytes": found.size_bytes}
+
+    def frames(self, film: Film) -> Iterator[SceneFrame]:
+        """Yield what every picture of a film shows."""
+        staged, last = self.staged(film), None
+        for k in range(film.frame_count):
+            t_ns = k * NS_PER_S // film.rate_hz
+            last = staged.frame(still_view(t_ns), t_ns) or last
+            if last is None:
+                raise ConfigError(f"scene {film.scene.name} shows nothing at its onset")
+            yield replace(last, t_ns=t_ns)
+
+    def pictures(self, film: Film) -> Iterator[Picture]:
+        """Yield every picture of a film, to be drawn."""
+        return (picture_of(frame) for frame in self.frames(film))
+
+    def _write(self, film: Film, renderer: "Renderer") -> Iterator[int]:
+        import av
+
+        path = self.folder / f"{self.name_of(film)}.webm"
+        draft = path.with_name(f".{path.stem}.{os.getpid()}.webm")
+        cameras = self.cameras(film)
+        with av.open(str(draft), "w", options={"fflags": "+bitexact"}) as container:
+            stream = container.add_stream("libvpx-vp9", rate=film.rate_hz, options=dict(QUALITY))
+            stream.width, stream.height = film.size_px
+            stream.pix_fmt = "yuv420p"
+            stream.codec_context.thread_count = 1
+            drawn = zip(self.pictures(film), cameras, strict=True)
+            for number, (picture, camera) in enumerate(drawn, start=1):
+                image = renderer.image(picture, camera, film.size_px)
+                frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+                container.mux(stream.encode(frame))
+                yield number
+            container.mux(stream.encode())
+        digest = hashlib.sha256(draft.read_bytes()).hexdigest()
+        about = {
+            "sha256": digest,
+            "scene": film.scene.name,
+            "seconds": film.seconds,
+            "visavis": version(),
+            "made": MADE,
+        }
+        path.with_suffix(".json").write_text(json.dumps(about), encoding="utf-8")
+        draft.replace(path)
+
+
+def film_store(experiment: StudyExperiment) -> FilmStore:
+    """Return the films of a study.
+
+    Raises:
+        DesignError: its trials have steps that no page can show, or digits that it cannot say.
+    """
+    if not all(read.fits_a_page for read in experiment.read.values()):
+        raise DesignError(
+            f"{experiment.name} cannot be performed on a page: its trials show scenes frame by "
+            "frame, or vibrate, and a page shows t.watch, t.ask, t.wait and t.dark. Perform it in "
+            "the laboratory (visavis run), or show its scenes as films (t.watch)"
+        )
+    if "sound" in experiment.study.screening:
+        spoken_digits(experiment.language, experiment.settings.folder)
+    return FilmStore(experiment.settings.makers, experiment.settings.folder)
+
+
+@lru_cache(maxsize=512)
+def _name_of(store: FilmStore, film: Film) -> str:
+    digest = hashlib.sha256()
+    known = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
+    digest.update(repr(known).encode())
+    if not isinstance(film.lens, Lens):
+        digest.update(_rounded(store.seen(film).poses))
+    for picture in store.pictures(film):
+        said = [*map(_look_of, picture.cast), _place_of(picture.room)]
+        said += [_thing_of(placed.prop) for placed in picture.moving]
+        said += [repr(replace(panel, pose=NO_POSE)) for panel in picture.panels]
+        said += [f"{picture.brightness_01:.6f}", "" if picture.mark_m is None else "marked"]
+        digest.update(",".join(said).encode())
+        people = picture.people
+        for values in (people.root_m, people.orientation_wxyz, people.morphs_01):
+            digest.update(_rounded(values))
+        poses = [placed.pose for placed in picture.moving] + [p.pose for p in picture.panels]
+        for pose in poses:
+            digest.update(_rounded(pose.position_m) + _rounded(pose.orientation_wxyz))
+        if picture.mark_m is not None:
+            digest.update(_rounded(picture.mark_m))
+    return digest.hexdigest()
+
+
+def _rounded(values: npt.ArrayLike) -> bytes:
+    """Return numbers as bytes that do not hang on the last bits of a processor's arithmetic."""
+    return (np.round(np.asarray(values, np.float64), POSE_DECIMALS) + 0.0).tobytes()
+
+
+@lru_cache(maxsize=64)
+def _place_of(room: Room) -> str:
+    """Return the hash of how a room looks."""
+    digest = hashlib.sha256(f"{room.name} {room.background_srgb}".encode())
+    for prop in room.props:
+        digest.update(_thing_of(prop).encode())
+    for lamp in room.lights:
+        digest.update(f"{lamp.kind} {lamp.half_angle_deg:.6f} {lamp.casts_shadow}".encode())
+        for vector in (lamp.intensity, lamp.position_m, lamp.direction):
+            digest.update(b"none" if vector is None else _rounded(vector))
+    digest.update(_rounded(room.sky) + _rounded(room.ground))
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=512)
+def _thing_of(prop: Prop) -> str:
+    """Return the hash of how a thing looks, wherever it stands."""
+    mesh, made_of = prop.mesh, prop.material
+    said = f"{prop.name} {made_of.kind} {made_of.roughness_01:.6f} {made_of.double_sided} "
+    said += f"{prop.emission_01:.6f} {prop.casts_shadow}"
+    digest = hashlib.sha256(said.encode())
+    for block in prop.blocks:
+        digest.update(_rounded(np.hstack(astuple(block))))
+    maps = () if made_of.maps is None else vars(made_of.maps).values()
+    for array in (*vars(mesh).values(), made_of.texture_srgb, *maps):
+        if isinstance(array, np.ndarray):
+            digest.update(_rounded(array) if array.dtype.kind == "f" else array.tobytes())
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=64)
+def _look_of(person: Character) -> str:
+    """Return the hash of how somebody looks: a figure imported again has the same name."""
+    arrays = [a for mesh in person.levels for a in vars(mesh).values()]
+    arrays += [m.texture_srgb for m in person.materials]
+    arrays += [a for m in person.materials if m.maps for a in vars(m.maps).values()]
+    return digest_of(*(a for a in arrays if isinstance(a, np.ndarray)), said=person.name)
+
+
+def cache_folder() -> Path:
+    """Return where films lie that were built before, for every study of this user."""
+    return platformdirs.user_cache_path("visavis") / "films"
+
+
+def camera_of(lens: Lens, size_px: tuple[int, int]) -> Camera:
+    """Return the camera of a lens that stands still."""
+    height = lens.half_height_01
+    width = height * size_px[0] / size_px[1]
+    pose = Pose(np.array(lens.eye_m), lens.turn_wxyz)
+    return Camera(pose, -width, width, -height, height)
+
+
+def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> Staged:
+    staging = Staging(np.random.default_rng(film.seed), film.seconds, 0, folder)
+    return stage(film.scene, staging, dict(makers))
+
+
+@lru_cache(maxsize=128)
+def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "FilmSeen":
+    from visavis.study.moving_camera import filmed
+
+    return filmed(film, _staged(film, makers, folder))
+
+
+@contextmanager
+def _renderer() -> "Iterator[Renderer]":
+    """Open a renderer.
+
+    A processor draws people moved and lit by compiled loops, all in full detail: with shadow maps
+    and light at every pixel one person alone takes it seventeen times as long.
+    """
+    from visavis.stage.context import draws_on_processor, offscreen_context, release_offscreen
+    from visavis.stage.levels import DetailRule
+    from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
+
+    context = offscreen_context()
+    try:
+        quality = Quality()
+        if draws_on_processor(context):
+            quality = replace(ON_PROCESSOR, samples=quality.samples, detail=DetailRule())
+        with Renderer(context, quality=quality) as renderer:
+            yield renderer
+    finally:
+        release_offscreen(context)

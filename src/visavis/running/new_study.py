@@ -1,0 +1,102 @@
+"""Write the files of a new study: to begin with, or derived from another."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from visavis.lab.errors import UsageError
+from visavis.study.catalogue import known_studies
+from visavis.study.declaration import Study
+from visavis.study.parameters import parameters_in_force
+
+EXAMPLE: Final = Path(__file__).parent / "example"
+LANGUAGES: Final = ("en", "de", "fr")
+
+
+def new_study(name: str, folder: Path, base: Study | None = None) -> tuple[Path, ...]:
+    """Write NAME.py and test_NAME.py, and without a base the texts in NAME_texts; return them.
+
+    Raises:
+        UsageError: the name is none, is taken, or a file is there already.
+    """
+    if not name.isidentifier() or not name.islower():
+        raise UsageError(
+            f"{name!r} cannot name a study; write small letters, digits and _, such as my_study"
+        )
+    if name in known_studies():
+        raise UsageError(f"there is a study {name} already; choose another name")
+    texts, file, test = f"{name}_texts", f"{name}.py", f"test_{name}.py"
+    title = name.replace("_", " ").capitalize()
+    filled = {"name": name, "title": title, "texts": texts, "file": file, "test": test}
+    made = {
+        file: _derived(name, base, folder) if base else _example("study.py.txt", filled),
+        test: _example("test.py.txt", filled),
+    }
+    if base is None:
+        made |= {f"{texts}/{lang}.yaml": _read(f"{lang}.yaml") for lang in LANGUAGES}
+    return written(folder, made)
+
+
+def written(folder: Path, made: Mapping[str, str]) -> tuple[Path, ...]:
+    """Write files below a folder, from their names and texts; return their paths.
+
+    Raises:
+        UsageError: one of them is there already.
+    """
+    there = [str(folder / path) for path in made if (folder / path).exists()]
+    if there:
+        raise UsageError(
+            f"{', '.join(there)} {'is' if len(there) == 1 else 'are'} there already and left as "
+            "before; choose another name, or another --folder"
+        )
+    paths = []
+    for name, text in made.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8", newline="\n")
+        paths.append(path)
+    return tuple(paths)
+
+
+def _read(name: str) -> str:
+    return (EXAMPLE / name).read_text(encoding="utf-8")
+
+
+def _example(name: str, filled: Mapping[str, str]) -> str:
+    return _read(name).format(**filled)
+
+
+def _derived(name: str, base: Study, folder: Path) -> str:
+    where = base.name if base.path is None else _relative(base.path, folder)
+    in_force = parameters_in_force(base, {})
+    levels = {f.name: list(f.levels) for f in base.factors}
+    parameters = "".join(
+        f"        # {key!r}: {value!r},\n" for key, value in {**levels, **in_force}.items()
+    )
+    limits = "".join(f"        # {r.name!r}: {r.limit!r},\n" for r in base.exclusions)
+    return (
+        f'"""{base.title} (study {base.name}), but for what is said here.\n\n'
+        "Take the # away from a line and change its value; the values that stand here are those of "
+        f"{base.name}.\n"
+        '"""\n\n'
+        "from visavis import derive\n\n"
+        "study = derive(\n"
+        f"    {where!r},\n"
+        f"    {name!r},\n"
+        f"    # title={base.title!r},\n"
+        "    parameters={  # levels of factors among them\n"
+        f"{parameters}    }},\n"
+        "    exclusions={  # limits of rules; None switches a rule off\n"
+        f"{limits}    }},\n"
+        f"    # texts={name + '_texts'!r},  # en.yaml …, with the texts that differ\n"
+        ")\n"
+    ).replace("'", '"')
+
+
+def _relative(path: Path, folder: Path) -> str:
+    try:
+        relative = Path(os.path.relpath(path, folder.resolve())).as_posix()
+    except ValueError:  # on another drive
+        return str(path)
+    return relative if relative.startswith("..") else f"./{relative}"

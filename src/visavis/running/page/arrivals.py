@@ -1,0 +1,116 @@
+"""Who comes to a served study: from a panel with an identifier, or with none; and where they go.
+
+Panels tell who comes in the address: Prolific as PROLIFIC_PID, STUDY_ID and SESSION_ID, SONA as
+survey_code, others as `participant` or `id`.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count, islice
+from typing import Any, Final
+from urllib.parse import quote
+
+from visavis.lab.errors import UsageError
+from visavis.protocol.plan import SessionPlan
+from visavis.running.page.errors import PageError
+
+LINK: Final = "link"
+"""Stands for a panel where a lab's own link says who comes."""
+PANELS: Final = {
+    "PROLIFIC_PID": "Prolific",
+    "survey_code": "SONA",
+    "participant": LINK,
+    "id": LINK,
+}
+"""Names in an address that say who comes, and the panel that uses each."""
+KEPT: Final = ("STUDY_ID", "SESSION_ID")
+ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+MIN_SECRET: Final = 12
+"""Characters from which on an identifier that is no number cannot be guessed."""
+PLACES_AHEAD: Final = 64
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """Somebody who came: the panel and its identifier for them, both "" where there is none."""
+
+    panel: str = ""
+    identifier: str = ""
+    of_panel: Mapping[str, str] | None = None
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """What the key file keeps of them, apart from the data."""
+        return {"panel": self.panel, "identifier": self.identifier, **(self.of_panel or {})}
+
+    @property
+    def can_be_guessed(self) -> bool:
+        """Whether somebody else could name this identifier, too: a number, or a short one."""
+        return self.identifier.isdigit() or len(self.identifier) < MIN_SECRET
+
+
+def arrival_of(told: Mapping[str, str]) -> Arrival:
+    """Return who comes with an address's parameters.
+
+    Raises:
+        PageError: one that says who comes is no identifier, such as a panel's placeholder.
+    """
+    for name, panel in PANELS.items():
+        if name not in told:
+            continue
+        if not ID.fullmatch(told[name]):
+            raise PageError(f"{name}={told[name][:40]} is no identifier (letters, digits, - and _)")
+        more = {n: told[n] for n in KEPT if ID.fullmatch(told.get(n, ""))}
+        return Arrival(panel, told[name], more)
+    return Arrival()
+
+
+def completion_of(address: str, arrival: Arrival) -> str:
+    """Return where somebody goes after the study; "{id}" in the address is their identifier."""
+    return address.replace("{id}", quote(arrival.identifier, safe=""))
+
+
+def check_completion(address: str) -> None:
+    """Refuse an address that a page must not lead to.
+
+    Raises:
+        UsageError: it is no web address.
+    """
+    if address and not re.match(r"https?://[^\s/]+", address):
+        raise UsageError(f"--completion takes a web address, https://…, not {address!r}")
+
+
+Order = tuple[Any, ...]
+
+
+def order_of(plan: SessionPlan, *, trials_too: bool) -> Order:
+    """Return what of a plan repeats over people: its group, its blocks, in squares its trials."""
+    blocks = tuple(block.name for block in plan.blocks)
+    trials = tuple(
+        tuple(sorted(t.factors.items())) for t in plan.trials if trials_too and not t.is_practice
+    )
+    return plan.group, blocks, trials
+
+
+def least_filled(
+    taken: Iterable[int], counting: Sequence[int], order: Callable[[int], Order]
+) -> int:
+    """Return the free place whose order the fewest people have.
+
+    `taken` are places given away, `counting` those of people who completed or are at it: the
+    order of somebody who left is filled again. Of equal ones the first place is taken.
+    """
+    known = set(taken)
+    free = (index for index in count() if index not in known)
+    filled: dict[Order, int] = {}
+    for index in counting:
+        filled[order(index)] = filled.get(order(index), 0) + 1
+    best, fewest = -1, -1
+    for index in islice(free, PLACES_AHEAD):
+        have = filled.get(order(index), 0)
+        if best < 0 or have < fewest:
+            best, fewest = index, have
+        if not have:
+            break
+    return best

@@ -1,0 +1,142 @@
+"""Who of a study is where: what its sessions on pages say, from the disk."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any, Final
+
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import LabError
+from visavis.protocol.ledger import Participant
+from visavis.recording.lock import is_held
+from visavis.recording.reader import Recording
+from visavis.running.page.course import DECLINED, STOPPED, WITHDRAWN
+
+STATES: Final = {
+    "complete": "complete",
+    "running": "at it",
+    "left": "left",
+    STOPPED: "stopped, data kept",
+    WITHDRAWN: "wants deletion",
+    DECLINED: "declined",
+    "deleted": "deleted",
+    "damaged": "cannot be read",
+    "expected": "has not come",
+}
+"""Where somebody can be, and how the board says it."""
+COUNTING: Final = ("complete", "running")
+"""States of people whose order needs nobody else."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where one participant is: trials done of those planned, minutes at it, flags of trials.
+
+    `minutes` is None before anything was answered.
+    """
+
+    label: str
+    index: int
+    group: str
+    state: str
+    trials_done: int = 0
+    trials_planned: int = 0
+    minutes: float | None = None
+    flags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Board:
+    """Everybody's place, the median time of those who completed, and how many are wanted."""
+
+    places: tuple[Place, ...]
+    quota: int | None = None
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many people are in which state."""
+        return Counter(p.state for p in self.places)
+
+    @property
+    def median_minutes(self) -> float | None:
+        """Median time of complete sessions, None without any."""
+        times = [p.minutes for p in self.places if p.state == "complete" and p.minutes is not None]
+        return median(times) if times else None
+
+    def told(self) -> dict[str, Any]:
+        """Return it as JSON can hold it."""
+        return {
+            "states": dict(STATES),
+            "counts": dict(self.counts),
+            "median_minutes": self.median_minutes,
+            "quota": self.quota,
+            "places": [asdict(p) for p in self.places],
+        }
+
+
+def place_of(entry: Participant, session: Path) -> Place:
+    """Return where somebody of the ledger is, from their session's folder."""
+    if entry.status != "active":
+        return Place(entry.label, entry.index, entry.group, "deleted")
+    if not (session / "manifest.json").exists():
+        return Place(entry.label, entry.index, entry.group, "expected")
+    recording = Recording(session)
+    events, trials = recording.events(), recording.trials()
+    flags: Counter[str] = Counter()
+    done = 0
+    if len(trials):
+        counted = trials[~trials["is_practice"].astype(bool)]
+        done = len(counted)
+        for told in counted["flags"].dropna():
+            flags.update(filter(None, str(told).split(";")))
+    plan = recording.manifest.plan
+    planned = sum(not t["is_practice"] for b in plan["blocks"] for t in b["trials"])
+    times = events.loc[events["name"] == "page_event", "t_ns"]
+    minutes = (int(times.max()) - int(times.min())) / NS_PER_S / 60 if len(times) else None
+    return Place(
+        entry.label,
+        entry.index,
+        entry.group,
+        _state(recording, events, session),
+        done,
+        planned,
+        minutes,
+        tuple(f"{name} ({n})" for name, n in flags.most_common()),
+    )
+
+
+def _state(recording: Recording, events: Any, session: Path) -> str:
+    if recording.status == "complete":
+        return "complete"
+    names = events["name"]
+    stopped = list(events.loc[names == "stopped", "payload"])
+    if stopped:
+        return STOPPED if stopped[-1]["keep"] else WITHDRAWN
+    if any(told["agreed"] is False for told in events.loc[names == "consent", "payload"]):
+        return DECLINED
+    return "running" if is_held(session) else "left"
+
+
+def board_of(
+    entries: Iterable[Participant],
+    folder: Path,
+    *,
+    quota: int | None = None,
+    known: dict[str, Place] | None = None,
+) -> Board:
+    """Return where everybody of a study is; `known` keeps places that do not change any more."""
+    kept = {} if known is None else known
+    places = []
+    for entry in entries:
+        place = kept.get(entry.label)
+        if place is None or entry.status != "active":
+            try:
+                place = place_of(entry, folder / f"sub-{entry.label}" / "ses-001")
+            except LabError:
+                place = Place(entry.label, entry.index, entry.group, "damaged")
+        if place.state in ("complete", STOPPED, DECLINED, "deleted"):
+            kept[entry.label] = place
+        places.append(place)
+    return Board(tuple(places), quota)

@@ -1,0 +1,80 @@
+"""The browser of a simulated participant: speaks the page's protocol over HTTP."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import aiohttp
+
+from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.errors import DataError
+from visavis.running.page.server import KEY
+from visavis.running.page.steps import PageStep
+from visavis.running.page.visitor import Visitor
+
+TAB: Final = "simulated"
+
+
+async def arrive(base: str, told: Mapping[str, str]) -> str:
+    """Come to a served study; return the address of the session given.
+
+    Raises:
+        DataError: there is none, with the reason told.
+    """
+    async with aiohttp.ClientSession(base) as http:
+        async with http.post("/api/arrive", json={"told": dict(told)}) as response:
+            said: dict[str, Any] = await response.json()
+    if "key" not in said:
+        raise DataError(f"no session for a simulated page: {said}")
+    return f"{base}/#{said['key']}"
+
+
+async def visit(
+    address: str,
+    visitor: Visitor,
+    clock: Clock,
+    *,
+    ends: Callable[[PageStep], bool] = lambda step: False,
+) -> str:
+    """Answer every step of the page at an address (http://…/#KEY) to its end, which is returned.
+
+    `ends` says before which step the page is closed, as if its battery had run out.
+
+    Raises:
+        DataError: the server refused what was sent.
+    """
+    base, _, key = address.partition("/#")
+    begun_ns = clock.now_ns() - round(visitor.now_ms * NS_PER_MS)
+    async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+
+        async def post(path: str, body: Mapping[str, Any]) -> dict[str, Any]:
+            async with http.post(path, json=body) as response:
+                told: dict[str, Any] = await response.json()
+                if response.status != 200 or "failed" in told:
+                    raise DataError(f"the server refused a simulated page: {told}")
+                return told
+
+        told = await post(
+            "/api/hello",
+            {
+                "tab": TAB,
+                "takes_over": True,
+                "at_ms": visitor.now_ms,
+                "about": {"browser": "simulated"},
+            },
+        )
+        while told["step"]["kind"] != "end":
+            content = dict(told["step"])
+            step = PageStep(content.pop("kind"), content)
+            if ends(step):
+                return ""
+            reply = visitor.reply(step)
+            clock.sleep_until_ns(begun_ns + round(visitor.now_ms * NS_PER_MS))
+            event = {
+                "n": told["ack"] + 1,
+                "kind": "reply",
+                "at_ms": visitor.now_ms,
+                "step": told["number"],
+                "reply": reply,
+            }
+            told = await post("/api/events", {"tab": TAB, "events": [event]})
+    return str(told["step"]["outcome"])

@@ -1,0 +1,308 @@
+"""The course of a session on a page, as a generator: steps of the page out, its replies in.
+
+The same replies give the same course. Whoever performs it writes every reply down before the next
+step goes out, so that after a crash the replies lead it back to the step where it was.
+"""
+
+import base64
+import hashlib
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from visavis.protocol.plan import Block, SessionPlan, Trial, asked_after
+from visavis.protocol.questionnaires import Question, Questionnaire, read_answer
+from visavis.protocol.steps import Mark, Row
+from visavis.running.page.spoken_digits import HOW_MANY, NOT_HEARD, spoken, spoken_digits
+from visavis.running.page.steps import PageStep, Reply, mapping, number, put
+from visavis.running.page.trial import FilmFailed, FilmFiles, perform_on_page
+from visavis.study.experiment import StudyExperiment
+from visavis.study.trial import TrialScript
+
+QUESTIONS_A_PAGE: Final = 8
+CARD_MM: Final = (85.6, 53.98)
+"""A bank card (ISO/IEC 7810, ID-1), which everybody has at hand."""
+SCREEN_MEASURED: Final = "screen_measured"
+SOUND_CHECKED: Final = "sound_checked"
+SOUND_STREAM: Final = 0x50D
+"""Of the random numbers of a session: which digits are said."""
+STOPPED: Final = "stopped"
+WITHDRAWN: Final = "withdrawn"
+"""Stopped, and what was recorded is to be deleted."""
+DECLINED: Final = "declined"
+DONE: Final = "done"
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something to be written into the recording."""
+
+    name: str
+    payload: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class TrialRow:
+    """A trial's row to be written into the recording."""
+
+    row: Row
+
+
+@dataclass
+class Notes:
+    """What happened around the steps of a trial, flagged in its row."""
+
+    flags: list[str] = field(default_factory=list)
+    standing: list[str] = field(default_factory=list)
+    """Flags of every trial to come."""
+
+    @property
+    def all(self) -> list[str]:
+        """The flags of a trial."""
+        return [*self.standing, *self.flags]
+
+    def add(self, flag: str) -> None:
+        """Flag the trial that goes on; each flag once."""
+        if flag not in self.flags:
+            self.flags.append(flag)
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """Everything the course of one participant's session depends on.
+
+    `files` says what a page is told of a film, `now_ns` the session time.
+    """
+
+    experiment: StudyExperiment
+    plan: SessionPlan
+    participant_label: str
+    session: int
+    part: int
+    questionnaires: Sequence[Questionnaire]
+    files: FilmFiles
+    now_ns: Callable[[], int]
+    notes: Notes = field(default_factory=Notes)
+
+
+Out: TypeAlias = PageStep | Event | TrialRow
+Course: TypeAlias = Generator[Out, Reply | None, str]
+
+
+class Stopped(Exception):
+    """A participant stopped; `keep` says whether what was recorded may stay."""
+
+    def __init__(self, keep: bool) -> None:
+        super().__init__()
+        self.keep = keep
+
+
+def consent_of(experiment: StudyExperiment, plan: SessionPlan) -> tuple[str, str] | None:
+    """Return the text participants consent to and its version; None where the study has none.
+
+    The version is the beginning of the text's SHA-256: another text is another version.
+    """
+    text = experiment.texts.find("consent", values=experiment.values_of(plan))
+    if text is None:
+        return None
+    return text, hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def course(visit: Visit) -> Course:
+    """Perform a session on a page; returns how it ended: done, stopped, withdrawn, declined."""
+    experiment, texts = visit.experiment, visit.experiment.texts
+    values = experiment.values_of(visit.plan)
+    try:
+        consent = consent_of(experiment, visit.plan)
+        if consent is not None:
+            text, version = consent
+            reply = yield from _step(
+                PageStep(
+                    "consent",
+                    {
+                        "title": texts.find("page.consent_title") or "",
+                        "information": texts.find("information", values=values) or "",
+                        "text": text,
+                        "version": version,
+                    },
+                )
+            )
+            agreed = reply.content.get("agreed") is True
+            yield Event("consent", {"version": version, "agreed": agreed})
+            if not agreed:
+                return DECLINED
+        if "card" in experiment.study.screening:
+            reply = yield from _step(PageStep("card", {"card_mm": CARD_MM}))
+            yield Event(SCREEN_MEASURED, {"px_per_mm": reply.content["px_per_mm"]})
+        if "sound" in experiment.study.screening:
+            yield from _sound(visit)
+        films = [visit.files(film) for film in experiment.films]
+        if films:
+            reply = yield from _step(PageStep("preload", {"films": films}))
+            yield Event("films_loaded", dict(mapping(reply.content.get("films", {}), "films")))
+        for block in visit.plan.blocks:
+            yield from _block(visit, block)
+        of_blocks = {name for block in visit.plan.blocks for name in block.questionnaires}
+        for questionnaire in visit.questionnaires:
+            if questionnaire.name not in of_blocks:
+                yield from _questionnaire(visit, questionnaire, questionnaire.name)
+    except Stopped as stop:
+        yield Event("stopped", {"keep": stop.keep})
+        return STOPPED if stop.keep else WITHDRAWN
+    return DONE
+
+
+def _sound(visit: Visit) -> Generator[Out, Reply | None, None]:
+    """Say digits; who types others, or hears nothing, is flagged and goes on."""
+    experiment, plan = visit.experiment, visit.plan
+    files = spoken_digits(experiment.language, experiment.settings.folder)
+    rng = np.random.default_rng([plan.seed, plan.participant_index, SOUND_STREAM])
+    digits = [int(digit) for digit in rng.integers(0, 10, HOW_MANY)]
+    wav = base64.b64encode(spoken(digits, files)).decode()
+    reply = yield from _step(PageStep("sound", {"wav": wav}))
+    told, said = reply.content["heard"], "".join(map(str, digits))
+    yield Event(
+        SOUND_CHECKED,
+        {"said": said, "heard": told, "is_right": told == said, "played": reply.content["played"]},
+    )
+    if told != said:
+        visit.notes.standing.append(NOT_HEARD)
+
+
+def _block(visit: Visit, block: Block) -> Generator[Out, Reply | None, None]:
+    if block.instruction:
+        yield from _step(PageStep("text", {"title": block.name, "text": block.instruction}))
+    yield Event(
+        "block_start",
+        {"block": block.index, "block_name": block.name, "trials_left": len(block.trials)},
+    )
+    for trial in block.trials:
+        yield from _trial(visit, block, trial)
+    yield Event("block_end", {"block": block.index})
+    for questionnaire in visit.questionnaires:
+        if questionnaire.name in block.questionnaires:
+            yield from _questionnaire(visit, questionnaire, asked_after(questionnaire.name, block))
+
+
+def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | None, None]:
+    number_of = {
+        "trial": trial.number,
+        "trials": sum(t.is_practice == trial.is_practice for t in visit.plan.trials),
+        "is_practice": trial.is_practice,
+    }
+    start_ns = visit.now_ns()
+    yield Event("trial_start", {"trial_id": trial.trial_id, "attempt": 1, "block": block.index})
+    visit.notes.flags.clear()
+    script = TrialScript(trial, visit.experiment.settings)
+    performing = perform_on_page(script, visit.experiment.study.trial_plan, visit.files)
+    row: Row = {}
+    status, reason = "complete", None
+    try:
+        reply: Reply | None = None
+        while True:
+            out = performing.send(reply)
+            reply = None
+            if isinstance(out, Mark):
+                yield Event(out.name, out.payload)
+            else:
+                reply = yield from _step(PageStep(out.kind, {**out.content, **number_of}))
+                if number(reply.content.get("hidden_ms", 0), "hidden_ms") > 0:
+                    visit.notes.add("page hidden")
+    except StopIteration as end:
+        row = end.value or {}
+    except FilmFailed as problem:
+        row, status, reason = dict(script.row), "skipped", problem.reason
+    films = {
+        k: int(v or 0)
+        for k, v in row.items()
+        if k.startswith("film") and k.endswith(("_frames", "_frames_dropped"))
+    }
+    dropped = sum(v for k, v in films.items() if k.endswith("_dropped"))
+    yield TrialRow(
+        {
+            "participant": visit.participant_label,
+            "participant_index": visit.plan.participant_index,
+            "session": visit.session,
+            "group": visit.plan.group,
+            "part": visit.part,
+            "trial_id": trial.trial_id,
+            "number": trial.number,
+            "block": trial.block,
+            "is_practice": trial.is_practice,
+            "attempt": 1,
+            "status": status,
+            "reason": reason,
+            "flags": ";".join(visit.notes.all),
+            **trial.factors,
+            **row,
+            "t_start_ns": row.get("t_start_ns", start_ns),
+            "t_end_ns": row.get("t_end_ns", visit.now_ns()),
+            "frames": sum(films.values()) - dropped,
+            "frames_dropped": dropped,
+            "gaze_expected": 0,
+            "gaze_received": 0,
+            "gaze_valid": 0,
+        }
+    )
+
+
+def _step(step: PageStep) -> Generator[Out, Reply | None, Reply]:
+    reply = yield from put(step)
+    if reply.content.get("stop") is not None:
+        raise Stopped(reply.content["stop"] == "keep")
+    return reply
+
+
+def _questionnaire(
+    visit: Visit, questionnaire: Questionnaire, name: str
+) -> Generator[Out, Reply | None, None]:
+    questions = list(questionnaire.questions())
+    for begin in range(0, len(questions), QUESTIONS_A_PAGE):
+        part = questions[begin : begin + QUESTIONS_A_PAGE]
+        reply = yield from _step(
+            PageStep(
+                "questions",
+                {
+                    "title": questionnaire.title,
+                    "text": questionnaire.instruction if begin == 0 else "",
+                    "questions": [_question(q) for q in part],
+                },
+            )
+        )
+        given = mapping(reply.content.get("answers"), "answers")
+        for question in part:
+            yield Event(
+                "answer",
+                {
+                    "questionnaire": name,
+                    "question": question.question_id,
+                    "answer": _read(question, given.get(question.question_id)),
+                },
+            )
+    yield Event("questionnaire_complete", {"questionnaire": name})
+
+
+def _question(question: Question) -> dict[str, Any]:
+    scale = question.scale
+    bounds = {"low": scale.minimum, "high": scale.maximum} if scale.kind == "number" else {}
+    return {
+        "name": question.question_id,
+        "prompt": question.prompt,
+        "kind": {"options": "list", "number": "number", "text": "text"}[scale.kind],
+        "options": [{"value": str(v), "label": label} for v, label in scale.options.items()],
+        "is_optional": True,
+        **bounds,
+    }
+
+
+def _read(question: Question, given: Any) -> str | None:
+    read = read_answer(question, given)
+    return None if read is None else str(read)
+
+
+def texts_of_page(experiment: StudyExperiment) -> Iterator[tuple[str, str]]:
+    """Yield the page's own words by name, in the study's language; the page fills {n} and {m}."""
+    for name in experiment.texts.below("page"):
+        yield name, experiment.texts.entries[f"page.{name}"]

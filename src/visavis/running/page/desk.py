@@ -1,0 +1,313 @@
+"""One participant's session on a page: events in, each acknowledged once on the disk; steps out."""
+
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.recording.writer import Recorder
+from visavis.running.page.course import DONE, Course, Event, Notes, TrialRow
+from visavis.running.page.errors import OpenElsewhereError, PageError
+from visavis.running.page.steps import (
+    PageStep,
+    Reply,
+    check_reply,
+    count,
+    mapping,
+    ns_of_ms,
+    number,
+)
+
+LEASE_NS: Final = 12 * NS_PER_S
+"""A page that was not heard for so long has gone; another may take its place."""
+MAX_EVENTS: Final = 500
+"""How many events a page may send at once."""
+KINDS: Final = ("reply", "visibility", "fullscreen", "resize", "problem")
+PAGE_EVENT: Final = "page_event"
+RESTARTED: Final = "server restarted"
+RELOADED: Final = "page reloaded"
+ASLEEP: Final = "computer asleep"
+ASLEEP_NS: Final = 5 * NS_PER_S
+"""A page's clock that stood still for so long did so because the computer slept."""
+
+
+@dataclass(frozen=True)
+class Past:
+    """What earlier parts of a session hold: page events in order, and what else was written.
+
+    `events` are (part, session time, payload); `rows` trials whose row is there, `answers`
+    (questionnaire, question), `answered` (trial, question), `complete` whole questionnaires.
+    A trial that goes on in a later part is flagged with `broken_by`; "" where nothing broke it.
+    """
+
+    events: Sequence[tuple[int, int, Mapping[str, Any]]] = ()
+    rows: frozenset[str] = frozenset()
+    started: frozenset[str] = frozenset()
+    answers: frozenset[tuple[str, str]] = frozenset()
+    answered: frozenset[tuple[str, str]] = frozenset()
+    complete: frozenset[str] = frozenset()
+    broken_by: str = RESTARTED
+
+
+@dataclass
+class _Origin:
+    """Where a page's clock lies in session time: the least delay of an event tells it best.
+
+    `ahead_ms` is by how much the time of day on that computer is ahead of the page's clock.
+    """
+
+    least_ns: int | None = None
+    ahead_ms: float | None = None
+
+    def has_slept(self, at_ms: float, wall_ms: float, t_ns: int) -> bool:
+        """Tell whether a page's clock stood still since it was heard before.
+
+        A slow network makes what it says late, a clock that is set moves its time of day; a
+        computer that slept does both.
+        """
+        before_ms, self.ahead_ms = self.ahead_ms, wall_ms - at_ms
+        if before_ms is None or self.least_ns is None:
+            return False
+        late_ns = t_ns - ns_of_ms(at_ms) - self.least_ns
+        return min(late_ns, ns_of_ms(self.ahead_ms - before_ms)) > ASLEEP_NS
+
+    def begin_anew(self, at_ms: float, t_ns: int) -> None:
+        """Forget where the clock lay."""
+        self.least_ns = t_ns - ns_of_ms(at_ms)
+
+    def heard(self, at_ms: float, t_ns: int) -> None:
+        offset_ns = t_ns - ns_of_ms(at_ms)
+        self.least_ns = offset_ns if self.least_ns is None else min(self.least_ns, offset_ns)
+
+    def t_ns(self, at_ms: float) -> int:
+        return (self.least_ns or 0) + ns_of_ms(at_ms)
+
+
+@dataclass
+class PageDesk:
+    """Own the course of one session on a page.
+
+    `key` is the secret in the page's address. Methods are called one after another; what they
+    return may be sent once `recorder.checkpoint` has returned.
+    """
+
+    course: Course
+    recorder: Recorder
+    clock: Clock
+    notes: Notes
+    past: Past | None = None
+    key: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    acknowledged: int = 0
+    step_number: int = 0
+    step: PageStep = field(default_factory=lambda: PageStep("end"))
+    outcome: str = ""
+    trials_done: int = 0
+    trial_id: str = ""
+    trial_steps: list[PageStep] = field(default_factory=list)
+    """What the trial that goes on has shown so far."""
+    on_trial: Callable[[], None] | None = None
+
+    def __post_init__(self) -> None:
+        self._tab = ""
+        self._heard_ns = -LEASE_NS
+        self._has_left = True
+        self._origins: dict[str, _Origin] = {}
+        self._is_replaying = self.past is not None
+        self._advance(None)
+        if self.past is not None:
+            self._replay(self.past)
+            self._is_replaying = False
+
+    # ---- what a page asks --------------------------------------------------------------------
+
+    def hello(
+        self,
+        tab: str,
+        *,
+        before: str = "",
+        takes_over: bool = False,
+        about: Mapping[str, Any] | None = None,
+        at_ms: float = 0.0,
+    ) -> None:
+        """Let a page take the session: the only one, one that comes again, or one that may.
+
+        `before` is the tab that the same browser had, which its lock says is closed.
+
+        Raises:
+            OpenElsewhereError: another page has it.
+        """
+        now_ns = self.clock.now_ns()
+        is_free = self._has_left or now_ns - self._heard_ns > LEASE_NS
+        if not (tab == self._tab or is_free or takes_over or (before and before == self._tab)):
+            raise OpenElsewhereError("the study is open in another tab or browser")
+        payload = {"kind": "opened", "tab": tab, "at_ms": at_ms, "about": dict(about or {})}
+        self.recorder.event(PAGE_EVENT, now_ns, **payload)
+        self._opened(payload, now_ns)
+        self._heard_ns, self._has_left = now_ns, False
+
+    def take(
+        self, tab: str, events: Sequence[Any], sent: tuple[float, float] | None = None
+    ) -> bool:
+        """Take numbered events of the page that has the session; those known already are passed.
+
+        `sent` is when they were: by the page's clock, and by the time of day there, both in ms.
+        Returns whether anything may be to write.
+
+        Raises:
+            OpenElsewhereError: another page has it.
+            PageError: they are no events, or one is missing between them.
+        """
+        if tab != self._tab:
+            raise OpenElsewhereError("the study goes on in another tab or browser")
+        if len(events) > MAX_EVENTS:
+            raise PageError(f"{len(events)} events at once; {MAX_EVENTS} are taken")
+        now_ns = self.clock.now_ns()
+        self._heard_ns = now_ns
+        slept = sent is not None and self._origin(tab).has_slept(*sent, now_ns)
+        if sent is not None and slept:
+            payload = {"kind": "slept", "tab": tab, "at_ms": sent[0]}
+            self.recorder.event(PAGE_EVENT, now_ns, **payload)
+            self._slept(payload, now_ns)
+        for content in events:
+            event = mapping(content, "an event")
+            n = count(event.get("n"), "n")
+            if n <= self.acknowledged:
+                continue
+            if n != self.acknowledged + 1:
+                raise PageError(f"event {n} came after {self.acknowledged}; one is missing")
+            if event.get("kind") not in KINDS:
+                raise PageError(f"there is no event {str(event.get('kind'))[:40]!r}")
+            number(event.get("at_ms"), "at_ms")
+            payload = {**event, "tab": tab}
+            self._checked(payload)
+            self._told_trial()
+            self.recorder.event(PAGE_EVENT, now_ns, **payload)
+            self._apply(payload, now_ns)
+        return slept or bool(events)
+
+    def told(self) -> dict[str, Any]:
+        """Return what the page is told: what is on the disk, and the step to show."""
+        return {
+            "ack": self.acknowledged,
+            "number": self.step_number,
+            "step": {"kind": self.step.kind, **self.step.content},
+        }
+
+    def leave(self, tab: str) -> None:
+        """Hear that a page was closed or reloaded; another may come at once."""
+        if tab == self._tab:
+            self._has_left = True
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing is left to do."""
+        return bool(self.outcome)
+
+    @property
+    def heard_ns(self) -> int:
+        """When the page was last heard, in session time."""
+        return self._heard_ns
+
+    # ---- within ------------------------------------------------------------------------------
+
+    def _told_trial(self) -> None:
+        if self.on_trial is not None and self.trial_id:
+            self.on_trial()
+
+    def _checked(self, payload: Mapping[str, Any]) -> None:
+        if payload["kind"] == "reply":
+            if self.is_over or payload.get("step") != self.step_number:
+                raise PageError(
+                    f"a reply to step {payload.get('step')}; step {self.step_number} is shown"
+                )
+            check_reply(self.step, mapping(payload.get("reply"), "a reply"))
+
+    def _apply(self, payload: Mapping[str, Any], t_ns: int) -> None:
+        self.acknowledged = int(payload["n"])
+        origin = self._origin(str(payload["tab"]))
+        origin.heard(float(payload["at_ms"]), t_ns)
+        if payload["kind"] == "problem":
+            self.notes.add("page problem")
+        elif payload["kind"] == "reply":
+            self._advance(Reply(payload["reply"], t_ns, origin.t_ns))
+
+    def _opened(self, payload: Mapping[str, Any], t_ns: int) -> None:
+        tab = str(payload["tab"])
+        if self._tab and tab != self._tab:
+            self.notes.add(RELOADED)
+        self._tab = tab
+        self._origin(tab).heard(float(payload["at_ms"]), t_ns)
+
+    def _slept(self, payload: Mapping[str, Any], t_ns: int) -> None:
+        self.notes.add(ASLEEP)
+        self._origin(str(payload["tab"])).begin_anew(float(payload["at_ms"]), t_ns)
+
+    def _origin(self, tab: str) -> _Origin:
+        return self._origins.setdefault(tab, _Origin())
+
+    def _advance(self, reply: Reply | None) -> None:
+        try:
+            while True:
+                out = self.course.send(reply)
+                reply = None
+                if isinstance(out, PageStep):
+                    self.step, self.step_number = out, self.step_number + 1
+                    self.trial_steps.append(out)
+                    self._told_trial()
+                    return
+                self._write(out)
+        except StopIteration as end:
+            self.outcome = end.value or DONE
+            self.step, self.step_number = (
+                PageStep("end", {"outcome": self.outcome}),
+                self.step_number + 1,
+            )
+
+    def _write(self, out: Event | TrialRow) -> None:
+        if isinstance(out, Event) and out.name == "trial_start":
+            self.trial_id, self.trial_steps = str(out.payload["trial_id"]), []
+        if isinstance(out, TrialRow):
+            self.trials_done += 1
+            past = self.past if self._is_replaying else None
+            if past is None or str(out.row["trial_id"]) not in past.rows:
+                self.recorder.trial(out.row)
+        elif not (self._is_replaying and self.past is not None and _is_known(out, self.past)):
+            self.recorder.event(out.name, self.clock.now_ns(), **out.payload)
+
+    def _replay(self, past: Past) -> None:
+        """Lead the course to where it was; a trial that a restart broke into is flagged."""
+        part = None
+        for its_part, t_ns, payload in past.events:
+            if part is not None and its_part != part:
+                self._broken(past)
+            part = its_part
+            if payload["kind"] == "opened":
+                self._opened(payload, t_ns)
+            elif payload["kind"] == "slept":
+                self._slept(payload, t_ns)
+            else:
+                self._apply(payload, t_ns)
+        self._broken(past)
+        self._has_left = False
+        self._heard_ns = self.clock.now_ns()
+
+    def _broken(self, past: Past) -> None:
+        if past.broken_by:
+            self.notes.add(past.broken_by)
+
+
+def _is_known(event: Event, past: Past) -> bool:
+    """Tell whether an event that the course repeats is in an earlier part."""
+    told = event.payload
+    match event.name:
+        case "trial_start":
+            return told["trial_id"] in past.started
+        case "answer":
+            return (told["questionnaire"], told["question"]) in past.answers
+        case "answered":
+            return (told["trial_id"], told["question"]) in past.answered
+        case "questionnaire_complete":
+            return told["questionnaire"] in past.complete
+        case _:
+            return True

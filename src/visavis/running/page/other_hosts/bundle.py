@@ -1,0 +1,307 @@
+"""Write a study as files that any web host can serve, or as an archive that JATOS imports.
+
+JATOS 3 (its study archive, format 3, and jatos.js 3.10.4) was read for what the archive holds.
+"""
+
+import hashlib
+import json
+import shutil
+import uuid
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+import numpy as np
+
+from visavis.lab.errors import DesignError, UsageError
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.film_store import FilmStore
+from visavis.running.page.course import Notes, Visit, course
+from visavis.running.page.perform import about_of, experiment_of
+from visavis.running.page.server import FILES, SITE
+from visavis.running.page.steps import PageStep, Reply
+from visavis.running.sessions.device_setup import is_simulated
+from visavis.running.sessions.perform import Request
+
+FORMAT: Final = 1
+ARCHIVE: Final = ".jzip"
+"""How an archive's name ends that JATOS imports."""
+MAX_PLACES: Final = 10_000
+PROBES: Final = 6
+"""Ways of answering with which is looked whether steps depend on answers."""
+POLICY: Final = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'{results}; "
+    "media-src blob:; img-src data:; base-uri 'none'; form-action 'none'"
+)
+POLICY_OF_JATOS: Final = "default-src 'self' 'unsafe-inline' blob: data:"
+"""jatos.js puts its parts into the page as scripts; nothing of third parties is loaded even so."""
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """What was written: where, for how many places, how many films, and the whole size."""
+
+    path: Path
+    places: int
+    films: int
+    size_bytes: int
+
+
+def write_bundle(
+    request: Request,
+    store: FilmStore,
+    path: Path,
+    *,
+    places: int,
+    completion: str = "",
+    results: str = "",
+) -> Bundle:
+    """Write a study for another web host: a folder, or where the name ends so JATOS's archive.
+
+    `results` is an address that takes what is posted to it, line by line.
+
+    Raises:
+        UsageError: the path is there, or the options do not fit.
+        DesignError: its steps depend on what is answered; only a server can perform it.
+    """
+    is_archive = path.suffix == ARCHIVE
+    if not 1 <= places <= MAX_PLACES:
+        raise UsageError(f"--places takes 1 to {MAX_PLACES}, not {places}")
+    if results and is_archive:
+        raise UsageError("JATOS takes the results itself; leave --results out")
+    if path.exists() and (path.is_file() or any(path.iterdir())):
+        raise UsageError(f"{path} is there already; name a new one")
+    draft = path.with_name(f".{path.name}.draft")
+    shutil.rmtree(draft, ignore_errors=True)
+    try:
+        films = _write(request, store, draft, places, completion, results, is_archive)
+        if is_archive:
+            _archive(request, draft, path)
+        else:
+            draft.replace(path)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    files = [path] if is_archive else [f for f in path.rglob("*") if f.is_file()]
+    return Bundle(path, places, films, sum(f.stat().st_size for f in files))
+
+
+def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[PageStep, ...]:
+    """Return every step of a place, in order; `store` has its films.
+
+    Raises:
+        DesignError: the steps depend on what is answered.
+    """
+    experiment = experiment_of(request)
+    told = _told_by(store)
+    plan = experiment.plan(index, request.seed)
+    found: tuple[PageStep, ...] | None = None
+    for choose in _ways_to_answer(index):
+        visit = visit_of(request, told, index, plan.group)
+        steps = tuple(_steps(visit, choose))
+        if found is not None and found != steps:
+            differ = next((a for a, b in zip(found, steps, strict=False) if a != b), steps[-1])
+            trial = differ.content.get("trial")
+            where = f"at trial {trial}" if trial else f"at a step {differ.kind}"
+            raise DesignError(
+                f"what {request.study.name} shows depends on answers ({where}), so it cannot be "
+                "written down beforehand; serve it (visavis serve)"
+            )
+        found = steps
+    assert found is not None  # noqa: S101  # there is a way to answer
+    return found
+
+
+def visit_of(
+    request: Request, told: Callable[[Any], Mapping[str, Any]], index: int, group: str
+) -> Visit:
+    """Return what the course of a place depends on, with a clock that stands still."""
+    study, experiment = request.study, experiment_of(request)
+    if not isinstance(study, OpenedStudy):
+        raise UsageError(f"{study.name} is not declared on the kit; it shows no page")
+    config = request.config.model_copy(update={"language": experiment.language})
+    plan = experiment.plan(index, request.seed, group)
+    return Visit(experiment, plan, "", 1, 1, study.questionnaires(config), told, lambda: 0, Notes())
+
+
+def digest_of(steps: Sequence[PageStep]) -> str:
+    """Return the SHA-256 of steps."""
+    return hashlib.sha256(_json(_as_told(steps))).hexdigest()
+
+
+# ---- within ----------------------------------------------------------------------------------
+
+
+def _write(
+    request: Request,
+    store: FilmStore,
+    folder: Path,
+    places: int,
+    completion: str,
+    results: str,
+    is_archive: bool,
+) -> int:
+    experiment = experiment_of(request)
+    (folder / "places").mkdir(parents=True)
+    digests = []
+    for index in range(places):
+        steps = steps_of_place(request, store, index)
+        digests.append(digest_of(steps))
+        content = {"sha256": digests[-1], "steps": _as_told(steps)}
+        (folder / "places" / f"{index}.json").write_bytes(_json(content))
+    config = request.config
+    about = about_of(experiment, is_simulated(config), config.privacy.contact)
+    head = {"format": FORMAT, "study": request.study.name, "seed": request.seed}
+    told = {**head, "places": places, "about": about, "completion": completion, "results": results}
+    told["id"] = hashlib.sha256(_json([told, digests])).hexdigest()[:12]
+    (folder / "bundle.json").write_bytes(_json(told))
+    for name in FILES.values():
+        shutil.copyfile(SITE / name, folder / name)
+    for name in ("wire.js", "worker.js"):
+        shutil.copyfile(SITE / "bundle" / name, folder / name)
+    _write_page(folder / "index.html", results, is_archive)
+    for film in experiment.films:
+        built = store.file_of(film)
+        assert built is not None  # noqa: S101  # `told` has asked for it
+        (folder / "films").mkdir(exist_ok=True)
+        shutil.copyfile(built.path, folder / "films" / built.path.name)
+    return len({store.name_of(film) for film in experiment.films})
+
+
+def _write_page(path: Path, results: str, is_archive: bool) -> None:
+    """Write the page with a policy of its own, as its host may send none."""
+    parts = urlsplit(results)
+    policy = (
+        POLICY_OF_JATOS
+        if is_archive
+        else POLICY.format(results=f" {parts.scheme}://{parts.netloc}" if results else "")
+    )
+    more = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+    more += '<meta name="referrer" content="no-referrer">\n'
+    if is_archive:
+        more += '<script src="jatos.js"></script>\n'
+    page = path.read_text("utf-8")
+    mark = '<meta name="viewport"'
+    path.write_text(page.replace(mark, more + mark, 1), "utf-8")
+
+
+def _archive(request: Request, folder: Path, path: Path) -> None:
+    """Write the archive of a JATOS study: its files in one folder, and what it is beside it."""
+    name = f"visavis_{request.study.name}"
+    title = experiment_of(request).study.title
+    ours = uuid.uuid5(uuid.NAMESPACE_URL, f"visavis/{request.study.name}")
+    component = {
+        "uuid": str(uuid.uuid5(ours, "page")),
+        "title": title,
+        "htmlFilePath": "index.html",
+        "reloadable": True,
+        "active": True,
+        "comments": "",
+        "componentInput": None,
+    }
+    study = {
+        "uuid": str(ours),
+        "title": title,
+        "description": "",
+        "groupStudy": False,
+        "linearStudy": True,
+        "allowPreview": False,
+        "dirName": name,
+        "comments": "",
+        "studyInput": None,
+        "endRedirectUrl": None,
+        "studyEntryMsg": None,
+        "componentList": [component],
+        "batchList": [],
+    }
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in sorted(folder.rglob("*")):
+            if file.is_file():
+                how = zipfile.ZIP_STORED if file.suffix == ".webm" else None
+                inside = f"{name}/{file.relative_to(folder).as_posix()}"
+                archive.write(file, inside, compress_type=how)
+        archive.writestr(f"{name}.jas", json.dumps({"version": "3", "data": study}))
+
+
+@lru_cache(maxsize=8)
+def _told_by(store: FilmStore) -> Callable[[Any], Mapping[str, Any]]:
+    return lru_cache(maxsize=None)(store.told)
+
+
+def _steps(visit: Visit, choose: "Choose") -> "list[PageStep]":
+    performing, reply, steps = course(visit), None, []
+    try:
+        while True:
+            out = performing.send(reply)
+            reply = None
+            if isinstance(out, PageStep):
+                steps.append(out)
+                reply = Reply(_reply(out, choose), 0, lambda at_ms: 0)
+    except StopIteration:
+        return steps
+
+
+Choose = Callable[[Mapping[str, Any]], str | None]
+"""Returns an answer to a question as a page is told it."""
+
+
+def _ways_to_answer(index: int) -> list[Choose]:
+    """Return ways of answering that differ as widely as can be: ends of scales, and by chance."""
+
+    def at(share: Callable[[], float]) -> Choose:
+        def choose(question: Mapping[str, Any]) -> str | None:
+            options = question.get("options") or ()
+            if options:
+                return str(options[min(len(options) - 1, int(share() * len(options)))]["value"])
+            if question["kind"] == "text":
+                return "x" * round(9 * share())
+            low, high = question.get("low"), question.get("high")
+            low, high = 0.0 if low is None else low, 1.0 if high is None else high
+            step = question.get("step") or 1
+            return f"{low + step * int(share() * (high - low) / step):g}"
+
+        return choose
+
+    rng = np.random.default_rng(index)
+    by_chance = [at(lambda: float(rng.random())) for _ in range(PROBES - 2)]
+    return [at(lambda: 0.0), at(lambda: 0.999), *by_chance]
+
+
+def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
+    """Return a reply that a page could send."""
+    content = step.content
+    match step.kind:
+        case "consent":
+            return {"agreed": True}
+        case "card":
+            return {"px_per_mm": None}
+        case "sound":
+            return {"heard": None, "played": 0}
+        case "questions":
+            return {"answers": {q["name"]: choose(q) for q in content["questions"]}}
+        case "watch":
+            seen = {"first_ms": 0.0, "frames": 1, "dropped": 0, "rounds": 1, "stalls": 0}
+            return {
+                "shown_ms": 0.0,
+                "off_ms": 0.0,
+                "hidden_ms": 0.0,
+                "apart_ms": 0.0,
+                "films": {film["place"]: seen for film in content["films"]},
+                "answers": {
+                    q["name"]: {"option": choose(q), "at_ms": 0.0, "by": "keys"}
+                    for q in content["questions"]
+                },
+            }
+        case _:
+            return {}
+
+
+def _as_told(steps: Sequence[PageStep]) -> list[dict[str, Any]]:
+    return [{"kind": step.kind, **step.content} for step in steps]
+
+
+def _json(content: Any) -> bytes:
+    return json.dumps(content, ensure_ascii=False, separators=(",", ":"), sort_keys=True).encode()

@@ -1,0 +1,499 @@
+"""Read what people did with a bundle, and record it as if they had been served.
+
+Every line says whose it is and its number. Lines that were handed over twice count once. Before
+anything is written, the replies lead the study's own course, step by step beside the bundle's.
+"""
+
+import json
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+from visavis.lab.clock import ToldClock
+from visavis.lab.errors import DataError, LabError, LedgerError
+from visavis.lab.plain_files import MAX_UNPACKED_BYTES, parse_json, read_plain
+from visavis.protocol.ledger import Ledger, Participant
+from visavis.recording.folder import SessionFolder, create_session, open_session
+from visavis.recording.manifest import read_manifest
+from visavis.recording.reader import Recording
+from visavis.recording.writer import REAL_TIME_BATCH_NS, CloseStatus, Recorder
+from visavis.running.film_store import FilmStore
+from visavis.running.page.arrivals import LINK, Arrival, arrival_of
+from visavis.running.page.course import DONE, WITHDRAWN, course
+from visavis.running.page.desk import PageDesk, Past
+from visavis.running.page.errors import PageError
+from visavis.running.page.other_hosts.bundle import FORMAT, digest_of, steps_of_place, visit_of
+from visavis.running.page.perform import ENDINGS, experiment_of, held_of, manifest_of, past_of
+from visavis.running.page.reception import LEFT
+from visavis.running.page.steps import PageStep, count, mapping, number
+from visavis.running.sessions.device_setup import is_simulated
+from visavis.running.sessions.perform import Request, end_part
+
+IMPORTED: Final = "imported"
+"""Where a session's configuration says which run of which bundle it was."""
+ARCHIVES: Final = (".zip", ".jrzip")
+TEXTS: Final = (".jsonl", ".txt", ".json")
+MAX_PLACES_LOOKED_AT: Final = 1000
+ENDED_EARLY: Final = tuple(why.partition(";")[0] for why in ENDINGS.values())
+"""Why sessions ended that nobody comes back to."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What one person did with a bundle: how they came, and their lines in order."""
+
+    key: str
+    arrived: Mapping[str, Any]
+    lines: tuple[Mapping[str, Any], ...]
+
+    @property
+    def place(self) -> int:
+        """Which place of the plan they had, from 0."""
+        return count(self.arrived.get("place"), "place")
+
+    def lines_after(self, opened: int, taken: int) -> "tuple[Mapping[str, Any], ...]":
+        """Return the lines after so many openings of the page that hold more than `taken` events.
+
+        The tab that was open last goes on with its own lines.
+        """
+        left = opened
+        rest = []
+        for line in self.lines:
+            if "opened" in line:
+                left -= 1
+                if left < 0:
+                    rest.append(line)
+            elif left <= 0 and "event" in line and int(line["event"]["n"]) > taken:
+                rest.append(line)
+        return tuple(rest)
+
+    @cached_property
+    def begun_ms(self) -> float:
+        """When they came, in milliseconds since 1970."""
+        return number(self.lines[0].get("at_ms"), "at_ms")
+
+    @cached_property
+    def arrival(self) -> Arrival:
+        """Who they are to a panel."""
+        told = mapping(self.arrived.get("told", {}), "told")
+        return arrival_of({name: str(value) for name, value in told.items()})
+
+
+@dataclass
+class Imported:
+    """What came of files of results: sessions by label, and what was left out and why."""
+
+    sessions: dict[str, Path]
+    continued: dict[str, Path] = field(default_factory=dict)
+    """Who was recorded before the end, and has gone on since."""
+    known: int = 0
+    unfinished: int = 0
+    withdrawn: tuple[str, ...] = ()
+    moved: tuple[str, ...] = ()
+    """Who had a place that somebody has, and stands at another one in the ledger."""
+    twice: tuple[tuple[str, str], ...] = ()
+    """Runs of people who have a session, with their label: they came in another browser, too."""
+    refused: tuple[str, ...] = ()
+    unreadable: int = 0
+
+
+def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
+    """Return the runs of files, folders and archives, and how many lines could not be read.
+
+    Raises:
+        DataError: a file is not there, is damaged or too large, or none holds results of a bundle.
+    """
+    lines: dict[str, dict[int, Mapping[str, Any]]] = {}
+    unreadable = 0
+    for text in _texts(paths):
+        for line in filter(None, map(str.strip, text.splitlines())):
+            try:
+                told = parse_json(line)
+                key, its = str(told["run"]), int(told["line"])
+            except (ValueError, TypeError, KeyError, OverflowError):
+                unreadable += 1
+                continue
+            lines.setdefault(key, {}).setdefault(its, told)
+    runs = []
+    for key, of_run in lines.items():
+        first = of_run.get(0, {}).get("arrived")
+        if not isinstance(first, Mapping):
+            unreadable += len(of_run)
+            continue
+        runs.append(Run(key, first, tuple(of_run[n] for n in sorted(of_run))))
+    if not runs:
+        raise DataError(
+            "there are no results of a bundle in these files; give what JATOS exports as results, "
+            "or the folder that --results saved"
+        )
+    return runs, unreadable
+
+
+def import_runs(
+    base: Request,
+    store: FilmStore,
+    ledger: Ledger,
+    runs: Iterable[Run],
+    *,
+    identify: Callable[[str, Mapping[str, str]], None],
+    known: Callable[[str], Mapping[str, str] | None] = lambda label: None,
+    unfinished_too: bool = False,
+) -> Imported:
+    """Record every run that is not recorded yet; who is who goes to `identify`, not to the data.
+
+    `known` returns what was kept of somebody. Who came in two browsers is one participant: the run
+    that went on longest counts. A run that was recorded before its end goes on in its session.
+    """
+    made = Imported({})
+    people = _People(base, ledger, known)
+    recorded = _recorded(ledger.path.parent)
+    fit: list[_Fit] = []
+    for run in runs:
+        try:
+            session = recorded.get(run.key)
+            if session is not None and _is_over(session):
+                made.known += 1
+                continue
+            outcome = _checked(base, store, run)
+            one = _Fit(run, people.named(run.arrival), outcome, run.begun_ms)
+            if outcome == WITHDRAWN:
+                made.withdrawn += (run.key,)
+            elif session is not None:
+                if _goes_on(base, store, one, session):
+                    made.continued[read_manifest(session).participant] = session
+                else:
+                    made.known += 1
+            elif not outcome and not unfinished_too:
+                made.unfinished += 1
+            else:
+                fit.append(one)
+        except (PageError, LabError) as error:
+            made.refused += (f"run {run.key[:8]}: {error}",)
+    for one in sorted(fit, key=lambda one: one.rank):
+        try:
+            if label := people.label_of(one.arrival):
+                made.twice += ((one.run.key, label),)
+                continue
+            entry = people.registered(one.arrival)
+            label, path, place = _import(base, store, ledger, one, entry, identify)
+            people.add(one.arrival, label)
+            made.sessions[label] = path
+            made.moved += () if place == one.run.place else (label,)
+        except (PageError, LabError) as error:
+            made.refused += (f"run {one.run.key[:8]}: {error}",)
+    return made
+
+
+# ---- within ----------------------------------------------------------------------------------
+
+
+def _texts(paths: Iterable[Path]) -> Iterator[str]:
+    for path in paths:
+        if path.is_dir():
+            yield from _texts(sorted(p for p in path.rglob("*") if p.suffix in ARCHIVES + TEXTS))
+        elif not path.is_file():
+            raise DataError(f"there is no file {path}; give the results' files or their folder")
+        else:
+            try:
+                yield from (
+                    _packed(path)
+                    if zipfile.is_zipfile(path)
+                    else [_text(read_plain(path, max_bytes=MAX_UNPACKED_BYTES))]
+                )
+            except (
+                OSError,
+                ValueError,
+                LookupError,
+                EOFError,
+                RuntimeError,
+                struct.error,
+                zipfile.BadZipFile,
+                zlib.error,
+            ) as error:
+                raise DataError(f"{path} cannot be read ({error}); download it again") from error
+
+
+def _packed(path: Path) -> list[str]:
+    """Return the texts of results in an archive, no larger together than a file may be."""
+    found, left = [], MAX_UNPACKED_BYTES
+    with zipfile.ZipFile(path) as archive:
+        for name in archive.namelist():
+            if name.endswith(TEXTS) and not name.endswith("metadata.json"):
+                with archive.open(name) as file:
+                    data = file.read(left + 1)
+                left -= len(data)
+                if left < 0:
+                    raise ValueError(f"it unpacks to more than {MAX_UNPACKED_BYTES} bytes")
+                found.append(_text(data))
+    return found
+
+
+def _text(data: bytes) -> str:
+    return data.decode("utf-8", errors="replace")
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A run that can be recorded: whose it is, how it ended ("" where it did not)."""
+
+    run: Run
+    arrival: Arrival
+    outcome: str
+    begun_ms: float
+
+    @property
+    def rank(self) -> tuple[bool, bool, float]:
+        """Whole runs first, then ended ones, each in order of time: of one person the first counts.
+
+        Who came first is first in the ledger only among equals.
+        """
+        return self.outcome != DONE, not self.outcome, self.begun_ms
+
+
+class _People:
+    """Knows who has a session, by what a panel or a link calls them."""
+
+    def __init__(
+        self, base: Request, ledger: Ledger, known: Callable[[str], Mapping[str, str] | None]
+    ) -> None:
+        self._base, self._ledger = base, ledger
+        self._labels: dict[tuple[str, str], str] = {}
+        for entry in ledger.list():
+            if entry.status != "active" or not self._has_session(entry):
+                continue
+            self._labels[LINK, entry.label] = entry.label
+            who = known(entry.label)
+            if who and who.get("identifier"):
+                self._labels[who.get("panel", ""), who["identifier"]] = entry.label
+
+    def named(self, arrival: Arrival) -> Arrival:
+        """Return who comes, by their label where a link means one of the ledger."""
+        if arrival.panel != LINK:
+            return arrival
+        try:
+            return replace(arrival, identifier=self._ledger.resolve(arrival.identifier).label)
+        except LedgerError:
+            return arrival
+
+    def label_of(self, arrival: Arrival) -> str:
+        """Return the label of who has a session; "" where nobody is known to."""
+        if not arrival.identifier:
+            return ""
+        return self._labels.get((arrival.panel, arrival.identifier), "")
+
+    def registered(self, arrival: Arrival) -> Participant | None:
+        """Return whom of the ledger a link means; None where they are somebody new."""
+        entries = self._ledger.list() if arrival.panel == LINK else ()
+        return next((e for e in entries if e.label == arrival.identifier), None)
+
+    def add(self, arrival: Arrival, label: str) -> None:
+        """Learn that somebody has a session now."""
+        self._labels[LINK, label] = label
+        if arrival.identifier:
+            self._labels[arrival.panel, arrival.identifier] = label
+
+    def _has_session(self, entry: Participant) -> bool:
+        folder = self._ledger.path.parent / f"sub-{entry.label}"
+        return any(folder.glob("ses-*/manifest.json"))
+
+
+def _recorded(study_folder: Path) -> dict[str, Path]:
+    """Return the sessions of runs that have one already."""
+    found = {}
+    for manifest in study_folder.glob("sub-*/ses-*/manifest.json"):
+        told = read_manifest(manifest.parent).configuration.get(IMPORTED)
+        if isinstance(told, Mapping):
+            found[str(told.get("run"))] = manifest.parent
+    return found
+
+
+def _is_over(session: Path) -> bool:
+    """Tell whether a session ended: not merely left before its end."""
+    part = read_manifest(session).parts[-1]
+    return part.status == "complete" or part.reason in ENDED_EARLY
+
+
+def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
+    """Record what a run did after it was recorded; tells whether there was anything."""
+    past = replace(past_of(Recording(session)), broken_by="")
+    opened = sum(payload["kind"] == "opened" for _, _, payload in past.events)
+    taken = max((int(p["n"]) for _, _, p in past.events if "n" in p), default=0)
+    lines = one.run.lines_after(opened, taken)
+    if not lines:
+        return False
+    clock = ToldClock(number(lines[0].get("at_ms"), "at_ms"))
+    folder, _ = open_session(session)
+    with folder:
+        manifest = folder.manifest
+        request = replace(
+            base,
+            participant_label=manifest.participant,
+            participant_index=one.run.place,
+            group=experiment_of(base).plan(one.run.place, base.seed).group,
+            consent_version=manifest.consent_version,
+            clock=clock,
+        )
+        _record(request, store, folder, replace(one.run, lines=lines), past, one.outcome)
+    return True
+
+
+class _Nobody:
+    """Writes nothing down."""
+
+    def event(self, name: str, t_ns: int, **content: object) -> None: ...
+
+    def trial(self, row: Mapping[str, Any]) -> None: ...
+
+
+def _checked(base: Request, store: FilmStore, run: Run) -> str:
+    """Lead the study's course by a run's replies; return how it ended, "" where it did not.
+
+    Raises:
+        PageError: it is of another study or version, or the course would have gone elsewhere.
+    """
+    told, ours = run.arrived, {"format": FORMAT, "study": base.study.name, "seed": base.seed}
+    for name, wanted in ours.items():
+        if told.get(name) != wanted:
+            raise PageError(f"it is of {name} {str(told.get(name))[:40]!r}, here is {wanted!r}")
+    steps = steps_of_place(base, store, run.place)
+    if digest_of(steps) != told.get("sha256"):
+        raise PageError(
+            "what it was shown is not what this study shows now; import it with the study's files "
+            "and options (--set, --language) as they were when the bundle was written"
+        )
+    clock = ToldClock(run.begun_ms)
+    plan = experiment_of(base).plan(run.place, base.seed)
+    visit = replace(visit_of(base, store.told, run.place, plan.group), now_ns=clock.now_ns)
+    recorder: Any = _Nobody()
+    desk = PageDesk(course(visit), recorder, clock, visit.notes)
+    shown, number_shown = 0, desk.step_number
+    for line in _led(desk, clock, run):
+        if desk.is_over:
+            continue
+        if desk.step_number != number_shown:
+            shown, number_shown = _following(steps, shown, line), desk.step_number
+        if shown >= len(steps) or _plain(desk.step) != _plain(steps[shown]):
+            raise PageError(f"step {desk.step_number} was not what the study would have shown then")
+    return desk.outcome
+
+
+def _following(steps: Sequence[PageStep], index: int, line: Mapping[str, Any]) -> int:
+    """Return which step followed; a film that failed ends its trial."""
+    has_failed = line["event"]["reply"].get("failed") is not None
+    trial = _trial_of(steps[index])
+    index += 1
+    while has_failed and index < len(steps) and _trial_of(steps[index]) == trial:
+        index += 1
+    return index
+
+
+def _trial_of(step: PageStep) -> tuple[Any, Any]:
+    return step.content.get("trial"), step.content.get("is_practice")
+
+
+def _plain(step: PageStep) -> Any:
+    return step.kind, json.loads(json.dumps(dict(step.content)))
+
+
+def _led(desk: PageDesk, clock: ToldClock, run: Run) -> Iterator[Mapping[str, Any]]:
+    """Give a desk what a page did, at its times; yields each line after it."""
+    for line in run.lines:
+        clock.tell(number(line.get("at_ms"), "at_ms"))
+        if "opened" in line:
+            opened = mapping(line["opened"], "opened")
+            about = opened.get("about")
+            desk.hello(
+                str(opened.get("tab", ""))[:200],
+                takes_over=True,
+                about=about if isinstance(about, Mapping) else {},
+                at_ms=number(opened.get("at_ms"), "at_ms"),
+            )
+        elif "event" in line and not desk.is_over:
+            desk.take(str(line.get("tab", ""))[:200], [line["event"]])
+        yield line
+
+
+def _import(
+    base: Request,
+    store: FilmStore,
+    ledger: Ledger,
+    one: _Fit,
+    registered: Participant | None,
+    identify: Callable[[str, Mapping[str, str]], None],
+) -> tuple[str, Path, int]:
+    run = one.run
+    experiment, clock = experiment_of(base), ToldClock(run.begun_ms)
+    group = experiment.plan(run.place, base.seed).group
+    entry = registered or ledger.add(index=_free_place(base, ledger, run.place, group), group=group)
+    if one.arrival.identifier:
+        identify(entry.label, one.arrival.identity)
+    request = replace(
+        base,
+        participant_label=entry.label,
+        participant_index=run.place,
+        group=group,
+        consent_version=entry.consent_version,
+        clock=clock,
+    )
+    manifest = manifest_of(request, experiment)
+    of_bundle = {"run": run.key, "bundle": str(run.arrived.get("bundle"))}
+    manifest = replace(manifest, configuration={**manifest.configuration, IMPORTED: of_bundle})
+    with create_session(base.config.data_root, manifest) as folder:
+        _record(request, store, folder, run, None, one.outcome)
+        return entry.label, folder.path, entry.index
+
+
+def _record(
+    request: Request,
+    store: FilmStore,
+    folder: SessionFolder,
+    run: Run,
+    past: Past | None,
+    outcome: str,
+) -> None:
+    """Record a part of a session from lines of a run, by their own times."""
+    clock = request.clock
+    assert isinstance(clock, ToldClock)  # noqa: S101  # both callers made it
+    part_dir = folder.begin_part(clock)
+    recorder: Recorder | None = None
+    try:
+        recorder = Recorder(
+            part_dir,
+            clock,
+            threaded=False,
+            max_batch_ns=REAL_TIME_BATCH_NS,
+            is_simulated=is_simulated(request.config),
+        )
+        experiment = experiment_of(request)
+        held = held_of(request, experiment, store, folder, recorder, past, run.key)
+        for _ in _led(held.desk, clock, run):
+            pass
+    except BaseException as error:
+        end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
+        raise
+    status, why = _ending(outcome)
+    end_part(clock, folder, recorder, status, why, None)
+
+
+def _ending(outcome: str) -> tuple[CloseStatus, str]:
+    if not outcome:
+        return "aborted", LEFT
+    why = ENDINGS.get(outcome, "").partition(";")[0]
+    return ("aborted" if why else "complete"), why
+
+
+def _free_place(base: Request, ledger: Ledger, wanted: int, group: str) -> int:
+    """Return the place, or where somebody has it the next free one of the same group."""
+    taken = {entry.index for entry in ledger.list() if not entry.has_freed_place}
+    if wanted not in taken:
+        return wanted
+    experiment = experiment_of(base)
+    for index in range(max(taken) + 1, max(taken) + 1 + MAX_PLACES_LOOKED_AT):
+        if experiment.plan(index, base.seed).group == group:
+            return index
+    raise DataError(f"there is no free place of group {group!r}")

@@ -1,0 +1,346 @@
+"""Perform a session on a page in a browser, new or resumed, and leave a closed recording behind."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, Final
+
+from visavis.lab.errors import ConfigError, SessionAborted
+from visavis.protocol.experiment import untold
+from visavis.protocol.key_file import KeyFile
+from visavis.protocol.operator import SessionStatus
+from visavis.protocol.states import SessionState
+from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
+from visavis.recording.manifest import Manifest
+from visavis.recording.provenance import provenance
+from visavis.recording.reader import Recording
+from visavis.recording.writer import Recorder
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.film_store import FilmStore, film_store
+from visavis.running.page.client import visit
+from visavis.running.page.course import (
+    DECLINED,
+    STOPPED,
+    WITHDRAWN,
+    Notes,
+    Visit,
+    consent_of,
+    course,
+    texts_of_page,
+)
+from visavis.running.page.desk import PageDesk, Past
+from visavis.running.page.server import Held, PageServer
+from visavis.running.page.visitor import Visitor, visitor_of
+from visavis.running.sessions.device_setup import is_simulated
+from visavis.running.sessions.perform import (
+    PageAddress,
+    Request,
+    behaviour_seed,
+    recorded_part,
+    recorder_of,
+    refuse_other_plan,
+)
+from visavis.running.sessions.plan_lock import carried_by_session
+from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
+from visavis.study.cast import use_cast_of, use_recorded_cast
+from visavis.study.experiment import StudyExperiment
+from visavis.study.films import MIME
+
+SERVED: Final = "page_served"
+ENDINGS: Final = {
+    DECLINED: "consent was declined; nothing was asked",
+    STOPPED: "the participant stopped; what is finished is kept",
+    WITHDRAWN: "the participant stopped and wants everything deleted",
+}
+"""Why a session ended before its end, by the outcome of its course."""
+LAST_STEP_S: Final = 1.5
+"""How long a page that is over is still answered, so that it can say its thanks."""
+
+
+def perform_new(request: Request) -> Path:
+    """Perform a session from its beginning; return its folder.
+
+    Raises:
+        UsageError: the session exists already.
+        SessionAborted: it ended early; what is finished is kept.
+    """
+    experiment = experiment_of(request)
+    manifest = manifest_of(request, experiment)
+    store = prepared_films(request)
+    with create_session(request.config.data_root, manifest) as folder:
+        _perform_part(request, experiment, store, folder, None, 0)
+        return folder.path
+
+
+def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
+    """Return the manifest with which a session on a page begins."""
+    cast = use_cast_of(request.config)
+    plan = experiment.plan(request.participant_index, request.seed, request.group)
+    simulated = is_simulated(request.config)
+    consent = consent_of(experiment, plan)
+    folder = study_dir(request.config.data_root, request.study.name, is_simulated=simulated)
+    return Manifest(
+        study=request.study.name,
+        participant=request.participant_label,
+        session=request.session,
+        is_simulated=simulated,
+        plan=plan,
+        seed=request.seed,
+        configuration={
+            "on": "browser",
+            "devices": {},
+            "lab": request.config.lab,
+            "sha256": request.config.sha256,
+            "effect": request.effect,
+            **carried_by_session(folder, request.study, experiment, request.seed),
+            DESIGN_KEY: design_of(experiment),
+            **cast,
+        },
+        devices=(),
+        consent_version=consent[1]
+        if consent
+        else request.consent_version or request.config.privacy.consent_version,
+        created_wall_iso=request.clock.wall_iso(),
+        provenance=provenance(),
+    )
+
+
+def perform_rest(request: Request, session_path: Path) -> Path:
+    """Go on with a session where it was left; return its folder.
+
+    Raises:
+        ConfigError: the plan in the manifest is not the one this version would make.
+    """
+    use_recorded_cast(Recording(session_path))
+    experiment = experiment_of(request)
+    store = prepared_films(request)
+    folder, _ = open_session(session_path)
+    with folder:
+        recording = Recording(session_path)
+        plan = experiment.plan(request.participant_index, request.seed, request.group)
+        refuse_other_plan(recording, plan)
+        port = port_before(recording)
+        _perform_part(request, experiment, store, folder, past_of(recording), port)
+        return folder.path
+
+
+def prepared_films(request: Request, told: Callable[[int, int], None] = untold) -> FilmStore:
+    """Return a session's films, built where people will look at them."""
+    experiment = experiment_of(request)
+    store = film_store(experiment)
+    if not request.clock.is_virtual:
+        store.build(experiment.films, told)
+    return store
+
+
+def past_of(recording: Recording) -> Past:
+    """Return what earlier parts of a session hold."""
+    events = recording.events()
+    pages: list[tuple[int, int, Mapping[str, Any]]] = []
+    started, answers, answered, complete = set(), set(), set(), set()
+    for event in events.to_dict("records"):
+        told = event["payload"]
+        match event["name"]:
+            case "page_event":
+                pages.append((int(event["recording_part"]), int(event["t_ns"]), told))
+            case "trial_start":
+                started.add(str(told["trial_id"]))
+            case "answer":
+                answers.add((str(told["questionnaire"]), str(told["question"])))
+            case "answered":
+                answered.add((str(told["trial_id"]), str(told["question"])))
+            case "questionnaire_complete":
+                complete.add(str(told["questionnaire"]))
+    trials = recording.trials()
+    rows = frozenset(map(str, trials["trial_id"])) if "trial_id" in trials else frozenset()
+    return Past(
+        pages,
+        rows,
+        frozenset(started),
+        frozenset(answers),
+        frozenset(answered),
+        frozenset(complete),
+    )
+
+
+def simulated_visitor(request: Request, experiment: StudyExperiment, store: FilmStore) -> Visitor:
+    """Return the simulated participant of a session, before a page.
+
+    Raises:
+        ConfigError: the study's own simulated person looks at no page.
+    """
+    person = request.study.participant(
+        request.participant_index,
+        behaviour_seed(request),
+        effect=request.effect,
+        experiment=experiment,
+    )
+    return visitor_of(person, experiment, store)
+
+
+def experiment_of(request: Request) -> StudyExperiment:
+    """Return what is performed; ConfigError where the study is not declared on the kit."""
+    experiment = request.experiment
+    if not isinstance(experiment, StudyExperiment):
+        raise ConfigError(f"{request.study.name} is not declared on the kit; it shows no page")
+    return experiment
+
+
+def key_of(request: Request) -> str:
+    """Return the secret of the address of a session's page: no recording holds it.
+
+    It comes from the study's salt, which lies apart from the data, so that a page finds its
+    session also when another process serves it.
+    """
+    config = request.config
+    kept = KeyFile(config.key_root, request.study.name, [config.data_root])
+    return kept.page_key(request.participant_label, request.session)
+
+
+def port_before(recording: Recording) -> int:
+    """Return the port at which a session was served last; 0 where it was not."""
+    events = recording.events()
+    found = list(events.loc[events["name"] == SERVED, "payload"])
+    return int(found[-1]["port"]) if found else 0
+
+
+def held_of(
+    request: Request,
+    experiment: StudyExperiment,
+    store: FilmStore,
+    folder: SessionFolder,
+    recorder: Recorder,
+    past: Past | None,
+    key: str,
+) -> Held:
+    """Return a session ready to be served: its desk, where it was left, and its films.
+
+    Raises:
+        ConfigError: the study is not declared on the kit.
+    """
+    study, virtual = request.study, request.clock.is_virtual
+    if not isinstance(study, OpenedStudy):
+        raise ConfigError(f"{study.name} is not declared on the kit; it shows no page")
+    config = request.config.model_copy(update={"language": experiment.language})
+    notes = Notes()
+    told = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
+    plan = experiment.plan(request.participant_index, request.seed, request.group)
+    visit_of = Visit(
+        experiment,
+        plan,
+        request.participant_label,
+        request.session,
+        folder.manifest.parts[-1].number,
+        study.questionnaires(config),
+        told,
+        request.clock.now_ns,
+        notes,
+    )
+    desk = PageDesk(course(visit_of), recorder, request.clock, notes, past, key=key)
+    files = (
+        {}
+        if virtual
+        else {
+            told(film)["film"]: found.path
+            for film in experiment.films
+            if (found := store.file_of(film)) is not None
+        }
+    )
+    about = about_of(experiment, folder.manifest.is_simulated, config.privacy.contact)
+    return Held(desk, about, files)
+
+
+def _perform_part(
+    request: Request,
+    experiment: StudyExperiment,
+    store: FilmStore,
+    folder: SessionFolder,
+    past: Past | None,
+    port: int,
+) -> None:
+    make = partial(recorder_of, clock=request.clock, is_simulated=folder.manifest.is_simulated)
+    with recorded_part(request.clock, folder, make, "every answer is kept") as recorder:
+        outcome = asyncio.run(_served(request, experiment, store, folder, recorder, past, port))
+        if outcome in ENDINGS:
+            todo = (
+                f"; do it now: visavis participant withdraw {request.study.name} "
+                f"{request.participant_label}"
+            )
+            raise SessionAborted(ENDINGS[outcome] + (todo if outcome == WITHDRAWN else ""))
+
+
+async def _served(
+    request: Request,
+    experiment: StudyExperiment,
+    store: FilmStore,
+    folder: SessionFolder,
+    recorder: Recorder,
+    past: Past | None,
+    port: int,
+) -> str:
+    virtual = request.clock.is_virtual
+    server = PageServer()
+    address = request.page or PageAddress()
+    await server.start(port=address.port or port)
+    try:
+        recorder.event(SERVED, request.clock.now_ns(), port=0 if virtual else server.port)
+        key = "simulated" if virtual else key_of(request)
+        held = held_of(request, experiment, store, folder, recorder, past, key)
+        desk = held.desk
+        plan = experiment.plan(request.participant_index, request.seed, request.group)
+        desk.on_trial = lambda: _tell(request, desk, len(plan.trials))
+        server.add(held)
+        if virtual:
+            visitor = simulated_visitor(request, experiment, store)
+            for step in desk.trial_steps[:-1]:  # which somebody whom a crash held up remembers
+                if step.kind == "watch":
+                    visitor.look(step.content)
+            await visit(server.address_of(held), visitor, request.clock)
+        else:
+            if address.told is not None:
+                address.told(server.address_of(held))
+            await held.over.wait()
+            await asyncio.sleep(LAST_STEP_S)
+        if held.failures:
+            raise held.failures[0]
+        return desk.outcome
+    finally:
+        await server.stop()
+
+
+def _tell(request: Request, desk: PageDesk, planned: int) -> None:
+    """Tell the operator, as a session on devices does, that a trial goes on."""
+    if request.on_trial is not None and desk.trials_done:
+        request.on_trial(desk.trial_id, desk.trials_done, planned)
+    if request.operator.status_period_ns:
+        request.operator.show(
+            SessionStatus(
+                SessionState.TRIAL,
+                request.participant_label,
+                desk.trial_id,
+                desk.trials_done,
+                planned,
+                "",
+                "",
+                None,
+                0.0,
+                {},
+                None,
+                None,
+                None,
+                (),
+            )
+        )
+
+
+def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict[str, Any]:
+    """Return what a page is told once: its words, whom to ask, and whether it is a rehearsal."""
+    return {
+        "title": experiment.texts.find("page.title") or experiment.study.title,
+        "language": experiment.language,
+        "words": dict(texts_of_page(experiment)),
+        "contact": contact,
+        "is_simulated": simulated,
+        "mime": MIME if experiment.films else "",
+    }

@@ -1,0 +1,477 @@
+"""Receive the participants of a study: everybody a session of their own, all at the same time."""
+
+import asyncio
+import secrets
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import LabError, LedgerError
+from visavis.protocol.ledger import Ledger, Participant
+from visavis.recording.folder import SessionFolder, create_session, open_session, session_dir
+from visavis.recording.manifest import read_manifest
+from visavis.recording.reader import Recording
+from visavis.recording.writer import CloseStatus, Recorder
+from visavis.running.film_store import FilmStore
+from visavis.running.page.arrivals import (
+    LINK,
+    Arrival,
+    Order,
+    arrival_of,
+    completion_of,
+    least_filled,
+    order_of,
+)
+from visavis.running.page.board import COUNTING, Board, Place, board_of
+from visavis.running.page.course import DONE, WITHDRAWN, texts_of_page
+from visavis.running.page.errors import PageError
+from visavis.running.page.perform import (
+    ENDINGS,
+    SERVED,
+    about_of,
+    experiment_of,
+    held_of,
+    key_of,
+    manifest_of,
+    past_of,
+)
+from visavis.running.page.server import Ended, Held, PageServer
+from visavis.running.sessions.device_setup import is_simulated
+from visavis.running.sessions.perform import Request, end_part, recorder_of, refuse_other_plan
+
+IDLE_NS: Final = 30 * 60 * NS_PER_S
+"""A page that was not heard for so long was left; its place is filled again, its session kept."""
+ROUND_S: Final = 5.0
+MAX_OPEN: Final = 500
+"""Sessions that are open at once."""
+SQUARES: Final = ("latin_square", "williams")
+LEFT: Final = "the page was left"
+ENDED: Final = "the server was ended"
+WITHDRAWN_ELSEWHERE: Final = "the researchers withdrew the participant"
+CANNOT_GO_ON: Final = "this session cannot go on; please tell the researchers"
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How a study is served: how many people are wanted, and where they go afterwards."""
+
+    quota: int | None = None
+    completion: str = ""
+
+
+@dataclass
+class Brake:
+    """Lets so many new people in at once, then so many a second; no address is looked at."""
+
+    at_once: float = 60.0
+    a_second: float = 2.0
+    _left: float = 60.0
+    _seen_ns: int | None = None
+
+    def lets_pass(self, now_ns: int) -> bool:
+        """Tell whether one more may come at a time."""
+        passed_s = 0.0 if self._seen_ns is None else (now_ns - self._seen_ns) / NS_PER_S
+        self._seen_ns = now_ns
+        self._left = min(self.at_once, self._left + self.a_second * passed_s)
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+@dataclass(eq=False)
+class _Open:
+    """A session that is open: what serves it, and what it is written by."""
+
+    entry: Participant
+    held: Held
+    folder: SessionFolder
+    recorder: Recorder
+    begun_ns: int
+    stack: ExitStack = field(default_factory=ExitStack)
+
+
+class Reception:
+    """Own the sessions of everybody who comes to a served study.
+
+    `base` is a request that is completed for each person. `identify` keeps who somebody is apart
+    from the data, `known` returns what was kept; `withdraw` deletes what somebody wants deleted.
+    """
+
+    def __init__(
+        self,
+        base: Request,
+        store: FilmStore,
+        ledger: Ledger,
+        rules: Rules,
+        *,
+        identify: Callable[[str, Mapping[str, str]], None],
+        known: Callable[[str], Mapping[str, str] | None],
+        withdraw: Callable[[str], None],
+        said: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.board_key = secrets.token_urlsafe(24)
+        self._base, self._store, self._ledger, self._rules = base, store, ledger, rules
+        self._experiment = experiment_of(base)
+        self._identify, self._known, self._withdraw, self._said = identify, known, withdraw, said
+        self._simulated = is_simulated(base.config)
+        self._contact = base.config.privacy.contact
+        self._root = base.config.data_root
+        self._open: dict[str, _Open] = {}
+        self._keys: dict[str, str] = {}
+        self._of_panel: dict[tuple[str, str], str] = {}
+        self._orders: dict[int, Order] = {}
+        self._places: dict[str, Place] = {}
+        self._turn = asyncio.Lock()
+        self._closing: set[asyncio.Task[None]] = set()
+        self._port = 0
+        self._noticed = self._ledger_changed()
+        self._brake = Brake()
+        for entry in ledger.list():
+            self._read(entry)
+        self._states = {place.label: place.state for place in self._board().places}
+        """Where everybody is, without a look at the disk."""
+
+    # ---- what the server asks ----------------------------------------------------------------
+
+    async def arrive(self, told: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
+        """Return the key of a session for somebody who comes, or why there is none.
+
+        `before` is the key that their browser remembers: who comes with an identifier that others
+        could guess goes on with a session only in the browser that began it.
+        """
+        words = dict(texts_of_page(self._experiment))
+        try:
+            arrival = self._named(arrival_of(told))
+        except PageError as error:
+            self._said(f"somebody came and got no session: {error}")
+            return {"refused": "address", "text": words.get("address", "")}
+        await self._notice_withdrawals()
+        async with self._turn:
+            key = self._of_panel.get((arrival.panel, arrival.identifier))
+            if arrival.identifier and key is not None:
+                if arrival.can_be_guessed and key != before:
+                    self._said(
+                        f"{arrival.panel} {arrival.identifier} has a session and came again from "
+                        "another browser, with an identifier that others could guess: refused"
+                    )
+                    return {"refused": "begun", "text": words.get("begun_elsewhere", "")}
+                return {"key": key}
+            busy = sum(state in COUNTING for state in self._states.values())
+            is_open = sum(not opened.held.closed.is_set() for opened in self._open.values())
+            wanted = self._rules.quota
+            if is_open >= MAX_OPEN or (wanted is not None and busy >= wanted):
+                return {"refused": "full", "text": words.get("full", "")}
+            if not self._brake.lets_pass(self._base.clock.now_ns()):
+                return {"refused": "busy", "text": words.get("busy", "")}
+            try:
+                opened = await self._run(self._begin, arrival)
+            except LabError as error:
+                self._said(f"somebody came and got no session: {error}")
+                return {"refused": "failed", "text": words.get("failed", "")}
+            self._keep(opened)
+            return {"key": opened.held.desk.key}
+
+    async def held(self, key: str) -> Held | Ended | None:
+        """Return the session of a key, gone on with where it was left; None without one.
+
+        Raises:
+            PageError: it cannot go on; whoever serves is told why.
+        """
+        if key in self._open:
+            return self._open[key].held
+        await self._notice_withdrawals()
+        async with self._turn:
+            if key not in self._open and key in self._keys:
+                if (ended := self._ended(key)) is not None:
+                    return ended
+                try:
+                    self._keep(await self._run(self._go_on, key))
+                except LabError as error:
+                    self._said(f"{self._keys[key]} came again and could not go on: {error}")
+                    raise PageError(CANNOT_GO_ON) from error
+        return self._open[key].held if key in self._open else None
+
+    async def board(self) -> Mapping[str, Any]:
+        """Return what the researcher's page shows."""
+        board = await self._run(self._board)
+        title = self._experiment.study.title
+        return {"title": title, "is_simulated": self._simulated, **board.told()}
+
+    # ---- what whoever serves asks --------------------------------------------------------------
+
+    async def serve(self, server: PageServer, until: asyncio.Event) -> None:
+        """Look after the sessions until the end, then stop the server and close every one.
+
+        Answers stay. Who wanted everything deleted as an earlier server was killed is deleted now.
+        """
+        self._port = server.port
+        for label, state in list(self._states.items()):
+            if state == WITHDRAWN:  # the server was killed before it was done
+                await self._delete(label)
+        try:
+            while not until.is_set():
+                await self._notice_withdrawals()
+                await self._leave_idle()
+                try:
+                    await asyncio.wait_for(until.wait(), ROUND_S)
+                except TimeoutError:
+                    continue
+        finally:
+            await server.stop()  # a page that is heard now would open its session again
+            for opened in list(self._open.values()):
+                await self._close(opened, "aborted", ENDED)
+            if self._closing:
+                await asyncio.gather(*self._closing)
+
+    # ---- within ------------------------------------------------------------------------------
+
+    async def _run(self, act: Callable[..., Any], *given: Any) -> Any:
+        if self._base.clock.is_virtual:
+            return act(*given)
+        return await asyncio.to_thread(act, *given)
+
+    def _path(self, entry: Participant) -> Path:
+        return session_dir(
+            self._root, self._base.study.name, entry.label, 1, is_simulated=self._simulated
+        )
+
+    def _board(self) -> Board:
+        folder = self._path_of_study()
+        return board_of(self._ledger.list(), folder, quota=self._rules.quota, known=self._places)
+
+    def _path_of_study(self) -> Path:
+        return self._ledger.path.parent
+
+    def _order(self, index: int) -> Order:
+        if index not in self._orders:
+            plan = self._experiment.plan(index, self._base.seed)
+            in_squares = self._experiment.study.order in SQUARES
+            self._orders[index] = order_of(plan, trials_too=in_squares)
+        return self._orders[index]
+
+    def _read(self, entry: Participant) -> None:
+        """Learn the key of a session of an earlier time, and whose it is."""
+        path = self._path(entry)
+        if entry.status != "active" or not (path / "manifest.json").exists():
+            return
+        try:
+            is_of_page = read_manifest(path).configuration.get("on") == "browser"
+        except LabError as error:
+            self._said(f"{entry.label} is passed over: {error}")
+            return
+        if not is_of_page:
+            return
+        key = key_of(self._request(entry))
+        self._keys[key] = entry.label
+        who = self._known(entry.label)
+        if who and who.get("identifier"):
+            self._of_panel[who.get("panel", ""), who["identifier"]] = key
+
+    def _begin(self, arrival: Arrival) -> _Open:
+        entry = self._registered(arrival) or self._added()
+        if arrival.identifier:
+            self._identify(entry.label, arrival.identity)
+        request = self._request(entry)
+        stack = ExitStack()
+        with stack:
+            folder = stack.enter_context(
+                create_session(self._root, manifest_of(request, self._experiment))
+            )
+            opened = self._part(request, entry, folder, None, key_of(request), arrival)
+            opened.stack = stack.pop_all()
+        self._keys[opened.held.desk.key] = entry.label
+        if arrival.identifier:
+            self._of_panel[arrival.panel, arrival.identifier] = opened.held.desk.key
+        return opened
+
+    def _named(self, arrival: Arrival) -> Arrival:
+        """Return who comes, by their label where a link (participant=07) means one of the ledger.
+
+        It does so where that one has no session yet, or came by such a link.
+        """
+        if arrival.panel != LINK:
+            return arrival
+        try:
+            entry = self._ledger.resolve(arrival.identifier)
+        except LedgerError:
+            return arrival
+        is_theirs = (LINK, entry.label) in self._of_panel or not self._has_session(entry)
+        return replace(arrival, identifier=entry.label) if is_theirs else arrival
+
+    def _has_session(self, entry: Participant) -> bool:
+        return (self._path(entry) / "manifest.json").exists()
+
+    def _registered(self, arrival: Arrival) -> Participant | None:
+        """Return who of the ledger has this label and no session yet."""
+        entries = self._ledger.list() if arrival.panel == LINK else ()
+        found = [e for e in entries if e.label == arrival.identifier and e.status == "active"]
+        return found[0] if found and not self._has_session(found[0]) else None
+
+    def _added(self) -> Participant:
+        """Return somebody new in the ledger, at the place whose order the fewest people have."""
+        entries = [e for e in self._ledger.list() if not e.has_freed_place]
+        counting = [e.index for e in entries if self._states.get(e.label) in COUNTING]
+        index = least_filled([e.index for e in entries], counting, self._order)
+        plan = self._experiment.plan(index, self._base.seed)
+        return self._ledger.add(index=index, group=plan.group)
+
+    def _go_on(self, key: str) -> _Open:
+        entry = self._ledger.resolve(self._keys[key])
+        path, request = self._path(entry), self._request(entry)
+        arrival = self._arrival(entry.label)
+        stack = ExitStack()
+        with stack:
+            folder, _ = open_session(path)
+            stack.enter_context(folder)
+            recording = Recording(path)
+            plan = self._experiment.plan(entry.index, request.seed, entry.group)
+            refuse_other_plan(recording, plan)
+            opened = self._part(request, entry, folder, past_of(recording), key, arrival)
+            opened.stack = stack.pop_all()
+        return opened
+
+    def _ended(self, key: str) -> Ended | None:
+        """Return a session that is over, to which nothing may be added; None where it goes on."""
+        label = self._keys[key]
+        state = self._states.get(label, "")
+        outcome = DONE if state == "complete" else state
+        if outcome not in (DONE, *ENDINGS):
+            return None
+        arrival = self._arrival(label)
+        about = about_of(self._experiment, self._simulated, self._contact)
+        where = self._rules.completion
+        return Ended(outcome, {**about, "completion": completion_of(where, arrival)})
+
+    def _arrival(self, label: str) -> Arrival:
+        who = self._known(label) or {}
+        return Arrival(who.get("panel", ""), who.get("identifier", ""))
+
+    def _request(self, entry: Participant) -> Request:
+        return replace(
+            self._base,
+            participant_label=entry.label,
+            participant_index=entry.index,
+            group=entry.group,
+            consent_version=entry.consent_version,
+        )
+
+    def _part(
+        self,
+        request: Request,
+        entry: Participant,
+        folder: SessionFolder,
+        past: Any,
+        key: str,
+        arrival: Arrival,
+    ) -> _Open:
+        clock = request.clock
+        part_dir = folder.begin_part(clock)
+        recorder: Recorder | None = None
+        try:
+            recorder = recorder_of(part_dir, clock, is_simulated=self._simulated)
+            recorder.event(SERVED, clock.now_ns(), port=self._port)
+            held = held_of(request, self._experiment, self._store, folder, recorder, past, key)
+        except BaseException as error:
+            end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
+            raise
+        if self._rules.completion:
+            where = completion_of(self._rules.completion, arrival)
+            held = replace(held, about={**held.about, "completion": where})
+        return _Open(entry, held, folder, recorder, clock.now_ns())
+
+    def _keep(self, opened: _Open) -> None:
+        key = opened.held.desk.key
+        self._states[opened.entry.label] = "running"
+        self._open[key] = opened
+        task = asyncio.get_running_loop().create_task(self._end_when_over(opened))
+        self._closing.add(task)
+        task.add_done_callback(self._closing.discard)
+        if opened.held.desk.is_over:
+            opened.held.over.set()
+
+    async def _end_when_over(self, opened: _Open) -> None:
+        over = asyncio.ensure_future(opened.held.over.wait())
+        closed = asyncio.ensure_future(opened.held.closed.wait())
+        try:
+            await asyncio.wait({over, closed}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            over.cancel()
+            closed.cancel()
+        if opened.held.closed.is_set():
+            return
+        if opened.held.failures:
+            self._states[opened.entry.label] = "left"
+            await self._close(opened, "aborted", str(opened.held.failures[0]))
+            return
+        outcome = opened.held.desk.outcome
+        why = ENDINGS.get(outcome, "")
+        self._states[opened.entry.label] = outcome if why else "complete"
+        await self._close(opened, "aborted" if why else "complete", why.partition(";")[0])
+        if outcome == WITHDRAWN:
+            await self._delete(opened.entry.label)
+
+    async def _delete(self, label: str) -> None:
+        try:
+            await self._run(self._withdraw, label)
+        except LabError as error:
+            self._said(f"{label} wants everything deleted: {error}")
+
+    def _ledger_changed(self) -> tuple[int, int]:
+        """Return what differs once somebody wrote into the ledger."""
+        try:
+            found = self._ledger.path.stat()
+        except FileNotFoundError:
+            return 0, 0
+        return found.st_mtime_ns, found.st_size
+
+    async def _notice_withdrawals(self) -> None:
+        """Forget whom the researchers withdrew meanwhile; who is at a page is deleted here."""
+        changed = self._ledger_changed()
+        if changed == self._noticed:
+            return
+        self._noticed = changed
+        for entry in await self._run(self._ledger.list):
+            state = self._states.get(entry.label, WITHDRAWN)
+            if entry.status == "active" or state == WITHDRAWN:  # which a page asked for itself
+                continue
+            self._states[entry.label] = WITHDRAWN
+            self._places.pop(entry.label, None)
+            key = next((key for key, label in self._keys.items() if label == entry.label), "")
+            self._keys.pop(key, None)
+            self._of_panel = {who: of for who, of in self._of_panel.items() if of != key}
+            opened = self._open.pop(key, None)
+            if opened is not None and not opened.held.closed.is_set():
+                await self._close(opened, "aborted", WITHDRAWN_ELSEWHERE)
+                await self._delete(entry.label)
+                self._said(f"{entry.label} was at a page, and is withdrawn and deleted")
+
+    async def _leave_idle(self) -> None:
+        now_ns = self._base.clock.now_ns()
+        for opened in list(self._open.values()):
+            if now_ns - max(opened.held.desk.heard_ns, opened.begun_ns) > IDLE_NS:
+                if not opened.held.desk.is_over:
+                    self._states[opened.entry.label] = "left"
+                    await self._close(opened, "aborted", LEFT)
+
+    async def _close(self, opened: _Open, status: CloseStatus, reason: str) -> None:
+        """Close a recording; its page is told where it stands until it says hello again."""
+        key = opened.held.desk.key
+        async with opened.held.lock:
+            if opened.held.closed.is_set():
+                return
+            opened.held.closed.set()
+
+            def end() -> None:
+                with opened.stack:
+                    end_part(self._base.clock, opened.folder, opened.recorder, status, reason, None)
+
+            try:
+                await self._run(end)
+            except (LabError, OSError) as error:  # one session's trouble ends nobody else's
+                self._said(f"{opened.entry.label}: {error}")
+        if not opened.held.desk.is_over:
+            self._open.pop(key, None)

@@ -1,0 +1,179 @@
+"""What a participant saw of a trial on a page, and when: its films, questions and answers.
+
+The recorded replies lead the trial's own script through its steps once more, so what was on the
+page is what the script put there, and times are those that the trial's row was made of.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from visavis.protocol.plan import Trial
+from visavis.protocol.steps import Mark
+from visavis.recording.reader import Recording
+from visavis.results.opened_study import OpenedStudy, overrides_of
+from visavis.running.film_store import FilmStore, film_store
+from visavis.running.page.steps import PageStep, Reply, ns_of_ms
+from visavis.running.page.trial import FilmFailed, perform_on_page
+from visavis.study.experiment import StudyExperiment
+from visavis.study.films import Film, Watched, films_of
+from visavis.study.trial import Action, TrialScript
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question below a film: its options as (value, label), none where it is typed."""
+
+    name: str
+    prompt: str
+    options: tuple[tuple[str, str], ...]
+    answer: str | None
+    answered_ns: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class SeenStep:
+    """One step of a page, in session time: from `shown_ns` to `gone_ns`.
+
+    Films, by where they stood, ran round and round from `films_on_ns` on.
+    """
+
+    shown_ns: int
+    gone_ns: int
+    films_on_ns: int
+    films: Mapping[str, Film]
+    caption: str
+    questions: tuple[Question, ...]
+
+    def film_time_s(self, film: Film, t_ns: int) -> float:
+        """Return the moment of a film that stood there at a time."""
+        passed_s = max(0, t_ns - self.films_on_ns) / 1e9
+        return passed_s % (film.frame_count / film.rate_hz)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenTrial:
+    """A trial as its page showed it; `row` is its recorded row, `store` has its films."""
+
+    row: Mapping[str, Any]
+    steps: tuple[SeenStep, ...]
+    store: FilmStore
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """When its first step came and its last one went."""
+        if not self.steps:
+            return int(self.row["t_start_ns"]), int(self.row["t_end_ns"])
+        return self.steps[0].shown_ns, self.steps[-1].gone_ns
+
+    def step_at(self, t_ns: int) -> SeenStep | None:
+        """Return what stood on the page at a time."""
+        return next((s for s in self.steps if s.shown_ns <= t_ns < s.gone_ns), None)
+
+
+def is_on_page(recording: Recording) -> bool:
+    """Tell whether a session was performed on a page in a browser."""
+    return bool(recording.manifest.configuration.get("on") == "browser")
+
+
+def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any]) -> SeenTrial:
+    """Return a trial, by its recorded row, as its page showed it; of one that a restart of the
+    server broke into, what came after.
+    """
+    plan = recording.manifest.plan
+    experiment: StudyExperiment = study.experiment(overrides_of(plan))
+    told = next(
+        t for block in plan["blocks"] for t in block["trials"] if t["trial_id"] == row["trial_id"]
+    )
+    script = TrialScript(Trial(**told), experiment.settings)
+    shown: list[Watched | None] = []
+
+    def watched(t: TrialScript) -> Any:
+        """Perform the study's own steps, and note what each puts on the page."""
+        steps: Any = experiment.study.trial_plan(t)
+        reply: Any = None
+        while True:
+            try:
+                wanted = steps.send(reply)
+            except StopIteration as end:
+                return end.value
+            if isinstance(wanted, Action) and wanted.name != "mark":
+                shown.append(wanted.watched)
+            reply = yield wanted
+
+    replies = _replies(recording, str(row["trial_id"]))
+    performing = perform_on_page(script, watched, lambda film: {"film": "", "sha256": ""})
+    found: list[SeenStep] = []
+    reply: Reply | None = None
+    try:
+        for part, t_ns, payload, t_ns_of in replies:
+            out = performing.send(reply)
+            while isinstance(out, Mark):
+                out = performing.send(None)
+            reply = Reply(payload["reply"], t_ns, t_ns_of)
+            if part == int(row["recording_part"]):
+                found.append(_step(out, shown[-1], reply))
+    except (StopIteration, FilmFailed):
+        pass
+    return SeenTrial(row, tuple(found), film_store(experiment))
+
+
+def _step(step: PageStep, watched: Watched | None, reply: Reply) -> SeenStep:
+    content = reply.content
+    shown_ns = reply.t_ns_of(float(content.get("shown_ms") or 0.0))
+    if step.kind == "blank":
+        shown_ns = reply.t_ns - round(1e9 * float(step.content.get("seconds", 0.0)))
+    films = {} if watched is None or content.get("failed") else films_of(watched.shown)
+    told = content.get("films") or {}
+    first = [float(told[place]["first_ms"]) for place in films if place in told]
+    answers = content.get("answers") or {}
+    questions = []
+    for asked in step.content.get("questions", ()):
+        given = answers.get(asked["name"]) or {}
+        at_ms = given.get("at_ms")
+        questions.append(
+            Question(
+                asked["name"],
+                asked["prompt"],
+                tuple((o["value"], o["label"]) for o in asked.get("options") or ()),
+                given.get("option"),
+                None if at_ms is None else reply.t_ns_of(float(at_ms)),
+            )
+        )
+    films_on_ns = reply.t_ns_of(max(first)) if first else shown_ns
+    return SeenStep(
+        shown_ns,
+        reply.t_ns,
+        films_on_ns,
+        films,
+        str(step.content.get("caption", "")),
+        tuple(questions),
+    )
+
+
+def _replies(
+    recording: Recording, trial_id: str
+) -> Iterator[tuple[int, int, Mapping[str, Any], Callable[[float], int]]]:
+    """Yield replies from a trial's beginning on, which may lie in an earlier part than its end:
+    part, session time, payload, and what leads from the page's clock to session time.
+    """
+    is_here = False
+    for part in recording.manifest.parts:
+        least_ns: dict[str, int] = {}
+        for event in recording.journal(part.number).events:
+            payload, t_ns = event["payload"], int(event["t_ns"])
+            if event["name"] == "trial_start":
+                is_here = payload["trial_id"] == trial_id
+            if event["name"] != "page_event":
+                continue
+            tab = str(payload["tab"])
+            offset_ns = t_ns - ns_of_ms(float(payload["at_ms"]))
+            before_ns = offset_ns if payload["kind"] == "slept" else least_ns.get(tab, offset_ns)
+            least_ns[tab] = min(offset_ns, before_ns)
+            if is_here and payload["kind"] == "reply":
+                yield part.number, t_ns, payload, partial(_page_ns, least_ns[tab])
+
+
+def _page_ns(origin_ns: int, at_ms: float) -> int:
+    return origin_ns + ns_of_ms(at_ms)

@@ -1,0 +1,328 @@
+"""Serve pages of sessions over HTTP: static files, films, and the wire of numbered events."""
+
+import asyncio
+import hmac
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from aiohttp import web
+
+from visavis.lab.errors import DeviceError, RecordingError
+from visavis.lab.plain_files import parse_json
+from visavis.running.page.desk import PageDesk
+from visavis.running.page.errors import OpenElsewhereError, PageError
+from visavis.running.page.steps import number
+
+SITE: Final = Path(__file__).parent / "site"
+FILES: Final = {
+    "/": "index.html",
+    "/page.js": "page.js",
+    "/store.js": "store.js",
+    "/film.js": "film.js",
+    "/wire.js": "wire.js",
+    "/page.css": "page.css",
+}
+BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
+KEY: Final = "X-Visavis-Key"
+MAX_REQUEST_BYTES: Final = 1 << 20
+MAX_TOLD: Final = 20
+SHUTDOWN_S: Final = 5.0
+"""How long a film that is on its way is waited for when the server ends."""
+LOCAL: Final = "127.0.0.1"
+HEADERS: Final = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "connect-src 'self'; media-src blob:; img-src data:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+"""Nothing of anybody else is loaded, and nothing is told to anybody else."""
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A session that is being served: its desk, what its page is told once, and its turn."""
+
+    desk: PageDesk
+    about: Mapping[str, Any]
+    films: Mapping[str, Path] = field(default_factory=dict)
+    lock: asyncio.Lock = field(default_factory=asyncio.Lock)
+    over: asyncio.Event = field(default_factory=asyncio.Event)
+    closed: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set once the recording is closed: the page is told its end, and nothing is written."""
+    failures: list[Exception] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """A session that was over before this server began: its page is told how it ended."""
+
+    outcome: str
+    about: Mapping[str, Any]
+
+    def told(self) -> dict[str, Any]:
+        """Return what the page is told."""
+        return {"ack": 0, "number": 0, "step": {"kind": "end", "outcome": self.outcome}}
+
+
+class Reception(Protocol):
+    """What receives people who come with no session yet, and those whose session is not open."""
+
+    board_key: str
+
+    async def arrive(self, told: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
+        """Return the key of a session for somebody who comes, or why there is none.
+
+        `before` is the key that their browser remembers, "" where it remembers none.
+        """
+        ...
+
+    async def held(self, key: str) -> Held | Ended | None:
+        """Return the session of a key, gone on with where it was left."""
+        ...
+
+    async def board(self) -> Mapping[str, Any]:
+        """Return what the researcher's page shows."""
+        ...
+
+
+class LocalServer:
+    """Own a server of this computer's pages: the files of a site, and what is posted to it.
+
+    `files` leads from paths to files of the folder `site`, `posts` and `gets` from paths to who
+    answers.
+    `hosts` are the names under which it may be asked for, so that no other site's page can be
+    pointed at it. No address of a visitor is kept or logged.
+    """
+
+    def __init__(
+        self,
+        site: Path,
+        files: Mapping[str, str],
+        posts: Mapping[str, Handler],
+        hosts: tuple[str, ...] = (LOCAL, "localhost"),
+        gets: Mapping[str, Handler] | None = None,
+    ) -> None:
+        self._hosts = hosts
+        self._site = site
+        self._files = files
+        self._app = web.Application(client_max_size=MAX_REQUEST_BYTES, middlewares=[self._guard])
+        for path in files:
+            self._app.router.add_get(path, self._file)
+        for path, answer in posts.items():
+            self._app.router.add_post(path, answer)
+        for path, answer in (gets or {}).items():
+            self._app.router.add_get(path, answer)
+        self._runner = web.AppRunner(self._app, access_log=None, shutdown_timeout=SHUTDOWN_S)
+        self.port = 0
+
+    async def start(self, host: str = LOCAL, port: int = 0) -> None:
+        """Begin to listen; port 0 takes a free one.
+
+        Raises:
+            DeviceError: the port is taken.
+        """
+        await self._runner.setup()
+        try:
+            await web.TCPSite(self._runner, host, port).start()
+        except OSError as error:
+            await self._runner.cleanup()
+            raise DeviceError(
+                f"cannot listen at {host}:{port} ({error.strerror or error})",
+                role="page",
+                remedy="end what uses it, or give another one with --port",
+            ) from error
+        self.port = int(self._runner.addresses[0][1])
+
+    async def stop(self) -> None:
+        """Stop listening."""
+        await self._runner.cleanup()
+
+    def address(self, key: str) -> str:
+        """Return the address of a page with its key, which is in no log: it is a fragment."""
+        return f"http://{LOCAL}:{self.port}/#{key}"
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        if request.host.partition(":")[0] not in self._hosts:
+            return _refused(403, "this address is not served")
+        try:
+            response = await handler(request)
+        except OpenElsewhereError as error:
+            response = _refused(409, str(error))
+        except PageError as error:
+            response = _refused(400, str(error))
+        except (ValueError, UnicodeDecodeError):
+            response = _refused(400, "that is no JSON")
+        if not response.prepared:
+            response.headers.update(HEADERS)
+        return response
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        return web.FileResponse(self._site / self._files[request.path])
+
+
+class PageServer(LocalServer):
+    """Own the server of participants' pages.
+
+    Sessions are added by their keys, or received by a `reception`.
+    """
+
+    def __init__(
+        self, hosts: tuple[str, ...] = (LOCAL, "localhost"), reception: Reception | None = None
+    ) -> None:
+        self._reception = reception
+        self._held: dict[str, Held] = {}
+        files = dict(FILES)
+        posts: dict[str, Handler] = {
+            "/api/hello": self._hello,
+            "/api/events": self._events,
+            "/api/leave": self._leave,
+        }
+        if reception is not None:
+            files |= BOARD_FILES
+            posts |= {"/api/arrive": self._arrive, "/api/board": self._board}
+        super().__init__(SITE, files, posts, hosts)
+        self._app.router.add_get("/films/{name}", self._film)
+
+    def add(self, held: Held) -> None:
+        """Serve a session; one that is over already is not waited for."""
+        self._held[held.desk.key] = held
+        if held.desk.is_over:
+            held.over.set()
+
+    def address_of(self, held: Held) -> str:
+        """Return the address of a session's page."""
+        return self.address(held.desk.key)
+
+    # ---- within ------------------------------------------------------------------------------
+
+    async def _film(self, request: web.Request) -> web.StreamResponse:
+        held = await self._of(request.headers.get(KEY, ""))
+        if isinstance(held, Ended):
+            raise PageError("the session is over")
+        path = held.films.get(request.match_info["name"])
+        if path is None:
+            raise PageError("there is no such film")
+        return web.FileResponse(path, headers={"Content-Type": "video/webm"})
+
+    async def _hello(self, request: web.Request) -> web.StreamResponse:
+        body = await body_of(request)
+        held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        if isinstance(held, Ended):
+            return web.json_response({**held.about, **held.told()})
+        about = body.get("about")
+        at_ms = body.get("at_ms")
+
+        def hello() -> None:
+            held.desk.hello(
+                tab,
+                before=text_of(body, "before", is_needed=False),
+                takes_over=body.get("takes_over") is True,
+                about=about if isinstance(about, dict) else {},
+                at_ms=float(at_ms) if isinstance(at_ms, int | float) else 0.0,
+            )
+
+        return web.json_response({**held.about, **await self._done(held, hello)})
+
+    async def _events(self, request: web.Request) -> web.StreamResponse:
+        body = await body_of(request)
+        held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        if isinstance(held, Ended):
+            return web.json_response(held.told())
+        events = body.get("events", [])
+        if not isinstance(events, list):
+            raise PageError("events are a list")
+        sent = body.get("sent_ms"), body.get("wall_ms")
+        times = None if None in sent else (number(sent[0], "sent_ms"), number(sent[1], "wall_ms"))
+        told = await self._done(held, lambda: held.desk.take(tab, events, times))
+        return web.json_response(told)
+
+    async def _arrive(self, request: web.Request) -> web.StreamResponse:
+        body = await body_of(request)
+        told, before = body.get("told", {}), text_of(body, "before", is_needed=False)
+        if not isinstance(told, Mapping) or len(told) > MAX_TOLD:
+            raise PageError("told is a few short texts")
+        assert self._reception is not None  # noqa: S101  # the route is there with it alone
+        said = {str(name): text_of(told, str(name), is_needed=False) for name in told}
+        return web.json_response(await self._reception.arrive(said, before))
+
+    async def _board(self, request: web.Request) -> web.StreamResponse:
+        assert self._reception is not None  # noqa: S101  # as above
+        given, wanted = request.headers.get(KEY, ""), self._reception.board_key
+        if not hmac.compare_digest(given.encode(errors="replace"), wanted.encode()):
+            raise PageError("this address shows no board; take the one that was printed")
+        return web.json_response(await self._reception.board())
+
+    async def _leave(self, request: web.Request) -> web.StreamResponse:
+        body = await body_of(request)
+        held, tab = await self._of(text_of(body, "key")), text_of(body, "tab")
+        if isinstance(held, Held):
+            held.desk.leave(tab)
+        return web.json_response({})
+
+    async def _done(self, held: Held, act: Callable[[], bool | None]) -> dict[str, Any]:
+        """Act, wait until everything is on the disk, and return what the page is told.
+
+        What tells that it had nothing to write (False) waits for no disk.
+        """
+
+        def whole() -> dict[str, Any]:
+            if held.closed.is_set():
+                return held.desk.told()
+            if act() is not False:
+                held.desk.recorder.checkpoint()
+            return held.desk.told()
+
+        async with held.lock:
+            try:
+                if held.desk.clock.is_virtual:
+                    told = whole()
+                else:
+                    told = await asyncio.to_thread(whole)
+            except (PageError, OpenElsewhereError):
+                raise
+            except Exception as error:
+                held.failures.append(error)
+                held.over.set()
+                reason = (
+                    "the recording failed" if isinstance(error, RecordingError) else "it failed"
+                )
+                return {"failed": reason, "ack": -1}
+            if held.desk.is_over:
+                held.over.set()
+            return told
+
+    async def _of(self, key: str) -> Held | Ended:
+        held: Held | Ended | None = self._held.get(key)
+        if held is None and self._reception is not None:
+            held = await self._reception.held(key)
+        if held is None:
+            raise PageError("this address leads to no session; ask for a new one")
+        return held
+
+
+def _refused(status: int, why: str) -> web.Response:
+    return web.json_response({"refused": why}, status=status)
+
+
+async def body_of(request: web.Request) -> Mapping[str, Any]:
+    """Return what was posted; raises PageError where that is no object."""
+    body = await request.json(loads=parse_json)
+    if not isinstance(body, Mapping):
+        raise PageError("a request is an object")
+    return body
+
+
+def text_of(body: Mapping[str, Any], name: str, *, is_needed: bool = True) -> str:
+    """Return a short text of what was posted; raises PageError where it is none."""
+    found = body.get(name, "")
+    if not isinstance(found, str) or len(found) > 200 or (is_needed and not found):
+        raise PageError(f"{name} is a short text")
+    return found

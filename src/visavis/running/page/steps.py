@@ -1,0 +1,254 @@
+"""Steps that a page shows, and the replies it sends, read with care: anybody can send anything."""
+
+import math
+import re
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from visavis.lab.clock import NS_PER_MS
+from visavis.protocol.columns import Column
+from visavis.running.page.errors import PageError
+from visavis.study.responses import Choice, Number, Rating, Response, SideBySide, Text
+
+WAYS: Final = ("keys", "mouse", "touch", "pen")
+NUMBER: Final = re.compile(r"-?\d{1,12}([.,]\d{1,12})?")
+HEARD: Final = re.compile(r"\d{1,8}")
+MAX_TEXT: Final = 10_000
+"""Characters of an answer in words that are kept."""
+MIN_PX_PER_MM: Final = 0.5
+MAX_PX_PER_MM: Final = 40.0
+FILM_COLUMNS: Final = (
+    ("wait_ms", "ms", "from the page's step to the first picture that was presented"),
+    ("rounds", "1", "whole rounds that were shown (of a pair: of the one with fewer)"),
+    ("frames_dropped", "1", "pictures of the film that the browser did not present"),
+    ("stalls", "1", "times the film stood still because the browser waited for it"),
+    ("hidden_ms", "ms", "time for which the page could not be seen"),
+    ("apart_ms", "ms", "most that the two films of a pair were apart; empty for one"),
+    ("sha256", "", "file that was played; of a pair left, right; none in simulations"),
+)
+"""What a page adds to a trial's row beside `film_on_ns`, `film_off_ns` and `film_frames`."""
+
+
+def film_columns(films: int) -> dict[str, Column]:
+    """Return what describes the columns of so many films (or pairs) in a trial, by name."""
+    found = {}
+    for k in range(1, films + 1):
+        name = "film" if k == 1 else f"film{k}"
+        for ending, unit, words in FILM_COLUMNS:
+            found[f"{name}_{ending}"] = Column(f"{name}_{ending}", unit, words)
+    return found
+
+
+@dataclass(frozen=True)
+class PageStep:
+    """One step of a page: what kind, and what it is given, as JSON can hold it."""
+
+    kind: str
+    content: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What a page replied to a step; `t_ns_of` leads from the page's clock to session time."""
+
+    content: Mapping[str, Any]
+    t_ns: int
+    t_ns_of: Callable[[float], int]
+
+
+@dataclass(frozen=True)
+class Given:
+    """An answer as the page told it: when on its clock, and by what."""
+
+    option: str | None
+    at_ms: float
+    by: str
+
+
+@dataclass(frozen=True)
+class FilmTruth:
+    """What a browser presented of one film; times on the page's clock."""
+
+    first_ms: float
+    frames: int
+    dropped: int
+    rounds: int
+    stalls: int
+
+
+def put(step: PageStep) -> Generator[PageStep, Reply | None, Reply]:
+    """Put a step to a page and wait for its reply."""
+    reply = yield step
+    if reply is None:
+        raise TypeError(f"the step {step.kind} was answered by nothing")
+    return reply
+
+
+def asked(response: Response, prompt: str, labels: Sequence[str]) -> dict[str, Any]:
+    """Return a question as a page is told it.
+
+    Raises:
+        PageError: pages cannot ask it.
+    """
+    said: dict[str, Any] = {"name": response.name, "prompt": prompt}
+    options = [
+        {"value": str(v), "label": label} for v, label in zip(response.options, labels, strict=True)
+    ]
+    match response:
+        case Rating():
+            return said | {"kind": "rating", "options": options}
+        case Choice() | SideBySide():
+            return said | {"kind": "choice", "options": options}
+        case Text():
+            return said | {"kind": "text"}
+        case Number(low=low, high=high, step=step):
+            bounds = (
+                {"low": low, "high": high} if math.isfinite(low) and math.isfinite(high) else {}
+            )
+            kind = "slider" if step else "number"
+            return said | {"kind": kind, "unit": response.unit, "step": step, **bounds}
+        case _:
+            raise PageError(f"{type(response).__name__} {response.name} cannot be asked on a page")
+
+
+def read_given(response: Response, content: Any) -> Given:
+    """Read an answer to a response.
+
+    Raises:
+        PageError: it is none.
+    """
+    told = mapping(content, f"the answer to {response.name}")
+    option, by = told.get("option"), told.get("by")
+    if option is not None and not isinstance(option, str):
+        raise PageError(f"{response.name}: an answer is a text, not {option!r}")
+    if option is not None and response.options and option not in map(str, response.options):
+        raise PageError(f"{response.name}: {option!r} is none of its options")
+    if by not in WAYS:
+        raise PageError(f"{response.name}: answered by {by!r}")
+    return Given(option, number(told.get("at_ms"), "at_ms"), by)
+
+
+def read_film(content: Any) -> FilmTruth:
+    """Read what a browser says it presented of a film.
+
+    Raises:
+        PageError: it is no such thing.
+    """
+    told = mapping(content, "what was presented of a film")
+    counts = {n: count(told.get(n), n) for n in ("frames", "dropped", "rounds", "stalls")}
+    return FilmTruth(number(told.get("first_ms"), "first_ms"), **counts)
+
+
+def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
+    """Refuse a reply that does not answer a step, before any of it is taken.
+
+    Raises:
+        PageError: saying what is wrong.
+    """
+    if content.get("stop") is not None:
+        if content["stop"] not in ("keep", "delete"):
+            raise PageError(f"stop is {str(content['stop'])[:40]!r}; it is keep or delete")
+        return
+    number(content.get("hidden_ms", 0), "hidden_ms")
+    if step.kind == "consent" and not isinstance(content.get("agreed"), bool):
+        raise PageError("consent was neither given nor declined")
+    if step.kind == "card":
+        _check_size(content.get("px_per_mm", ""))
+    if step.kind == "sound":
+        count(content.get("played"), "played")
+        told = content.get("heard", "")
+        if told is not None and not (isinstance(told, str) and HEARD.fullmatch(told)):
+            raise PageError(f"heard are digits, not {str(told)[:40]!r}")
+    if step.kind == "preload":
+        mapping(content.get("films", {}), "films")
+    if step.kind not in ("watch", "questions"):
+        return
+    if step.kind == "watch":
+        number(content.get("shown_ms"), "shown_ms")
+        if content.get("failed") is not None:
+            mapping(content["failed"], "what failed")
+            return
+        if step.content["films"]:
+            number(content.get("off_ms"), "off_ms")
+            number(content.get("apart_ms") or 0, "apart_ms")
+            seen = mapping(content.get("films"), "films")
+            for film in step.content["films"]:
+                read_film(seen.get(film["place"]))
+    answers = mapping(content.get("answers"), "answers")
+    for question in step.content["questions"]:
+        _check_answer(question, answers.get(question["name"]), is_timed=step.kind == "watch")
+
+
+def _check_size(told: Any) -> None:
+    """Refuse a size of the screen that none has; None is that of somebody without a card."""
+    if told is not None and not MIN_PX_PER_MM <= number(told, "px_per_mm") <= MAX_PX_PER_MM:
+        raise PageError(f"px_per_mm is {told}")
+
+
+def _check_answer(question: Mapping[str, Any], given: Any, *, is_timed: bool) -> None:
+    name, option = question["name"], given
+    if is_timed:
+        told = mapping(given, f"the answer to {name}")
+        number(told.get("at_ms"), "at_ms")
+        if told.get("by") not in WAYS:
+            raise PageError(f"{name}: answered by {str(told.get('by'))[:40]!r}")
+        option = told.get("option")
+    if option is None:
+        return
+    if not isinstance(option, str) or len(option) > MAX_TEXT:
+        raise PageError(f"{name}: an answer is a text of at most {MAX_TEXT} characters")
+    options = [o["value"] for o in question.get("options") or ()]
+    if options and option not in options:
+        raise PageError(f"{name}: {option[:40]!r} is none of its options")
+    if question["kind"] in ("number", "slider") and not is_timed:
+        _check_number(question, option)
+
+
+def _check_number(question: Mapping[str, Any], text: str) -> None:
+    if not NUMBER.fullmatch(text):
+        raise PageError(f"{question['name']}: {text[:40]!r} is not a number")
+    value = float(text.replace(",", "."))
+    low, high = question.get("low"), question.get("high")
+    if (low is not None and value < low) or (high is not None and value > high):
+        raise PageError(f"{question['name']}: {text[:40]} is out of bounds")
+
+
+def mapping(content: Any, what: str) -> Mapping[str, Any]:
+    """Return an object of JSON.
+
+    Raises:
+        PageError: it is something else.
+    """
+    if not isinstance(content, Mapping):
+        raise PageError(f"{what} is no object: {str(content)[:60]!r}")
+    return content
+
+
+def number(content: Any, what: str) -> float:
+    """Return a finite number.
+
+    Raises:
+        PageError: it is something else.
+    """
+    if isinstance(content, bool) or not isinstance(content, int | float):
+        raise PageError(f"{what} is no number: {str(content)[:60]!r}")
+    if not abs(content) < 1e15:
+        raise PageError(f"{what} is {content}")
+    return float(content)
+
+
+def count(content: Any, what: str) -> int:
+    """Return a whole number from 0.
+
+    Raises:
+        PageError: it is something else.
+    """
+    if isinstance(content, bool) or not isinstance(content, int) or not 0 <= content < 10**9:
+        raise PageError(f"{what} counts nothing: {str(content)[:60]!r}")
+    return content
+
+
+def ns_of_ms(ms: float) -> int:
+    """Return milliseconds of a page's clock in whole nanoseconds."""
+    return round(ms * NS_PER_MS)

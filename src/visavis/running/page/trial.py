@@ -1,0 +1,170 @@
+"""A trial of the kit as a page performs it: its steps become steps of the page."""
+
+from collections.abc import Callable, Generator, Mapping
+from typing import Any, TypeAlias
+
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.errors import DesignError
+from visavis.protocol.steps import Mark, Row, TrialInterrupted
+from visavis.running.page.steps import (
+    FilmTruth,
+    PageStep,
+    Reply,
+    asked,
+    mapping,
+    ns_of_ms,
+    number,
+    put,
+    read_film,
+    read_given,
+)
+from visavis.study.asking import Answer
+from visavis.study.dry_run import still_view
+from visavis.study.films import Film, Watched, films_of
+from visavis.study.responses import Response
+from visavis.study.trial import Action, TrialPlan, TrialScript
+
+OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
+FilmFiles: TypeAlias = Callable[[Film], Mapping[str, Any]]
+"""What a page is told of a film: its file's name, hash, size."""
+
+
+class FilmFailed(TrialInterrupted):
+    """A browser could not play a film; it says which and why."""
+
+
+def perform_on_page(script: TrialScript, plan: TrialPlan, files: FilmFiles) -> OnPage:
+    """Perform a study's trial on a page; the generator returns the trial's row.
+
+    Raises:
+        FilmFailed: a film could not be played.
+        DesignError: the trial has a step that no page can show.
+    """
+    steps: Any = plan(script)
+    reply: Any = None
+    try:
+        while True:
+            wanted = steps.send(reply)
+            if isinstance(wanted, Action):
+                reply = yield from _performed(script, wanted, files)
+            elif isinstance(wanted, Mark):
+                reply = yield wanted
+            else:
+                raise DesignError(
+                    f"{type(wanted).__name__} is a step frame by frame; a page shows t.watch, "
+                    "t.ask, t.wait and t.dark"
+                )
+    except StopIteration as end:
+        row: Row = {**script.row, **(end.value or {})}
+        return row
+
+
+def _performed(script: TrialScript, wanted: Action, files: FilmFiles) -> OnPage:
+    if wanted.watched is not None:
+        return (yield from _watched(script, wanted.watched, files))
+    if wanted.name == "ask" and wanted.response is not None:
+        answers = yield from _asked(script, (wanted.response,))
+        return answers[wanted.response.name]
+    if wanted.name in ("dark", "wait"):
+        reply = yield from put(PageStep("blank", {"seconds": wanted.seconds}))
+        script.view = still_view(reply.t_ns)
+        return None
+    if wanted.name == "mark":
+        script.view = script.view or still_view()
+        return (yield from wanted.perform())  # type: ignore[misc]  # marks alone
+    raise DesignError(
+        f"t.{wanted.name} cannot be performed on a page; it shows t.watch, t.ask, t.wait, t.dark"
+    )
+
+
+def _questions(script: TrialScript, responses: tuple[Response, ...]) -> list[dict[str, Any]]:
+    return [asked(r, *script.words_of(r)) for r in responses]
+
+
+def _asked(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
+    step = {"films": [], "questions": _questions(script, responses), "caption": "", "min_rounds": 0}
+    reply = yield from put(PageStep("watch", step))
+    return (
+        yield from _answers(
+            script, responses, reply, number(reply.content.get("shown_ms"), "shown_ms")
+        )
+    )
+
+
+def _watched(script: TrialScript, watched: Watched, files: FilmFiles) -> OnPage:
+    films = films_of(watched.shown)
+    told = [{"place": place, **files(film)} for place, film in films.items()]
+    step = {
+        "films": told,
+        "questions": _questions(script, watched.responses),
+        "caption": watched.caption,
+        "min_rounds": watched.min_rounds,
+    }
+    reply = yield from put(PageStep("watch", step))
+    content = reply.content
+    if content.get("failed") is not None:
+        failed = mapping(content["failed"], "what failed")
+        raise FilmFailed(f"film {failed.get('film')}: {failed.get('why')}"[:300])
+    seen = mapping(content.get("films"), "films")
+    truth = {place: read_film(seen.get(place)) for place in films}
+    first_ms = max(t.first_ms for t in truth.values())
+    name = script.numbered("film")
+    on_ns = reply.t_ns_of(first_ms)
+    script.row.setdefault("t_start_ns", on_ns)
+    script.row |= _film_columns(name, truth, content, on_ns, first_ms)
+    script.row[f"{name}_sha256"] = ",".join(f["sha256"] for f in told if f["sha256"]) or None
+    script.row["t_end_ns"] = script.row[f"{name}_off_ns"]
+    return (yield from _answers(script, watched.responses, reply, first_ms))
+
+
+def _film_columns(
+    name: str,
+    truth: Mapping[str, FilmTruth],
+    content: Mapping[str, Any],
+    on_ns: int,
+    first_ms: float,
+) -> dict[str, Any]:
+    off_ms = number(content.get("off_ms"), "off_ms")
+    shown_ms = number(content.get("shown_ms"), "shown_ms")
+    apart = content.get("apart_ms")
+    columns = {
+        "on_ns": on_ns,
+        "off_ns": on_ns + ns_of_ms(off_ms - first_ms),
+        "frames": sum(t.frames for t in truth.values()),
+        "wait_ms": first_ms - shown_ms,
+        "rounds": min(t.rounds for t in truth.values()),
+        "frames_dropped": sum(t.dropped for t in truth.values()),
+        "stalls": sum(t.stalls for t in truth.values()),
+        "hidden_ms": number(content.get("hidden_ms"), "hidden_ms"),
+        "apart_ms": None if len(truth) < 2 or apart is None else number(apart, "apart_ms"),
+    }
+    return {f"{name}_{column}": value for column, value in columns.items()}
+
+
+def _answers(
+    script: TrialScript, responses: tuple[Response, ...], reply: Reply, from_ms: float
+) -> OnPage:
+    told = mapping(reply.content.get("answers"), "answers")
+    answers = {}
+    for response in responses:
+        given = read_given(response, told.get(response.name))
+        asked_ns = reply.t_ns_of(from_ms)
+        answered_ns = asked_ns + ns_of_ms(given.at_ms - from_ms)
+        script.view = still_view(answered_ns)
+        answer = Answer(given.option, given.by, asked_ns, answered_ns, script.view)
+        script.row.setdefault("t_start_ns", asked_ns)
+        script.take(response, answer)
+        script.row[f"{response.name}_ms"] = (answered_ns - asked_ns) / NS_PER_MS
+        yield Mark(
+            "answered",
+            {
+                "trial_id": script.trial.trial_id,
+                "question": response.name,
+                "answer": given.option,
+                "by": given.by,
+                "asked_ns": asked_ns,
+                "answered_ns": answered_ns,
+            },
+        )
+        answers[response.name] = answer
+    return answers

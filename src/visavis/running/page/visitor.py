@@ -1,0 +1,198 @@
+"""The simulated participant before a page: speaks its protocol, looks at films, answers.
+
+They see what the films show and read what is asked, nothing else.
+"""
+
+import base64
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import ConfigError, DataError
+from visavis.people.person import StudyPerson
+from visavis.running.film_store import FilmStore
+from visavis.running.page.spoken_digits import heard, spoken_digits
+from visavis.running.page.steps import PageStep
+from visavis.stimuli.scene import SceneFrame
+from visavis.study.dry_run import still_view
+from visavis.study.experiment import StudyExperiment
+from visavis.study.films import Film, Lens, Pair, films_of, scene_of, seconds_of
+from visavis.study.responses import Response
+from visavis.study.scenes import Staging, stage
+
+READING_S: Final = 4.0
+"""How long a page of text is read."""
+FIRST_FRAME_MS: Final = 40.0
+"""From a step to the first picture that a simulated browser presents."""
+PX_PER_MM: Final = 96 / 25.4
+"""How large a page's pixels are by its standard."""
+PRACTICE_STRETCH: Final = 100_000
+SHOWN: Final = "keys"
+
+Views = Callable[[Mapping[str, Film]], tuple[SceneFrame, SceneFrame]]
+"""Returns the first and the last frame of films by place: what is seen of them."""
+
+
+@dataclass
+class Visitor:
+    """Answer a page's steps as a person would.
+
+    `films` leads from the names on the wire to what is seen; `responses` from the text of a
+    question to what it asks for; `store` says what a moving camera showed.
+    """
+
+    person: StudyPerson
+    films: Mapping[str, Film]
+    responses: Mapping[str, Response]
+    views: Views
+    store: FilmStore
+    now_ms: float = 0.0
+    digits: Sequence[bytes] = ()
+    """How digits sound in the language of the page."""
+    _trial: tuple[int, bool] = field(default=(0, False), repr=False)
+
+    def reply(self, step: PageStep) -> dict[str, Any]:
+        """Return the reply to a step; the visitor's clock goes on by the time it took."""
+        content = step.content
+        match step.kind:
+            case "consent":
+                self.now_ms += READING_S * 1000
+                return {"agreed": True}
+            case "card":
+                self.now_ms += READING_S * 1000
+                return {"px_per_mm": PX_PER_MM}
+            case "sound":
+                self.now_ms += READING_S * 1000
+                return {"heard": heard(base64.b64decode(content["wav"]), self.digits), "played": 1}
+            case "preload":
+                return {"films": {f["film"]: "simulated" for f in content["films"]}}
+            case "text":
+                self.now_ms += READING_S * 1000
+                return {}
+            case "blank":
+                self.now_ms += content["seconds"] * 1000
+                return {}
+            case "watch":
+                return self._watch(content)
+            case "questions":
+                return {"answers": {q["name"]: self._question(q) for q in content["questions"]}}
+            case _:
+                raise DataError(f"a simulated participant knows no step {step.kind!r}")
+
+    def look(self, content: Mapping[str, Any]) -> float:
+        """Look at a step's films once; return how long a round takes, in milliseconds.
+
+        What was seen since the trial began is kept until another begins.
+        """
+        trial = (content["trial"], content["is_practice"])
+        if trial != self._trial:
+            self._trial = trial
+            self.person.prepare(content["trial"] + PRACTICE_STRETCH * content["is_practice"], 0)
+        told = {f["place"]: f for f in content["films"]}
+        if not told:
+            return 0.0
+        round_ms = float(max(f["seconds"] for f in told.values()) * 1000)
+        films = {p: self.films[f["film"]] for p, f in told.items()}
+        first, last = self.views(films)
+        self.person.see(first, 0)
+        self.person.see(last, max(1, round(round_ms * NS_PER_MS)))
+        moving = {p: film for p, film in films.items() if not isinstance(film.lens, Lens)}
+        self.person.watch({p: self.store.seen(film) for p, film in moving.items()})
+        return round_ms
+
+    def _watch(self, content: Mapping[str, Any]) -> dict[str, Any]:
+        first_ms = shown_ms = self.now_ms
+        told = {f["place"]: f for f in content["films"]}
+        round_ms = self.look(content)
+        first_ms += FIRST_FRAME_MS if told else 0.0
+        at_ms = first_ms + content["min_rounds"] * round_ms
+        answers = {}
+        for question in content["questions"]:
+            response = self.responses[question["prompt"]]
+            at_ms += self.person.takes_s(response) * 1000
+            labels = [o["label"] for o in question.get("options", ())]
+            said = self.person.answer(question["name"], question["prompt"], labels)
+            if said is not None and labels:
+                said = question["options"][labels.index(said)]["value"]
+            answers[question["name"]] = {"option": said, "at_ms": at_ms, "by": SHOWN}
+        self.now_ms = at_ms
+        rounds = int((at_ms - first_ms) // round_ms) if round_ms else 0
+        return {
+            "shown_ms": shown_ms,
+            "off_ms": at_ms,
+            "hidden_ms": 0.0,
+            "apart_ms": 0.0,
+            "answers": answers,
+            "films": {
+                place: {
+                    "first_ms": first_ms,
+                    "frames": round((at_ms - first_ms) / 1000 * f["rate_hz"]),
+                    "dropped": 0,
+                    "rounds": rounds,
+                    "stalls": 0,
+                }
+                for place, f in told.items()
+            },
+        }
+
+    def _question(self, question: Mapping[str, Any]) -> str | None:
+        labels = [o["label"] for o in question["options"]]
+        said = self.person.answer(question["name"], question["prompt"], labels)
+        self.now_ms += READING_S * 1000
+        if said is None or not labels:
+            return said
+        return next((str(o["value"]) for o in question["options"] if o["label"] == said), None)
+
+
+def scenes_seen(staged_frames: Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]) -> Views:
+    """Return what is seen of films on a page: a film alone, or two as the pair they are."""
+
+    def views(films: Mapping[str, Film]) -> tuple[SceneFrame, SceneFrame]:
+        if "film" in films:
+            return staged_frames(films["film"])
+        return staged_frames(Pair(films["left"], films["right"]))
+
+    return views
+
+
+def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Visitor:
+    """Return a simulated participant who sits before a page.
+
+    Raises:
+        ConfigError: the study's own simulated person looks at no page.
+    """
+    if not isinstance(person, StudyPerson):
+        raise ConfigError(
+            f"the simulated person of {experiment.name} looks at no page; give the study an "
+            "@study.answer, or perform it on the lab's devices"
+        )
+    films = {store.told(film, is_simulated=True)["film"]: film for film in experiment.films}
+    digits = (
+        spoken_digits(experiment.language, experiment.settings.folder)
+        if "sound" in experiment.study.screening
+        else ()
+    )
+    return Visitor(
+        person, films, experiment.words, scenes_seen(_seen_by(store)), store, digits=digits
+    )
+
+
+def _seen_by(store: FilmStore) -> Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]:
+    @lru_cache(maxsize=256)
+    def seen(shown: Film | Pair) -> tuple[SceneFrame, SceneFrame]:
+        seconds = seconds_of(shown)
+        film = next(iter(films_of(shown).values()))
+        staging = Staging(np.random.default_rng(film.seed), seconds, 0, store.study_folder)
+        staged = stage(scene_of(shown), staging, store.makers)
+        end_ns = max(1, round(seconds * NS_PER_S))
+        first = staged.frame(still_view(0), 0)
+        if first is None:
+            raise ConfigError(f"scene {scene_of(shown).name} shows nothing at its onset")
+        last = staged.frame(still_view(end_ns), end_ns) or first
+        return first, replace(last, t_ns=end_ns)
+
+    return seen

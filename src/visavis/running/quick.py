@@ -1,0 +1,348 @@
+"""A short path through any study on the kit: the same people, trials and rules without the engine.
+
+It leaves out wires, drivers, recorder, calibration and breaks; the study's own trials, the
+simulated person, the ray test, the area of interest, measures and exclusions are the code that
+sessions use, and a tracker model handed in makes the errors of the simulated device. Power and
+studies of the null hypothesis need hundreds of studies; this is twenty times as fast as sessions.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from visavis.analysis.gaze.targets import GazeTargets
+from visavis.devices.body_contract import MovingBody
+from visavis.devices.contracts import GAZE
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Pose, Vector
+from visavis.lab.schema import SampleBatch, empty_values
+from visavis.protocol.boards import HAND
+from visavis.protocol.observation import GazeObserver
+from visavis.protocol.participants import SimulatedParticipant
+from visavis.protocol.plan import Trial
+from visavis.protocol.questionnaires import Questionnaire, read_answers, score
+from visavis.protocol.row_buffer import RowBuffer
+from visavis.protocol.steps import (
+    Answered,
+    Ask,
+    BodyView,
+    FrameView,
+    NextFrame,
+    Plan,
+    PlaySound,
+    Prompt,
+    Show,
+    Sounded,
+)
+from visavis.protocol.streams import gaze_targets_schema
+from visavis.results.intake import questionnaire
+from visavis.results.opened_study import OpenedStudy
+from visavis.stimuli.panels import PanelFrame
+from visavis.stimuli.scene import SceneFrame
+from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import Measure, TrialRecord, value_of
+from visavis.study.pairs import Correlate
+
+DISPLAY_HZ = 45
+TRACKER_HZ = 120
+
+
+_TRACKED = np.ones((1, 1), np.bool_)
+
+
+class TrackerModel(Protocol):
+    """Measure true eye states as an eye tracker would."""
+
+    def measure(
+        self, eyes: npt.NDArray[np.void], *, first_sample: int, stretch: int, fit: int
+    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
+        """Return combined directions in the head frame (n, 3) and validity (n,).
+
+        `first_sample` counts the stretch's samples before these.
+        """
+        ...
+
+    @property
+    def delay_ns(self) -> int:
+        """Time from a sample to its arrival."""
+        ...
+
+
+MakeTracker = Callable[[int, int], TrackerModel]
+"""Makes the tracker of a participant, given the study's seed and the place in the order."""
+
+
+@dataclass(frozen=True)
+class QuickStudy:
+    """A simulated study as the analysis takes it.
+
+    `trials` has one row per trial; `people` one row per participant with the answers and scores
+    of questionnaires, where something is correlated with them.
+    """
+
+    trials: pd.DataFrame
+    people: pd.DataFrame
+
+
+def quick_study(
+    opened: OpenedStudy,
+    experiment: StudyExperiment,
+    make_tracker: MakeTracker,
+    indices: Iterable[int],
+    *,
+    seed: int,
+    effect: float = 1.0,
+) -> QuickStudy:
+    """Simulate a study; `effect` multiplies what is shown makes of a difference.
+
+    Raises:
+        UsageError: the study's people cannot be given such an effect, or a measure needs a
+            recording.
+    """
+    study = opened.study
+    measures = [m for m in opened.measures(experiment) if m.of is not None]
+    correlated = any(isinstance(of, Correlate) for of in study.families)
+    asked = [questionnaire(name, study.folders) for name in study.questionnaires if correlated]
+    tables, people = [], []
+    for index in indices:
+        person = _person(opened, experiment, index, seed, effect)
+        tracker = make_tracker(seed, index)
+        if study.quick_of is None:
+            rows = quick_rows(experiment, person, tracker, measures, index=index, seed=seed)
+        else:
+            performed = study.quick_of(experiment, person, tracker)(experiment.plan(index, seed))
+            rows = pd.DataFrame([_row_of(trial, own, index) for trial, own in performed])
+        tables.append(rows)
+        known: dict[str, Any] = {"participant": _name(index)}
+        for questions in asked:
+            answers = answers_of(person, questions)
+            known |= answers
+            known |= {f"{questions.name}_{k}": v for k, v in score(questions, answers).items()}
+        people.append(known)
+    return QuickStudy(pd.concat(tables, ignore_index=True), pd.DataFrame(people))
+
+
+def answers_of(person: SimulatedParticipant, questions: Questionnaire) -> dict[str, Any]:
+    """Ask a simulated person a whole questionnaire; return the answers as analysis reads them."""
+    given = {
+        q.question_id: person.answer(q.question_id, q.prompt, q.options)
+        for q in questions.questions()
+    }
+    return dict(read_answers(questions, given))
+
+
+def _person(
+    opened: OpenedStudy, experiment: StudyExperiment, index: int, seed: int, effect: float
+) -> SimulatedParticipant:
+    scaled = opened.study.scaled_of
+    if scaled is not None:
+        return scaled(index, seed, effect, experiment)
+    if effect not in (0, 1):
+        raise UsageError(
+            f"people of {opened.name} see what is shown or do not: --effect is published or none, "
+            f"not {effect:g}"
+        )
+    return opened.participant(index, seed, effect=effect > 0, experiment=experiment)
+
+
+def _name(index: int) -> str:
+    return f"{index:05d}"
+
+
+def _row_of(trial: Trial, own: Mapping[str, Any], index: int) -> dict[str, Any]:
+    return {
+        "participant": _name(index),
+        "session": 1,
+        "trial_id": trial.trial_id,
+        "attempt": 1,
+        "is_practice": False,
+        "status": "complete",
+        "is_simulated": True,
+        **trial.factors,
+        **own,
+    }
+
+
+def quick_rows(
+    experiment: StudyExperiment,
+    person: SimulatedParticipant,
+    tracker: TrackerModel,
+    measures: Sequence[Measure],
+    *,
+    index: int,
+    seed: int,
+) -> pd.DataFrame:
+    """Perform every trial of a person's plan but practice, and measure it; one row each.
+
+    Raises:
+        UsageError: a measure needs more than gaze and the trial's own row.
+    """
+    rows: list[dict[str, Any]] = []
+    if experiment.study.on == "browser":
+        from visavis.running.page.quick import page_rows
+
+        done = page_rows(experiment, person, index=index, seed=seed)
+        rows = [_row_of(trial, own, index) for trial, own in done]
+        return pd.DataFrame(
+            [
+                row
+                | {
+                    m.column: value_of(m, TrialRecord(row, None, None))
+                    for m in measures
+                    if m.of is not None
+                }
+                for row in rows
+            ]
+        )
+    plan = experiment.plan(index, seed)
+    for block in plan.blocks:
+        person.wear(block.index + 1)
+        counted = [t for t in block.trials if not t.is_practice]
+        rows += [_row(experiment, person, tracker, measures, t, index) for t in counted]
+    return pd.DataFrame(rows)
+
+
+def _row(
+    experiment: StudyExperiment,
+    person: SimulatedParticipant,
+    tracker: TrackerModel,
+    measures: Sequence[Measure],
+    trial: Trial,
+    index: int,
+) -> dict[str, Any]:
+    frames = _Frames(experiment, person, tracker, trial.number)
+    frames.run(experiment.intertrial(trial))
+    own = frames.run(experiment.run_trial(trial))
+    row, gaze = _row_of(trial, own, index), frames.gaze()
+    for looks in experiment.study.looks:
+        rules = looks.rules({"parameters": experiment.parameters})
+        never = np.zeros(gaze.t_ns.size, np.bool_)  # a model's samples do not freeze
+        row |= looks.columns(TrialRecord(row, None, gaze), never, rules)
+    record = TrialRecord(row, None, gaze)
+    return row | {m.column: value_of(m, record) for m in measures}
+
+
+class _Frames:
+    """One trial, frame after frame, for a person and a tracker; nothing is recorded."""
+
+    def __init__(
+        self,
+        experiment: StudyExperiment,
+        person: SimulatedParticipant,
+        tracker: TrackerModel,
+        stretch: int,
+    ) -> None:
+        self._person, self._tracker, self._stretch = person, tracker, stretch
+        self._batches: list[SampleBatch] = []
+        schema = gaze_targets_schema(experiment.agent_count, TRACKER_HZ)
+        targets = RowBuffer(
+            schema, self._batches.append, hold_ns=NS_PER_S * 3600, capacity=TRACKER_HZ * 20
+        )
+        self._targets = targets
+        self._observer = GazeObserver(targets)
+        self._in_head: list[npt.NDArray[np.float32]] = []
+        self._index = 0
+        self._samples = 0
+        self._view: SceneFrame | None = None
+        self._sounded: list[Sounded] = []
+        person.prepare(stretch, 0)
+
+    def run(self, plan: Plan) -> dict[str, Any]:
+        """Perform a plan to its end; return its row."""
+        reply: FrameView | Answered | None = None
+        try:
+            while True:
+                step = plan.send(reply)
+                reply = None
+                if isinstance(step, NextFrame):
+                    reply = self._next()
+                elif isinstance(step, Show):
+                    self._view = step.view
+                    self._observer.show(step.view.scene)
+                elif isinstance(step, PlaySound):
+                    self._sounded.append(Sounded(step.key, self._t_ns))
+                elif isinstance(step, Ask):
+                    said = self._person.answer(step.question_id, step.prompt, step.options)
+                    reply = Answered(said, self._t_ns)
+                elif isinstance(step, Prompt):
+                    reply = Answered(None, self._t_ns)
+        except StopIteration as end:
+            return dict(end.value or {})
+
+    def gaze(self) -> GazeTargets:
+        """Return every gaze sample of the trial with where it fell."""
+        self._targets.flush()
+        names = (
+            "t_sample_ns",
+            "valid",
+            "direction_world",
+            "angle_deg",
+            "radius_deg",
+            "pad_limit_deg",
+            "hit",
+            "gaze_seq",
+        )
+        columns = {n: np.concatenate([b.values[n] for b in self._batches]) for n in names}
+        columns["direction_head"] = np.concatenate(self._in_head)[columns["gaze_seq"]]
+        return GazeTargets.from_columns(columns)
+
+    @property
+    def _t_ns(self) -> int:
+        return self._index * NS_PER_S // DISPLAY_HZ
+
+    def _next(self) -> FrameView:
+        if self._view is not None:
+            self._person.see(self._view, (self._index + 1) * NS_PER_S // DISPLAY_HZ)
+        self._index += 1
+        t_ns = self._t_ns
+        position, turn = self._person.head(t_ns)
+        head = Pose(position, turn)
+        self._observer.add_pose(t_ns, head)
+        self._sample(t_ns - self._tracker.delay_ns)
+        gaze = self._observer.observe(self._index, t_ns)
+        sounded, self._sounded = tuple(self._sounded), []
+        downs = [(at_ns, c) for at_ns, c, value in self._person.presses(t_ns) if value > 0.5]
+        return FrameView(
+            self._index,
+            t_ns,
+            head,
+            True,
+            gaze,
+            tuple(c for _, c in downs),
+            self._hand(t_ns),
+            pressed_ns=tuple(at_ns for at_ns, _ in downs),
+            sounded=sounded,
+        )
+
+    def _hand(self, t_ns: int) -> BodyView | None:
+        """Return the hand that answers a board; None while no board is shown."""
+        if not (isinstance(self._view, PanelFrame) and self._view.panels):
+            return None
+        if not isinstance(self._person, MovingBody):
+            return None
+        at_ns = np.array((t_ns,), np.int64)
+        return BodyView((HAND,), at_ns, *self._person.segments((HAND,), at_ns), _TRACKED)
+
+    def _sample(self, until_ns: int) -> None:
+        """Take the samples that have arrived by now."""
+        last = max(until_ns, 0) * TRACKER_HZ // NS_PER_S
+        n = last - self._samples
+        if n <= 0:
+            return
+        numbers = np.arange(self._samples, last, dtype=np.int64)
+        t_ns = numbers * NS_PER_S // TRACKER_HZ
+        eyes = self._person.eyes(t_ns)
+        direction, valid = self._tracker.measure(
+            eyes, first_sample=self._samples, stretch=self._stretch, fit=self._person.fit()
+        )
+        values = empty_values(GAZE, n)
+        values["direction_head"], values["valid"] = direction, valid
+        self._in_head.append(np.where(valid[:, None], direction, np.nan).astype(np.float32))
+        arrived = t_ns + self._tracker.delay_ns
+        self._observer.take(SampleBatch(GAZE, numbers, t_ns, arrived, values))
+        self._samples = last

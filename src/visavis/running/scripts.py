@@ -1,0 +1,274 @@
+"""Studies from a script: their data as pandas frames, and whole studies simulated and analysed.
+
+import visavis
+
+study = visavis.open_study("data/simulated/duel")
+trials = study.trials()
+gaze = study.session("S01B").stream("gaze")
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from visavis.lab.clock import SystemClock
+from visavis.lab.config import LabConfig, load_config, parse_config, with_devices
+from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, find_config
+from visavis.lab.errors import ConfigError, UsageError
+from visavis.recording.folder import SIMULATED_ROOT
+from visavis.recording.reader import Recording
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.opened_study import OpenedStudy
+from visavis.results.picture_delay import SETTING
+from visavis.running.sessions.damage import require_intact
+from visavis.running.sessions.plan_lock import read_lock, refuse_to_peek
+from visavis.running.sessions.studies import analyse_study, simulate_study
+from visavis.running.sessions.study_folder import (
+    DEFAULT_SEED,
+    DERIVED,
+    StudySettings,
+    one_per_participant,
+    sessions_of,
+    study_of_folder,
+    wanted_settings,
+)
+from visavis.study.cast import use_recorded_cast
+from visavis.study.catalogue import find_study
+
+
+@dataclass(frozen=True)
+class Session:
+    """One recorded session, read only."""
+
+    path: Path
+    recording: Recording = field(repr=False)
+
+    @property
+    def participant(self) -> str:
+        """Whose session it is, as the ledger calls them."""
+        return self.recording.manifest.participant
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether nobody took part, or devices were simulated."""
+        return self.recording.is_simulated
+
+    @property
+    def streams(self) -> tuple[str, ...]:
+        """The names of its streams."""
+        return tuple(self.recording.stream_names)
+
+    def stream(self, name: str) -> pd.DataFrame:
+        """Return a stream, one row per sample: `seq`, `t_device_ns`, `t_host_ns` and its fields.
+
+        A field of several numbers is a column each (`direction_head_x`). Units and meanings:
+        `columns`.
+
+        Raises:
+            UsageError: the session has no such stream.
+        """
+        return self.recording.stream(name)
+
+    def columns(self, name: str) -> pd.DataFrame:
+        """Return what the fields of a stream are: name, unit, frame, description."""
+        schema = self.recording.stream_schema(name)
+        fields = () if schema is None else schema.fields
+        return pd.DataFrame(
+            [(f.name, f.unit, f.frame, f.description) for f in fields],
+            columns=["name", "unit", "frame", "description"],
+        )
+
+    def events(self) -> pd.DataFrame:
+        """Return every event: name, time, payload."""
+        return self.recording.events()
+
+    def trials(self) -> pd.DataFrame:
+        """Return the trials as the session wrote them, unmeasured."""
+        return self.recording.trials()
+
+    @property
+    def plan(self) -> Mapping[str, Any]:
+        """What was planned."""
+        found: Mapping[str, Any] = self.recording.manifest.plan
+        return found
+
+
+@dataclass(frozen=True)
+class StudyData:
+    """The data of a study: sessions, trials, participants, streams."""
+
+    path: Path
+    study: OpenedStudy = field(repr=False)
+    accept_damage: bool = False
+    """Whether recordings that are damaged are measured, too, as far as they can be read."""
+
+    @cached_property
+    def sessions(self) -> tuple[Session, ...]:
+        """Every session, by participant and number."""
+        return tuple(Session(p, Recording(p)) for p in sessions_of(self.path))
+
+    def session(self, participant: str, number: int = 1) -> Session:
+        """Return one session of a participant.
+
+        Raises:
+            UsageError: there is none.
+        """
+        for session in self.sessions:
+            manifest = session.recording.manifest
+            if manifest.participant == participant and manifest.session == number:
+                return session
+        known = ", ".join(dict.fromkeys(s.participant for s in self.sessions))
+        raise UsageError(
+            f"{self.path} has no session {number} of {participant!r}; there are {known}"
+        )
+
+    def __iter__(self) -> Iterator[Session]:
+        """Yield every session."""
+        return iter(self.sessions)
+
+    @cached_property
+    def _intakes(self) -> tuple[Any, ...]:
+        return self._taken_in({})
+
+    def _taken_in(self, how: Mapping[str, Any]) -> tuple[Any, ...]:
+        counted, _ = one_per_participant(tuple(s.path for s in self.sessions))
+        require_intact(counted, accept=self.accept_damage)
+        return tuple(self.study.measure(Recording(path), how) for path in counted)
+
+    def trials(self) -> pd.DataFrame:
+        """Return every trial, measured from the recordings; one row each.
+
+        `is_analysed` says what counts and `left_out_because` why not.
+        """
+        return self.analysis().selection.rows
+
+    def participants(self) -> pd.DataFrame:
+        """Return one row per participant: answers and scores of the questionnaires."""
+        return pd.DataFrame([dict(i.person) for i in self._intakes])
+
+    def analysis(self, *, peek: str | None = None, **limits: Any) -> StudyAnalysis:
+        """Return the analysis: what counts, cell means, an answer to each planned comparison.
+
+        `limits` replace those of the study's exclusion rules, thresholds, and how trials are
+        measured where that can be set. `peek` is why results of a blinded
+        study are looked at before it is complete, which is recorded.
+
+        Raises:
+            UsageError: the study's locked plan hides results for now.
+            DataError: there is no such rule, or no trial counts.
+        """
+        manifests = [s.recording.manifest for s in self.sessions]
+        refuse_to_peek(
+            self.path,
+            read_lock(self.path),
+            manifests,
+            SystemClock(),
+            asked=peek is not None,
+            reason=peek or "",
+        )
+        self.study.check_settings(limits)
+        pieces = self.study.pieces
+        of_measuring = (SETTING, *(() if pieces is None else pieces.settable))
+        how = {k: v for k, v in limits.items() if k in of_measuring}
+        return self.study.analysis_of(self._taken_in(how) if how else self._intakes, limits)
+
+
+def open_study(path: str | Path, *, accept_damage: bool = False) -> StudyData:
+    """Open the data of a study: the folder that holds `sub-…/ses-…`.
+
+    What is measured of a damaged recording raises DataError, unless `accept_damage`.
+
+    Raises:
+        UsageError: there are no sessions, or the study's file is gone.
+    """
+    folder = Path(path).resolve()
+    first = Recording(sessions_of(folder)[0])
+    use_recorded_cast(first)
+    study, _ = study_of_folder(folder, first.manifest.study)
+    return StudyData(folder, study, accept_damage)
+
+
+def simulate(
+    study: str | Path,
+    participants: int = 12,
+    *,
+    output: str | Path,
+    seed: int = DEFAULT_SEED,
+    effect: bool = True,
+    parameters: Mapping[str, Any] | None = None,
+    config: str | Path | None = None,
+    processes: int | None = None,
+) -> StudyData:
+    """Simulate a study (its name, or its file) on the virtual clock; sessions there are kept.
+
+    Raises:
+        UsageError: there is no such study, or the folder was begun with other settings.
+        ConfigError: a parameter does not exist.
+    """
+    lab = _lab(config)
+    chosen = find_study(str(study), lab.studies)
+    root = Path(output).resolve()
+    folder = root / SIMULATED_ROOT / chosen.name
+    usual = wanted_settings(folder, chosen, is_simulated=True, seed=seed, effect=effect)
+    wanted = StudySettings(
+        usual.study,
+        usual.seed,
+        True,
+        effect,
+        dict(parameters or usual.parameters),
+        source=usual.source,
+        source_sha256=usual.source_sha256,
+    )
+    made = simulate_study(lab, chosen, wanted, participants, root, processes=processes)
+    return StudyData(made, chosen)
+
+
+def analyse(
+    data: StudyData | str | Path,
+    *,
+    output: str | Path | None = None,
+    processes: int | None = None,
+    peek: str | None = None,
+) -> Path:
+    """Write tables, figures and the report of a study; return the report's path.
+
+    `peek` is why results of a blinded study are looked at before it is complete.
+    """
+    folder = data.path if isinstance(data, StudyData) else Path(data)
+    return analyse_study(
+        folder, None if output is None else Path(output), processes=processes, peek=peek
+    )
+
+
+def tables(data: StudyData | str | Path) -> dict[str, pd.DataFrame]:
+    """Return the tables that `analyse` has written, by name.
+
+    Raises:
+        UsageError: nothing has been analysed there yet.
+    """
+    folder = (data.path if isinstance(data, StudyData) else Path(data)) / DERIVED
+    found = {
+        p.stem: pd.read_csv(p, dtype={"participant": str}) for p in sorted(folder.glob("*.csv"))
+    }
+    if not found:
+        raise UsageError(f"{folder} holds no tables; make them: visavis.analyse({str(data)!r})")
+    return found
+
+
+def _lab(config: str | Path | None) -> LabConfig:
+    from visavis.devices.registry import OPTION_MODELS  # pydantic models of every driver
+
+    path = Path(config) if config is not None else find_config(Path.cwd())
+    if path is None:
+        lab = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, OPTION_MODELS, folder=Path.cwd())
+    elif path.exists():
+        lab = load_config(path, OPTION_MODELS)
+    else:
+        raise ConfigError(
+            f"there is no {CONFIG_NAME} at {path}; write one with visavis init, or leave config out"
+        )
+    return with_devices(lab, "sim")

@@ -1,0 +1,160 @@
+"""Look through every file of a study's folder, and put back what has an intact copy."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from visavis.lab.clock import SystemClock
+from visavis.lab.errors import LabError, RecordingError
+from visavis.protocol.exports_register import REGISTER_NAME, registered_exports
+from visavis.protocol.ledger import LEDGER_NAME, Ledger
+from visavis.protocol.own_body import FILE_NAMES, OWN_BODY_NAME, read_own_body
+from visavis.recording.chained import read_lines, repair_lines
+from visavis.recording.durable import replace_file, sha256_of
+from visavis.recording.folder import SIMULATED_ROOT
+from visavis.recording.integrity import damage_of
+from visavis.recording.reader import Recording
+from visavis.recording.recovery import recover
+from visavis.recording.sealed import copy_path, copy_state, restore
+from visavis.running.sessions.plan_lock import LOCK_NAME, PEEKS_NAME, read_lock, read_peeks
+from visavis.running.sessions.study_folder import SETTINGS_NAME, read_settings, session_folders
+
+SIMULATED_PREFIX = "S"
+
+
+def is_study(folder: Path) -> bool:
+    """Tell whether a folder is that of a study: it has settings, a ledger, or what is left."""
+    names = (SETTINGS_NAME, LEDGER_NAME)
+    return any((folder / n).exists() or copy_path(folder / n).exists() for n in names)
+
+
+def study_problems(folder: Path, sessions: Sequence[Path] | None = None) -> tuple[str, ...]:
+    """Return everything wrong with any file of a study: settings, ledger, every session.
+
+    With `sessions`, only these of its sessions are looked at. Copies that differ are named, too,
+    though nothing reads them while the original is intact.
+    """
+    problems = [*_settings_problems(folder), *_ledger_problems(folder), *_export_problems(folder)]
+    problems += _lock_problems(folder)
+    problems += [problem for path in _bodies(folder) for problem in _body_problems(path)]
+    for session in session_folders(folder) if sessions is None else sessions:
+        problems += session_problems(session)
+    return tuple(problems)
+
+
+def session_problems(session: Path) -> tuple[str, ...]:
+    """Return everything wrong with the files of a session, copies included."""
+    try:
+        report = damage_of(Recording(session))
+    except RecordingError as error:
+        return (str(error),)
+    return (*report.problems, *report.notes)
+
+
+def repair_study(folder: Path) -> tuple[str, ...]:
+    """Put settings, ledger and manifests back from their copies; return what was done.
+
+    Raises RecordingError where the ledger and its copy are both damaged.
+    """
+    done = []
+    if _settings_problems(folder):
+        done += _mended(folder / SETTINGS_NAME, lambda: read_settings(folder))
+    for name in (LEDGER_NAME, REGISTER_NAME, PEEKS_NAME):
+        try:
+            repaired = repair_lines(folder / name)
+        except ValueError as error:
+            raise RecordingError(str(error)) from error
+        done += [repaired] if repaired else []
+    if _lock_problems(folder):
+        done += _mended(folder / LOCK_NAME, lambda: read_lock(folder))
+    for told in _bodies(folder):
+        if _body_problems(told):
+            done += _mended(told, partial(read_own_body, told.parent))
+    for session in session_folders(folder):
+        done += recover(session).repaired
+    return tuple(done)
+
+
+def _mended(path: Path, read: Callable[[], object]) -> list[str]:
+    """Put a sealed file back from its copy, or renew the copy of one that `read` returns."""
+    try:
+        is_intact = read() is not None
+    except LabError:
+        is_intact = False
+    if not is_intact:
+        return [f"{path} was put back from its copy"] if restore(path) else []
+    if copy_state(path) == "same":
+        return []
+    replace_file(copy_path(path), path.read_bytes())
+    return [f"{copy_path(path)} was renewed"]
+
+
+def _settings_problems(folder: Path) -> list[str]:
+    path = folder / SETTINGS_NAME
+    try:
+        settings = read_settings(folder)
+    except LabError as error:
+        return [str(error)]
+    if settings is None:
+        return []
+    state = copy_state(path)
+    is_old = settings.format_version == 1 and state == "missing"
+    return [] if state == "same" or is_old else [f"{copy_path(path)} is {state}"]
+
+
+def _lock_problems(folder: Path) -> list[str]:
+    """Name what is wrong with the locked plan, its copy, and the record of looks at results."""
+    path = folder / LOCK_NAME
+    try:
+        locked, _ = read_lock(folder), read_peeks(folder)
+    except LabError as error:
+        return [str(error)]
+    state = copy_state(path)
+    renewed = [] if locked is None or state == "same" else [f"{copy_path(path)} is {state}"]
+    return renewed + list(read_lines(folder / PEEKS_NAME).notes)
+
+
+def _bodies(folder: Path) -> list[Path]:
+    """Return where people's own bodies are kept, or were: the copy is left."""
+    found = (path for name in FILE_NAMES for path in folder.glob(f"sub-*/{name}"))
+    return sorted({path.with_name(OWN_BODY_NAME) for path in found})
+
+
+def _body_problems(path: Path) -> list[str]:
+    try:
+        read_own_body(path.parent)
+    except LabError as error:
+        return [str(error)]
+    state = copy_state(path)
+    return [] if state == "same" else [f"{copy_path(path)} is {state}"]
+
+
+def _export_problems(folder: Path) -> list[str]:
+    """Name what is wrong with the register, and what changed inside the study since it was made."""
+    try:
+        exports = registered_exports(folder)
+        problems = list(read_lines(folder / REGISTER_NAME).notes)
+    except LabError as error:
+        return [str(error)]
+    latest = {(e.where, tuple(e.files)): e for e in exports}
+    inside = folder.resolve()
+    for export in latest.values():
+        for name, digest in export.files.items() if export.where.is_relative_to(inside) else ():
+            path = export.where / name
+            if not path.is_file():
+                problems.append(f"{path} is gone; make it again")
+            elif sha256_of(path) != digest:
+                problems.append(f"{path} is not as {export.what} wrote it on {export.at[:10]}")
+    return problems
+
+
+def _ledger_problems(folder: Path) -> list[str]:
+    path = folder / LEDGER_NAME
+    if not path.exists() and not copy_path(path).exists():
+        return []
+    prefix = SIMULATED_PREFIX if folder.resolve().parent.name == SIMULATED_ROOT else ""
+    try:
+        Ledger(folder, SystemClock(), prefix=prefix).list()
+        return list(read_lines(path).notes)
+    except (LabError, OSError) as error:
+        return [str(error)]

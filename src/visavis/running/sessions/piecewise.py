@@ -1,0 +1,135 @@
+"""Measure the trials of a study one by one, on any machines; what was kept is not repeated."""
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from visavis.lab.errors import DataError
+from visavis.recording.durable import replace_file
+from visavis.recording.reader import Recording
+from visavis.recording.sealed import read_sealed, seal
+from visavis.results.intake import SessionIntake
+from visavis.results.opened_study import OpenedStudy
+from visavis.study.cast import use_recorded_cast
+from visavis.study.catalogue import find_study, reference_of
+from visavis.study.pieces import MeasuredTrial, Pieces
+
+
+@dataclass(frozen=True)
+class TrialJob:
+    """One trial to be measured, with everything it depends on but the recording itself."""
+
+    study: str
+    session: str
+    trial_id: str
+    how: Any
+
+
+Runner: TypeAlias = Callable[
+    [Callable[[TrialJob], MeasuredTrial], list[TrialJob]], Iterator[tuple[int, MeasuredTrial]]
+]
+"""Does a function for every job, anywhere, and yields (job number, result) as they finish."""
+
+
+def measure_job(job: TrialJob) -> MeasuredTrial:
+    """Measure one trial of a session on disk.
+
+    Raises:
+        DataError: the session is not there, as on a worker that does not share the folder.
+    """
+    path = Path(job.session)
+    if not (path / "manifest.json").exists():
+        raise DataError(
+            f"{path} is not there; every worker must see the study's folder under the same path"
+        )
+    recording = Recording(path)
+    use_recorded_cast(recording)
+    pieces = find_study(job.study).pieces
+    if pieces is None:
+        raise DataError(f"trials of {job.study} are not measured one by one")
+    return pieces.measure(recording, job.trial_id, job.how)
+
+
+def measure_sessions(
+    study: OpenedStudy,
+    pieces: Pieces,
+    sessions: Sequence[Path],
+    store: Path,
+    run: Runner,
+    settings: Mapping[str, Any],
+    on_trial: Callable[[int, int], None] | None = None,
+) -> list[SessionIntake]:
+    """Measure every trial that `store` does not hold yet, then take in the sessions.
+
+    Each trial is written to `store` as soon as it is measured, so a later call goes on where
+    this one was stopped. `on_trial` is told how many of how many trials are done.
+    """
+    how, reference = pieces.how_with(settings), reference_of(study)
+    recordings = [Recording(path) for path in sessions]
+    for recording in recordings:  # told before hours of measuring
+        study.experiment_of(recording)
+    jobs: list[tuple[TrialJob, Path]] = []
+    wanted: list[dict[str, Path]] = []
+    for recording in recordings:
+        session = str(recording.path.resolve())
+        own = {
+            trial: kept_at(store, recording, trial, pieces, how)
+            for trial in pieces.trials(recording)
+        }
+        wanted.append(own)
+        jobs += [(TrialJob(reference, session, trial, how), at) for trial, at in own.items()]
+    missing = [(job, at) for job, at in jobs if read_kept(at) is None]
+    done = len(jobs) - len(missing)
+    told = on_trial or (lambda done, of: None)
+    told(done, len(jobs))
+    if missing:
+        store.mkdir(parents=True, exist_ok=True)
+        for number, measured in run(measure_job, [job for job, _ in missing]):
+            replace_file(missing[number][1], seal(asdict(measured)))
+            done += 1
+            told(done, len(jobs))
+    return [
+        study.measure(recording, settings, {trial: _kept(at) for trial, at in paths.items()})
+        for recording, paths in zip(recordings, wanted, strict=True)
+    ]
+
+
+def read_kept(path: Path) -> MeasuredTrial | None:
+    """Return a trial measured before; None when there is none, or a damaged file."""
+    try:
+        kept = read_sealed(path)
+        if not kept.is_sealed:
+            return None
+        row, tables = kept.content["row"], kept.content["tables"]
+        return MeasuredTrial({**row}, {name: [{**r} for r in tables[name]] for name in tables})
+    except (OSError, ValueError, KeyError, TypeError, IndexError):
+        return None
+
+
+def _kept(path: Path) -> MeasuredTrial:
+    measured = read_kept(path)
+    if measured is None:
+        raise DataError(f"{path} was measured and is gone or damaged; run the analysis again")
+    return measured
+
+
+def kept_at(store: Path, recording: Recording, trial_id: str, pieces: Pieces, how: Any) -> Path:
+    """Return where a trial is kept: the name changes with the recording and with how it is
+    measured, so nothing out of date is ever used.
+    """
+    manifest = recording.manifest
+    content = [
+        pieces.version,
+        manifest.study,
+        [[s.name, s.rows, s.sha256] for part in manifest.parts for s in part.streams],
+        [part.journal.sha256 if part.journal else "" for part in manifest.parts],
+        trial_id,
+        pieces.marks(how),
+    ]
+    digest = hashlib.sha256(json.dumps(content, default=str).encode()).hexdigest()[:16]
+    trial = re.sub(r"[^A-Za-z0-9_-]", "_", trial_id)  # which foreign data may make a path
+    return store / f"{recording.path.parent.name}_{recording.path.name}_{trial}_{digest}.json"

@@ -1,0 +1,220 @@
+"""The design that a study's sessions were made with, and what of it is otherwise by now.
+
+Every session carries its design: what is varied, how often, what is shown and asked. What
+participants read may change while a study runs, and how it is analysed; the design may not.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from visavis.lab.errors import DataError, RecordingError, UsageError
+from visavis.recording.journal import as_json
+from visavis.recording.manifest import Manifest, read_manifest
+from visavis.results.locked_plan.deviations import NOTHING, Deviation, differing
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.study_folder import session_folders
+from visavis.study.experiment import StudyExperiment
+
+DESIGN_KEY: Final = "design"
+"""Where a session's configuration keeps the design it was made with."""
+MAX_VALUES: Final = 12
+"""Of an option with more values than this only how many there are is kept."""
+
+
+def design_of(experiment: StudyExperiment) -> dict[str, Any]:
+    """Return what a study's sessions show and ask, and in which order, as plain data."""
+    study = experiment.study
+    factors = study.design(experiment.parameters).factors
+    varied = {f.name for f in study.factors}  # whose levels may be set like parameters
+    found = {
+        "parameters": {k: v for k, v in experiment.parameters.items() if k not in varied},
+        "factors": {
+            f.name: {"levels": list(f.levels), "between": bool(f.between)} for f in factors
+        },
+        "order": {
+            "blocked_by": study.blocked_by or "",
+            "block_order": study.block_order,
+            "balanced": list(study.balanced),
+        },
+        "questionnaires": [*study.after_block, *study.questionnaires],
+        "questions": {
+            name: {"kind": type(asked).__name__, "options": list(map(str, asked.options))}
+            for name, asked in experiment.responses.items()
+        },
+        "scenes": _scenes(experiment),
+        "trials": _lengths(experiment),
+    }
+    kept: dict[str, Any] = as_json(found)
+    return kept
+
+
+def _lengths(experiment: StudyExperiment) -> dict[str, Any]:
+    """Return how long trials last; nothing where sounds play, whose files may lie elsewhere."""
+    read = experiment.read.values()
+    return (
+        {}
+        if any(t.sounds for t in read)
+        else {"seconds": sorted({round(t.seconds, 3) for t in read})}
+    )
+
+
+def _scenes(experiment: StudyExperiment) -> dict[str, dict[str, Any]]:
+    """Return every scene that trials show, with the values that each of its options takes."""
+    found: dict[str, dict[str, set[str]]] = {}
+    for scene in (scene for trial in experiment.read.values() for scene in trial.scenes):
+        options = found.setdefault(scene.name, {})
+        for name, value in scene.options.items():
+            options.setdefault(name, set()).add(_told(value))
+    return {
+        scene: {
+            name: sorted(values) if len(values) <= MAX_VALUES else f"{len(values)} values"
+            for name, values in options.items()
+        }
+        for scene, options in found.items()
+    }
+
+
+def _told(value: Any) -> str:
+    """Return an option's value in words that are the same on every machine."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Path):
+        return value.name
+    if isinstance(value, str | int | bool | None):
+        return str(value)
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_told, value))
+    return type(value).__name__
+
+
+def design_of_session(manifest: Manifest) -> dict[str, Any]:
+    """Return the design a session was made with; of one that kept none, what its plan tells."""
+    kept = manifest.configuration.get(DESIGN_KEY)
+    if kept is not None:
+        return dict(kept)
+    told = manifest.plan.get("parameters", {})
+    return {"parameters": {k: v for k, v in told.items() if k != "language"}}
+
+
+def changes_since(begun: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[Deviation, ...]:
+    """Return everything in which a design differs from the one begun with, where both tell."""
+    if "factors" not in begun:  # a plan's parameters, among which factors that were set stand too
+        now = {"parameters": _as_planned(now["parameters"])}
+        begun = {
+            "parameters": {k: v for k, v in begun["parameters"].items() if k in now["parameters"]}
+        }
+    return tuple(
+        d
+        for part, before in begun.items()
+        if part in now
+        for d in differing(part, before, now[part])
+    )
+
+
+def _as_planned(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in parameters.items() if isinstance(v, str | int | float | bool)}
+
+
+def in_words(changes: Sequence[Deviation]) -> str:
+    """Return changes of a design in words: what, as begun, as it is now."""
+
+    def said(c: Deviation) -> str:
+        if c.planned == NOTHING:
+            return f"{c.what} is new"
+        return f"{c.what} is gone" if c.done == NOTHING else f"{c.what} {c.planned}, now {c.done}"
+
+    return "; ".join(map(said, changes))
+
+
+def manifests_of(folder: Path) -> Iterator[Manifest]:
+    """Yield the manifests of a study's sessions that can be read, by participant."""
+    for session in session_folders(folder):
+        try:
+            yield read_manifest(session)
+        except (RecordingError, OSError):
+            continue
+
+
+def changes_of_design(folder: Path, experiment: StudyExperiment) -> tuple[Deviation, ...]:
+    """Return in what a study differs from the design its folder was begun with."""
+    first = next(manifests_of(folder), None)
+    return () if first is None else changes_since(design_of_session(first), design_of(experiment))
+
+
+def require_same_design(folder: Path, experiment: StudyExperiment, way_out: str) -> None:
+    """Refuse a further session of another design than a folder was begun with.
+
+    Raises:
+        UsageError: naming what differs, and `way_out`.
+    """
+    changes = changes_of_design(folder, experiment)
+    if changes:
+        raise UsageError(
+            f"the sessions in {folder} were made with another design, and a folder holds sessions "
+            f"of one: {in_words(changes)}. {way_out}"
+        )
+
+
+def as_recorded(chosen: OpenedStudy, manifests: Sequence[Manifest]) -> OpenedStudy:
+    """Return a study whose factors have the levels that sessions were made with."""
+    met: dict[str, list[Any]] = {}
+    for manifest in manifests:
+        for name, factor in design_of_session(manifest).get("factors", {}).items():
+            levels = met.setdefault(name, [])
+            levels += [level for level in factor["levels"] if level not in levels]
+    factors = [
+        replace(f, levels=tuple(met[f.name]))
+        if f.name in met and set(met[f.name]) != set(f.levels)
+        else f
+        for f in chosen.study.factors
+    ]
+    if factors == list(chosen.study.factors):
+        return chosen
+    return replace(chosen, study=replace(chosen.study, factors=factors))
+
+
+def require_recorded_factors(
+    folder: Path, manifests: Sequence[Manifest], experiment: StudyExperiment
+) -> None:
+    """Refuse to analyse sessions by a factor that none of them had.
+
+    Raises:
+        DataError: naming it, and what to do.
+    """
+    met = {
+        name
+        for manifest in manifests
+        for block in manifest.plan.get("blocks", ())
+        for trial in block["trials"]
+        for name in trial["factors"]
+    }
+    new = [name for name in experiment.levels if name not in met]
+    if met and new:
+        raise DataError(
+            f"no session in {folder} had the factor {', '.join(new)}, which the study has now; "
+            f"they had {', '.join(sorted(met))}. Put the study file back as it was to analyse them"
+        )
+
+
+def told_of_designs(
+    manifests: Sequence[Manifest], experiment: StudyExperiment
+) -> tuple[tuple[Deviation, ...], str]:
+    """Return how the sessions' design differs from the study's now, and which differ in it
+    among each other ("" where none do).
+    """
+    designs = [design_of_session(m) for m in manifests]
+    first = designs[0]
+    pairs = zip(manifests, designs, strict=True)
+    comparable = ((m, d) for m, d in pairs if d.keys() == first.keys())
+    others = {m.participant: changes_since(first, d) for m, d in comparable}
+    apart = {who: changes for who, changes in others.items() if changes}
+    said = "; ".join(f"{who}: {in_words(changes)}" for who, changes in apart.items())
+    mixed = (
+        f"{len(apart)} of {len(manifests)} sessions were made with another design than "
+        f"{manifests[0].participant}'s, and means are taken over all: {said}"
+        if apart
+        else ""
+    )
+    return changes_since(first, design_of(experiment)), mixed

@@ -1,0 +1,179 @@
+"""Where recorded gaze fell, evaluated once more by the engine that evaluated it in the session."""
+
+from typing import Any, Final
+
+import numpy as np
+
+from visavis.devices.streams import GAZE
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import DataError, UsageError
+from visavis.lab.geometry import Pose
+from visavis.lab.schema import SampleBatch, StreamSchema, empty_values
+from visavis.protocol.observation import GazeObserver
+from visavis.protocol.row_buffer import RowBuffer
+from visavis.protocol.shown import shown_in
+from visavis.recording.reader import PART_COLUMN, Recording
+from visavis.recording.stream_file import Columns
+from visavis.results.opened_study import OpenedStudy
+from visavis.stimuli.scene import Scene
+
+TARGETS: Final = "gaze_targets"
+
+
+def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Columns:
+    """Feed the engine with a part's gaze, head and scenes, frame by frame; return `gaze_targets`.
+
+    Which samples a frame took is as recorded, as is the tracker's clock between trials; in trials
+    it is the trial's own.
+
+    Raises:
+        UsageError: people sat before a screen; its place is not recorded.
+        DataError: a sample that was evaluated is not in the recording.
+    """
+    if recording.manifest.configuration.get("screen"):
+        raise UsageError(
+            f"{recording.path} was recorded before a screen; only gaze in a headset is evaluated "
+            "again"
+        )
+    recorded = recording.stream_arrays(TARGETS, part=part)
+    gaze, head, frames = (
+        recording.stream_arrays(name, part=part) for name in (GAZE.name, "head", "frames")
+    )
+    schema = recording.stream_schema(TARGETS)
+    if schema is None:
+        raise DataError(f"{recording.path}: stream {TARGETS} has no schema")
+    made: list[SampleBatch] = []
+    delay_ns = _delay_ns(recording)
+    targets = RowBuffer(schema, made.append, hold_ns=NS_PER_S)
+    observer = GazeObserver(targets, delay_ns=delay_ns)
+    offsets_ns = _offsets_ns(recording, part)
+    scenes = _Scenes(recording, study, part)
+    place_of = {int(seq): i for i, seq in enumerate(gaze["seq"])}
+    first_of, last_of = _runs(recorded["frame_index"])
+    taken = 0
+    frame_count = len(frames["frame_index"])
+    for k in range(frame_count):
+        until_ns = int(frames["t_host_ns"][k + 1]) if k + 1 < frame_count else None
+        while taken < len(head["valid"]) and (
+            until_ns is None or head["t_host_ns"][taken] < until_ns
+        ):
+            if head["valid"][taken]:
+                observer.add_pose(int(head["t_host_ns"][taken]), _pose(head, taken))
+            taken += 1
+        frame = int(frames["frame_index"][k])
+        if frame not in first_of:
+            continue
+        rows = slice(first_of[frame], last_of[frame] + 1)
+        try:
+            at = [place_of[int(seq)] for seq in recorded["gaze_seq"][rows]]
+        except KeyError as error:
+            raise DataError(
+                f"{recording.path}: frame {frame} evaluated gaze sample {error}, which is not in "
+                "the stream gaze"
+            ) from error
+        observer.show(scenes.in_frame(k))
+        seen_ns = int(recorded["t_sample_ns"][rows][0]) + delay_ns - int(gaze["t_device_ns"][at[0]])
+        trial = int(frames["trial_number"][k])
+        t_ns = int(frames["t_host_ns"][k])
+        observer.clock_offset_ns = next(
+            (o for number, a, b, o in offsets_ns if number == trial and a <= t_ns <= b), seen_ns
+        )
+        observer.take(_batch(recording, gaze, at))
+        observer.observe(frame, t_ns)
+    targets.flush()
+    return _columns(schema, made, part)
+
+
+class _Scenes:
+    """The scenes of a part, each made once, by the frame in which gaze was evaluated."""
+
+    def __init__(self, recording: Recording, study: OpenedStudy, part: int) -> None:
+        self._recording, self._study, self._part = recording, study, part
+        self._frames = recording.stream_arrays("frames", part=part)
+        self._states = recording.stream_arrays("scene_states", part=part)
+        self._made: dict[int, Scene] = {}
+
+    def in_frame(self, k: int) -> Scene:
+        """Return the scene on display in the k-th frame."""
+        number = int(self._states["scene"][int(self._frames["scene_row"][k])])
+        if number not in self._made:
+            # A row tells what was drawn in the frame before.
+            frame = int(self._frames["frame_index"][max(0, k - 1)])
+            t_ns = int(self._frames["t_host_ns"][max(0, k - 1)])
+            shown = shown_in(self._recording, self._part, frame, t_ns, np.zeros(3))
+            view = next(iter(self._study.views_of(shown)))
+            self._made[number] = view.scene
+        return self._made[number]
+
+
+def _delay_ns(recording: Recording) -> int:
+    """Return how late the tracker's stamps were, as configured."""
+    told = recording.manifest.configuration["devices"].get("eye_tracker", {})
+    infos = [i for i in recording.manifest.devices if i.get("role") == "eye_tracker"]
+    delays = [i.get("gaze_delay_ms") for i in infos] or [told.get("gaze_delay_ms")]
+    return round((delays[-1] or 0.0) * NS_PER_MS)
+
+
+def _offsets_ns(recording: Recording, part: int) -> list[tuple[int, int, int, int]]:
+    """Return trial number, begin, end and the tracker's clock offset of every trial of a part."""
+    found = []
+    for entry in recording.trial_entries(part):
+        row = entry["row"]
+        if row.get("clock_offset_ns") is not None and row.get("t_start_ns") is not None:
+            found.append(
+                (
+                    int(row["number"]),
+                    int(row["t_start_ns"]),
+                    int(row["t_end_ns"]),
+                    int(row["clock_offset_ns"]),
+                )
+            )
+    return found
+
+
+def _runs(frame_index: Any) -> tuple[dict[int, int], dict[int, int]]:
+    """Return the first and last row of every frame."""
+    first: dict[int, int] = {}
+    last: dict[int, int] = {}
+    for row, frame in enumerate(frame_index.tolist()):
+        first.setdefault(frame, row)
+        last[frame] = row
+    return first, last
+
+
+def _pose(head: Columns, i: int) -> Pose:
+    return Pose(
+        head["position_m"][i].astype(np.float64), head["orientation_wxyz"][i].astype(np.float64)
+    )
+
+
+def _batch(recording: Recording, gaze: Columns, rows: list[int]) -> SampleBatch:
+    schema = recording.stream_schema(GAZE.name) or GAZE
+    values = empty_values(schema, len(rows))
+    for field in schema.fields:
+        values[field.name] = gaze[field.name][rows]
+    return SampleBatch(
+        schema, gaze["seq"][rows], gaze["t_device_ns"][rows], gaze["t_host_ns"][rows], values
+    )
+
+
+def _columns(schema: StreamSchema, made: list[SampleBatch], part: int) -> Columns:
+    """Return batches as a recording returns a stream."""
+    n = sum(len(batch.seq) for batch in made)
+
+    def joined(of: Any) -> Any:
+        return np.concatenate([of(batch) for batch in made]) if made else np.zeros(0, np.int64)
+
+    columns: Columns = {
+        "seq": joined(lambda b: b.seq),
+        "t_device_ns": joined(lambda b: b.t_device_ns),
+        "t_host_ns": joined(lambda b: b.t_host_ns),
+    }
+    for field in schema.fields:
+        name = field.name
+        columns[name] = (
+            np.concatenate([batch.values[name] for batch in made])
+            if made
+            else empty_values(schema, 0)[name]
+        )
+    return {**columns, PART_COLUMN: np.full(n, part, np.int16)}

@@ -1,0 +1,67 @@
+"""Simulate and measure one of many sessions, in any process."""
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from visavis.lab.config import LabConfig
+from visavis.recording.folder import session_dir
+from visavis.recording.reader import Recording
+from visavis.running.sessions.perform import perform_new, perform_rest, simulated_request
+from visavis.study.cast import use_cast_of, use_recorded_cast
+from visavis.study.catalogue import find_study
+
+
+@dataclass(frozen=True)
+class SimulationTask:
+    """One participant to simulate; `study` is its name, or its file."""
+
+    study: str
+    config: LabConfig
+    label: str
+    index: int
+    group: str
+    seed: int
+    effect: bool
+    parameters: dict[str, Any]
+
+
+def worker_count(asked: int | None) -> int:
+    """Return how many processes to use: as asked, or one per usable core."""
+    if asked is not None:
+        return max(asked, 1)
+    cores: int | None
+    if sys.platform == "linux":
+        cores = len(os.sched_getaffinity(0))
+    else:
+        cores = os.cpu_count()
+    return cores or 1
+
+
+def simulate_one(task: SimulationTask) -> Path:
+    """Simulate one participant's session, or what is left of it; return its folder."""
+    use_cast_of(task.config)
+    study = find_study(task.study)
+    request = simulated_request(
+        study,
+        study.experiment(task.parameters),
+        task.config,
+        label=task.label,
+        index=task.index,
+        seed=task.seed,
+        effect=task.effect,
+        group=task.group,
+    )
+    path = session_dir(task.config.data_root, study.name, task.label, 1, is_simulated=True)
+    return perform_rest(request, path) if path.exists() else perform_new(request)
+
+
+def measure_one(job: tuple[str, Path, Mapping[str, Any]]) -> Any:
+    """Take in one session of a study; what comes back is for the study's `analyse`."""
+    reference, session, settings = job
+    recording = Recording(session)
+    use_recorded_cast(recording)
+    return find_study(reference).measure(recording, settings)

@@ -1,0 +1,431 @@
+"""Simulate a whole study, and analyse one: what the commands of these names do, in silence.
+
+Whoever calls may listen (`telling`): the command line prints, a script hears warnings alone.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from visavis.analysis.report.notation import counted
+from visavis.analysis.report.sources import on_virtual_clock
+from visavis.lab.clock import SimClock, StopWatch, SystemClock
+from visavis.lab.config import LabConfig
+from visavis.lab.config_files import CONFIG_NAME
+from visavis.lab.errors import DataError, LedgerError, SessionAborted
+from visavis.protocol.exports_register import ANALYSIS, register_export
+from visavis.protocol.ledger import Ledger, Participant, UnknownParticipant
+from visavis.recording.durable import make_folder, protect
+from visavis.recording.folder import SIMULATED_ROOT
+from visavis.recording.manifest import Manifest, read_manifest
+from visavis.recording.reader import Recording
+from visavis.results.locked_plan.deviations import marked
+from visavis.results.locked_plan.review import LockedPlan, Peek, PlanReview, review_of
+from visavis.results.opened_study import OpenedStudy, overrides_of
+from visavis.results.picture_delay import SETTING, read_sync_test, required_for
+from visavis.results.unusual import Striking
+from visavis.running.sessions.damage import counted_damage, describe, require_intact, write_damage
+from visavis.running.sessions.data_root import prepare_data_root
+from visavis.running.sessions.folder_check import SIMULATED_PREFIX
+from visavis.running.sessions.piecewise import measure_sessions
+from visavis.running.sessions.plan_lock import (
+    content_now,
+    read_lock,
+    refuse_to_peek,
+    write_deviations,
+)
+from visavis.running.sessions.recorded_design import (
+    as_recorded,
+    in_words,
+    require_recorded_factors,
+    require_same_design,
+    told_of_designs,
+)
+from visavis.running.sessions.runners import on_scheduler, on_this_machine
+from visavis.running.sessions.simulation import (
+    SimulationTask,
+    measure_one,
+    simulate_one,
+    worker_count,
+)
+from visavis.running.sessions.study_folder import (
+    DERIVED,
+    MEASURED,
+    StudySettings,
+    made_files,
+    one_per_participant,
+    read_parameters,
+    read_settings,
+    session_folders,
+    sessions_of,
+    settle,
+    study_of_folder,
+)
+from visavis.study.cast import use_recorded_cast
+from visavis.study.catalogue import reference_of
+from visavis.study.exclusions import COUNTED
+from visavis.study.pieces import Pieces
+
+
+class Telling(Protocol):
+    """Whoever listens while a study is simulated or analysed."""
+
+    def say(self, text: str) -> None:
+        """Hear what was done."""
+        ...
+
+    def warn(self, text: str) -> None:
+        """Hear what the result leaves out or rests on."""
+        ...
+
+    def progress(self, what: str) -> AbstractContextManager[Callable[[int, int], None]]:
+        """Return what is told how much is done, of how much."""
+        ...
+
+
+class Quiet:
+    """Says nothing but warnings, as Python's."""
+
+    def say(self, text: str) -> None:
+        """Keep quiet."""
+
+    def warn(self, text: str) -> None:
+        """Warn."""
+        warnings.warn(text, stacklevel=3)
+
+    def progress(self, what: str) -> AbstractContextManager[Callable[[int, int], None]]:
+        """Keep quiet."""
+        return nullcontext(lambda done, of: None)
+
+
+QUIET: Final = Quiet()
+
+
+def simulate_study(
+    lab: LabConfig,
+    chosen: OpenedStudy,
+    wanted: StudySettings,
+    participants: int,
+    data_root: Path,
+    *,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    telling: Telling = QUIET,
+) -> Path:
+    """Simulate what is missing of a study; sessions already there are kept.
+
+    Raises:
+        UsageError: the folder was begun with other settings, or with another design.
+    """
+    study, effect = reference_of(chosen), wanted.effect
+    data_root = data_root.resolve()
+    lab = lab.model_copy(update={"data_root": data_root})
+    folder = data_root / SIMULATED_ROOT / chosen.name
+    chosen.experiment(wanted.parameters)
+    prepare_data_root(lab)
+    settings = settle(folder, wanted, seed_given=True, way_out="choose another --output")
+    experiment = chosen.experiment(settings.parameters)
+    require_same_design(
+        folder,
+        experiment,
+        "Choose another --output; or put the study file back as it was, and "
+        "the same command goes on with what is missing",
+    )
+    changed = settings.source_sha256 not in ("", wanted.source_sha256)
+    if changed and session_folders(folder):
+        telling.say(
+            f"{wanted.source}, or a text beside it, has changed since {folder} was begun: sessions "
+            "there stay as they are, further ones are made with it as it is now"
+        )
+    entries = [
+        _entry(folder, number, experiment.plan, settings.seed)
+        for number in range(1, participants + 1)
+    ]
+    sessions = [p.parent for p in folder.glob("sub-*/ses-001/manifest.json")]
+    present = {p.parent.name for p in sessions if Recording(p).status in ("complete", "running")}
+    tasks = [
+        SimulationTask(
+            study, lab, e.label, e.index, e.group, settings.seed, effect, settings.parameters
+        )
+        for e in entries
+        if f"sub-{e.label}" not in present
+    ]
+    if present:
+        telling.say(f"{len(present)} sessions are there already and are kept")
+    if len(sessions) > len(present):
+        telling.say(f"{len(sessions) - len(present)} broken off before: what is left is simulated")
+    watch = StopWatch()
+    with telling.progress("simulating") as told:
+        told(0, len(tasks))
+        try:
+            for done, _ in enumerate(_run(simulate_one, tasks, processes, scheduler), start=1):
+                told(done, len(tasks))
+        except (KeyboardInterrupt, SessionAborted) as stop:
+            raise SessionAborted(
+                f"interrupted; what is finished is kept in {folder}. Give the same command again: "
+                "it goes on from there"
+            ) from stop
+    if tasks:
+        telling.say(f"{counted(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s")
+    return folder
+
+
+def _entry(folder: Path, number: int, plan: Any, seed: int) -> Participant:
+    ledger = Ledger(folder, SimClock(), prefix=SIMULATED_PREFIX)
+    try:
+        return ledger.resolve(str(number))
+    except UnknownParticipant:
+        return ledger.add(number, group=lambda index: plan(index, seed).group)
+
+
+def analyse_study(
+    folder: Path,
+    output: Path | None = None,
+    *,
+    mixture: bool = False,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    measure: Sequence[str] = (),
+    accept_damage: bool = False,
+    peek: str | None = None,
+    sync: Path | None = None,
+    make_views: Callable[[Path, Sequence[Striking]], None] | None = None,
+    telling: Telling = QUIET,
+) -> Path:
+    """Measure every session of a study and analyse them together; return the report's path.
+
+    `peek` is why results of a blinded study are looked at before it is complete; `sync` a test kept
+    by `visavis sync-test`, whose delay of pictures is taken off gaze and times to answer.
+
+    Raises:
+        DataError: a recording is damaged and that was not accepted, kinds or studies are mixed, or
+            the synchronisation test is none for these sessions.
+        UsageError: the study's locked plan keeps results hidden until it is complete.
+    """
+    folder = folder.resolve()
+    sessions, left_out = one_per_participant(sessions_of(folder))
+    for path in left_out:
+        telling.warn(
+            f"left out: {path.parent.name}/{path.name}; of several sessions of one person the "
+            "first complete one is analysed"
+        )
+    manifests = [read_manifest(s) for s in sessions]
+    names = {m.study for m in manifests}
+    kinds = {m.is_simulated for m in manifests}
+    if len(names) > 1:
+        raise DataError(f"{folder} holds sessions of {', '.join(sorted(names))}; analyse one study")
+    if len(kinds) > 1 and not mixture:
+        raise DataError(
+            f"{folder} holds simulated and real sessions; take them apart, or add --allow-mixture "
+            "if you mean it (everything is then marked as simulated)"
+        )
+    study = names.pop()
+    locked, clock = read_lock(folder), SystemClock()
+    peeks = refuse_to_peek(
+        folder, locked, manifests, clock, asked=peek is not None, reason=peek or ""
+    )
+    watch = StopWatch()
+    damaged = require_intact(sessions, accept=accept_damage)
+    if damaged:
+        telling.warn(
+            f"{counted_damage(damaged, len(sessions))}; what cannot be read is missing\n"
+            f"{describe(damaged)}"
+        )
+    out_dir = output.resolve() if output is not None else folder / DERIVED
+    is_ours = output is None or not out_dir.exists()
+    make_folder(out_dir, exist_ok=True)
+    use_recorded_cast(Recording(sessions[0]))  # before anything of the study is made
+    chosen, changed = study_of_folder(folder, study)
+    chosen = _with_recorded_design(chosen, changed, folder, manifests, telling)
+    settings = read_parameters(list(measure))
+    if sync is not None:
+        test = read_sync_test(sync)
+        settings = {**settings, SETTING: required_for(test, kinds)}
+        telling.say(f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made}")
+    chosen.check_settings(settings)  # before anything is measured
+    review = None
+    if locked is not None:
+        chosen, review = _reviewed(chosen, locked, manifests, settings, peeks)
+        for line in review.lines():
+            telling.warn(line) if review.deviations else telling.say(line)
+    pieces = chosen.pieces
+    if pieces is not None:
+        ordered = _measured_piecewise(
+            chosen, pieces, sessions, folder, processes, scheduler, settings, telling
+        )
+    else:
+        ordered = _measured(reference_of(chosen), sessions, processes, scheduler, settings, telling)
+    # One manifest of each session is held, not two: of a hundred people it is what takes most.
+    ordered = [replace(one, manifest=m) for one, m in zip(ordered, manifests, strict=True)]
+    halves = _unfinished(ordered)
+    analysis = chosen.analysis_of(ordered, settings)
+    counts = analysis.selection.people.set_index("participant")[COUNTED]
+    for who, told in halves.items():
+        verdict = "it is taken in" if counts.get(who, False) else "they are left out"
+        telling.warn(f"not finished: {told}; {verdict}")
+    ordered = [one.without_tables() for one in ordered]  # the analysis holds everybody's
+    report_path = replace(chosen, tell=telling.warn, make_views=make_views).write(
+        analysis,
+        ordered,
+        out_dir,
+        is_simulated=True in kinds,
+        commands=(
+            *_origin(folder, manifests),
+            " ".join(
+                [
+                    "visavis analyse",
+                    _from_root(folder),
+                    *(f"--set {m}" for m in measure),
+                    *([] if sync is None else [f"--sync {sync.name}"]),
+                    *(["--accept-damage"] if damaged else []),
+                ]
+            ),
+        ),
+        example=Recording(sessions[0]),
+        folder=_from_root(folder),
+    )
+    write_damage(damaged, out_dir)
+    write_deviations(review, out_dir)
+    if is_ours:
+        protect(out_dir)
+    labels = sorted({m.participant for m in manifests})
+    made = made_files(out_dir) if is_ours else ()
+    try:
+        register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, made)
+    except LedgerError as error:  # an archive that only can be read
+        telling.warn(str(error))
+    telling.say(f"{counted(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
+    return report_path
+
+
+def _with_recorded_design(
+    chosen: OpenedStudy,
+    changed: str,
+    folder: Path,
+    manifests: Sequence[Manifest],
+    telling: Telling,
+) -> OpenedStudy:
+    """Return a study with the levels its sessions had; warn of what was changed since, by name.
+
+    Raises:
+        DataError: it has a factor now that none of its sessions had.
+    """
+    begun = read_settings(folder)
+    now = chosen.experiment({} if begun is None else begun.parameters)
+    changes, mixed = told_of_designs(manifests, now)
+    require_recorded_factors(folder, manifests, now)
+    if changes:
+        telling.warn(
+            f"the study has changed since {folder} was begun: {in_words(changes)}. Analysed is "
+            "what the sessions had"
+        )
+    elif changed:
+        telling.warn(f"{changed}. What sessions show and ask is the same")
+    if mixed:
+        telling.warn(mixed)
+    return as_recorded(chosen, manifests)
+
+
+def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
+    """Return in words how far sessions came that were not finished, by participant."""
+    found = {}
+    for one in sessions:
+        parts = one.manifest.parts
+        if not parts or parts[-1].status != "complete":
+            counts = one.rows[~one.rows["is_practice"].astype(bool)]
+            done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
+            found[str(one.manifest.participant)] = (
+                f"session of {one.manifest.participant}, {done} of {counted(one.planned, 'trial')}"
+            )
+    return found
+
+
+def _reviewed(
+    chosen: OpenedStudy,
+    locked: LockedPlan,
+    manifests: Sequence[Manifest],
+    settings: Mapping[str, Any],
+    peeks: Sequence[Peek],
+) -> tuple[OpenedStudy, PlanReview]:
+    """Hold a study against its locked plan; what the plan does not name becomes exploratory."""
+    experiment = chosen.experiment(overrides_of(manifests[0].plan))
+    done = content_now(chosen, experiment, manifests[0].seed, settings)
+    review = review_of(locked, done, manifests, peeks)
+    compare = marked(chosen.study.compare, locked.plan)
+    return replace(chosen, study=replace(chosen.study, compare=compare), plan=review), review
+
+
+def _measured(
+    study: str,
+    sessions: Sequence[Path],
+    processes: int | None,
+    scheduler: str | None,
+    settings: Mapping[str, Any],
+    telling: Telling,
+) -> list[Any]:
+    """Measure session by session, here or on a scheduler."""
+    jobs = [(study, s, settings) for s in sessions]
+    measured: dict[int, Any] = {}
+    with telling.progress("measuring") as told:
+        told(0, len(jobs))
+        for number, result in _run(measure_one, jobs, processes, scheduler):
+            measured[number] = result
+            told(len(measured), len(jobs))
+    return [measured[i] for i in range(len(sessions))]
+
+
+def _run(
+    work: Callable[[Any], Any], jobs: list[Any], processes: int | None, scheduler: str | None
+) -> Iterator[tuple[int, Any]]:
+    """Yield (job number, result) as jobs finish, on this machine's cores or a scheduler's."""
+    if scheduler is not None:
+        return on_scheduler(work, jobs, address=scheduler)
+    return on_this_machine(work, jobs, processes=worker_count(processes))
+
+
+def _measured_piecewise(
+    study: OpenedStudy,
+    pieces: Pieces,
+    sessions: Sequence[Path],
+    folder: Path,
+    processes: int | None,
+    scheduler: str | None,
+    settings: Mapping[str, Any],
+    telling: Telling,
+) -> list[Any]:
+    """Measure trial by trial, here or on a scheduler; those measured before are kept."""
+    run = partial(_run, processes=processes, scheduler=scheduler)
+    store = folder / DERIVED / MEASURED
+    with telling.progress("measuring") as told:
+        return measure_sessions(study, pieces, sessions, store, run, settings, told)
+
+
+def _from_root(folder: Path) -> str:
+    """Name a study folder as it is named in its lab's folder; without a lab, from its data root on.
+
+    Reports hold no path of the machine, and their commands are typed where the lab's file lies.
+    """
+    lab = next((a for a in folder.resolve().parents if (a / CONFIG_NAME).is_file()), None)
+    if lab is None:
+        return "/".join(folder.parts[-3:])
+    return folder.resolve().relative_to(lab).as_posix()
+
+
+def _origin(folder: Path, manifests: Sequence[Manifest]) -> tuple[str, ...]:
+    """Return the command that would simulate these sessions again; none performed in real time."""
+    settings = read_settings(folder)
+    if settings is None or not settings.is_simulated:
+        return ()
+    if not all(on_virtual_clock(m) and len(m.parts) == 1 for m in manifests):
+        return ()
+    count = len(list(folder.glob("sub-*")))
+    options = [f"--participants {count}", f"--seed {settings.seed}"]
+    options += [f"--set {name}={value}" for name, value in settings.parameters.items()]
+    options += [] if settings.effect else ["--no-effect"]
+    root = _from_root(folder).rsplit("/", 2)[0]
+    name = Path(settings.source).name if settings.source else settings.study
+    return (f"visavis simulate {name} {' '.join(options)} --output {root}",)

@@ -1,0 +1,285 @@
+"""The folder of a study: its settings, its sessions, and what analysis derives from it."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+import yaml
+
+from visavis.lab.errors import DataError, UsageError
+from visavis.recording.durable import make_folder
+from visavis.recording.manifest import read_manifest
+from visavis.recording.sealed import copy_path, read_sealed, write_sealed
+from visavis.results.opened_study import OpenedStudy
+from visavis.study.catalogue import digest_of, file_of, find_study
+from visavis.study.texts import DEFAULT_LANGUAGE
+
+SETTINGS_NAME = "study.json"
+SETTINGS_VERSION = 2
+SEALED_SINCE = 2
+"""Settings of this version and later end in their own checksum."""
+
+DEFAULT_SEED = 1
+DERIVED = "derived"
+MEASURED = "measured"
+"""In `derived`: walks measured one by one, kept so that a stop loses at most one."""
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """What every session of a study shares; written before the first one."""
+
+    study: str
+    seed: int
+    is_simulated: bool
+    effect: bool = True
+    parameters: dict[str, Any] = field(default_factory=dict)
+    format_version: int = SETTINGS_VERSION
+    source: str = ""
+    """The study's file; empty for a study of an installed package."""
+    source_sha256: str = ""
+
+    __pydantic_config__: ClassVar[Mapping[str, str]] = {"extra": "forbid"}
+
+
+def read_parameters(assignments: list[str]) -> dict[str, Any]:
+    """Read NAME=VALUE texts; values are numbers, true, false or text as YAML reads them.
+
+    Raises:
+        UsageError: a text is no assignment, or a name comes twice.
+    """
+    read: dict[str, Any] = {}
+    for text in assignments:
+        name, sign, value = text.partition("=")
+        if not sign or not name.strip():
+            raise UsageError(f"--set takes NAME=VALUE, such as trial_s=8, not {text!r}")
+        if name.strip() in read:
+            raise UsageError(f"{name.strip()} is set twice; give --set {name.strip()}=… once")
+        try:
+            read[name.strip()] = yaml.safe_load(value)
+        except (yaml.YAMLError, RecursionError) as error:
+            raise UsageError(
+                f"--set takes NAME=VALUE, such as trial_s=8; the value in {text!r} cannot be read"
+            ) from error
+    return read
+
+
+def read_settings(folder: Path) -> StudySettings | None:
+    """Return a study folder's settings; None when it has none yet.
+
+    Raises:
+        DataError: the file is damaged.
+    """
+    path = folder / SETTINGS_NAME
+    if not path.exists() and not copy_path(path).exists():
+        return None
+    try:
+        found = read_sealed(path)
+        text = json.dumps(found.content)
+        settings: StudySettings = _adapter().validate_json(text, strict=True)
+        if not found.is_sealed and settings.format_version >= SEALED_SINCE:
+            raise ValueError("it lost its checksum")
+    except (OSError, ValueError) as error:
+        way_out = (
+            f"`visavis recover {folder}` puts its copy in its place"
+            if copy_path(path).exists()
+            else "restore it from a copy: it holds the study's seed"
+        )
+        raise DataError(f"{path} is damaged ({_in_one_line(error)}); {way_out}") from error
+    if settings.format_version > SETTINGS_VERSION:
+        raise DataError(
+            f"{path} has format version {settings.format_version}, this Visavis reads up to "
+            f"{SETTINGS_VERSION}; install a newer Visavis"
+        )
+    return settings
+
+
+@cache
+def _adapter() -> Any:
+    from pydantic import TypeAdapter  # slow to import, and not needed for most commands
+
+    return TypeAdapter(StudySettings)
+
+
+def _in_one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def wanted_settings(
+    folder: Path,
+    study: OpenedStudy,
+    *,
+    is_simulated: bool,
+    seed: int | None = None,
+    assignments: list[str] | None = None,
+    language: str | None = None,
+    usual_language: str = DEFAULT_LANGUAGE,
+    effect: bool | None = None,
+) -> StudySettings:
+    """Return what a command asks for: as typed, else as the study was begun, else the defaults.
+
+    A `language` that is typed holds for what is asked; the lab's usual one for a new study.
+
+    Raises:
+        UsageError: an assignment cannot be read.
+        DataError: the study's settings are damaged.
+    """
+    begun = read_settings(folder)
+    parameters = read_parameters(assignments or [])
+    if (language or usual_language) != DEFAULT_LANGUAGE:
+        parameters.setdefault("language", language or usual_language)
+    if begun is not None and not assignments:
+        parameters = dict(begun.parameters)
+        if language and language != parameters.get("language", DEFAULT_LANGUAGE):
+            parameters["language"] = language
+    if effect is None:
+        effect = True if begun is None else begun.effect
+    file = file_of(study)
+    return StudySettings(
+        study.name,
+        DEFAULT_SEED if seed is None else seed,
+        is_simulated,
+        effect=effect,
+        parameters=parameters,
+        source="" if file is None else str(file),
+        source_sha256="" if file is None else digest_of(file),
+    )
+
+
+def settle(
+    folder: Path,
+    wanted: StudySettings,
+    *,
+    seed_given: bool,
+    fits: Callable[[StudySettings], bool] | None = None,
+    way_out: str = "",
+) -> StudySettings:
+    """Return the settings in force, writing them when the study is new.
+
+    Until its first session a study may take more parameters than it was begun with, where `fits`
+    tells that everybody registered keeps their group.
+
+    Raises:
+        UsageError: another seed or other parameters were asked for than the study was begun with.
+    """
+    present = read_settings(folder)
+    if present is None:
+        make_folder(folder, exist_ok=True)
+        write_sealed(folder / SETTINGS_NAME, asdict(wanted))
+        return wanted
+    if seed_given and wanted.seed != present.seed:
+        raise UsageError(
+            f"{folder} was begun with seed {present.seed}; another seed would change every "
+            f"order. Leave --seed out, or use another data root"
+        )
+    changed = replace(present, parameters=wanted.parameters)
+    if changed != present and may_become(folder, present, wanted) and fits and fits(changed):
+        write_sealed(folder / SETTINGS_NAME, asdict(changed))
+        return changed
+    refuse_other(folder, present, wanted, way_out)
+    # Who reads another language takes part in the same study.
+    return replace(present, parameters={**present.parameters, **wanted.parameters})
+
+
+def may_become(folder: Path, present: StudySettings, wanted: StudySettings) -> bool:
+    """Tell whether nothing was recorded yet, and all that was chosen before stays as it was."""
+    kept = present.parameters.items() <= wanted.parameters.items()
+    return kept and present.effect == wanted.effect and not session_folders(folder)
+
+
+def session_folders(folder: Path) -> tuple[Path, ...]:
+    """Return the sessions of a study by participant and number, those without manifest, too."""
+    return tuple(sorted(p for p in folder.glob("sub-*/ses-*") if p.is_dir() and any(p.iterdir())))
+
+
+def refuse_other(
+    folder: Path, present: StudySettings, wanted: StudySettings, way_out: str = ""
+) -> None:
+    """Refuse parameters that a study was not begun with; `way_out` is what else can be done.
+
+    Raises:
+        UsageError: naming those it was begun with.
+    """
+    before, asked = (
+        {k: v for k, v in of.parameters.items() if k != "language"} for of in (present, wanted)
+    )
+    if present.effect != wanted.effect or before != asked:
+        kept = ", ".join(f"{name}={value}" for name, value in present.parameters.items())
+        raise UsageError(
+            f"{folder} was begun with {kept or 'no --set'}"
+            f"{'' if present.effect else ' and --no-effect'}, which holds for all of its sessions; "
+            f"leave --set out, or {way_out or 'choose another data_root in lab_config.yaml'}"
+        )
+
+
+def _was_completed(session: Path) -> bool:
+    parts = read_manifest(session).parts
+    return bool(parts) and parts[-1].status == "complete"
+
+
+def made_files(out_dir: Path) -> tuple[Path, ...]:
+    """Return what an analysis made, but for walks kept to be measured once only."""
+    kept = out_dir / MEASURED
+    return tuple(
+        p for p in sorted(out_dir.rglob("*")) if p.is_file() and not p.is_relative_to(kept)
+    )
+
+
+def one_per_participant(
+    sessions: tuple[Path, ...],
+) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Return each person's first complete session (their first when none is), and the others.
+
+    Complete is what was closed as such, whatever happened to its files later: a damaged session
+    gives way to no other.
+    """
+    by_person: dict[str, list[Path]] = {}
+    for path in sessions:
+        by_person.setdefault(path.parent.name, []).append(path)
+    chosen = []
+    for paths in by_person.values():
+        complete = [p for p in paths if len(paths) > 1 and _was_completed(p)]
+        chosen.append((complete or paths)[0])
+    return tuple(chosen), tuple(p for p in sessions if p not in chosen)
+
+
+def sessions_of(folder: Path) -> tuple[Path, ...]:
+    """Return the session folders of a study, at least one; see `session_folders`.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if not folder.is_dir():
+        raise UsageError(f"{folder} does not exist; give the folder of a study")
+    found = session_folders(folder)
+    if not found:
+        inner = sorted(p.parent for p in folder.glob(f"*/{SETTINGS_NAME}"))
+        inner += sorted(p.parent for p in folder.glob(f"*/*/{SETTINGS_NAME}"))
+        begin = f"perform one: visavis run {folder.name} --participant 1, or give another folder"
+        hint = f"; did you mean {inner[0]}?" if inner else f"; {begin}"
+        raise UsageError(f"{folder} holds no sessions (sub-…/ses-…){hint}")
+    return found
+
+
+def study_of_folder(folder: Path, name: str) -> tuple[OpenedStudy, str]:
+    """Return the study whose data a folder holds, and a warning where its file has changed.
+
+    Raises:
+        UsageError: its file is not where it was, with what to do.
+    """
+    settings = read_settings(folder)
+    source = "" if settings is None else settings.source
+    if not source:
+        return find_study(name), ""
+    path = Path(source)
+    if not path.is_file():
+        raise UsageError(
+            f"{folder} was made with the study file {source}, which is no longer there; put it "
+            "back, or name it: visavis analyse PATH/OF/STUDY.py"
+        )
+    changed = settings is not None and digest_of(path) != settings.source_sha256
+    warning = f"{source}, or a text beside it, has changed since {folder} was begun"
+    return find_study(source), warning if changed else ""

@@ -1,0 +1,427 @@
+"""Perform a recorded session again, and find the first thing in which the two differ.
+
+A simulated session is its plan, its seed and its devices: the same code performs them again on the
+virtual clock, through the same drivers over the same simulated wires, and every sample, event and
+trial row must come out bit for bit. A part that went on with a session goes on again from the
+earlier parts as recorded, and what an operator did is done again at the same moments. People are
+not performed again, nor is what was simulated in real time, whose every time is another in the next
+run: the samples of the devices are fed to the engine as recorded.
+"""
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.clock import NS_PER_S, SIMULATED_EPOCH_ISO, SimClock
+from visavis.lab.config import DeviceConfig, LabConfig
+from visavis.lab.errors import DataError, SessionAborted, UsageError
+from visavis.protocol.operator import Action, Command, Operator, SessionStatus, UnattendedOperator
+from visavis.recording.folder import session_dir
+from visavis.recording.journal import as_json
+from visavis.recording.manifest import Part, write_manifest
+from visavis.recording.reader import PART_COLUMN, Recording, component_names
+from visavis.recording.stream_file import Columns
+from visavis.results.opened_study import OpenedStudy, overrides_of
+from visavis.running.sessions.perform import Request, of_no_session, perform_new, perform_rest
+from visavis.running.sessions.reevaluation import TARGETS, targets_again
+
+DRAWN: Final = ("drawn", "drawn_gpu", "drawn_views", "mirror")
+"""Streams of what was drawn: nothing is drawn when a session is performed again."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first thing in which two recordings of a session differ.
+
+    `where` names the stream, or events or trial rows; `row` counts in it from 0 within the part,
+    `frame` is the display's then, None before the first. `recorded` and `again` are the values, or
+    what is missing.
+    """
+
+    t_ns: int
+    where: str
+    row: int
+    column: str
+    recorded: str
+    again: str
+    frame: int | None = None
+    trial_id: str | None = None
+    part: int = 1
+    has_frames: bool = True
+
+    def told(self) -> str:
+        """Return it as a sentence."""
+        frame = "before the first frame" if self.frame is None else f"in frame {self.frame}"
+        frame = frame if self.has_frames else "on the page"
+        frame = f"part {self.part}, {frame}" if self.part > 1 else frame
+        trial = f", trial {self.trial_id}" if self.trial_id else ""
+        return (
+            f"{frame} ({self.t_ns / NS_PER_S:.6f} s{trial}): {self.where}, row {self.row}, "
+            f"{self.column}: recorded {self.recorded}, again {self.again}"
+        )
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What performing a session again found; `compared` counts rows by stream, of whichever of
+    both recordings has more, and `differing` those of them that are not the same in both.
+
+    `ended_early` are parts that were cut off: what is there of them was compared. `is_fed` where
+    people were recorded, or a simulation in real time: the engine was fed with what the devices
+    measured.
+    """
+
+    first: Difference | None
+    differing: Mapping[str, int]
+    compared: Mapping[str, int]
+    left_out: tuple[str, ...]
+    ended_early: tuple[int, ...] = ()
+    is_fed: bool = False
+
+
+def verify(recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Path) -> Verdict:
+    """Perform a session again below an empty folder and compare, part by part.
+
+    `lab` gives what a recording does not keep: how its questionnaires are worded.
+
+    Raises:
+        UsageError: it is being recorded, or has nothing that can be performed again.
+        DataError: this version plans it in another way.
+    """
+    if recording.status == "running":
+        raise UsageError(f"{recording.path} is being recorded; verify it when it has ended")
+    if not recording.manifest.is_simulated:
+        return _fed(recording, study)
+    if is_in_real_time(recording):
+        _require_same_plan(recording, study)
+        return _fed(recording, study)
+    verdicts = []
+    for part in recording.manifest.parts:
+        below = scratch / part.folder
+        again = Recording(perform_again(recording, study, lab, below, part.number))
+        verdicts.append(compared(recording, again, part.number))
+        shutil.rmtree(below)
+    return _joined(verdicts)
+
+
+def is_in_real_time(recording: Recording) -> bool:
+    """Tell whether any part of a session ran on the machine's clock, which no other run repeats."""
+    return any(p.started_wall_iso != SIMULATED_EPOCH_ISO for p in recording.manifest.parts)
+
+
+def _require_same_plan(recording: Recording, study: OpenedStudy) -> None:
+    """Refuse a session of which this version plans another; see `verify`."""
+    manifest = recording.manifest
+    plan: Mapping[str, Any] = manifest.plan
+    planned = as_json(
+        study.experiment(overrides_of(plan)).plan(
+            int(plan["participant_index"]), manifest.seed, str(plan.get("group") or "")
+        )
+    )
+    if planned != plan:
+        raise DataError(
+            f"{recording.path}: this version of Visavis, or of the study, plans another session "
+            f"({_first_of(plan, planned)}); check out the version named in manifest.json "
+            "(provenance)"
+        )
+
+
+def perform_again(
+    recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Path, part: int = 1
+) -> Path:
+    """Perform a part of a simulated session again; return its new folder; raises as `verify`.
+
+    Earlier parts lie in that folder as they were recorded.
+    """
+    manifest = recording.manifest
+    if not manifest.is_simulated:
+        raise UsageError(
+            f"{recording.path} was recorded with people or real devices, whom nothing performs "
+            "again; `visavis check` compares it with its plan, `visavis view` shows it"
+        )
+    kept: Mapping[str, Any] = manifest.configuration
+    devices = {role: DeviceConfig(**told) for role, told in kept["devices"].items()}
+    on = str(kept.get("on", ""))
+    if on == "browser":  # who is simulated there looks at the page and needs no device
+        devices = dict(lab.devices)
+    config = lab.model_copy(update={"data_root": scratch, "devices": devices})
+    _require_same_plan(recording, study)
+    plan: Mapping[str, Any] = manifest.plan
+    experiment = study.experiment(overrides_of(plan))
+    clock = SimClock()
+    request = Request(
+        study=study,
+        experiment=experiment,
+        config=config,
+        participant_label=manifest.participant,
+        participant_index=int(plan["participant_index"]),
+        group=str(plan.get("group") or ""),
+        session=manifest.session,
+        seed=manifest.seed,
+        clock=clock,
+        operator=_operator_of(recording, part, clock),
+        effect=bool(kept.get("effect", True)),
+        on=on,
+    )
+    path = session_dir(
+        scratch, manifest.study, manifest.participant, manifest.session, is_simulated=True
+    )
+    before = tuple(p for p in manifest.parts if p.number < part)
+    with suppress(SessionAborted), of_no_session():  # as the recorded part was
+        if before:
+            _put_down(recording, before, path)
+            perform_rest(request, path)
+        else:
+            perform_new(request)
+    return path
+
+
+def _put_down(recording: Recording, parts: Sequence[Part], path: Path) -> None:
+    """Lay parts of a session into a folder as if nothing had followed them."""
+    for part in parts:
+        shutil.copytree(recording.path / part.folder, path / part.folder)
+    write_manifest(path, replace(recording.manifest, parts=tuple(parts)))
+
+
+class RecordedOperator:
+    """Do again, at the same moments of a part, what its operator did."""
+
+    status_period_ns = 1
+
+    def __init__(self, commands: Sequence[tuple[int, Command]], clock: SimClock) -> None:
+        self._commands, self._clock = list(commands), clock
+
+    def poll(self) -> Sequence[Command]:
+        """Return what was asked for up to now."""
+        now_ns = self._clock.now_ns()
+        due = [command for t_ns, command in self._commands if t_ns <= now_ns]
+        self._commands = self._commands[len(due) :]
+        return due
+
+    def show(self, status: SessionStatus) -> None:
+        """Show nobody."""
+
+    def waits_for_advance(self, prompt: str) -> bool:
+        """Wait for the recorded key."""
+        del prompt
+        return True
+
+
+def _operator_of(recording: Recording, part: int, clock: SimClock) -> Operator:
+    """Return who does what the operator of a part did; nobody where nobody did anything."""
+    commands = [
+        (int(event["t_ns"]), Command(Action(told["action"]), told.get("text") or ""))
+        for event in recording.journal(part).events
+        if event["name"] == "operator" and "action" in (told := event["payload"])
+    ]
+    return RecordedOperator(commands, clock) if commands else UnattendedOperator()
+
+
+def _fed(recording: Recording, study: OpenedStudy) -> Verdict:
+    """Feed the engine with the recorded samples of real devices, and compare what it makes."""
+    if TARGETS not in recording.stream_names:
+        of = "with people, whom"
+        if recording.manifest.is_simulated:
+            of = "in real time (run or simulate with --fast gives sessions that repeat), which"
+        raise UsageError(
+            f"{recording.path} was recorded {of} nothing performs again, and without gaze, which "
+            "could be evaluated again; `visavis check` compares it with its plan"
+        )
+    verdicts = []
+    for part in recording.manifest.parts:
+        old = recording.stream_arrays(TARGETS, part=part.number)
+        new = targets_again(recording, study, part.number)
+        first, count = _of_stream(TARGETS, old, new)
+        placed = None if first is None else _placed(first, recording, part.number)
+        differing = {TARGETS: count} if count else {}
+        rows = {TARGETS: max(len(old["seq"]), len(new["seq"]))}
+        verdicts.append(Verdict(placed, differing, rows, (), is_fed=True))
+    return _joined(verdicts)
+
+
+def _joined(verdicts: Sequence[Verdict]) -> Verdict:
+    """Return what was found in all parts together, and the first difference of the first part."""
+    differing: dict[str, int] = {}
+    rows: dict[str, int] = {}
+    for verdict in verdicts:
+        for into, counts in ((differing, verdict.differing), (rows, verdict.compared)):
+            for name, count in counts.items():
+                into[name] = into.get(name, 0) + count
+    return Verdict(
+        next((v.first for v in verdicts if v.first is not None), None),
+        differing,
+        rows,
+        tuple(dict.fromkeys(name for v in verdicts for name in v.left_out)),
+        tuple(number for v in verdicts for number in v.ended_early),
+        any(v.is_fed for v in verdicts),
+    )
+
+
+def _first_of(a: Any, b: Any, path: str = "plan") -> str:
+    """Return where two JSON values differ first."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        for key in [*a, *(k for k in b if k not in a)]:
+            if a.get(key) != b.get(key):
+                return _first_of(a.get(key), b.get(key), f"{path}.{key}")
+    if isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        for k, (x, y) in enumerate(zip(a, b, strict=True)):
+            if x != y:
+                return _first_of(x, y, f"{path}[{k}]")
+    return f"{path}: recorded {_short(a)}, now {_short(b)}"
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 80 else f"{text[:77]}…"
+
+
+def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
+    """Compare two recordings of one part of a session, bit for bit.
+
+    Of a part that was cut off (killed, or ended from the keyboard) only what is there is compared:
+    performed again it goes on to its end.
+    """
+    cut_off = (_closed(recorded, part), _closed(again, part)) == (False, True)
+    found: list[Difference] = []
+    differing: dict[str, int] = {}
+    rows: dict[str, int] = {}
+    left_out = []
+    names = [*recorded.stream_states(part), *again.stream_states(part)]
+    for name in dict.fromkeys(names):
+        if name in DRAWN:
+            left_out.append(name)
+            continue
+        old, new = (
+            r.stream_arrays(name, part=part) if name in r.stream_names else {}
+            for r in (recorded, again)
+        )
+        if cut_off:
+            n = int((old["t_host_ns"] < _last_frame_ns(recorded, part)).sum()) if old else 0
+            old, new = ({c: values[:n] for c, values in side.items()} for side in (old, new))
+        rows[name] = max(len(old.get("seq", ())), len(new.get("seq", ())))
+        first, count = _of_stream(name, old, new)
+        if first is not None:
+            found.append(first)
+            differing[name] = count
+    old_journal, new_journal = recorded.journal(part), again.journal(part)
+    for where, old_lines, new_lines in (
+        ("events", old_journal.events, new_journal.events),
+        ("trial rows", old_journal.trials, new_journal.trials),
+    ):
+        kept = new_lines[: len(old_lines)] if cut_off else new_lines
+        rows[where] = max(len(old_lines), len(kept))
+        different = list(_of_lines(where, old_lines, kept))
+        if different:
+            found.append(different[0])
+            differing[where] = len(different)
+    first = min(found, key=lambda d: d.t_ns, default=None)
+    placed = None if first is None else _placed(first, again, part)
+    return Verdict(placed, differing, rows, tuple(left_out), (part,) if cut_off else ())
+
+
+def _last_frame_ns(recording: Recording, part: int) -> int:
+    """Return when the last frame of a part began; what came later was taken as devices closed."""
+    if "frames" not in recording.stream_names:
+        return int(np.iinfo(np.int64).max)
+    return int(recording.stream_arrays("frames", part=part)["t_host_ns"].max(initial=0))
+
+
+def _closed(recording: Recording, part: int) -> bool:
+    """Tell whether a part was performed to its end."""
+    return any(p.number == part and p.status == "complete" for p in recording.manifest.parts)
+
+
+def _of_stream(name: str, old: Columns, new: Columns) -> tuple[Difference | None, int]:
+    """Return the first row and column in which a stream differs, and how many rows do."""
+    n_old, n_new = len(old.get("seq", ())), len(new.get("seq", ()))
+    n = min(n_old, n_new)
+    names = [column for column in (old or new) if column != PART_COLUMN]
+    differs = np.zeros(n, np.bool_)
+    first: tuple[int, str] | None = None
+    for column in names:
+        if column not in old or column not in new:
+            have, lack = ("recorded", "again") if column in old else ("again", "recorded")
+            there = {have: "there", lack: "missing"}
+            return Difference(0, name, 0, column, there["recorded"], there["again"]), max(
+                n_old, n_new
+            )
+        unequal = _unequal(old[column][:n], new[column][:n])
+        differs |= unequal
+        if unequal.any():
+            row = int(np.flatnonzero(unequal)[0])
+            if first is None or row < first[0]:
+                first = row, column
+    count = int(differs.sum()) + abs(n_old - n_new)
+    if first is not None:
+        row, column = first
+        flat, old_value, new_value = _component(column, old[column][row], new[column][row])
+        t_ns = min(int(c["t_host_ns"][row]) for c in (old, new))
+        return Difference(t_ns, name, row, flat, old_value, new_value), count
+    if n_old != n_new:
+        longer = old if n_old > n_new else new
+        told = ("there", "missing") if n_old > n_new else ("missing", "there")
+        return Difference(int(longer["t_host_ns"][n]), name, n, "the row", *told), count
+    return None, 0
+
+
+def _unequal(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    """Tell which rows differ in any bit."""
+    if a.dtype != b.dtype or a.shape != b.shape:
+        return np.ones(len(a), np.bool_)
+    if not len(a):
+        return np.zeros(0, np.bool_)
+    x, y = (np.ascontiguousarray(v).reshape(len(v), -1).view(np.uint8) for v in (a, b))
+    different: npt.NDArray[np.bool_] = (x != y).any(axis=1)
+    return different
+
+
+def _component(column: str, old: Any, new: Any) -> tuple[str, str, str]:
+    """Return which component of a row's value differs first, and both values."""
+    a, b = np.atleast_1d(np.asarray(old)).ravel(), np.atleast_1d(np.asarray(new)).ravel()
+    if len(a) != len(b):
+        return column, str(a.shape), str(b.shape)
+    k = int(np.flatnonzero(_unequal(a, b))[0])
+    name = column if len(a) == 1 else component_names(column, len(a))[k]
+    return name, repr(a[k].item()), repr(b[k].item())
+
+
+def _of_lines(
+    where: str, old: tuple[dict[str, Any], ...], new: tuple[dict[str, Any], ...]
+) -> Iterator[Difference]:
+    """Yield the differing lines of a journal."""
+    for row in range(max(len(old), len(new))):
+        if row >= len(old) or row >= len(new):
+            line = (old if row < len(old) else new)[row]
+            told = ("there", "missing") if row < len(old) else ("missing", "there")
+            yield Difference(int(line["t_ns"]), where, row, _what(line), *told)
+        elif old[row] != new[row]:
+            a, b = old[row], new[row]
+            t_ns = min(int(a["t_ns"]), int(b["t_ns"]))
+            place, _, values = _first_of(a, b, _what(a)).rpartition(": recorded ")
+            was, _, now = values.rpartition(", now ")
+            yield Difference(t_ns, where, row, place, was, now)
+
+
+def _what(line: Mapping[str, Any]) -> str:
+    return str(line.get("name") or line.get("row", {}).get("trial_id") or "line")
+
+
+def _placed(found: Difference, recording: Recording, part: int) -> Difference:
+    """Say in which frame and trial it lies."""
+    has_frames = "frames" in recording.stream_names
+    frame = None
+    if has_frames:
+        frames = recording.stream_arrays("frames", part=part)
+        before = np.flatnonzero(frames["t_host_ns"] <= found.t_ns)
+        frame = int(frames["frame_index"][before[-1]]) if len(before) else None
+    begun = recording.events_named("trial_start", part)
+    past = begun[begun["t_ns"] <= found.t_ns]
+    trial = str(past.iloc[-1]["payload"]["trial_id"]) if len(past) else None
+    return replace(found, frame=frame, trial_id=trial, part=part, has_frames=has_frames)

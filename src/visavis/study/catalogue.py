@@ -1,0 +1,156 @@
+"""Find a study: a file anywhere, a name in the lab's configuration, a package, or one we ship."""
+
+import hashlib
+import importlib
+import importlib.util
+import sys
+from collections.abc import Iterable, Mapping
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+from visavis.lab.errors import DesignError, UsageError
+from visavis.lab.yaml_lines import did_you_mean
+from visavis.results.opened_study import OpenedStudy
+from visavis.study.declaration import Study
+from visavis.study.sections import named
+from visavis.study.study_errors import MODULE_OF_STUDY, forgotten_yields, in_words, line_of
+from visavis.study.trial import STEPS
+
+SHIPPED: Final[Mapping[str, str]] = {
+    "stare": "visavis.experiments.stare.study:study",
+    "crowd": "visavis.experiments.crowd.study:study",
+    "waving": "visavis.experiments.waving.study:study",
+    "interpolation": "visavis.experiments.interpolation.study:study",
+    "hybrid": "visavis.experiments.hybrid.study:study",
+    "cameras": "visavis.experiments.cameras.study:study",
+}
+"""The studies Visavis comes with, as an entry point would name them."""
+GROUP: Final = "visavis.studies"
+"""Entry points of installed packages: a name, and a `Study` (or what makes one)."""
+
+
+def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> OpenedStudy:
+    """Return a study by its file's path, or by name; `of_lab` are the lab's own by name.
+
+    Raises:
+        UsageError: there is none, with the nearest name.
+        DesignError: the file cannot be read, or declares no study.
+    """
+    if is_file(wanted):
+        return OpenedStudy(study_of_file(Path(wanted)))
+    own = of_lab or {}
+    if wanted in own:
+        found = study_of_file(own[wanted])
+        if found.name != wanted:
+            raise DesignError(
+                f"{own[wanted]} declares the study {found.name}, not {wanted}; correct studies: "
+                "in lab_config.yaml"
+            )
+        return OpenedStudy(found)
+    if wanted in SHIPPED:
+        return _of_object(SHIPPED[wanted])
+    installed = {point.name: point for point in entry_points(group=GROUP)}
+    if wanted in installed:
+        return _of_object(installed[wanted].value)
+    known = (*SHIPPED, *own, *installed)
+    raise UsageError(
+        f"there is no study {wanted!r}{did_you_mean(wanted, known)}; or give a study's file, such "
+        "as ./duel.py"
+    )
+
+
+def is_file(wanted: str) -> bool:
+    """Tell whether a study was named by its file."""
+    return wanted.endswith(".py") or "/" in wanted or "\\" in wanted
+
+
+def reference_of(study: OpenedStudy) -> str:
+    """Return what finds a study again from any folder and any process: its file, or its name."""
+    path = study.study.path
+    return study.name if path is None else str(path)
+
+
+def file_of(study: OpenedStudy) -> Path | None:
+    """Return the file a study was read from; None for one of a package."""
+    return study.study.path
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a study file with its texts, so that a change is noticed.
+
+    The files of the studies it was derived from, and questionnaires of its own, belong to it.
+    """
+    digest = hashlib.sha256()
+    study: Study | None = study_of_file(path)
+    while study is not None and study.path is not None:
+        texts = () if study.texts is None else (study.folder / study.texts).glob("*.yaml")
+        asked = (study.folder / f"{name}.yaml" for name in study.questionnaires)
+        for file in (study.path, *sorted(texts), *asked):
+            digest.update(file.read_bytes() if file.is_file() else b"")
+        study = study.base
+    return digest.hexdigest()
+
+
+def study_of_file(path: Path) -> Study:
+    """Read a study file.
+
+    Raises:
+        UsageError: there is no such file.
+        DesignError: it cannot be read, or declares no study, or several.
+    """
+    path = path.resolve()
+    if not path.is_file():
+        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.py")])
+        raise UsageError(f"there is no study file {path}{near}")
+    module = _module_of(path)
+    found = [v for v in vars(module).values() if isinstance(v, Study)]
+    named = vars(module).get("study")
+    if isinstance(named, Study):
+        found = [named]  # others may stand beside it, such as the one it is derived from
+    if len(found) != 1:
+        raise DesignError(
+            f"{path} declares {len(found) or 'no'} studies; a study file makes one: "
+            'study = Study("NAME", …)'
+        )
+    study = found[0]
+    study.path, study.folder = path, path.parent
+    for line, step in forgotten_yields(path, STEPS):
+        raise DesignError(
+            f"{path}, line {line}: {step}(…) is made and not performed; write yield {step}(…)"
+        )
+    _ = study.trial_plan
+    return study
+
+
+def _module_of(path: Path) -> ModuleType:
+    name = f"{MODULE_OF_STUDY}{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise DesignError(f"{path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(path.parent))
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise DesignError(f"{path}, line {error.lineno}: {error.msg}") from error
+    except Exception as error:
+        raise DesignError(f"{line_of(error) or path}: {in_words(error)}") from error
+    finally:
+        sys.path.remove(str(path.parent))
+    return module
+
+
+def _of_object(reference: str) -> OpenedStudy:
+    found = named(reference)
+    made = found if isinstance(found, Study) else found()
+    if not isinstance(made, Study):
+        raise DesignError(f"{reference} is a {type(made).__name__}; an entry point names a Study")
+    return OpenedStudy(made)
+
+
+def known_studies(of_lab: Iterable[str] = ()) -> tuple[str, ...]:
+    """Return the names of every study that can be found by name."""
+    return (*SHIPPED, *of_lab, *(p.name for p in entry_points(group=GROUP)))

@@ -1,0 +1,276 @@
+"""What a study compares: a question of `statistics_report` with its claim and its family."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Literal, get_args
+
+import pandas as pd
+
+from visavis.analysis.report.notation import fraction
+from visavis.analysis.statistics.agreement import ICC_KINDS, Scale
+from visavis.analysis.statistics.published import check_f
+from visavis.analysis.statistics_report import Question
+from visavis.lab.errors import DesignError
+from visavis.protocol.steps import Scalar
+from visavis.study.pairs import Printed
+
+Correction = Literal["none", "holm", "bonferroni", "bh"]
+Model = Literal["", "lmm", "gee", "clmm", "bradleyterry"]
+ALONE: Final = ("sign", "binomial", "t", "tost")
+"""Tests that also hold one measure against a number, without a factor."""
+AGREEMENT: Final = ("icc", "krippendorff", "kappa")
+"""Tests of how far raters agree on what the factors tell apart."""
+THING: Final = "thing rated"
+"""Column that names, for tests of agreement, what was rated."""
+_SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
+
+
+def published_f(
+    F: str, df1: int | str, df2: int | str, *, p: str, eta2p: str, is_significant: bool
+) -> Printed:
+    """Return a printed F test; its numbers are texts, so that their rounding is known.
+
+    Degrees of freedom that were corrected for sphericity are texts, too ("1.56").
+    """
+    test = f"F({df1}, {df2}) = {F}"
+    sign = "" if p.startswith("<") else "= "
+    text = f"{test}, p {sign}{p.replace('0.', '.')}, η²p = {eta2p.removeprefix('0')}"
+    check = check_f(F, df1, df2, p=p, eta=eta2p)
+    misfits = tuple(
+        f"the published {_SYMBOLS[name]} of {verdict.printed.removeprefix('0')} does not follow "
+        f"from its {test}, which implies {fraction(verdict.computed, 3)}"
+        for name, verdict in check.verdicts.items()
+        if not verdict.is_consistent
+    )
+    df = float(df1), float(df2)
+    return Printed(is_significant, statistic=float(F), df=df, text=text, misfits=misfits)
+
+
+@dataclass(frozen=True)
+class Compare:
+    """A planned comparison of one measure over factors.
+
+    Without `test` the design decides: two levels within people a paired comparison (t or
+    Wilcoxon, by its own decision path), more levels repeated measures or Friedman, several
+    factors an aligned rank transform, groups alone Welch's t test or an ANOVA; `model` asks for a
+    mixed model ("lmm"), generalised estimating equations ("gee") or, for ratings, a cumulative
+    link mixed model ("clmm"), or for choices between two a Bradley–Terry model ("bradleyterry":
+    `within` are the factors of the first and the second item, or one whose levels name both,
+    "A|B"; the measure is above 0 where the first was preferred) instead. Without a factor a test of
+    one sample ("sign", "binomial", "t", "tost") holds people's means against a number, the option
+    `mu`, or within bounds, the options `low` and `high`. Tests of agreement ("icc" with the option
+    `kind`, "krippendorff" and "kappa" with `scale`) ask how far the participants agree on what
+    the `within` factors tell apart, above the option `mu` (0 if left out); `raters` names a factor
+    instead whose levels rate (the occasion of a rating and its repetition), and then each
+    participant's things are things of their own. `claim` says in words
+    what a significant result would show; over several factors, their interaction. Comparisons
+    of one `family` are corrected together. An `exploratory` one stands apart in the report and
+    makes no headline. `only` are levels of other factors that trials must have
+    ({"group": "haptics"}). `pairs` are what a source prints of two levels compared after the test
+    over all of a factor.
+    """
+
+    dv: str
+    within: str | Sequence[str] = ()
+    between: str | Sequence[str] = ()
+    test: str = ""
+    model: Model = ""
+    claim: str = ""
+    family: str = "planned"
+    correction: Correction = "holm"
+    alpha: float = 0.05
+    published: Printed | Mapping[str, Printed] | None = None
+    exploratory: bool = False
+    options: Sequence[tuple[str, Any]] = ()
+    only: Mapping[str, Scalar] = field(default_factory=dict)
+    pairs: Mapping[tuple[str, str], Printed] = field(default_factory=dict, repr=False)
+    raters: str = "participant"
+
+    def __post_init__(self) -> None:
+        for name in ("within", "between"):
+            value = getattr(self, name)
+            object.__setattr__(self, name, (value,) if isinstance(value, str) else tuple(value))
+        if not self.within and not self.between:
+            if self.test not in ALONE:
+                raise DesignError(
+                    f"the comparison of {self.dv} names no factor; add within= or between=, or a "
+                    f"test that needs none ({', '.join(ALONE)})"
+                )
+            if not self.claim:
+                raise DesignError(
+                    f"the comparison of {self.dv} has no factor whose effect it could name; say "
+                    "what it would show: claim="
+                )
+        if self.model not in get_args(Model):
+            known = ", ".join(name for name in get_args(Model) if name)
+            raise DesignError(f"model is {self.model!r}; it is {known} or left out")
+        if self.model and self.test:
+            raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
+        object.__setattr__(self, "options", tuple(self.options))
+        self._refuse_agreement()
+
+    def _refuse_agreement(self) -> None:
+        """Refuse tests of agreement that do not say what rates what, and by which coefficient."""
+        options = dict(self.options)
+        about = f"the comparison of {self.dv} by {self.test}"
+        if self.test not in AGREEMENT:
+            if self.raters != "participant":
+                raise DesignError(
+                    f"the comparison of {self.dv} names raters, which only tests of agreement "
+                    f"have ({', '.join(AGREEMENT)})"
+                )
+            return
+        if not self.claim:
+            raise DesignError(f"{about} needs a claim: what would agreement show? claim=")
+        if self.between:
+            raise DesignError(f"{about} has no between factor; take only= for one group")
+        if self.raters != "participant" and self.raters not in self.within:
+            raise DesignError(f"{about} names raters {self.raters!r}, which is no factor of within")
+        if self.test == "icc" and options.get("kind") not in ICC_KINDS:
+            raise DesignError(
+                f'{about} decides by one coefficient; name it: options=[("kind", "ICC2")] '
+                f"({', '.join(ICC_KINDS)})"
+            )
+        if self.test != "icc" and options.get("scale", self.test == "kappa") not in (
+            *get_args(Scale),
+            True,
+        ):
+            raise DesignError(
+                f'{about} needs a scale: options=[("scale", "ordinal")] '
+                f"({', '.join(get_args(Scale))})"
+            )
+        if self.test == "kappa" and self.raters == "participant":
+            raise DesignError(
+                f"{about} is of two raters; name the factor of two levels that tells them apart: "
+                "raters=, or take krippendorff for all participants"
+            )
+
+    @property
+    def things(self) -> tuple[str, ...]:
+        """The columns that tell apart what was rated, for tests of agreement."""
+        factors = tuple(name for name in self.within if name != self.raters)
+        return factors if self.raters == "participant" else ("participant", *factors)
+
+    def published_of(self, term: str) -> Printed | None:
+        """Return what a source prints of one effect; of the only one where it names none."""
+        if isinstance(self.published, Mapping):
+            return self.published.get(term)
+        return self.published
+
+    @property
+    def published_terms(self) -> Mapping[str, Printed]:
+        """Everything a source prints of it, by effect; of the only one by its factors."""
+        if isinstance(self.published, Mapping):
+            return self.published
+        names = ":".join((*self.within, *self.between))
+        return {} if self.published is None else {names: self.published}
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """The effects tested, as tests name them: "a", "b", "a:b"; without factors its measure."""
+        names = (*self.within, *self.between)
+        if self.model == "bradleyterry":
+            items = ":".join(self.within)
+            return (items, *(f"{items}:{group}" for group in self.between))
+        every = ":".join(names) or self.dv
+        if self.test in AGREEMENT:
+            return (every,)
+        pairs = [f"{a}:{b}" for i, a in enumerate(names) for b in names[i + 1 :]]
+        return tuple(dict.fromkeys((*names, *pairs, every)))
+
+    @property
+    def claimed(self) -> str:
+        """The effect that its claim is about: of several the one of all factors; "" of no claim."""
+        return self.terms[-1] if self.claim else ""
+
+    def is_claimed(self, term: str) -> bool:
+        """Tell whether an effect, its factors in any order, is the one claimed."""
+        return bool(self.claim) and set(term.split(":")) == set(self.claimed.split(":"))
+
+    @property
+    def name(self) -> str:
+        """What the comparison is called in tables: measure and factors, and of whom."""
+        of = f" ({', '.join(map(str, self.only.values()))})" if self.only else ""
+        if self.test in AGREEMENT:
+            of = f", {self.test}{of}"
+        return f"{self.dv} by {' × '.join((*self.within, *self.between)) or 'itself'}{of}"
+
+    def chosen(self, trials: pd.DataFrame) -> pd.DataFrame:
+        """Return the trials it is about."""
+        return trials_of(trials, self.only)
+
+    def with_alphas(self, settings: Mapping[str, Any]) -> "Compare":
+        """Return it with the thresholds `alpha` and `normality_alpha` that were set."""
+        options = {k: v for k, v in settings.items() if k == "normality_alpha"}
+        return replace(
+            self,
+            alpha=settings.get("alpha", self.alpha),
+            options=tuple({**dict(self.options), **options}.items()),
+        )
+
+    def question(
+        self,
+        levels: dict[str, tuple[str, ...]],
+        *,
+        called: Mapping[str, str] | None = None,
+        unit: str = "",
+    ) -> Question:
+        """Return the question for `visavis.analysis.statistics_report`; `levels` in their order.
+
+        `called` is what sentences call levels, `unit` that of the measure.
+        """
+        test = self.model or self.test or self._usual(levels)
+        factors = (*self.within, *self.between)
+        chosen = {f: levels[f] for f in factors}
+        agreement = test in AGREEMENT
+        return Question(
+            test=test,
+            dv=self.dv,
+            within=(self.raters,) if agreement else tuple(self.within),
+            between=tuple(self.between),
+            subject=THING if agreement else "participant",
+            missing="listwise",
+            alpha=self.alpha,
+            levels=chosen,
+            called={} if self.model == "bradleyterry" else dict(called or {}),
+            measured_in=unit,
+            **dict(self.options),
+        )
+
+    def _usual(self, levels: dict[str, tuple[str, ...]]) -> str:
+        if self.between and not self.within:
+            two = len(self.between) == 1 and len(levels[self.between[0]]) == 2
+            return "t" if two else "anova"
+        if self.between or len(self.within) > 1:
+            return "art"
+        return "paired" if len(levels[self.within[0]]) == 2 else "conditions"
+
+
+def trials_of(trials: pd.DataFrame, only: Mapping[str, Scalar]) -> pd.DataFrame:
+    """Return the trials that have the levels of `only`."""
+    for name, level in only.items():
+        trials = trials[trials[name] == level]
+    return trials
+
+
+def possible(
+    compare: Sequence[Compare],
+    in_force: Mapping[str, Sequence[Scalar]],
+    varied: Sequence[str],
+) -> tuple[Compare, ...]:
+    """Return the comparisons that a design can make.
+
+    `in_force` are the levels of every factor, `varied` those factors that the design has: a group
+    that everybody belongs to is none. What is about an absent level, or between groups that are
+    not there, is left out.
+    """
+    found = []
+    for one in compare:
+        factors = (*one.within, *one.between)
+        if any(level not in in_force.get(name, (level,)) for name, level in one.only.items()):
+            continue
+        if any(name in in_force and name not in varied for name in factors):
+            continue
+        kept = {name: level for name, level in one.only.items() if name in varied}
+        found.append(replace(one, only=kept))
+    return tuple(found)

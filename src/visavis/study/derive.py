@@ -1,0 +1,107 @@
+"""Derive a study from another: it states what differs, the rest stays as it is.
+
+For example `study = derive("stare", "my_stare", repetitions=2, parameters={"trial_s": 8})`.
+"""
+
+import dataclasses
+import inspect
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from visavis.lab.errors import DesignError
+from visavis.lab.yaml_lines import did_you_mean
+from visavis.study.declaration import Study
+from visavis.study.exclusions import Exclusion
+from visavis.study.parameters import parameters_in_force
+
+OWN: Final = frozenset({"name", "base", "folder", "path", "plan_folder"})
+"""What a derived study does not take over, and what is not given by name."""
+
+
+def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
+    """Return a study that is another one but for what is given by name.
+
+    `base` is a study found by its name, by its file (a relative path starts from the file that
+    derives), or a `Study`. Everything that a `Study` takes can be given. `parameters` replace
+    those of the base by name, levels of its factors among them; `exclusions` may be limits by
+    name, such as {"max_trial_lost_01": 0.3}; `texts` names a folder whose texts lie over the
+    base's. A trial, an answer or a scene of its own is added as to any study.
+
+    Raises:
+        UsageError: there is no such base.
+        DesignError: the base cannot be derived from, or has nothing of such a name.
+        ConfigError: a parameter does not exist, or is none.
+    """
+    frame = inspect.currentframe()
+    caller = None if frame is None else frame.f_back
+    file = None if caller is None else caller.f_globals.get("__file__")
+    source = base if isinstance(base, Study) else _found(base, Path(file or ".").parent)
+    possible = [f.name for f in dataclasses.fields(Study) if f.name not in OWN]
+    for given in differs:
+        if given not in possible:
+            raise DesignError(
+                f"a study has no {given!r} to differ in{did_you_mean(given, possible)}"
+            )
+    changed = {
+        "makers": dict(source.makers),
+        "sections": list(source.sections),
+        "texts": None,
+        **differs,
+    }
+    changed |= _parameters(source, changed)
+    if isinstance(changed.get("exclusions"), Mapping):
+        changed["exclusions"] = _limits(source, changed["exclusions"])
+    return dataclasses.replace(
+        source,
+        name=name,
+        base=source,
+        folder=Path(),
+        path=None,
+        plan_folder=None if "plan_of" in differs else source.plan_folder or source.folder,
+        **changed,
+    )
+
+
+def _found(base: str | Path, here: Path) -> Study:
+    from visavis.study.catalogue import find_study, is_file  # which derives nothing itself
+
+    wanted = str(base)
+    if is_file(wanted):
+        wanted = str(here / wanted)
+    return find_study(wanted).study
+
+
+def _parameters(source: Study, changed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return fields of a study for its parameters, levels of factors and what every study has."""
+    given = {
+        k: list(v) if isinstance(v, tuple) else v for k, v in changed.get("parameters", {}).items()
+    }
+    if not given:
+        return {"parameters": dict(source.parameters)}
+    in_force = parameters_in_force(source, given)
+    factors = tuple(
+        dataclasses.replace(f, levels=tuple(in_force[f.name])) if f.name in in_force else f
+        for f in changed.get("factors", source.factors)
+    )
+    usual = {f.name for f in dataclasses.fields(Study)}
+    return {
+        "parameters": {k: in_force[k] for k in source.parameters},
+        "factors": factors,
+        **{
+            k: v
+            for k, v in in_force.items()
+            if k in usual and k not in source.parameters and k not in changed
+        },
+    }
+
+
+def _limits(source: Study, limits: Mapping[str, float | None]) -> tuple[Exclusion, ...]:
+    rules = {rule.name: rule for rule in source.exclusions}
+    for name in limits:
+        if name not in rules:
+            raise DesignError(f"{source.name} has no rule {name!r}{did_you_mean(name, rules)}")
+    return tuple(
+        dataclasses.replace(rule, limit=limits[rule.name]) if rule.name in limits else rule
+        for rule in source.exclusions
+    )

@@ -1,0 +1,211 @@
+"""Read a study's trials without performing them: what is shown, asked, and how long it takes.
+
+A trial is a generator, so it can be run through with made-up replies: every condition once, so
+that what the study needs (agents, responses, devices, time) is known before anybody is there.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Pose
+from visavis.protocol.plan import Trial
+from visavis.protocol.steps import Answered, Ask, FrameView, GazeView, Mark, NextFrame, Prompt, Show
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.sound import Sound
+from visavis.study.asking import Answer
+from visavis.study.background import Beside
+from visavis.study.films import Shown
+from visavis.study.responses import Response
+from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.study_errors import in_words, line_of, line_reached
+from visavis.study.trial import (
+    SCENE_STREAM,
+    Action,
+    PlayedSound,
+    Settings,
+    ShownScene,
+    TrialPlan,
+    TrialScript,
+)
+
+MAX_STEPS: Final = 100_000
+ANSWER_S: Final = 2.5
+"""What a question is taken to need where only its answer ends it."""
+FRAME_S: Final = 0.25
+"""Time between frames that a trial asks for itself: enough to run through it."""
+
+
+STEPS_OF_A_PAGE: Final = ("ask", "dark", "wait", "mark")
+"""What a page can perform besides films."""
+
+
+@dataclass(frozen=True)
+class TrialRead:
+    """What reading one trial found."""
+
+    seconds: float
+    responses: tuple[Response, ...]
+    scenes: tuple[Scene, ...]
+    agents: int
+    vibrates: bool
+    lit: SceneFrame | None = None
+    """The first lit frame of a trial that shows scenes frame by frame itself."""
+    films: tuple[Shown, ...] = ()
+    roles: frozenset[str] = frozenset()
+    """Who is who in any of the scenes."""
+    fits_a_page: bool = True
+    """No step of it needs a display frame by frame, or another device."""
+    sounds: tuple[Sound | Path, ...] = ()
+    """What it plays."""
+    sound_columns: tuple[str, ...] = ()
+    """The columns of when that began."""
+
+
+def still_view(t_ns: int = 0) -> FrameView:
+    """Return a frame in which nothing happened: the head at rest, no gaze, no press."""
+    gaze = GazeView(
+        np.empty(0, np.int64), np.empty(0, np.bool_), np.empty((0, 3)), np.empty((0, 3)),
+        np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)), np.empty(0, np.int16),
+    )  # fmt: skip
+    head = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    return FrameView(0, t_ns, head, True, gaze)
+
+
+def first_lit(plan: TrialPlan, trial: Trial, settings: Settings) -> SceneFrame | None:
+    """Return the first lit frame of a trial before it is performed; None where it shows none.
+
+    What earlier trials left is not known to it.
+    """
+    apart = replace(settings, memory={}, beside=Beside())
+    return read_trial(plan, trial, apart, stops_when_lit=True).lit
+
+
+def read_trial(
+    plan: TrialPlan, trial: Trial, settings: Settings, *, stops_when_lit: bool = False
+) -> TrialRead:
+    """Run through a trial with made-up replies; with `stops_when_lit` no further than its light.
+
+    Raises:
+        DesignError: the trial cannot be run through, with its condition and the reason.
+    """
+    script = TrialScript(trial, settings)
+    script.is_read = True
+    seconds, agents, vibrates, fits_a_page = 0.0, 0, False, True
+    lit: SceneFrame | None = None
+    responses: list[Response] = []
+    scenes: list[Scene] = []
+    films: list[Shown] = []
+    sounds: list[Sound | Path] = []
+    sound_columns: list[str] = []
+    roles: set[str] = set()
+    reply: Any = None
+    steps: Any = plan(script)
+    try:
+        for _ in range(MAX_STEPS):
+            step = steps.send(reply)
+            reply = None
+            if not isinstance(step, Action | Mark):
+                fits_a_page = False
+            if isinstance(step, Action):
+                fits_a_page &= step.watched is not None or step.name in STEPS_OF_A_PAGE
+                seconds += step.seconds
+                script.view = still_view(round(seconds * NS_PER_S))
+                vibrates = vibrates or step.name == "vibrate"
+                if step.sound is not None:
+                    sounds.append(step.sound)
+                    sound_columns.append(f"{script.numbered(step.column)}_on_ns")
+                    script.row[sound_columns[-1]] = script.now_ns
+                    lasts_s = _seconds_of(step, settings)
+                    reply = PlayedSound(script.now_ns, lasts_s)
+                    seconds += lasts_s if step.waits_for_end else 0.0
+                if step.scene is not None:
+                    scenes.append(step.scene)
+                    chance = trial.rng(SCENE_STREAM + len(scenes) - 1)  # as it is performed
+                    staging = Staging(chance, step.seconds, 0, settings.folder)
+                    staged = stage(step.scene, staging, settings.makers)
+                    if stops_when_lit and staged.scene.brightness_01 > 0:
+                        lit = staged.frame(script.view, 0)
+                    agents = max(agents, len(staged.scene.agents))
+                    roles |= set(staged.roles)
+                    reply = ShownScene(0, round(step.seconds * NS_PER_S), staged.roles, script.view)
+                answers = {}
+                for response in step.responses:
+                    responses.append(response)
+                    script.words_of(response)
+                    seconds += ANSWER_S
+                    reply = answers[response.name] = _made_up(response, script.view)
+                    if reply.option is not None:
+                        script.row[response.name] = response.value(reply.option)
+                if step.watched is not None:
+                    films.append(step.watched.shown)
+                    reply = answers
+            elif isinstance(step, NextFrame):
+                seconds += FRAME_S
+                reply = script.view = still_view(round(seconds * NS_PER_S))
+            elif isinstance(step, Show):
+                agents = max(agents, len(step.view.scene.agents))
+                if lit is None and step.view.scene.brightness_01 > 0:
+                    lit = step.view
+            elif isinstance(step, Ask):
+                reply = Answered(step.options[0] if step.options else "", 0)
+            elif isinstance(step, Prompt):
+                reply = Answered(None, 0)
+            if stops_when_lit and lit is not None:
+                break
+        else:
+            raise DesignError(f"after {MAX_STEPS} steps it has not ended")
+        steps.close()
+        return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit)
+    except StopIteration:
+        return TrialRead(
+            seconds,
+            tuple(responses),
+            tuple(scenes),
+            agents,
+            vibrates,
+            lit,
+            tuple(films),
+            frozenset(roles),
+            fits_a_page,
+            tuple(sounds),
+            tuple(sound_columns),
+        )
+    except (DesignError, TypeError) as error:
+        told = in_words(error)
+        if isinstance(error, TypeError) and told.startswith(TypeError.__name__):
+            raise  # nothing better can be said of it
+        place = line_of(error) or line_reached(steps)
+        at = f"{place}: " if place else ""
+        condition = ", ".join(f"{name} {level}" for name, level in trial.factors.items())
+        raise DesignError(f"{at}trial of {condition}: {told}") from error
+
+
+def read_trials(
+    plan: TrialPlan, trials: Iterator[Trial], settings: Settings
+) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
+    """Run through every condition among some trials once."""
+    found: dict[tuple[tuple[str, Any], ...], TrialRead] = {}
+    for trial in trials:
+        key = (*sorted(trial.factors.items()), ("practice", trial.is_practice))
+        if key not in found:
+            found[key] = read_trial(plan, trial, settings)
+    return found
+
+
+def _seconds_of(step: Action, settings: Settings) -> float:
+    """Return how long a sound lasts; 0 where its file is not here, as in an analysis elsewhere."""
+    try:
+        return 0.0 if step.sound is None else settings.sound_of(step.sound).duration_s
+    except DesignError:
+        return 0.0
+
+
+def _made_up(response: Response, view: FrameView) -> Answer:
+    option = str(response.options[0]) if response.options else "0"
+    return Answer(option, "keys", 0, 0, view)

@@ -1,0 +1,355 @@
+"""A study on the kit as the session performs it: the plan, each trial, the dark between."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.errors import ConfigError, DesignError
+from visavis.lab.geometry import Vector
+from visavis.protocol.boards import DwellRule, Ways
+from visavis.protocol.design import combinations_of, make_plan
+from visavis.protocol.experiment import Demands, untold
+from visavis.protocol.plan import SessionPlan, Trial
+from visavis.protocol.steps import Plan
+from visavis.stimuli.scene import Scene as StageScene
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.sound import Sound
+from visavis.study.asking import frame
+from visavis.study.comparisons import Compare, possible
+from visavis.study.declaration import Study
+from visavis.study.dry_run import TrialRead, first_lit, read_trials
+from visavis.study.films import Film, films_of
+from visavis.study.parameters import parameters_in_force
+from visavis.study.responses import Keys, Pointing, Rating, Response
+from visavis.study.texts import DEFAULT_LANGUAGE, Texts, read_texts
+from visavis.study.trial import Action, Settings, TrialScript, perform
+
+WAYS: Final = ("board", "ray", "keyboard")
+"""How questions are answered: on boards by hand, gaze or head; by hand or head; at the terminal."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudyExperiment:
+    """Implement `visavis.protocol.experiment.Experiment` for any study on the kit.
+
+    `overrides` replace parameters by name (`language` among them).
+
+    Raises:
+        ConfigError: a parameter, a value or a text does not exist.
+        DesignError: a trial of the study cannot be run through.
+    """
+
+    study: Study
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _ = self.read  # so that what is wrong is said before anything begins
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        return self.study.name
+
+    @cached_property
+    def language(self) -> str:
+        """The language of everything a participant reads."""
+        return str(self.overrides.get("language", DEFAULT_LANGUAGE))
+
+    @cached_property
+    def parameters(self) -> dict[str, Any]:
+        """Every parameter in force."""
+        given = {k: v for k, v in self.overrides.items() if k != "language"}
+        return parameters_in_force(self.study, given)
+
+    @cached_property
+    def texts(self) -> Texts:
+        """Everything a participant reads."""
+        return read_texts(self.study.text_folders, self.language)
+
+    @cached_property
+    def settings(self) -> Settings:
+        """What every trial is given."""
+        p = self.parameters
+        if p["answer_by"] not in WAYS:
+            raise ConfigError(f"{self.name}: answer_by is {p['answer_by']!r}; {', '.join(WAYS)}")
+        return Settings(
+            parameters=p,
+            texts=self.texts,
+            values={k: v for k, v in p.items() if isinstance(v, str | int | float)},
+            makers=self.study.makers,
+            ways=Ways(float(p["answer_limit_s"]), None if p["answer_by"] == "ray" else DwellRule()),
+            answer_by=str(p["answer_by"]),
+            folder=self.study.files_folder,
+            measured=frozenset(m.role for m in self.study.measures if m.role),
+        )
+
+    @cached_property
+    def read(self) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
+        """What every condition shows and asks."""
+        design = self.study.design(self.parameters)
+        trials = (
+            Trial(f"T{i}", i, 0, False, self._derived(cell), i)
+            for i, cell in enumerate(combinations_of(design.factors), start=1)
+        )
+        return read_trials(self.study.trial_plan, trials, self.settings)
+
+    def first_lit(self, trial: Trial) -> SceneFrame | None:
+        """Return the first lit frame of a trial before it is performed; None where it has none."""
+        return first_lit(self.study.trial_plan, trial, self.settings)
+
+    @cached_property
+    def responses(self) -> dict[str, Response]:
+        """Everything that is asked, by name."""
+        asked = [r for t in self.read.values() for r in t.responses]
+        return {r.name: r for r in (*asked, *self.study.responses)}
+
+    @cached_property
+    def films(self) -> tuple[Film, ...]:
+        """Every film that a condition shows, each once."""
+        shown = (
+            film for t in self.read.values() for of in t.films for film in films_of(of).values()
+        )
+        return tuple(dict.fromkeys(shown))
+
+    @property
+    def words(self) -> dict[str, Response]:
+        """Every response by the text with which it is put."""
+        script = TrialScript(Trial("T1", 1, 0, False, {}, 0), self.settings)
+        return {script.words_of(r)[0]: r for r in self.responses.values()}
+
+    @cached_property
+    def agent_count(self) -> int:
+        """Number of agents in every scene of a trial; fixes the width of recorded columns."""
+        counts = {t.agents for t in self.read.values()}
+        if len(counts - {0}) > 1:
+            raise DesignError(
+                f"study {self.name} shows scenes of {', '.join(map(str, sorted(counts)))} people; "
+                "all scenes of a study hold equally many (or none)"
+            )
+        # Where scenes show others than their agents, columns have had the width of one.
+        return max(counts, default=0) or (1 if self.study.people else 0)
+
+    @property
+    def people_count(self) -> int:
+        """At most how many people a picture of it shows: an audience has its speaker too."""
+        people = self.study.people
+        return max(self.agent_count + 1, people(self.parameters) if callable(people) else people)
+
+    @property
+    def trial_s(self) -> float:
+        """Usual duration of a trial, for the time left on the operator's screen."""
+        told = self.parameters.get("trial_s")
+        return (
+            float(np.mean([t.seconds for t in self.read.values()])) if told is None else float(told)
+        )
+
+    @property
+    def intertrial_s(self) -> float:
+        """Duration of the dark before a trial."""
+        return float(self.parameters["intertrial_s"])
+
+    @property
+    def needed_roles(self) -> tuple[str, ...]:
+        """Devices the study cannot do without, beside the headset."""
+        plays = ("sound",) if any(t.sounds for t in self.read.values()) else ()
+        return tuple(dict.fromkeys((*self.study.needs, *plays)))
+
+    @property
+    def useful_roles(self) -> tuple[str, ...]:
+        """Devices it uses where the lab has them."""
+        uses = self.study.uses
+        if uses is None:
+            return ("eye_tracker", "body_tracker") if self._is_pointed else ("eye_tracker",)
+        return tuple(uses(self.parameters) if callable(uses) else uses)
+
+    @property
+    def rests_on_gaze(self) -> bool:
+        """Whether it calibrates an eye tracker, needs one, or measures anything by gaze."""
+        study = self.study
+        measured = bool(study.looks) or any(m.needs_gaze for m in study.measures)
+        return study.calibrate or measured or "eye_tracker" in self.needed_roles
+
+    @property
+    def _is_pointed(self) -> bool:
+        """Whether answers are given by a hand: nothing else of a body is asked for."""
+        asked = self.responses.values()
+        way = self.settings.answer_by
+        on_boards = way == "board" and any(r.options for r in asked if not isinstance(r, Keys))
+        by_hand_alone = on_boards and not self.study.calibrate
+        return way == "ray" or by_hand_alone or any(isinstance(r, Pointing) for r in asked)
+
+    @property
+    def demands(self) -> Demands:
+        """What the study asks of a lab beyond devices being there."""
+        of = self.study.demands_of
+        found = Demands() if of is None else of(self.parameters)
+        return replace(found, sounds=self.sounds) if self.sounds else found
+
+    @cached_property
+    def sounds(self) -> tuple[Sound, ...]:
+        """Everything that a condition plays, each once.
+
+        Raises:
+            DesignError: a file cannot be played.
+        """
+        of = self.settings.sound_of
+        played = (of(sound) for trial in self.read.values() for sound in trial.sounds)
+        return tuple({sound.sha256: sound for sound in played}.values())
+
+    @property
+    def unplayable(self) -> tuple[str, ...]:
+        """What is wrong with each file that a condition plays and that cannot be played."""
+        files = {s for trial in self.read.values() for s in trial.sounds if isinstance(s, Path)}
+        problems = []
+        for file in sorted(files):
+            try:
+                self.settings.sound_of(file)
+            except DesignError as problem:
+                problems.append(str(problem))
+        return tuple(problems)
+
+    def prepare(self, told: Callable[[int, int], None] = untold) -> None:
+        """Load and compute what would hold up a frame; `told` hears how many of how many."""
+        of = self.study.prepare_of
+        steps = () if of is None else tuple(of(self))
+        for done, step in enumerate(steps):
+            told(done, len(steps))
+            step()
+        told(len(steps), len(steps))
+
+    @property
+    def spare_roles(self) -> tuple[str, ...]:
+        """Devices without which a session may go on where the operator says so.
+
+        Where the study does not name them: what it uses without needing it, but not an eye tracker
+        that it calibrates, nor response devices whose keys or ray it asks for.
+        """
+        if self.study.spares is not None:
+            return tuple(self.study.spares)
+        needed = set(self.study.needs)
+        needed |= {"eye_tracker"} if self.study.calibrate and self.study.validate else set()
+        pressed = any(isinstance(r, Keys | Pointing) for r in self.responses.values())
+        needed |= {"responses"} if pressed or self.settings.answer_by == "ray" else set()
+        return tuple(role for role in (*self.useful_roles, "responses") if role not in needed)
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return everything one participant will do; what trials remember is forgotten.
+
+        Raises:
+            DesignError: there is no such group, or the design cannot be ordered so.
+        """
+        self.settings.memory.clear()
+        design = self.study.design(self.parameters)
+        made = make_plan(
+            design, seed=seed, participant_index=participant_index, group=group or None
+        )
+        values = self.values_of(made)
+        own = 1 if made.blocks[0].trials and made.blocks[0].trials[0].is_practice else 0
+        parts = len(made.blocks) - own
+        blocks = []
+        for block in made.blocks:
+            part = block.index + 1 - own
+            is_practice = own == 1 and block.index == 0
+            known = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
+            if self.study.blocked_by is not None:
+                known["level"] = block.trials[0].factors[self.study.blocked_by]
+            titles = ("blocks.practice",) if is_practice else ("blocks.part",)
+            said = ("practice",) if is_practice else _instructions(part, parts)
+            blocks.append(
+                replace(
+                    block,
+                    trials=tuple(
+                        replace(t, factors=self._derived(t.factors)) for t in block.trials
+                    ),
+                    name=self.texts.find(*titles, values=known) or block.name,
+                    instruction=self.texts.find(*said, values=known) or "",
+                    calibrate=self.study.calibrate
+                    and (block.index == 0 or self.study.calibrate_blocks),
+                    questionnaires=() if is_practice else self._asked_after_blocks(),
+                )
+            )
+        kept = {
+            name: value if isinstance(value, str | int | float | bool) else json.dumps(list(value))
+            for name, value in self.parameters.items()
+        }
+        kept["language"] = self.language
+        return replace(made, blocks=tuple(blocks), parameters=kept)
+
+    def _asked_after_blocks(self) -> tuple[str, ...]:
+        unasked = () if self.study.unasked is None else self.study.unasked(self.parameters)
+        return tuple(name for name in self.study.after_block if name not in unasked)
+
+    def values_of(self, made: SessionPlan) -> dict[str, Any]:
+        """Return what texts can name: parameters, and what follows from the plan."""
+        counted = [t for t in made.trials if not t.is_practice]
+        return {
+            **self.settings.values,
+            "trials": len(counted),
+            "practice": len(made.trials) - len(counted),
+            "trial_s": self.parameters.get("trial_s", round(self.trial_s)),
+            **{
+                f"{r.name}_{end}": getattr(r, end)
+                for r in self.responses.values()
+                if isinstance(r, Rating)
+                for end in ("low", "high")
+            },
+            "blocks": sum(any(not t.is_practice for t in b.trials) for b in made.blocks),
+        }
+
+    def run_trial(self, trial: Trial) -> Plan:
+        """Return the generator that performs a trial."""
+        return perform(TrialScript(trial, self.settings), self.study.trial_plan)
+
+    def intertrial(self, trial: Trial) -> Plan:
+        """Stay dark before a trial, or do what the study does instead."""
+        script = TrialScript(trial, self.settings)
+        script.view = yield from frame()
+        start_ns = script.now_ns
+        row = yield from perform(script, self.study.intertrial_of or _darkness)
+        return {"intertrial_ms": (script.now_ns - start_ns) / NS_PER_MS, **row}
+
+    def blank(self, mark_m: Vector | None) -> StageScene:
+        """Return a dark scene without people, for calibrations and breaks."""
+        return StageScene(name="blank", agents=(), brightness_01=0.0, mark_m=mark_m)
+
+    def conditions(self) -> Iterator[Mapping[str, Any]]:
+        """Yield every condition of the design."""
+        for cell in combinations_of(self.study.design(self.parameters).factors):
+            yield self._derived(cell)
+
+    @cached_property
+    def levels(self) -> dict[str, tuple[Any, ...]]:
+        """The levels of every factor, and what columns that follow from factors can hold."""
+        design = self.study.design(self.parameters)
+        found = {f.name: tuple(f.levels) for f in design.factors}
+        cells = list(self.conditions())
+        return found | {n: tuple(dict.fromkeys(c[n] for c in cells)) for n in self.study.derived}
+
+    @cached_property
+    def compare(self) -> tuple[Compare, ...]:
+        """The comparisons that the design in force can make."""
+        in_force = {f.name: self.parameters.get(f.name, f.levels) for f in self.study.factors}
+        return possible(self.study.compare, in_force, tuple(self.levels))
+
+    def _derived(self, factors: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a trial's factors with what follows from them."""
+        return {**factors, **{name: of(factors) for name, of in self.study.derived.items()}}
+
+
+def _darkness(t: TrialScript) -> Iterator[Action]:
+    yield t.dark(t.intertrial_s)
+
+
+def _instructions(part: int, parts: int) -> tuple[str, ...]:
+    """Return the texts of which the first that a study has is a part's instruction."""
+    if parts == 1:
+        place = "only"
+    else:
+        place = "first" if part == 1 else "last" if part == parts else "between"
+    return (f"instructions.{part}", f"instructions.{place}", "instruction")

@@ -1,0 +1,194 @@
+"""Films as stimuli: a scene, for so long, seen by a camera; one alone, or two beside each other.
+
+A film is data: also where its camera moves, which then follows from the scene, from how it films
+and from a seed. In a browser it is a file, drawn once and the same for everybody; before a headset
+or a monitor its scene itself is shown.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Vector, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
+from visavis.stimuli.camera.shots import ShotSize
+from visavis.study.responses import Response
+from visavis.study.scenes import PAIR, Scene
+
+MAX_FILM_S: Final = 600.0
+MAX_SIDE_PX: Final = 1920
+CODEC: Final = "vp09.00.31.08"
+"""How browsers are asked whether they can play our films: VP9, profile 0, level 3.1, 8 bit."""
+MIME: Final = f'video/webm; codecs="{CODEC}"'
+
+
+@dataclass(frozen=True)
+class Lens:
+    """From where a film is taken, in metres of the scene: the eye, what it aims at, and half the
+    height of the picture one metre away.
+    """
+
+    eye_m: tuple[float, float, float] = (0.75, 1.25, 0.0)
+    aim_m: tuple[float, float, float] = (0.0, 1.08, -2.6)
+    half_height_01: float = 0.36
+
+    def __post_init__(self) -> None:
+        if self.eye_m == self.aim_m or not 0.01 <= self.half_height_01 <= 3.0:
+            raise DesignError(f"{self} sees nothing; let it aim elsewhere, with 0.01 to 3")
+
+    @property
+    def turn_wxyz(self) -> Vector:
+        """The camera's orientation: it looks along −z, its top up."""
+        towards = np.subtract(self.aim_m, self.eye_m)
+        yaw_deg, pitch_deg = yaw_pitch_deg_of(unit(towards))
+        return quat_from_yaw_pitch_deg(float(yaw_deg), float(pitch_deg))
+
+
+@dataclass(frozen=True)
+class Directed:
+    """A director films whoever plays the `subject`: on the `tracks` that the room's own topology
+    gives, or between places `scattered` in it at random; with `cuts`, and moving or standing still
+    between them. `seed` draws the lengths of shots, and the scattered places.
+    """
+
+    over: Literal["tracks", "scattered"] = "tracks"
+    shot: ShotSize = ShotSize.LONG
+    cuts: bool = True
+    moves: bool = True
+    fov_v_deg: float = 40.0
+    seed: int = 0
+    subject: str = "active"
+
+    def __post_init__(self) -> None:
+        _check_view(self.fov_v_deg)
+        if self.over not in ("tracks", "scattered"):
+            raise DesignError(f"a director films over {self.over!r}; it is tracks or scattered")
+
+
+@dataclass(frozen=True)
+class Following:
+    """A camera that follows whoever plays the `subject`, so far behind them, above their head and
+    to their right, and never cuts.
+    """
+
+    back_m: float = 2.6
+    above_m: float = 0.35
+    right_m: float = 0.45
+    shot: ShotSize = ShotSize.LONG
+    fov_v_deg: float = 40.0
+    subject: str = "active"
+
+    def __post_init__(self) -> None:
+        _check_view(self.fov_v_deg)
+        if not 0.5 <= self.back_m <= 20.0:
+            raise DesignError(f"a camera follows {self.back_m} m behind; give 0.5 to 20 m")
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Cameras at places (x, y, z) in metres that turn to whoever plays the `subject`; the film
+    cuts to the one that shows them best.
+    """
+
+    places_m: tuple[tuple[float, float, float], ...]
+    shot: ShotSize = ShotSize.LONG
+    fov_v_deg: float = 40.0
+    min_shot_s: float = 2.0
+    subject: str = "active"
+
+    def __post_init__(self) -> None:
+        _check_view(self.fov_v_deg)
+        if not self.places_m:
+            raise DesignError("no camera was placed; name at least one place (x, y, z) in metres")
+
+
+def _check_view(fov_v_deg: float) -> None:
+    if not 5.0 <= fov_v_deg <= 120.0:
+        raise DesignError(f"a camera sees {fov_v_deg} degrees up and down; give 5 to 120")
+
+
+Moving: TypeAlias = Directed | Following | Placed
+"""Cameras that find their way by whom they film; every other one is a `Lens`."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """A scene from its onset on, `seconds` long, at `rate_hz` pictures a second.
+
+    `lens` is the camera: one that stands still, or one that films somebody wherever they go.
+    `seed` is its chance (blinks): a film is the same for everybody and in every trial.
+    """
+
+    scene: Scene
+    seconds: float
+    size_px: tuple[int, int] = (720, 720)
+    rate_hz: int = 60
+    seed: int = 0
+    lens: Lens | Moving = Lens()
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.rate_hz <= 120:
+            raise DesignError(f"a film of {self.rate_hz} pictures a second; give 1 to 120")
+        if not 1 / self.rate_hz <= self.seconds <= MAX_FILM_S:
+            raise DesignError(f"a film of {self.seconds} s; give up to {MAX_FILM_S:g} s")
+        if any(not 64 <= side <= MAX_SIDE_PX or side % 2 for side in self.size_px):
+            raise DesignError(
+                f"a film of {self.size_px[0]} x {self.size_px[1]} pixels; give even numbers from "
+                f"64 to {MAX_SIDE_PX}"
+            )
+
+    @property
+    def frame_count(self) -> int:
+        """How many pictures it has."""
+        return max(1, round(self.seconds * self.rate_hz))
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two films beside each other, begun together."""
+
+    left: Film
+    right: Film
+
+
+Shown: TypeAlias = Film | Pair
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A film, or two, with what is asked below: answers count after `min_rounds` whole rounds."""
+
+    shown: Shown
+    responses: tuple[Response, ...]
+    caption: str = ""
+    min_rounds: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.min_rounds <= 100:
+            raise DesignError(f"min_rounds is {self.min_rounds}; give 0 to 100")
+
+
+def films_of(shown: Shown) -> Mapping[str, Film]:
+    """Return the films by where they stand: "film", or "left" and "right"."""
+    return (
+        {"film": shown} if isinstance(shown, Film) else {"left": shown.left, "right": shown.right}
+    )
+
+
+def scene_of(shown: Shown) -> Scene:
+    """Return the scene that shows the same in a headset or on a monitor.
+
+    Two films of one scene by different cameras show that scene.
+    """
+    if isinstance(shown, Film):
+        return shown.scene
+    if shown.left.scene == shown.right.scene and shown.left.lens != shown.right.lens:
+        return shown.left.scene
+    return Scene(PAIR, left=shown.left.scene, right=shown.right.scene)
+
+
+def seconds_of(shown: Shown) -> float:
+    """Return how long one round takes."""
+    return max(film.seconds for film in films_of(shown).values())

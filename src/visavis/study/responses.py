@@ -1,0 +1,276 @@
+"""What a participant can be asked: each says its choices, what an answer means, and its columns.
+
+A response is data. Its words stand in the study's text files (`questions.NAME`,
+`choices.NAME.OPTION`); how it is asked (board, ray, gaze, keys, terminal) is
+`visavis.study.asking`'s.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
+
+from visavis.lab.errors import DesignError
+from visavis.protocol.columns import Column
+from visavis.protocol.steps import Scalar
+
+MAX_CHOICES = 9
+"""As many as have a digit of their own on a keyboard."""
+WAYS = "ray, gaze, keys, keyboard, mouse, touch, pen or operator"
+
+
+@dataclass(frozen=True)
+class _Response:
+    """What is asked under a name; an option means itself, and an answer says nothing else."""
+
+    name: str
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise DesignError(
+                f"a response is called {self.name!r}; give a name of letters, digits and _"
+            )
+
+    def value(self, option: str) -> Scalar | None:
+        """Return what an option means."""
+        return option
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the columns an answer adds to a trial's row."""
+        return (
+            self._given,
+            Column(f"{self.name}_by", "", f"how it was answered: {WAYS}"),
+            Column(
+                f"{self.name}_ms",
+                "ms",
+                "from the first frame of the question, or of its film, to the answer",
+            ),
+            *self._further,
+        )
+
+    def more(self, option: str | None) -> dict[str, Scalar | None]:
+        """Return what else an answer says."""
+        return {}
+
+    @property
+    def _given(self) -> Column:
+        raise NotImplementedError
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        return ()
+
+
+@dataclass(frozen=True)
+class _Judged(_Response):
+    """One of several `options`, of which `right` is the one that counts as correct, if any does."""
+
+    options: Sequence[str]
+    right: str | None = None
+    aggregate: ClassVar[str] = "share"
+    _words: ClassVar[tuple[str, str, str]]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "options", tuple(map(str, self.options)))
+        if self.right is not None and self.right not in self.options:
+            raise DesignError(
+                f"{self._words[0]} {self.name}: {self.right!r} is none of its {self._words[1]}"
+            )
+
+    def more(self, option: str | None) -> dict[str, Scalar | None]:
+        """Return whether the answer is right, where an option is."""
+        if self.right is None:
+            return {}
+        return {f"{self.name}_is_right": None if option is None else option == self.right}
+
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, "", f"{self._words[2]}: {', '.join(self.options)}")
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        if self.right is None:
+            return ()
+        said = f"{self._words[2]} is the right one"
+        return (Column(f"{self.name}_is_right", "", said),)
+
+
+@dataclass(frozen=True)
+class Rating(_Response):
+    """A whole number from `low` to `high`."""
+
+    low: int = 1
+    high: int = 7
+    aggregate: ClassVar[str] = "mean"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1 <= self.high - self.low < MAX_CHOICES:
+            raise DesignError(
+                f"rating {self.name} goes from {self.low} to {self.high}; give 2 to {MAX_CHOICES} "
+                "steps"
+            )
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The choices in order, as they are stored."""
+        return tuple(str(n) for n in range(self.low, self.high + 1))
+
+    def value(self, option: str) -> Scalar:
+        """Return what an option means."""
+        return int(option)
+
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, "1", f"{self.low} low to {self.high} high")
+
+
+@dataclass(frozen=True)
+class Choice(_Judged):
+    """One of several options (n-AFC); `right` is the one that counts as correct, if any does.
+
+    `labels` are what the options are called on this occasion, in their order, where that is not
+    always the same; like options they are translated by `choices.NAME.LABEL`.
+    """
+
+    labels: Sequence[str] = ()
+    _words = ("choice", "options", "the option chosen")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 2 <= len(self.options) <= MAX_CHOICES:
+            raise DesignError(f"choice {self.name} has {len(self.options)} options; give 2 to 9")
+        if len(set(self.options)) < len(self.options):
+            raise DesignError(f"choice {self.name} has an option twice: {', '.join(self.options)}")
+        object.__setattr__(self, "labels", tuple(map(str, self.labels)))
+        if self.labels and len(set(self.labels)) != len(self.options):
+            raise DesignError(f"choice {self.name}: give each of its options a label of its own")
+
+
+@dataclass(frozen=True)
+class SideBySide(_Response):
+    """Which of two things shown beside each other; `left` and `right` say what stood there."""
+
+    left: str
+    right: str
+    options: ClassVar[tuple[str, ...]] = ("left", "right")
+    aggregate: ClassVar[str] = "share"
+
+    def value(self, option: str) -> Scalar:
+        """Return what stood on the side chosen."""
+        return self.left if option == "left" else self.right
+
+    def more(self, option: str | None) -> dict[str, Scalar | None]:
+        """Return the side chosen."""
+        return {f"{self.name}_side": option}
+
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, "", "what stood on the side chosen")
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        return (Column(f"{self.name}_side", "", "the side chosen"),)
+
+
+@dataclass(frozen=True)
+class Text(_Response):
+    """Free text, typed."""
+
+    options: ClassVar[tuple[str, ...]] = ()
+    aggregate: ClassVar[str] = ""
+
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, "", "in the participant's words")
+
+
+@dataclass(frozen=True)
+class Number(_Response):
+    """A number, typed; missing when it is none or lies outside the bounds.
+
+    With a `step` a page shows a slider from `low` to `high`, which has no place until it is moved.
+    """
+
+    unit: str = "1"
+    low: float = float("-inf")
+    high: float = float("inf")
+    step: float = 0.0
+    options: ClassVar[tuple[str, ...]] = ()
+    aggregate: ClassVar[str] = "mean"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        bounded = float("-inf") < self.low < self.high < float("inf")
+        if self.step < 0 or (self.step > 0 and not bounded):
+            raise DesignError(f"number {self.name}: a slider needs low, high and a step above 0")
+
+    def value(self, option: str) -> Scalar | None:
+        """Return the number; None where the text is none, or out of bounds."""
+        try:
+            number = float(option.replace(",", "."))
+        except ValueError:
+            return None
+        return number if self.low <= number <= self.high else None
+
+    def more(self, option: str | None) -> dict[str, Scalar | None]:
+        """Return the answer as typed: nothing recorded is lost."""
+        return {f"{self.name}_typed": option}
+
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, self.unit, "the number answered")
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        return (Column(f"{self.name}_typed", "", "the answer as it was typed"),)
+
+
+@dataclass(frozen=True)
+class Keys(_Judged):
+    """A press of one of `options` (controls of the response device), timed from the onset.
+
+    No board appears: what is shown stays. `right` is the press that counts as correct, if any
+    does; without a press within `limit_s` the answer is missing.
+    """
+
+    options: Sequence[str] = ("trigger",)
+    limit_s: float = 3.0
+    _words = ("keys", "controls", "what was pressed")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.options or not self.limit_s > 0:
+            raise DesignError(f"keys {self.name}: name at least one control, and limit_s above 0")
+
+
+@dataclass(frozen=True)
+class Pointing(_Response):
+    """A direction pointed at with a tracked hand, a controller or the head, then confirmed.
+
+    What it comes to is known where the ray is.
+    """
+
+    limit_s: float = 30.0
+    options: ClassVar[tuple[str, ...]] = ()
+    aggregate: ClassVar[str] = ""
+
+    @property
+    def _given(self) -> Column:
+        said = "place of the nearest head within 10° of the ray; none: empty"
+        return Column(self.name, "", said)
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        return (
+            Column(f"{self.name}_yaw_deg", "deg", "direction pointed at, positive to the left"),
+            Column(f"{self.name}_pitch_deg", "deg", "direction pointed at, positive upwards"),
+        )
+
+
+Response: TypeAlias = Rating | Choice | SideBySide | Text | Number | Keys | Pointing
+
+
+def labels_of(response: Response) -> tuple[str, ...]:
+    """Return what the options are called on this occasion, by the names of their texts."""
+    return tuple(getattr(response, "labels", ()) or response.options)

@@ -1,0 +1,360 @@
+"""What a trial shows, by name: the places Visavis comes with, and those a study adds.
+
+A study writes `Scene("two_people", active="left", eyes="directed")`; a maker turns that into a
+`Staged` scene: geometry, who is who in it (`roles`), and what changes from frame to frame.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from inspect import signature
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Vector
+from visavis.lab.yaml_lines import did_you_mean
+from visavis.protocol.steps import FrameView
+from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.dressing.gathering import agents_of
+from visavis.stimuli.gaze.behaviour import EyeBehaviour
+from visavis.stimuli.gaze.blinks import draw_blinks
+from visavis.stimuli.motion.kinds import (
+    Crouch,
+    Idle,
+    Kind,
+    Phone,
+    Recorded,
+    Sit,
+    Talk,
+    Text,
+    Walk,
+    WatchBoard,
+    Wave,
+)
+from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
+from visavis.stimuli.scene import Scene as StageScene
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.audience import (
+    PARTICIPANT_EYE_M,
+    PLACES,
+    SPEAKER_EYE_M,
+    audience_scene,
+)
+from visavis.stimuli.scenes.gathering import GatheringScene, Standing
+from visavis.study.study_errors import not_taken, taken_by
+
+FOLLOW_STEP_M: Final = 0.005
+"""Eyes on the participant follow their head in steps of this size: 0.2° at 1.4 m."""
+BEYOND_S: Final = 120.0
+"""Blinks are drawn for so long beyond the planned duration: who asks may take time to answer."""
+PAIR: Final = "pair"
+"""The scene of two others beside each other: `Scene("pair", left=Scene(…), right=Scene(…))`."""
+BESIDE_M: Final = 0.75
+"""From the middle of a pair to where each of its scenes has its own middle."""
+AVERTED_DEG: Final = 25.0
+EYES: Final = ("directed", "averted")
+AUDIENCE: Final = (
+    *(f"female_{i:02d}" for i in range(1, 7)),
+    *(f"male_{i:02d}" for i in range(1, 6)),
+)
+MOTIONS: Final[Mapping[str, type[Kind]]] = {
+    "idle": Idle,
+    "wave": Wave,
+    "talk": Talk,
+    "phone": Phone,
+    "text": Text,
+    "crouch": Crouch,
+    "walk": Walk,
+    "sit": Sit,
+    "watch": WatchBoard,
+}
+"""What a person can do by name; anything else is the path of a clip (.npz or .bvh)."""
+
+
+@dataclass(frozen=True, init=False)
+class Scene:
+    """A scene by name with its options; what is possible is the maker's to say."""
+
+    name: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __init__(self, name: str, **options: Any) -> None:
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "options", options)
+
+    def __hash__(self) -> int:
+        return hash((self.name, tuple(sorted(self.options.items()))))
+
+
+class Staged(Protocol):
+    """A scene ready to be shown, frame by frame."""
+
+    @property
+    def scene(self) -> StageScene:
+        """The part that does not change, whose agents are recorded."""
+        ...
+
+    @property
+    def roles(self) -> Mapping[str, int]:
+        """Who is who: the index of the agent that plays a part ("active")."""
+        ...
+
+    def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
+        """Return what to show from the coming frame on; None while nothing changes."""
+        ...
+
+
+@dataclass
+class WithEyes:
+    """Agents whose eyes move: to targets, to the participant, and in blinks."""
+
+    scene: StageScene
+    roles: Mapping[str, int]
+    eyes: EyeBehaviour
+    observer_m: Vector = field(default_factory=lambda: np.array(PARTICIPANT_EYE_M))
+    step_m: float = FOLLOW_STEP_M
+    _was_moving: bool = True
+    _is_shown: bool = False
+
+    def look(self, eyes: EyeBehaviour) -> None:
+        """Let the eyes do otherwise from the next frame on."""
+        self.eyes, self._is_shown = eyes, False
+
+    def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
+        """Return the frame where eyes moved, or the participant did and somebody follows."""
+        changed = self.follow(view) or not self._is_shown
+        gaze, openness, moving = self.eyes.at(elapsed_ns, self.observer_m)
+        if not (changed or moving or self._was_moving):
+            return None
+        self._was_moving, self._is_shown = moving, True
+        distance_m = self.eyes.distance_m(elapsed_ns, self.observer_m)
+        return SceneFrame(self.scene, view.t_ns, gaze, openness, gaze_distance_m=distance_m)
+
+    def follow(self, view: FrameView) -> bool:
+        """Take note of the participant's head; tell whether it moved enough to matter."""
+        if not view.head_valid:
+            return False
+        moved = view.head.position_m - self.observer_m
+        x, y, z = moved.tolist()
+        if x * x + y * y + z * z < self.step_m**2:
+            return False
+        self.observer_m = np.array(view.head.position_m, np.float64)
+        return True
+
+
+@dataclass(frozen=True)
+class Staging:
+    """What a maker is given beside the scene's options: chance, how long, and when it begins.
+
+    `folder` is the study file's, from which relative paths start; `start_ns` the session time of
+    the frame before the onset.
+    """
+
+    rng: np.random.Generator
+    duration_s: float
+    start_ns: int = 0
+    folder: Path = Path()
+
+
+Maker = Callable[..., Staged]
+"""Makes a staged scene: called with a `Staging` and the scene's options by name."""
+
+
+def two_people(
+    staging: Staging,
+    *,
+    active: str = "left",
+    eyes: str = "directed",
+    distance_m: float = 1.6,
+    apart_deg: float = 32.0,
+    left: str = "female_01",
+    right: str = "male_01",
+) -> Staged:
+    """Return two people who sit beside each other and face the participant.
+
+    The `active` one ("left" or "right") looks at the participant ("directed") or past them
+    ("averted"); the other always looks past.
+
+    Raises:
+        DesignError: an option is none of these.
+    """
+    sides = ("left", "right")
+    _one_of("two_people", "active", active, sides)
+    _one_of("two_people", "eyes", eyes, EYES)
+    people = []
+    for side, character, sign in zip(sides, (left, right), (-1.0, 1.0), strict=True):
+        bearing = np.radians(sign * apart_deg / 2)
+        x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
+        turn = 180.0 - sign * apart_deg / 2
+        people.append(Standing(character, side, x, z - 0.16, turn, Sit(hands="lap"), 11))
+    return gathered(staging, "two_people", tuple(people), active, eyes)
+
+
+def person(
+    staging: Staging,
+    *,
+    motion: str = "idle",
+    character: str = "female_01",
+    distance_m: float = 2.6,
+    bearing_deg: float = 0.0,
+    turn_deg: float = 0.0,
+    eyes: str = "averted",
+    **how: Any,
+) -> Staged:
+    """Return one person who does something: a motion by name with its settings, or a clip's path.
+
+    `bearing_deg` is to the participant's right; with `turn_deg` 0 the person faces them.
+
+    Raises:
+        DesignError: an option is none of these.
+        MotionError: the clip cannot be read, or a setting is out of range.
+    """
+    _one_of("person", "eyes", eyes, EYES)
+    bearing = np.radians(bearing_deg)
+    x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
+    does = _does(motion, how, staging.folder, character)
+    one = Standing(character, "person", x, z, 180.0 - bearing_deg + turn_deg, does, 7)
+    return gathered(staging, f"person_{motion}", (one,), "person", eyes)
+
+
+def audience(staging: Staging, *, active: str = "centre_middle", eyes: str = "directed") -> Staged:
+    """Return the seated audience of eleven; `active` names the place of the one whose eyes count.
+
+    Everyone else looks at the speaker, behind the participant on the left.
+
+    Raises:
+        DesignError: an option is none of these.
+    """
+    _one_of("audience", "active", active, PLACES)
+    _one_of("audience", "eyes", eyes, EYES)
+    order = staging.rng.permutation(len(AUDIENCE))
+    scene = audience_scene(tuple(AUDIENCE[i] for i in order))
+    blinks = draw_blinks(staging.rng, len(PLACES), staging.duration_s + BEYOND_S)
+    behaviour = EyeBehaviour.of_scene(scene, target_m=SPEAKER_EYE_M, blinks=blinks)
+    who = PLACES.index(active)
+    behaviour = behaviour.staring(who) if eyes == "directed" else behaviour
+    return WithEyes(scene, {"active": who, **places(scene)}, behaviour)
+
+
+SCENES: Final[Mapping[str, Maker]] = {
+    "two_people": two_people,
+    "person": person,
+    "audience": audience,
+}
+"""The scenes Visavis comes with."""
+
+
+def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
+    """Make a scene; `own` are the study's, by name, before those Visavis comes with.
+
+    Raises:
+        DesignError: there is no such scene, or it does not take such options.
+    """
+    makers = {**SCENES, **own}
+    name = wanted.name
+    if name == PAIR:
+        sides = {side: stage(scene, staging, own) for side, scene in wanted.options.items()}
+        return _beside(staging, sides)
+    maker = makers.get(name)
+    if maker is None:
+        raise DesignError(
+            f"there is no scene {name!r}{did_you_mean(name, makers)}; there are {', '.join(makers)}"
+        )
+    if (known := _taken(name, maker, wanted.options)) is not None:
+        for option in wanted.options:
+            if option not in known:
+                raise DesignError(not_taken(f"scene {name}", option, known))
+    try:
+        return maker(staging, **wanted.options)
+    except TypeError as error:
+        raise DesignError(f"scene {name}: {str(error).partition('() ')[2] or error}") from error
+
+
+def _taken(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Return the options a scene takes; None where its maker takes whatever it is given."""
+    known = taken_by(maker)[1:]
+    passes_on = any(q.kind is q.VAR_KEYWORD for q in signature(maker).parameters.values())
+    if not passes_on:
+        return known
+    if maker is not person:
+        return None
+    does = MOTIONS.get(str(options.get("motion", "idle")))
+    of_motion = taken_by(read_motion)[2:] if does is None else taken_by(does)
+    return (*known, *of_motion)
+
+
+def gathered(
+    staging: Staging,
+    name: str,
+    people: tuple[Standing, ...],
+    active: str,
+    eyes: str,
+    *,
+    room_by: str = "",
+) -> Staged:
+    """Return people in a room; the gaze of whoever is at the place `active` is `eyes`.
+
+    `room_by` names what makes the room ("module:function"); a plain one is made without.
+    """
+    agents = agents_of(people)
+    scene = GatheringScene(
+        name=name, agents=agents, people=people, start_ns=staging.start_ns, room_by=room_by
+    )
+    past = np.array([_past(a.eye_centre_m, a.facing) for a in agents])
+    blinks = draw_blinks(staging.rng, len(agents), staging.duration_s + BEYOND_S)
+    behaviour = EyeBehaviour.of_scene(scene, target_m=np.zeros(3), blinks=blinks)
+    behaviour.targets_m[:] = past
+    who = [p.place for p in people].index(active)
+    behaviour = behaviour.staring(who) if eyes == "directed" else behaviour
+    return WithEyes(scene, {"active": who, **places(scene)}, behaviour)
+
+
+def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
+    """Return two gatherings of one person each as one, the first on the participant's left."""
+    people = []
+    for sign, (side, staged) in zip((-1.0, 1.0), sides.items(), strict=True):
+        alone: tuple[Standing, ...] = getattr(staged.scene, "people", ())
+        if len(alone) != 1:
+            raise DesignError(f"a pair shows one person on each side; {side} has {len(alone)}")
+        people.append(replace(alone[0], place=side, x_m=alone[0].x_m + sign * BESIDE_M))
+    return gathered(staging, PAIR, tuple(people), people[0].place, "averted")
+
+
+def places(scene: StageScene) -> dict[str, int]:
+    """Return the index of everybody by their place."""
+    return {agent.place: i for i, agent in enumerate(scene.agents)}
+
+
+def _past(eye_m: Vector, facing: Vector) -> Vector:
+    """Return a point beside the participant, `AVERTED_DEG` to the outside of where a head faces."""
+    outside = 1.0 if eye_m[0] >= 0 else -1.0
+    angle = np.radians(outside * AVERTED_DEG)
+    c, s = np.cos(angle), np.sin(angle)
+    x, z = facing[0] * c + facing[2] * s, -facing[0] * s + facing[2] * c
+    found: Vector = eye_m + 3.0 * np.array([x, facing[1] - 0.08, z])
+    return found
+
+
+def _does(motion: str, how: Mapping[str, Any], folder: Path, character: str) -> Kind:
+    if motion in MOTIONS:
+        try:
+            return MOTIONS[motion](**how)
+        except TypeError as error:
+            raise DesignError(f"motion {motion}: {error}") from error
+    path = folder / motion
+    if path.suffix.lower() not in MOTION_SUFFIXES:
+        raise DesignError(
+            f"there is no motion {motion!r}{did_you_mean(motion, MOTIONS)}; name one of "
+            f"{', '.join(MOTIONS)}, or the path of a clip (.npz, .bvh)"
+        )
+    return Recorded(read_motion(path, default_casting(character).skeleton, **how))
+
+
+def _one_of(scene: str, option: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise DesignError(
+            f"scene {scene}: {option} is {value!r}{did_you_mean(value, known)}; it is one of "
+            f"{', '.join(known)}"
+        )

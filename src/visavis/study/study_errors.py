@@ -1,0 +1,128 @@
+"""Slips in a study file: where they stand, and what was meant."""
+
+import ast
+import inspect
+import re
+from collections.abc import Callable, Generator, Iterable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from visavis.lab.errors import LabError
+from visavis.lab.yaml_lines import did_you_mean
+
+MODULE_OF_STUDY: Final = "visavis_study_"
+"""How the names of modules begin that study files are read as."""
+_NOT_TAKEN: Final = re.compile(
+    r"(?:(?P<owner>\w+)\.)?(?P<called>\w+)\(\) got an unexpected keyword argument '(?P<given>\w+)'"
+)
+
+_NOT_GIVEN: Final = frozenset(("base", "folder", "makers", "path", "plan_folder"))
+"""What decorators and the reader of a study's file set, beside all that ends in "_of"."""
+
+
+def not_taken(what: str, given: str, known: Iterable[str]) -> str:
+    """Say that something takes no such argument, with the nearest one, or all there are."""
+    names = tuple(known)
+    near = did_you_mean(given, names)
+    if "did you mean" in near:
+        return f"{what} takes no {given!r}{near}"
+    return f"{what} takes no {given!r}; it takes {', '.join(names)}"
+
+
+def in_words(error: BaseException) -> str:
+    """Return what was wrong, in the words of whoever writes a study.
+
+    Of an argument that something of the kit does not take, the message says which there are.
+    """
+    found = _NOT_TAKEN.search(str(error)) if isinstance(error, TypeError) else None
+    taker = None if found is None else _of_kit(found["owner"] or "", found["called"])
+    if found is not None and taker is not None:
+        called = found["owner"] if found["called"] == "__init__" else found["called"]
+        known = tuple(n for n in taken_by(taker) if not n.endswith("_of") and n not in _NOT_GIVEN)
+        return not_taken(str(called), found["given"], known)
+    own = isinstance(error, LabError)
+    if not own and isinstance(error, AttributeError) and _is_of_kit(error.obj):
+        names = tuple(n for n in dir(error.obj) if not n.startswith("_"))
+        near = did_you_mean(error.name, names)
+        hint = near if "did you mean" in near else ""
+        return f"a {type(error.obj).__name__.lower()} has no {error.name!r}{hint}"
+    return str(error) if own else f"{type(error).__name__}: {error}"
+
+
+def _is_of_kit(thing: object) -> bool:
+    return type(thing).__module__.partition(".")[0] == "visavis"
+
+
+def taken_by(called: Callable[..., Any]) -> tuple[str, ...]:
+    """Return the arguments that a function or class takes by name."""
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    parameters = inspect.signature(called).parameters.values()
+    return tuple(p.name for p in parameters if p.kind in kinds and p.name != "self")
+
+
+def _of_kit(owner: str, called: str) -> Callable[..., Any] | None:
+    import visavis  # late: what it offers is imported when it is asked for
+    from visavis.study.trial import TrialScript
+
+    for name in filter(None, (owner, called)):
+        if name in dir(visavis):
+            found = getattr(visavis, name)
+            taker = found if called in ("__init__", name) else getattr(found, called, None)
+            return taker if callable(taker) else None
+    step = getattr(TrialScript, called, None) if owner in ("", "TrialScript") else None
+    return step if callable(step) else None
+
+
+def line_of(error: BaseException) -> str:
+    """Return "FILE, line N" of the innermost frame of a study file that an error passed, or ""."""
+    trace, place = error.__traceback__, ""
+    while trace is not None:
+        if str(trace.tb_frame.f_globals.get("__name__", "")).startswith(MODULE_OF_STUDY):
+            place = f"{trace.tb_frame.f_code.co_filename}, line {trace.tb_lineno}"
+        trace = trace.tb_next
+    return place
+
+
+def line_reached(steps: Generator[Any, Any, Any]) -> str:
+    """Return "FILE, line N" at which a generator of a study file waits, or ""."""
+    place = ""
+    at: object = steps
+    while inspect.isgenerator(at) and at.gi_frame is not None:
+        if str(at.gi_frame.f_globals.get("__name__", "")).startswith(MODULE_OF_STUDY):
+            place = f"{at.gi_code.co_filename}, line {at.gi_frame.f_lineno}"
+        at = at.gi_yieldfrom
+    return place
+
+
+def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[int, str]]:
+    """Yield line and name of every step of a trial that a study file makes and does not yield."""
+    if path is None or not path.is_file():
+        return
+    names = frozenset(steps)
+    for made in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if not isinstance(made, ast.FunctionDef) or not made.args.args:
+            continue
+        marks = [d.attr for d in made.decorator_list if isinstance(d, ast.Attribute)]
+        inner = list(ast.walk(made))
+        if not {"trial", "intertrial"} & set(marks) and not any(
+            isinstance(n, ast.Yield | ast.YieldFrom) for n in inner
+        ):
+            continue
+        for said in (n.value for n in inner if isinstance(n, ast.Expr)):
+            if (
+                isinstance(said, ast.Call)
+                and isinstance(said.func, ast.Attribute)
+                and isinstance(said.func.value, ast.Name)
+                and said.func.value.id == made.args.args[0].arg
+                and said.func.attr in names
+            ):
+                yield said.lineno, f"{said.func.value.id}.{said.func.attr}"
+
+
+def line_saying(path: Path | None, word: str) -> str:
+    """Return "FILE, line N" of the first text of a study file that is this word, or ""."""
+    if path is None or not path.is_file():
+        return ""
+    texts = ast.walk(ast.parse(path.read_text("utf-8")))
+    lines = [n.lineno for n in texts if isinstance(n, ast.Constant) and n.value == word]
+    return f"{path}, line {min(lines)}" if lines else ""

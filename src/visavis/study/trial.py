@@ -1,0 +1,794 @@
+"""The steps a study's trial is written in: dark, show, ask, wait, key, play, vibrate, mark, walk.
+
+A trial is a generator over a `TrialScript`: it yields what the script's methods return and gets
+back what came of it (an `Answer`, a `ShownScene`). Whatever one step is made of (frames, marks, a
+board that follows a ray) happens inside, so a trial reads as its protocol does. Steps of
+`visavis.protocol.steps` may be yielded too, where a study needs the frame itself.
+"""
+
+import difflib
+from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from visavis.devices.contracts import VibrationPattern
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import DataError, DesignError
+from visavis.lab.geometry import Pose, Vector
+from visavis.protocol.boards import Ways
+from visavis.protocol.plan import Trial
+from visavis.protocol.steps import (
+    Answered,
+    FrameView,
+    Hush,
+    Mark,
+    NextFrame,
+    Plan,
+    Play,
+    PlaySound,
+    Scalar,
+    Show,
+    Silence,
+    Sounded,
+    Step,
+    TrialInterrupted,
+)
+from visavis.stimuli.panels import SIZE_M, PanelFrame, placed_before
+from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import Scene as StageScene
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.sound import Sound, read_sound
+from visavis.study.asking import (
+    Answer,
+    asked_elsewhere,
+    asked_on_board,
+    direction_columns,
+    frame,
+    pointed,
+    pressed,
+)
+from visavis.study.background import Beside
+from visavis.study.films import Shown, Watched, scene_of, seconds_of
+from visavis.study.responses import Keys, Number, Pointing, Rating, Response, Text, labels_of
+from visavis.study.scenes import Maker, Scene, Staged, Staging, stage
+from visavis.study.texts import Texts
+
+DRAIN_MS: Final = 50.0
+"""How long a scene stays for samples taken before its end that have not arrived yet."""
+SCENE_STREAM: Final = 100
+OWN_STREAM: Final = 200
+DARK: Final = StageScene(name="dark", agents=(), brightness_01=0.0)
+
+MAX_GAIN_DB: Final = 20.0
+STAMP_LIMIT_S: Final = 1.0
+"""How long a trial waits to be told when a sound began."""
+Wait: TypeAlias = Literal["onset", "end", "no"]
+Performing: TypeAlias = Generator[Step, FrameView | Answered | None, Any]
+
+
+@dataclass(frozen=True)
+class ShownScene:
+    """What came of showing a scene: when its light came and went, and who was who in it."""
+
+    on_ns: int
+    off_ns: int
+    roles: Mapping[str, int]
+    view: FrameView
+
+    @property
+    def ms(self) -> float:
+        """How long it was there."""
+        return (self.off_ns - self.on_ns) / NS_PER_MS
+
+
+@dataclass(frozen=True)
+class PlayedSound:
+    """What came of playing a sound: when it began; None where nobody was told."""
+
+    on_ns: int | None
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """A step of the kit: `name` says what, `seconds` how long at least, `perform` does it.
+
+    `response` is what is asked, `scene` what is shown, `sound` what is played and under which name
+    its `column` begins, for those who read a trial without performing it.
+    """
+
+    name: str
+    perform: Callable[[], Performing] = field(repr=False)
+    seconds: float = 0.0
+    response: Response | None = None
+    scene: Scene | None = None
+    watched: Watched | None = None
+    sound: Sound | Path | None = None
+    column: str = ""
+    waits_for_end: bool = False
+
+    @property
+    def responses(self) -> tuple[Response, ...]:
+        """Everything that is asked, in order."""
+        if self.watched is not None:
+            return self.watched.responses
+        return () if self.response is None else (self.response,)
+
+
+class UnknownNameError(DesignError, AttributeError):
+    """A trial was asked for a factor, a parameter or a step that there is not."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What every trial of a study shares: its parameters, words, scenes and ways of answering.
+
+    `memory` is what trials of one session leave to those after them, `beside` works out what would
+    hold up a frame.
+    """
+
+    parameters: Mapping[str, Any]
+    texts: Texts
+    values: Mapping[str, Any]
+    makers: Mapping[str, Maker]
+    ways: Ways
+    answer_by: str
+    folder: Path
+    memory: dict[str, Any] = field(default_factory=dict)
+    beside: Beside = field(default_factory=Beside)
+    sounds: dict[Path, Sound] = field(default_factory=dict)
+    measured: frozenset[str] = frozenset()
+    """Roles that something is measured of: a row names them where they are places, too."""
+
+    def sound_of(self, played: Sound | Path) -> Sound:
+        """Return what is played; files are read once.
+
+        Raises:
+            DesignError: the file cannot be played.
+        """
+        if isinstance(played, Sound):
+            return played
+        if played not in self.sounds:
+            try:
+                self.sounds[played] = read_sound(played)
+            except DataError as problem:
+                raise DesignError(f"t.play: {problem}") from problem
+        return self.sounds[played]
+
+
+@dataclass(frozen=True)
+class _Board:
+    """Where a question stands: before the scene or in the dark, ahead or at a place."""
+
+    over_scene: bool
+    at: Pose | None
+    size_m: tuple[float, float]
+
+
+class TrialScript:
+    """One trial as its study writes it: factors are attributes, steps are methods.
+
+    `row` collects the trial's columns; a study may add its own. What a trial function returns is
+    added to it at the end. `is_read` is true while the trial is only run through to be known:
+    what takes long to make may then be left out.
+    """
+
+    def __init__(self, trial: Trial, settings: Settings) -> None:
+        self.trial = trial
+        self.settings = settings
+        self.row: dict[str, Scalar | None] = {}
+        self.view: FrameView | None = None
+        self.is_read = False
+        self._staged: Staged | None = None
+        self._onset_ns = 0
+        self._sound_on_ns = 0
+        self._names: dict[str, int] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a factor's level in this trial, or a parameter of the study."""
+        if name.startswith("_") or name in ("trial", "settings"):
+            raise AttributeError(name)
+        if name in self.trial.factors:
+            return self.trial.factors[name]
+        if name in self.settings.parameters:
+            return self.settings.parameters[name]
+        own = (*self.trial.factors, *self.settings.parameters)
+        steps = tuple(n for n in vars(TrialScript) if not n.startswith("_"))
+        near = difflib.get_close_matches(name, (*own, *steps), n=1)
+        raise UnknownNameError(
+            f"this trial has no factor, parameter or step {name!r}"
+            + (f"; did you mean {near[0]}?" if near else f"; it has {', '.join(own)}")
+        )
+
+    @property
+    def is_practice(self) -> bool:
+        """Whether the trial is practice."""
+        return self.trial.is_practice
+
+    @property
+    def now_ns(self) -> int:
+        """Session time of the present frame; 0 before the first."""
+        return 0 if self.view is None else self.view.t_ns
+
+    @property
+    def session_memory(self) -> dict[str, Any]:
+        """What earlier trials of this session left; a session that is resumed begins anew."""
+        return self.settings.memory
+
+    @property
+    def beside(self) -> Beside:
+        """What performs functions without holding up a frame: `beside.submit(function, …)`."""
+        return self.settings.beside
+
+    def rng(self, stream: int = 0) -> np.random.Generator:
+        """Return chance for this trial: the same whenever the trial is performed again."""
+        return self.trial.rng(OWN_STREAM + stream)
+
+    def text(self, name: str, **values: Any) -> str:
+        """Return one of the study's texts with its placeholders filled."""
+        return self.settings.texts.get(name, {**self.settings.values, **values})
+
+    # ---- steps ----
+
+    def dark(self, seconds: float) -> Action:
+        """Show nothing for so long."""
+        return Action("dark", lambda: self._dark(seconds), _duration("dark", seconds))
+
+    def show(
+        self,
+        scene: Scene,
+        seconds: float,
+        *,
+        name: str = "scene",
+        until: Callable[[FrameView], bool] | None = None,
+    ) -> Action:
+        """Show a scene for so long, or until `until` says of a frame that it is enough.
+
+        Columns: `NAME_on_ns` and `NAME_off_ns` (a second scene of a trial: `NAME2_on_ns`),
+        `NAME_frames`, and `NAME_ROLE` for the agent that plays a role. The step returns a
+        `ShownScene`. The scene stays until the next step shows something else.
+        """
+        shown_s = _duration("show", seconds)
+        return Action("show", lambda: self._show(scene, seconds, name, until), shown_s, scene=scene)
+
+    def ask(
+        self,
+        response: Response,
+        *,
+        over_scene: bool = False,
+        at: Pose | None = None,
+        size_m: tuple[float, float] = SIZE_M,
+    ) -> Action:
+        """Ask something; the answer's columns join the row, and the step returns the `Answer`.
+
+        The board stands in the dark, or before the scene with `over_scene`; straight ahead of the
+        participant, or `at` a place of the tracked room. Free text and numbers are asked at the
+        terminal.
+        """
+        place = _Board(over_scene, at, size_m)
+        return Action("ask", lambda: self._ask(response, place), response=response)
+
+    def watch(
+        self, shown: Shown, *responses: Response, caption: str = "", min_rounds: int = 1
+    ) -> Action:
+        """Show a `Film` or a `Pair` round after round, with questions below it.
+
+        Answers count after `min_rounds` whole rounds; times of answers run from the first picture
+        that was presented. Columns: those of the responses, and `film_on_ns`, `film_off_ns`,
+        `film_frames`. The step returns the `Answer` to each response by name. Before a headset or
+        a monitor the scene itself is shown for so many rounds (one at least), then questions
+        follow on boards; a `caption` is read on pages alone.
+        """
+        watched = Watched(shown, responses, caption, min_rounds)
+        seconds = max(1, min_rounds) * seconds_of(shown)
+        return Action(
+            "watch", lambda: self._watch(watched), seconds, scene=scene_of(shown), watched=watched
+        )
+
+    def key(self, response: Keys) -> Action:
+        """Wait for a press, timed from the onset of what came last, scene or sound.
+
+        What is shown stays, and what sounds goes on.
+        """
+        return Action("key", lambda: self._key(response), 0.0, response=response)
+
+    def wait(self, seconds: float) -> Action:
+        """Leave everything as it is for so long."""
+        return Action("wait", lambda: self._wait(seconds), _duration("wait", seconds))
+
+    def vibrate(
+        self,
+        role: str,
+        seconds: float = 0.2,
+        *,
+        motors: tuple[int, ...] = (0,),
+        amplitude_01: float = 1.0,
+        pattern: VibrationPattern | None = None,
+    ) -> Action:
+        """Let an armband vibrate; it begins now and ends by itself, the trial goes on at once."""
+        _duration("vibrate", seconds)
+        played = pattern or VibrationPattern("steady", round(seconds * 1000))
+        return Action("vibrate", lambda: self._vibrate(role, played, motors, amplitude_01))
+
+    def play(
+        self,
+        sound: str | Path | Sound,
+        *,
+        at: str | tuple[float, float, float] | None = None,
+        gain_db: float = 0.0,
+        loops: bool = False,
+        wait: Wait = "onset",
+        name: str = "sound",
+    ) -> Action:
+        """Play a sound: a WAV file beside the study file, or a `Sound`.
+
+        `at` is where it comes from: a role or place of the scene that is shown (that person's
+        head), or a point in world (metres); recorded at 1 m, it is heard from wherever the head
+        is. None plays it to both ears as it is. The trial goes on with the sound's `onset` (a few
+        frames), its `end`, or at once (`no`); what still sounds ends with the trial. Column:
+        `NAME_on_ns`, when its first sample left the sound card, empty where nobody was told. The
+        step returns a `PlayedSound`.
+
+        Raises:
+            DesignError: a value is not possible; of files, when the session is prepared.
+        """
+        if wait not in get_args(Wait):
+            raise DesignError(f"t.play cannot wait for {wait!r}; {', '.join(get_args(Wait))}")
+        if wait == "end" and loops:
+            raise DesignError("t.play: a sound that loops has no end to wait for")
+        if not -120.0 <= gain_db <= MAX_GAIN_DB:
+            raise DesignError(f"t.play: gain_db is {gain_db:g}; from -120 to {MAX_GAIN_DB:g}")
+        played = sound if isinstance(sound, Sound) else self.settings.folder / sound
+        return Action(
+            "play",
+            lambda: self._play(self.settings.sound_of(played), at, gain_db, loops, wait, name),
+            sound=played,
+            column=name,
+            waits_for_end=wait == "end",
+        )
+
+    def hush(self) -> Action:
+        """End everything that sounds."""
+        return Action("hush", self._hush)
+
+    def mark(self, name: str, **payload: Scalar | None) -> Action:
+        """Write an event into the recording at the present frame's time."""
+        return Action("mark", lambda: self._mark(name, payload))
+
+    def walk_to(
+        self, x_m: float, z_m: float, *, within_m: float = 0.35, limit_s: float = 60.0
+    ) -> Action:
+        """Wait until the participant's head is above a point of the floor.
+
+        Columns: `walk_ms` and whether it was reached, `walk_reached`.
+        """
+        _duration("walk_to", limit_s)
+        place = (x_m, z_m)
+        return Action("walk_to", lambda: self._walk_to(place, within_m, limit_s))
+
+    def showing(self, staged: Staged, onset_ns: int) -> None:
+        """Say that the study shows a scene frame by frame itself, lit since a session time.
+
+        Boards then stand before it, and waiting goes on with it.
+        """
+        self._staged, self._onset_ns = staged, onset_ns
+
+    # ---- how they are performed ----
+
+    def _frame(self) -> Performing:
+        self.view = yield from frame()
+        return self.view
+
+    def _now(self) -> Performing:
+        """Return the latest frame; the first of a trial has to be waited for."""
+        if self.view is None:
+            yield from self._frame()
+        return self.view
+
+    def _until(self, until_ns: int, each_frame: Callable[[FrameView], Show | None]) -> Performing:
+        view = yield from self._now()
+        while view.t_ns < until_ns:
+            step = each_frame(view)
+            if step is not None:
+                yield step
+            view = yield from self._frame()
+        return view
+
+    def _dark(self, seconds: float) -> Performing:
+        view = yield from self._now()
+        self._staged = None
+        yield dark_view(view.t_ns)
+        yield from self._until(view.t_ns + round(seconds * NS_PER_S), _nothing)
+
+    def _show(
+        self, wanted: Scene, seconds: float, name: str, until: Callable[[FrameView], bool] | None
+    ) -> Performing:
+        before = yield from self._now()
+        name = self.numbered(name)
+        staged = self._stage(wanted, seconds, len(self._names), before.t_ns)
+        self._staged, self._onset_ns = staged, before.t_ns
+        self._sound_on_ns = 0
+        yield from shown(staged.frame(before, 0))
+        view = yield from self._frame()
+        on_ns = self._onset_ns = view.t_ns
+        self.row.setdefault("t_start_ns", on_ns)
+        yield Mark("shown", _payload(self.trial, name, wanted, staged, before.t_ns))
+        end_ns = on_ns + round(seconds * NS_PER_S)
+        frames, off_ns = 0, end_ns
+        while True:
+            frames += 1
+            if until is not None and until(view):
+                off_ns = view.t_ns
+                break
+            if view.t_ns >= end_ns and arrived(view, end_ns):
+                break
+            yield from shown(staged.frame(view, view.t_ns - on_ns))
+            view = yield from self._frame()
+        self.row |= {
+            f"{name}_on_ns": on_ns,
+            f"{name}_off_ns": off_ns,
+            f"{name}_frames": frames,
+            **{
+                f"{name}_{role}": index
+                for role, index in staged.roles.items()
+                if role in self.settings.measured
+                or role not in {a.place for a in staged.scene.agents}
+            },
+            "t_end_ns": off_ns,
+        }
+        return ShownScene(on_ns, off_ns, staged.roles, view)
+
+    def _watch(self, watched: Watched) -> Performing:
+        seconds = max(1, watched.min_rounds) * seconds_of(watched.shown)
+        yield from self._show(scene_of(watched.shown), seconds, "film", None)
+        answers = {}
+        for response in watched.responses:
+            answers[response.name] = yield from self._ask(response, _Board(False, None, SIZE_M))
+        return answers
+
+    def _stage(self, wanted: Scene, seconds: float, number: int, start_ns: int) -> Staged:
+        rng = self.trial.rng(SCENE_STREAM + number)
+        staging = Staging(rng, seconds, start_ns, self.settings.folder)
+        return stage(wanted, staging, self.settings.makers)
+
+    def _ask(self, response: Response, board: _Board) -> Performing:
+        view = yield from self._now()
+        prompt, labels = self.words_of(response)
+        if isinstance(response, Pointing):
+            answer = yield from pointed(response.limit_s, view, self._still)
+        elif not is_on_board(response, self.settings):
+            yield from self._clear(board.over_scene, view)
+            answer = yield from asked_elsewhere(
+                response.name, prompt, tuple(response.options), labels, view
+            )
+        else:
+            answer = yield from asked_on_board(
+                Panel(prompt, labels, board.at or placed_before(view.head), board.size_m),
+                tuple(response.options),
+                response.name,
+                self.settings.ways,
+                view,
+                self._board_shown(board.over_scene),
+            )
+        yield from self._answered(response, answer)
+        if not board.over_scene and not isinstance(response, Pointing):
+            yield dark_view(answer.view.t_ns)
+            self._staged = None
+        return answer
+
+    def _key(self, response: Keys) -> Performing:
+        view = yield from self._now()
+        from_ns = self._sound_on_ns or self._onset_ns or view.t_ns
+        controls = tuple(response.options)
+        answer = yield from pressed(controls, response.limit_s, view, from_ns, self._still)
+        yield from self._answered(response, answer)
+        return answer
+
+    def _answered(self, response: Response, answer: Answer) -> Performing:
+        self.view = answer.view
+        self.take(response, answer)
+        name, option = response.name, answer.option
+        if isinstance(response, Pointing):
+            self.row |= self._pointed_at(name, answer.pose)
+        yield Mark(
+            "answered",
+            {
+                "trial_id": self.trial.trial_id,
+                "question": name,
+                "answer": option,
+                "by": answer.by,
+                "asked_ns": answer.asked_ns,
+                "answered_ns": answer.answered_ns,
+            },
+        )
+
+    def take(self, response: Response, answer: Answer) -> None:
+        """Put an answer's columns into the row."""
+        name, option = response.name, answer.option
+        told = None if option is None else response.value(option)
+        self.row |= {name: told, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
+        self.row |= response.more(option)
+        self.row["t_end_ns"] = answer.answered_ns
+
+    def _pointed_at(self, name: str, pose: Pose | None) -> dict[str, Scalar | None]:
+        agents = () if self._staged is None else self._staged.scene.agents
+        heads: Vector = np.array([a.head_centre_m for a in agents]).reshape(-1, 3)
+        return direction_columns(name, pose, heads, tuple(a.place for a in agents))
+
+    def words_of(self, response: Response) -> tuple[str, tuple[str, ...]]:
+        """Return how a question is put, and its options, in the study's language."""
+        texts, name = self.settings.texts, response.name
+        values = {**self.settings.values, "name": name.replace("_", " ")}
+        standard = "question"
+        if isinstance(response, Rating):
+            values |= {"low": response.low, "high": response.high}
+            standard = "rating"
+        prompt = texts.find(f"questions.{name}", standard, values=values) or name
+        labels = tuple(
+            texts.find(f"choices.{name}.{label}", values=values) or label
+            for label in labels_of(response)
+        )
+        return prompt, labels
+
+    def _board_shown(self, over_scene: bool) -> Callable[[FrameView, Panel], Show | None]:
+        staged = self._staged if over_scene else None
+        last: list[tuple[SceneFrame, int | None]] = []
+
+        def show(view: FrameView, panel: Panel) -> Show | None:
+            elapsed_ns = view.t_ns - self._onset_ns
+            behind = None if staged is None else staged.frame(view, elapsed_ns)
+            if last and behind is None and last[-1][1] == panel.highlighted:
+                return None
+            if behind is None:
+                behind = last[-1][0] if last else _dark_frame(view.t_ns)
+            last[:] = [(behind, panel.highlighted)]
+            if isinstance(behind, PanelFrame):
+                return Show(replace(behind, t_ns=view.t_ns, panels=(panel,)))
+            return Show(
+                PanelFrame(
+                    behind.scene,
+                    view.t_ns,
+                    behind.gaze_direction,
+                    behind.eye_openness_01,
+                    behind.people,
+                    behind.gaze_distance_m,
+                    panels=(panel,),
+                )
+            )
+
+        return show
+
+    def _still(self, view: FrameView) -> Show | None:
+        """Go on with the scene that is shown."""
+        staged = self._staged
+        moved = None if staged is None else staged.frame(view, view.t_ns - self._onset_ns)
+        return None if moved is None else Show(moved)
+
+    def _clear(self, over_scene: bool, view: FrameView) -> Performing:
+        if not over_scene:
+            yield dark_view(view.t_ns)
+
+    def _wait(self, seconds: float) -> Performing:
+        view = yield from self._now()
+        yield from self._until(view.t_ns + round(seconds * NS_PER_S), self._still)
+
+    def _vibrate(
+        self, role: str, pattern: VibrationPattern, motors: tuple[int, ...], amplitude_01: float
+    ) -> Performing:
+        yield from self._now()
+        yield Play(role, pattern, motors, amplitude_01)
+        yield Mark("vibrated", {"trial_id": self.trial.trial_id, "role": role})
+
+    def _play(
+        self,
+        sound: Sound,
+        at: str | tuple[float, float, float] | None,
+        gain_db: float,
+        loops: bool,
+        wait: Wait,
+        name: str,
+    ) -> Performing:
+        view = yield from self._now()
+        column = f"{self.numbered(name)}_on_ns"
+        self.row[column] = None
+        yield PlaySound(column, sound, self._place_of(at), gain_db, loops)
+        if wait != "no":
+            until_ns = view.t_ns + round(STAMP_LIMIT_S * NS_PER_S)
+            while self.row[column] is None and view.t_ns < until_ns:
+                view = yield from self._on_to_next(view)
+        on_ns = self.row[column]
+        began_ns = on_ns if isinstance(on_ns, int) else None
+        self._sound_on_ns = began_ns or 0
+        if wait == "end" and began_ns is not None:
+            end_ns = began_ns + round(sound.duration_s * NS_PER_S)
+            yield from self._until(end_ns, self._still)
+        return PlayedSound(began_ns, sound.duration_s)
+
+    def _on_to_next(self, view: FrameView) -> Performing:
+        step = self._still(view)
+        if step is not None:
+            yield step
+        return (yield from self._frame())
+
+    def _place_of(
+        self, at: str | tuple[float, float, float] | None
+    ) -> tuple[float, float, float] | None:
+        if not isinstance(at, str):
+            return at
+        roles = {} if self._staged is None else self._staged.roles
+        agents = () if self._staged is None else self._staged.scene.agents
+        heads = {agent.place: agent for agent in agents} | {
+            role: agents[index] for role, index in roles.items()
+        }
+        if at not in heads:
+            raise DesignError(
+                f"t.play: nobody in what is shown is {at!r}; "
+                + (f"there are {', '.join(heads)}" if heads else "show a scene first")
+            )
+        x, y, z = (float(v) for v in heads[at].head_centre_m)
+        return x, y, z
+
+    def heard(self, sounded: tuple[Sounded, ...]) -> None:
+        """Take note of when sounds began."""
+        for sound in sounded:
+            self.row[sound.key] = sound.on_ns
+
+    def _hush(self) -> Performing:
+        yield from self._now()
+        yield Hush()
+
+    def _mark(self, name: str, payload: Mapping[str, Scalar | None]) -> Performing:
+        yield from self._now()
+        yield Mark(name, {"trial_id": self.trial.trial_id, **payload})
+
+    def _walk_to(self, place: tuple[float, float], within_m: float, limit_s: float) -> Performing:
+        view = yield from self._now()
+        began_ns, is_there = view.t_ns, False
+        until_ns = began_ns + round(limit_s * NS_PER_S)
+        while view.t_ns < until_ns:
+            x, _, z = view.head.position_m.tolist()
+            if view.head_valid and np.hypot(x - place[0], z - place[1]) <= within_m:
+                is_there = True
+                break
+            step = self._still(view)
+            if step is not None:
+                yield step
+            view = yield from self._frame()
+        took = (view.t_ns - began_ns) / NS_PER_MS
+        self.row |= {"walk_ms": took if is_there else None, "walk_reached": is_there}
+        return is_there
+
+    def numbered(self, name: str) -> str:
+        """Return the name of the columns of what is shown next: "scene", then "scene2"."""
+        count = self._names[name] = self._names.get(name, 0) + 1
+        return name if count == 1 else f"{name}{count}"
+
+
+STEPS: Final = frozenset(
+    name
+    for name, made in vars(TrialScript).items()
+    if not name.startswith("_") and getattr(made, "__annotations__", {}).get("return") is Action
+)
+"""The steps of a trial, each of which is to be yielded."""
+
+TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
+"""A study's trial: a generator over its script."""
+
+
+def is_on_board(response: Response, settings: Settings) -> bool:
+    """Tell whether a response is asked for on a board before the participant."""
+    is_elsewhere = isinstance(response, Text | Number | Pointing)
+    return not is_elsewhere and settings.answer_by != "keyboard"
+
+
+def perform(script: TrialScript, plan: TrialPlan) -> Plan:
+    """Perform a study's trial as the session does: actions unfolded into steps of the engine.
+
+    An interruption is thrown into the study's generator too, so that its `finally` runs; motors
+    are silenced in any case.
+    """
+    steps: Any = plan(script)
+    reply: Any = None
+    try:
+        while True:
+            wanted = steps.send(reply)
+            if isinstance(wanted, Action):
+                reply = yield from _listening(script, wanted.perform())
+            else:
+                reply = yield wanted
+                if isinstance(wanted, NextFrame):
+                    script.view = reply
+                    script.heard(reply.sounded)
+    except StopIteration as end:
+        return {**script.row, **(end.value or {})}
+    except TrialInterrupted as stop:
+        yield Silence()
+        yield from _unwound(steps, stop)
+        raise
+
+
+def _listening(script: TrialScript, steps: Performing) -> Performing:
+    """Perform a step's steps, taking note of sounds that began meanwhile."""
+    go_on: Callable[[Any], Any] = steps.send
+    value: Any = None
+    while True:
+        try:
+            wanted = go_on(value)
+        except StopIteration as end:
+            return end.value
+        try:
+            value = yield wanted
+        except TrialInterrupted as stop:
+            go_on, value = steps.throw, stop
+        else:
+            go_on = steps.send
+            if isinstance(value, FrameView) and value.sounded:
+                script.heard(value.sounded)
+
+
+def _unwound(steps: Any, stop: TrialInterrupted) -> Performing:
+    try:
+        wanted = steps.throw(stop)
+        while True:
+            if isinstance(wanted, Action):
+                if wanted.name not in ("mark", "vibrate"):
+                    raise DesignError(
+                        f"a trial that was interrupted may still mark, not {wanted.name}"
+                    )
+                reply = yield from wanted.perform()
+            else:
+                reply = yield wanted
+            wanted = steps.send(reply)
+    except (StopIteration, TrialInterrupted):
+        return
+
+
+def dark_view(t_ns: int) -> Show:
+    """Return the step that makes everything dark."""
+    return Show(_dark_frame(t_ns))
+
+
+def _dark_frame(t_ns: int) -> SceneFrame:
+    return SceneFrame(DARK, t_ns, np.zeros((0, 3)), np.zeros(0))
+
+
+def _nothing(view: FrameView) -> Show | None:
+    return None
+
+
+def shown(view: SceneFrame | None) -> Performing:
+    """Show a frame where there is a new one."""
+    if view is not None:
+        yield Show(view)
+
+
+def arrived(view: FrameView, end_ns: int, drain_ms: float = DRAIN_MS) -> bool:
+    """Tell whether every gaze sample from before the end is here, or was waited for long enough."""
+    stamps = view.gaze.t_ns
+    waited = view.t_ns >= end_ns + round(drain_ms * NS_PER_MS)
+    return waited or bool(stamps.shape[0] and stamps[-1] >= end_ns)
+
+
+def _payload(
+    trial: Trial, name: str, wanted: Scene, staged: Staged, start_ns: int
+) -> dict[str, Scalar | None]:
+    return {
+        "trial_id": trial.trial_id,
+        "name": name,
+        "scene": wanted.name,
+        "start_ns": start_ns,
+        **{
+            f"option_{k}": v if isinstance(v, str | int | float | bool) else str(v)
+            for k, v in wanted.options.items()
+        },
+        **{f"role_{role}": index for role, index in staged.roles.items()},
+    }
+
+
+def _duration(step: str, seconds: float) -> float:
+    if not 0 <= seconds < np.inf:
+        raise DesignError(f"t.{step}({seconds}): give seconds from 0")
+    return float(seconds)
