@@ -14,7 +14,7 @@ import numpy as np
 
 from visavis.experiments.hybrid.clips import CHARACTER, CLIPS, Flaws, motion_of, period_s
 from visavis.people.person import Seen
-from visavis.protocol.design import Factor
+from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.motion.synthesis.hybrid import Controls

@@ -20,7 +20,7 @@ from visavis.experiments.interpolation.gestures import (
     seconds_of,
 )
 from visavis.people.person import Seen
-from visavis.protocol.design import Factor
+from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing

@@ -10,10 +10,10 @@ from visavis.analysis.statistics_report import Question as Question
 from visavis.analysis.statistics_report import answer as answer
 from visavis.people.person import Seen as Seen
 from visavis.people.person import unopinionated as unopinionated
-from visavis.protocol.design import Factor as Factor
-from visavis.protocol.orders import never_next_to as never_next_to
-from visavis.protocol.orders import no_more_than as no_more_than
-from visavis.protocol.parameters import Within as Within
+from visavis.protocol.plan.design import Factor as Factor
+from visavis.protocol.plan.orders import never_next_to as never_next_to
+from visavis.protocol.plan.orders import no_more_than as no_more_than
+from visavis.protocol.plan.parameters import Within as Within
 from visavis.results.analysis import Conclusion as Conclusion
 from visavis.results.confusion import Confusion as Confusion
 from visavis.running.scripts import Session as Session

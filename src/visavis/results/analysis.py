@@ -12,7 +12,7 @@ from visavis.analysis.statistics import adjust_p
 from visavis.analysis.statistics.results import MINUS
 from visavis.analysis.statistics_report import Outcome, answer
 from visavis.lab.errors import DataError, LabError
-from visavis.protocol.steps import Scalar
+from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
 from visavis.results.sensitivity import SensitivityRow, sensitivity
 from visavis.study.comparisons import AGREEMENT, THING, Compare

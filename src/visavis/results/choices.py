@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
-from visavis.protocol.columns import Column as Described
+from visavis.protocol.plan.columns import Column as Described
 from visavis.study.responses import Choice
 from visavis.study.sections import Extra
 from visavis.study.texts import label_in_unit, label_of

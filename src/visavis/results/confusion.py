@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from visavis.protocol.columns import Column as Described
+from visavis.protocol.plan.columns import Column as Described
 from visavis.study.sections import Extra
 from visavis.study.texts import label_of
 

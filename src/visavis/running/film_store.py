@@ -312,7 +312,7 @@ def _renderer() -> "Iterator[Renderer]":
     A processor draws people moved and lit by compiled loops, all in full detail: with shadow maps
     and light at every pixel one person alone takes it seventeen times as long.
     """
-    from visavis.stage.context import draws_on_processor, offscreen_context, release_offscreen
+    from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
     from visavis.stage.levels import DetailRule
     from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
 

@@ -21,15 +21,15 @@ import numpy as np
 
 from visavis.lab.errors import DesignError
 from visavis.people.person import Seen
-from visavis.protocol.columns import Column
-from visavis.protocol.design import BlockOrder, Design, Factor, TrialOrder
-from visavis.protocol.experiment import Demands
-from visavis.protocol.orders import Constraint
-from visavis.protocol.parameters import Range, parameters_from
-from visavis.protocol.participants import SimulatedParticipant
-from visavis.protocol.plan import SessionPlan, Trial
-from visavis.protocol.shown import Shown
-from visavis.protocol.steps import Scalar, Step
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.design import BlockOrder, Design, Factor, TrialOrder
+from visavis.protocol.plan.experiment import Demands
+from visavis.protocol.plan.orders import Constraint
+from visavis.protocol.plan.parameters import Range, parameters_from
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.plan.shown_scene import Shown
+from visavis.protocol.plan.steps import Scalar, Step
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.comparisons import Compare
 from visavis.study.exclusions import STANDARD_RULES, Exclusion

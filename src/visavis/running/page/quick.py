@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from visavis.protocol.participants import SimulatedParticipant
-from visavis.protocol.plan import Trial
-from visavis.protocol.steps import Mark
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import Mark
 from visavis.running.film_store import film_store
 from visavis.running.page.steps import PageStep, Reply, check_reply, ns_of_ms
 from visavis.running.page.trial import perform_on_page

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_MS
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 from visavis.running.page.errors import PageError
 from visavis.study.responses import Choice, Number, Rating, Response, SideBySide, Text
 

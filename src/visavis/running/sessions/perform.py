@@ -17,15 +17,15 @@ from visavis.lab.clock import Clock, SimClock, require_fine_clock
 from visavis.lab.compiled import forget_old_kernels
 from visavis.lab.config import INCIDENTS, LabConfig, with_devices
 from visavis.lab.errors import ConfigError, LabError, RecordingError, SessionAborted
-from visavis.protocol.experiment import Respondent, demands_of, untold
-from visavis.protocol.gaze_setup import TargetTiming
-from visavis.protocol.operator import Operator, UnattendedOperator
-from visavis.protocol.participants import SimulatedParticipant
-from visavis.protocol.plan import SessionPlan
-from visavis.protocol.progress import Progress, progress_of_recording
-from visavis.protocol.rig import Rig
-from visavis.protocol.session import Session
-from visavis.protocol.session_setup import LOST_DEVICE_S, SessionSetup
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.experiment import Respondent, demands_of, untold
+from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.session.gaze_setup import TargetTiming
+from visavis.protocol.session.operator import Operator, UnattendedOperator
+from visavis.protocol.session.progress import Progress, progress_of_recording
+from visavis.protocol.session.rig import Rig
+from visavis.protocol.session.session import Session
+from visavis.protocol.session.session_setup import LOST_DEVICE_S, SessionSetup
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
 from visavis.recording.journal import as_json
 from visavis.recording.manifest import Manifest

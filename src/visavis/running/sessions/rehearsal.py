@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from visavis.protocol.plan import SessionPlan, Trial
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.study.experiment import StudyExperiment
 
 MAX_TRIALS, MAX_S = 8, 130.0

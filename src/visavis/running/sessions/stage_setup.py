@@ -11,8 +11,8 @@ from visavis.lab.config import LabConfig, Screen
 from visavis.lab.errors import ConfigError
 from visavis.lab.frame import EyeView
 from visavis.lab.geometry import Pose, quat_conjugate, rotate
-from visavis.protocol.experiment import Experiment
-from visavis.protocol.rig import Rig
+from visavis.protocol.plan.experiment import Experiment
+from visavis.protocol.session.rig import Rig
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.stage.contracts import GeometryStage, Stage, Viewer
 from visavis.stimuli.dressing.picture_of import picture_of
@@ -47,7 +47,7 @@ def build_stage(
     show, asks = config.display.show, config.display.questions != "terminal"
     if show == "none" or (clock.is_virtual and show != "offscreen"):
         return GeometryStage(viewers, asks=asks)
-    from visavis.stage.context import draws_on_processor, offscreen_context
+    from visavis.stage.card.context import draws_on_processor, offscreen_context
     from visavis.stage.drawn_stage import Display, DrawnStage, default_views
     from visavis.stage.fades import FadeTimes
     from visavis.stage.mirror import Mirror
@@ -129,7 +129,7 @@ def _on_screen(
     viewers: Sequence[Viewer],
 ) -> Stage:
     """Open the participant's window on their monitor, and let the session keep its pace."""
-    from visavis.stage.context import draws_on_processor
+    from visavis.stage.card.context import draws_on_processor
     from visavis.stage.drawn_stage import DrawnStage
     from visavis.stage.fades import FadeTimes
     from visavis.stage.renderer import Renderer
