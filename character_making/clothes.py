@@ -7,25 +7,25 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from tools.character_making.cloth_places import (
+from character_making.cloth_places import (
     Lines,
     limb_axis_distance,
     lines_of,
     on_side,
     wrapped_uv,
 )
-from tools.character_making.cutting import border, clipped, hanging, hemmed, neighbours
-from tools.character_making.drape import Fabric, Outside, draped, mantle_over
-from tools.character_making.figure import Figure
-from tools.character_making.hems import LENGTH
-from tools.character_making.makehuman import MakeHuman
-from tools.character_making.pieces import (
+from character_making.cutting import border, clipped, hanging, hemmed, neighbours
+from character_making.drape import Fabric, Outside, draped, mantle_over
+from character_making.figure import Figure
+from character_making.hems import LENGTH
+from character_making.makehuman import MakeHuman
+from character_making.pieces import (
     Piece,
     refined,
     triangulated,
     vertex_normals,
 )
-from tools.character_making.recipes import Garment
+from character_making.recipes import Garment
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.tagging import parts_of_weights
 

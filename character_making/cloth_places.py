@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.character_making.figure import SIDES, Figure
-from tools.character_making.pieces import Piece
+from character_making.figure import SIDES, Figure
+from character_making.pieces import Piece
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
 

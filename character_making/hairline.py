@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tools.character_making.figure import Figure
-from tools.character_making.noise import noise
+from character_making.figure import Figure
+from character_making.noise import noise
 from visavis.lab.geometry import Vector
 
 

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
-from tools.character_making.makehuman import Indices, MakeHuman
-from tools.character_making.pieces import triangulated
+from character_making.makehuman import Indices, MakeHuman
+from character_making.pieces import triangulated
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from tools.character_making.shaping import Shape
+from character_making.shaping import Shape
 
 Colour = tuple[int, int, int]
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tools.character_making.figure import Figure
-from tools.character_making.hairline import hairline_field
-from tools.character_making.mantle import Head, Sheet, outwards
-from tools.character_making.noise import noise
-from tools.character_making.pieces import Piece
+from character_making.figure import Figure
+from character_making.hairline import hairline_field
+from character_making.mantle import Head, Sheet, outwards
+from character_making.noise import noise
+from character_making.pieces import Piece
 from visavis.lab.geometry import Vector, unit
 
 _GUIDES = 67

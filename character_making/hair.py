@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tools.character_making.combed import Combing, combed
-from tools.character_making.cutting import clipped
-from tools.character_making.figure import Figure
-from tools.character_making.hair_texture import HALF_BEGUN, HALF_ENDED
-from tools.character_making.hairline import hairline_field
-from tools.character_making.mantle import Fall, Head, Sheet, down_the_picture, mantle, sheet_piece
-from tools.character_making.noise import noise
-from tools.character_making.pieces import Piece, vertex_normals
+from character_making.combed import Combing, combed
+from character_making.cutting import clipped
+from character_making.figure import Figure
+from character_making.hair_texture import HALF_BEGUN, HALF_ENDED
+from character_making.hairline import hairline_field
+from character_making.mantle import Fall, Head, Sheet, down_the_picture, mantle, sheet_piece
+from character_making.noise import noise
+from character_making.pieces import Piece, vertex_normals
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tools.character_making.clothes import Stuff
-from tools.character_making.cutting import border, clipped, hanging, hemmed, neighbours
-from tools.character_making.figure import SIDES, Figure
-from tools.character_making.pieces import Indices, Piece, vertex_normals
+from character_making.clothes import Stuff
+from character_making.cutting import border, clipped, hanging, hemmed, neighbours
+from character_making.figure import SIDES, Figure
+from character_making.pieces import Indices, Piece, vertex_normals
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
 

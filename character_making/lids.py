@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from tools.character_making.eyes import eyeball
-from tools.character_making.figure import SIDES, Figure
-from tools.character_making.makehuman import BODY_VERTICES
-from tools.character_making.pieces import triangulated
+from character_making.eyes import eyeball
+from character_making.figure import SIDES, Figure
+from character_making.makehuman import BODY_VERTICES
+from character_making.pieces import triangulated
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.coverage import seen_tags, view_from

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tools.character_making.cutting import neighbours
-from tools.character_making.makehuman import Indices
-from tools.character_making.pieces import Piece, vertex_normals
+from character_making.cutting import neighbours
+from character_making.makehuman import Indices
+from character_making.pieces import Piece, vertex_normals
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.body_parts import PART_INDEX

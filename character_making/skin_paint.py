@@ -5,15 +5,15 @@ import numpy.typing as npt
 from numpy.random import Generator
 from scipy.spatial import cKDTree
 
-from tools.character_making.cutting import neighbours
-from tools.character_making.figure import SIDES, Figure
-from tools.character_making.hair import Style
-from tools.character_making.hairline import hairline_field
-from tools.character_making.makehuman import Indices
-from tools.character_making.noise import noise
-from tools.character_making.pieces import Piece, vertex_normals
-from tools.character_making.recipes import Face
-from tools.character_making.skin_canvas import SIZE, SkinCanvas
+from character_making.cutting import neighbours
+from character_making.figure import SIDES, Figure
+from character_making.hair import Style
+from character_making.hairline import hairline_field
+from character_making.makehuman import Indices
+from character_making.noise import noise
+from character_making.pieces import Piece, vertex_normals
+from character_making.recipes import Face
+from character_making.skin_canvas import SIZE, SkinCanvas
 from visavis.lab.geometry import Vector
 
 HEADROOM = 0.82

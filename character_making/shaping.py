@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from tools.character_making.makehuman import MakeHuman
+from character_making.makehuman import MakeHuman
 from visavis.lab.geometry import Vector
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
+from character_making.makehuman import BODY_VERTICES, MakeHuman
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.rest_pose import FINGERS, PHALANGES, Rig, rig_of_marks
 

@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from tools.character_making.makehuman import BODY_VERTICES, Indices, MakeHuman
-from tools.character_making.reposing import rig_of
-from tools.character_making.shaping import Shape, shaped
+from character_making.makehuman import BODY_VERTICES, Indices, MakeHuman
+from character_making.reposing import rig_of
+from character_making.shaping import Shape, shaped
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.rest_pose import Rig
 

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, cKDTree
 
-from tools.character_making.makehuman import Indices
-from tools.character_making.pieces import Piece, vertex_normals
+from character_making.makehuman import Indices
+from character_making.pieces import Piece, vertex_normals
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector, unit
 

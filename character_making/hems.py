@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from tools.character_making.cloth_places import TILE_M
-from tools.character_making.figure import SIDES
-from tools.character_making.pieces import Indices
+from character_making.cloth_places import TILE_M
+from character_making.figure import SIDES
+from character_making.pieces import Indices
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.character import Character, SkinnedMesh
 from visavis.stimuli.characters.levels import kept

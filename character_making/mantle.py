@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tools.character_making.figure import Figure
-from tools.character_making.noise import noise
-from tools.character_making.pieces import Piece, vertex_normals
+from character_making.figure import Figure
+from character_making.noise import noise
+from character_making.pieces import Piece, vertex_normals
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from tools.character_making.figure import Figure
-from tools.character_making.pieces import Indices, Piece, vertex_normals
+from character_making.figure import Figure
+from character_making.pieces import Indices, Piece, vertex_normals
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.character import Material, Morph, SkinnedMesh
 from visavis.stimuli.characters.rest_pose import heaviest, to_rest

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tools.character_making.cloth_places import wrapped_uv
-from tools.character_making.clothes import Cut, cut_of
-from tools.character_making.cutting import border
-from tools.character_making.drape import Outside
-from tools.character_making.figure import Figure
-from tools.character_making.makehuman import Indices
-from tools.character_making.pieces import Piece, triangulated, vertex_normals
-from tools.character_making.recipes import Garment
+from character_making.cloth_places import wrapped_uv
+from character_making.clothes import Cut, cut_of
+from character_making.cutting import border
+from character_making.drape import Outside
+from character_making.figure import Figure
+from character_making.makehuman import Indices
+from character_making.pieces import Piece, triangulated, vertex_normals
+from character_making.recipes import Garment
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
-from tools.character_making.pieces import Indices, Piece, kept, vertex_normals
+from character_making.pieces import Indices, Piece, kept, vertex_normals
 from visavis.lab.geometry import Vector
 
 
