@@ -41,7 +41,7 @@ from visavis.stimuli.camera.filming import scattered_places
 from visavis.stimuli.camera.floors import walkable_floors
 from visavis.stimuli.camera.shots import view_angle_deg
 from visavis.stimuli.picture import Room
-from visavis.stimuli.rooms.outlined import outlined_room
+from tests.stimuli.camera.outlined import outlined_room
 from visavis.stimuli.rooms.station import station
 from visavis.stimuli.scenes.station_crowd import CONFIGURATIONS, START_M, station_crowd
 
