@@ -27,12 +27,10 @@ from typing import Any
 
 import numpy as np
 
-from visavis.lab.clock import NS_PER_S, StopWatch, SystemClock, cpu_time_s
+from tests.stimuli.warping.smoothness import peak_turning
+from visavis.lab.clock import StopWatch, cpu_time_s
 from visavis.stimuli.characters.cast import load_character
-from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.joint_limits import beyond_deg
-from visavis.stimuli.motion.kinds import Idle, Wave
-from visavis.stimuli.motion.people import PeopleMotion, Person
 from visavis.stimuli.motion.warping.cases import CASES, StagedCase, case_named, staged
 from visavis.stimuli.motion.warping.clips import warp_clip
 from visavis.stimuli.motion.warping.control import (
@@ -49,7 +47,6 @@ from visavis.stimuli.motion.warping.control import (
 from visavis.stimuli.motion.warping.features import FeatureTarget
 from visavis.stimuli.motion.warping.outlook import outlook
 from visavis.stimuli.motion.warping.perceived import SeenBody, body_of, perceived
-from tests.stimuli.warping.smoothness import peak_turning
 from visavis.stimuli.motion.warping.units import WarpingUnit, units_named
 
 Row = dict[str, Any]

@@ -16,7 +16,7 @@ from tests.analysis.gaze.streams import (
     stamps,
     trial,
 )
-from visavis.analysis.gaze.looks import LookParameters, looks_on, measure_trial, time_by_aoi
+from visavis.analysis.gaze.looks import LookParameters, looks_on, measure_trial
 from visavis.lab.errors import DataError, UsageError
 
 
@@ -291,13 +291,9 @@ def test_areas_off_and_lost_sum_to_the_trial(areas, start_ns, lasted_ns, random)
     steps = [random.choice([8_333_333, 8_333_334, 6_000_000, 60_000_000]) for _ in areas]
     t = np.cumsum(np.array(steps, np.int64))
     end_ns = start_ns + lasted_ns
-    sums = time_by_aoi(t, areas, 3, start_ns, end_ns)
-    assert lasted_ns == sums.sum()
-    assert (sums >= 0).all()
     for target in range(3):
         m = measure_trial(t, areas, target, start_ns, end_ns, switch_ns=start_ns + lasted_ns // 3)
-        assert sums[target] == m.dwell_ns
-        assert sums[-1] == m.lost_ns
+        assert min(m.dwell_ns, m.off_ns, m.lost_ns) >= 0
         assert lasted_ns == m.dwell_ns + m.off_ns + m.lost_ns
         assert m.dwell_ns == sum(p.dwell_ns for p in m.parts)
         assert m.dwell_in_fixations_ns <= m.dwell_ns
@@ -312,11 +308,6 @@ def test_counts_do_not_depend_on_the_rate(rate_hz):
     assert 4 == pytest.approx(m.fixation_count, abs=1)
     assert 1 == pytest.approx(m.glance_count, abs=1)
     assert 2500.0 == pytest.approx(m.dwell_ms, abs=5 * 1000 / rate_hz)
-
-
-def test_index_that_no_agent_has_is_refused():
-    with pytest.raises(DataError, match="there are 3 agents"):
-        time_by_aoi(stamps(1), np.array([3], np.int16), 3, 0, 10)
 
 
 def test_float_times_are_refused():
