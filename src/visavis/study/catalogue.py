@@ -15,7 +15,7 @@ from visavis.lab.yaml_lines import did_you_mean
 from visavis.results.opened_study import OpenedStudy
 from visavis.study.declaration import Study
 from visavis.study.sections import named
-from visavis.study.study_errors import MODULE_OF_STUDY, forgotten_yields, in_words, line_of
+from visavis.study.study_errors import MODULE_OF_STUDY, explain, forgotten_yields, line_of
 from visavis.study.trial import STEPS
 
 SHIPPED: Final[Mapping[str, str]] = {
@@ -137,7 +137,7 @@ def _module_of(path: Path) -> ModuleType:
     except SyntaxError as error:
         raise DesignError(f"{path}, line {error.lineno}: {error.msg}") from error
     except Exception as error:
-        raise DesignError(f"{line_of(error) or path}: {in_words(error)}") from error
+        raise DesignError(f"{line_of(error) or path}: {explain(error)}") from error
     finally:
         sys.path.remove(str(path.parent))
     return module
