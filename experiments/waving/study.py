@@ -71,7 +71,7 @@ from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
     from visavis.experiments.waving.participant import WavingParticipant
-    from visavis.running.quick import TrackerModel
+    from visavis.study.study_functions import TrackerModel
 
 DIRECTIONS: Final = ("self", "left", "right")
 """Who is waved at: the participant, the customer to the left, the customer to the right."""

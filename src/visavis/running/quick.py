@@ -6,9 +6,9 @@ sessions use, and a tracker model handed in makes the errors of the simulated de
 studies of the null hypothesis need hundreds of studies; this is twenty times as fast as sessions.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ from visavis.devices.body_contract import MovingBody
 from visavis.devices.contracts import GAZE
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
-from visavis.lab.geometry import Pose, Vector
+from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, empty_values
 from visavis.protocol.boards import HAND
 from visavis.protocol.observation import GazeObserver
@@ -47,34 +47,13 @@ from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure, TrialRecord, value_of
 from visavis.study.pairs import Correlate
+from visavis.study.study_functions import MakeTracker, TrackerModel
 
 DISPLAY_HZ = 45
 TRACKER_HZ = 120
 
 
 _TRACKED = np.ones((1, 1), np.bool_)
-
-
-class TrackerModel(Protocol):
-    """Measure true eye states as an eye tracker would."""
-
-    def measure(
-        self, eyes: npt.NDArray[np.void], *, first_sample: int, stretch: int, fit: int
-    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
-        """Return combined directions in the head frame (n, 3) and validity (n,).
-
-        `first_sample` counts the stretch's samples before these.
-        """
-        ...
-
-    @property
-    def delay_ns(self) -> int:
-        """Time from a sample to its arrival."""
-        ...
-
-
-MakeTracker = Callable[[int, int], TrackerModel]
-"""Makes the tracker of a participant, given the study's seed and the place in the order."""
 
 
 @dataclass(frozen=True)
