@@ -41,9 +41,8 @@ from visavis.protocol.progress import DONE
 from visavis.protocol.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import Request, perform_new, perform_rest, simulated_request
-from visavis.study.catalogue import find_study
 from visavis.study.experiment import StudyExperiment
 
 

@@ -101,8 +101,8 @@ def session_row() -> dict[str, object]:
     """Return the processor time of one whole simulated session, waves being there already."""
     from visavis.devices.registry import OPTION_MODELS
     from visavis.lab.config import load_config
+    from visavis.results.opened_study import find_study
     from visavis.running.sessions.perform import perform_new, simulated_request
-    from visavis.study.catalogue import find_study
 
     study = find_study("waving")
     config = load_config(EXAMPLE, OPTION_MODELS)

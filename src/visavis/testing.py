@@ -23,11 +23,10 @@ from visavis.protocol.design import combinations_of
 from visavis.protocol.orders import Cell, Constraint
 from visavis.protocol.plan import SessionPlan, Trial
 from visavis.protocol.steps import Scalar
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.tables.dictionary import trial_columns, undescribed
 from visavis.running.quick import quick_rows
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.study.catalogue import find_study
 from visavis.study.declaration import Study
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment

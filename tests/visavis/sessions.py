@@ -7,9 +7,8 @@ from typing import Any
 from tests.faults.sessions import lab
 from visavis.protocol.operator import Operator
 from visavis.recording.reader import Recording
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import perform_new, simulated_request
-from visavis.study.catalogue import find_study
 
 STUDIES = Path(__file__).parent / "studies"
 

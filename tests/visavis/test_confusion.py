@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from visavis.results.confusion import Confusion
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
 
 STUDY = """from visavis import Choice, Confusion, Factor, Scene, Study
 

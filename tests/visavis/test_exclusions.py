@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from visavis.lab.errors import UsageError
-from visavis.study.catalogue import SHIPPED, find_study
+from visavis.results.opened_study import find_study
+from visavis.study.catalogue import SHIPPED
 from visavis.study.exclusions import (
     STANDARD_RULES,
     Exclusion,

@@ -28,6 +28,7 @@ from visavis.results.unusual import MAX_LISTED, Striking, striking_trials
 from visavis.results.validation import judge_validation
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.cast import use_recorded_cast
+from visavis.study.catalogue import declared_study
 from visavis.study.declaration import Study
 from visavis.study.exclusions import (
     ANSWERED,
@@ -502,3 +503,13 @@ def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:
         is_list = isinstance(value, str) and value.startswith("[")
         found[name] = json.loads(value) if is_list else value
     return found
+
+
+def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> OpenedStudy:
+    """Return a study by its file's path, or by name; `of_lab` are the lab's own by name.
+
+    Raises:
+        UsageError: there is none, with the nearest name.
+        DesignError: the file cannot be read, or declares no study.
+    """
+    return OpenedStudy(declared_study(wanted, of_lab))

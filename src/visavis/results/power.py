@@ -19,9 +19,8 @@ from visavis.analysis.power import Found, PrintedTest, Source, Verdicts
 from visavis.analysis.statistics.results import number
 from visavis.lab.errors import DataError, UsageError
 from visavis.results.analysis import Finding, Results, StudyAnalysis, answered, corrected
-from visavis.results.opened_study import OpenedStudy
-from visavis.running.quick import MakeTracker, quick_study
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.running.quick import quick_study
 from visavis.study.comparisons import AGREEMENT, Compare
 from visavis.study.declaration import Study
 from visavis.study.exclusions import COUNTED, Selection
@@ -39,6 +38,7 @@ from visavis.study.pairs import (
     results_of,
     scores_of,
 )
+from visavis.study.study_functions import MakeTracker
 
 MIN_N = 3
 

@@ -22,7 +22,7 @@ from visavis.lab.errors import ConfigError, UsageError
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.reader import Recording
 from visavis.results.analysis import StudyAnalysis
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.picture_delay import SETTING
 from visavis.running.sessions.damage import require_intact
 from visavis.running.sessions.plan_lock import read_lock, refuse_to_peek
@@ -37,7 +37,6 @@ from visavis.running.sessions.study_folder import (
     wanted_settings,
 )
 from visavis.study.cast import use_recorded_cast
-from visavis.study.catalogue import find_study
 
 
 @dataclass(frozen=True)

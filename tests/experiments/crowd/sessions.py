@@ -7,8 +7,8 @@ from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import Request, perform_new, simulated_request
-from visavis.study.catalogue import find_study
 
 
 def session(folder: Path, **wanted: Any) -> Recording:

@@ -9,9 +9,9 @@ from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
 from visavis.results.power import KitPower
 from visavis.running.sessions.perform import perform_new, simulated_request
-from visavis.study.catalogue import find_study
 
 PILOT = {
     "clerk": ["clerk_left"],

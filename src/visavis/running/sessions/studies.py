@@ -121,7 +121,7 @@ def simulate_study(
     Raises:
         UsageError: the folder was begun with other settings, or with another design.
     """
-    study, effect = reference_of(chosen), wanted.effect
+    study, effect = reference_of(chosen.study), wanted.effect
     data_root = data_root.resolve()
     lab = lab.model_copy(update={"data_root": data_root})
     folder = data_root / SIMULATED_ROOT / chosen.name
@@ -258,7 +258,9 @@ def analyse_study(
             chosen, pieces, sessions, folder, processes, scheduler, settings, telling
         )
     else:
-        ordered = _measured(reference_of(chosen), sessions, processes, scheduler, settings, telling)
+        ordered = _measured(
+            reference_of(chosen.study), sessions, processes, scheduler, settings, telling
+        )
     # One manifest of each session is held, not two: of a hundred people it is what takes most.
     ordered = [replace(one, manifest=m) for one, m in zip(ordered, manifests, strict=True)]
     halves = _unfinished(ordered)
