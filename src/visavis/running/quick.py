@@ -7,7 +7,6 @@ studies of the null hypothesis need hundreds of studies; this is twenty times as
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -40,7 +39,7 @@ from visavis.protocol.steps import (
     Sounded,
 )
 from visavis.protocol.streams import gaze_targets_schema
-from visavis.results.intake import questionnaire
+from visavis.results.intake import SimulatedStudy, questionnaire
 from visavis.results.opened_study import OpenedStudy
 from visavis.stimuli.panels import PanelFrame
 from visavis.stimuli.scene import SceneFrame
@@ -56,18 +55,6 @@ TRACKER_HZ = 120
 _TRACKED = np.ones((1, 1), np.bool_)
 
 
-@dataclass(frozen=True)
-class QuickStudy:
-    """A simulated study as the analysis takes it.
-
-    `trials` has one row per trial; `people` one row per participant with the answers and scores
-    of questionnaires, where something is correlated with them.
-    """
-
-    trials: pd.DataFrame
-    people: pd.DataFrame
-
-
 def quick_study(
     opened: OpenedStudy,
     experiment: StudyExperiment,
@@ -76,7 +63,7 @@ def quick_study(
     *,
     seed: int,
     effect: float = 1.0,
-) -> QuickStudy:
+) -> SimulatedStudy:
     """Simulate a study; `effect` multiplies what is shown makes of a difference.
 
     Raises:
@@ -103,7 +90,7 @@ def quick_study(
             known |= answers
             known |= {f"{questions.name}_{k}": v for k, v in score(questions, answers).items()}
         people.append(known)
-    return QuickStudy(pd.concat(tables, ignore_index=True), pd.DataFrame(people))
+    return SimulatedStudy(pd.concat(tables, ignore_index=True), pd.DataFrame(people))
 
 
 def answers_of(person: SimulatedParticipant, questions: Questionnaire) -> dict[str, Any]:
