@@ -36,7 +36,6 @@ from visavis.protocol.participants import SimulatedParticipant
 from visavis.protocol.plan import Trial
 from visavis.protocol.shown import Shown
 from visavis.protocol.steps import FrameView, NextFrame, Scalar, Show, known
-from visavis.results.confusion import Confusion
 from visavis.stimuli.dressing.office import office_eyes, office_scene
 from visavis.stimuli.dressing.office_view import VIEW_PX
 from visavis.stimuli.motion.warping.track import (
@@ -67,6 +66,7 @@ from visavis.study.measures import column
 from visavis.study.pairs import Printed
 from visavis.study.responses import Choice, Rating
 from visavis.study.scenes import WithEyes, places
+from visavis.study.sections import Confusion
 from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:

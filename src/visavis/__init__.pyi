@@ -13,7 +13,6 @@ from visavis.protocol.design import Factor as Factor
 from visavis.protocol.orders import never_next_to as never_next_to
 from visavis.protocol.orders import no_more_than as no_more_than
 from visavis.protocol.parameters import Within as Within
-from visavis.results.confusion import Confusion as Confusion
 from visavis.running.scripts import Session as Session
 from visavis.running.scripts import StudyData as StudyData
 from visavis.running.scripts import analyse as analyse
@@ -57,4 +56,5 @@ from visavis.study.responses import Text as Text
 from visavis.study.scenes import Scene as Scene
 from visavis.study.scenes import Staging as Staging
 from visavis.study.sections import Conclusion as Conclusion
+from visavis.study.sections import Confusion as Confusion
 from visavis.study.study_functions import Seen as Seen

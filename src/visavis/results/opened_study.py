@@ -20,10 +20,10 @@ from visavis.protocol.questionnaires import Questionnaire
 from visavis.protocol.shown import Shown
 from visavis.recording.reader import Recording
 from visavis.results.analysis import StudyAnalysis, analyse_rows, measures_of
-from visavis.results.confusion import Confusion
 from visavis.results.intake import SessionIntake, questionnaire, take_in
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
+from visavis.results.tables.dictionary import PEOPLE, of_shown, trial_columns
 from visavis.results.unusual import MAX_LISTED, Striking, striking_trials
 from visavis.results.validation import judge_validation
 from visavis.stimuli.scene import SceneFrame
@@ -45,6 +45,7 @@ from visavis.study.pairs import DEFAULT_TEST_RULES, TestRules
 from visavis.study.pieces import MeasuredTrial, Pieces
 from visavis.study.responses import Choice
 from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.sections import Confusion
 from visavis.study.study_errors import line_saying
 from visavis.study.texts import label_of
 
@@ -139,9 +140,6 @@ class OpenedStudy:
         self, rule: Exclusion, made: StudyExperiment
     ) -> list[tuple[str, str, tuple[str, ...]]]:
         """Return the slip of a rule whose column no trial and no person can have."""
-        # The dictionary is imported with what writes tables: most commands do without.
-        from visavis.results.tables.dictionary import PEOPLE, of_shown, trial_columns
-
         if rule.level == "participant":
             known = tuple(c.name for c in PEOPLE)
             # What a study's own facts are called is known from data alone.
@@ -160,8 +158,6 @@ class OpenedStudy:
         Raises:
             DataError: naming the line of the study file, and the nearest there is.
         """
-        from visavis.results.tables.dictionary import PEOPLE, trial_columns
-
         own: list[str] = [] if facts is None else list(map(str, facts))
         there = {"trial": list(map(str, rows)), "participant": own}
         described = {

@@ -31,7 +31,7 @@ from visavis.study.pairs import Family
 from visavis.study.pieces import Pieces
 from visavis.study.responses import Response
 from visavis.study.scenes import Maker
-from visavis.study.sections import ConcludeOf, SectionOf, named
+from visavis.study.sections import ConcludeOf, Confusion, SectionOf, named
 from visavis.study.study_functions import (
     AnswerOf,
     DemandsOf,
@@ -189,8 +189,10 @@ class Study:
     further_of: FurtherOf | None = None
     conclude_of: ConcludeOf | None = None
     views_of: ViewsOf | None = None
-    sections: list[SectionOf | str] = field(default_factory=list)
-    """Makers of sections of the report; "module:function" for one that takes long to import."""
+    sections: list[SectionOf | Confusion | str] = field(default_factory=list)
+    """Sections of the report: functions that make them ("module:function" for one that takes long
+    to import), or confusion matrices.
+    """
     makers: dict[str, Maker] = field(default_factory=dict)
     path: Path | None = None
     """The file it was read from; None for a study of an installed package."""

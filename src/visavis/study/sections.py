@@ -42,6 +42,23 @@ SectionOf: TypeAlias = Callable[[AnalysisOfStudy, ExperimentOfStudy], Extra]
 
 
 @dataclass(frozen=True)
+class Confusion:
+    """Confusion matrices of a choice; goes into a study's `sections`.
+
+    `shown` is the column that tells what was right, `answered` the `Choice`, whose options are the
+    rows and columns in their order; `by` makes one matrix for each level of a factor. A study that
+    has no such column, choice or factor is refused when it is opened. Trials without an answer are
+    told, not counted. Writes NAME.csv and the figure NAME.
+    """
+
+    shown: str
+    answered: str
+    by: str | None = None
+    title: str = "Which was taken for which"
+    name: str = "confusion"
+
+
+@dataclass(frozen=True)
 class Conclusion:
     """One question of a study with its answer and the sentences of all the tests it rests on.
 
@@ -69,14 +86,6 @@ class Conclusion:
 
 ConcludeOf: TypeAlias = Callable[[AnalysisOfStudy], Sequence[Conclusion]]
 """Answers the questions of a study from its analysis."""
-
-
-def made(section: SectionOf | str) -> SectionOf:
-    """Return what makes a section; one named "module:function" is imported now."""
-    if not isinstance(section, str):
-        return section
-    found: SectionOf = named(section)
-    return found
 
 
 def named(reference: str) -> Any:
