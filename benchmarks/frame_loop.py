@@ -36,7 +36,7 @@ from visavis.protocol.session import Session
 from visavis.protocol.session_setup import SessionSetup
 from visavis.recording.writer import REAL_TIME_BATCH_NS, Recorder
 from visavis.results.opened_study import find_study
-from visavis.running.sessions.perform import device_seed
+from visavis.running.sessions.session_request import device_seed
 from visavis.stage.contracts import GeometryStage
 
 SEED = 1

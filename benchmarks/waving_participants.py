@@ -103,7 +103,8 @@ def session_row() -> dict[str, object]:
     from visavis.devices.registry import OPTION_MODELS
     from visavis.lab.config import load_config
     from visavis.results.opened_study import find_study
-    from visavis.running.sessions.perform import perform_new, simulated_request
+    from visavis.running.sessions.perform import perform_new
+    from visavis.running.sessions.session_request import simulated_request
 
     study = find_study("waving")
     config = load_config(EXAMPLE, OPTION_MODELS)

@@ -15,7 +15,7 @@ from visavis.protocol.operator import UnattendedOperator
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, find_study
-from visavis.running.sessions.perform import PageAddress, Request
+from visavis.running.sessions.session_request import PageAddress, Request
 from visavis.study.experiment import StudyExperiment
 
 NAME: Final = "faults"

@@ -20,7 +20,8 @@ from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.recording.kept import KeptRecording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.device_setup import screen_display
-from visavis.running.sessions.stage_setup import build_stage, window_title
+from visavis.running.sessions.drawn_stages import window_title
+from visavis.running.sessions.perform import build_stage
 
 
 def test_a_window_of_a_rehearsal_is_titled_so() -> None:

@@ -18,7 +18,8 @@ from visavis.protocol.session import Session
 from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.study_folder import StudySettings, settle
 
 

@@ -23,7 +23,8 @@ from visavis.lab.geometry import unit
 from visavis.protocol.gaze_setup import TargetTiming
 from visavis.protocol.operator import UnattendedOperator
 from visavis.results.opened_study import find_study
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 EYES_M = np.array([0.0, 1.2, 0.0])
 STUDY = """

@@ -8,7 +8,8 @@ from tests.faults.sessions import lab
 from visavis.protocol.operator import Operator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, find_study
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 STUDIES = Path(__file__).parent / "studies"
 

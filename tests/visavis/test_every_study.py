@@ -25,7 +25,8 @@ from visavis.recording.reader import Recording
 from visavis.results.analysis import answered
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.quick import quick_rows, quick_study
-from visavis.running.sessions.perform import Request, perform_new, perform_rest, simulated_request
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.session_request import Request, simulated_request
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.dressing.picture_of import picture_of

@@ -16,7 +16,7 @@ from visavis.protocol.ledger import Ledger
 from visavis.protocol.own_body import read_own_body
 from visavis.protocol.steps import Answered, Mark, NextFrame, Prompt
 from visavis.results.opened_study import find_study
-from visavis.running.sessions.perform import Request, body_of, simulated_request
+from visavis.running.sessions.session_request import Request, body_of, simulated_request
 from visavis.study.dry_run import still_view
 
 

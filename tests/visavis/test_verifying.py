@@ -21,7 +21,8 @@ from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
 from visavis.recording.stream_file import Columns
 from visavis.results.opened_study import find_study
-from visavis.running.sessions.perform import perform_new, perform_rest, simulated_request
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.verification import compared, verify
 
 SHORT: dict[str, dict[str, Any]] = {

@@ -8,7 +8,7 @@ from visavis.cli.doctor.report import save_with_session
 from visavis.cli.lab_recorder import LabRecorder
 from visavis.devices.contracts import Device
 from visavis.recording.writer import Recorder
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 
 
 class LabCompanion:

@@ -21,7 +21,7 @@ from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DeviceError, UsageError
 from visavis.protocol.sync_test import Asked, Patch, SeenHeadset, SeenMonitor, Speaker, perform
 from visavis.running.sessions.device_setup import screen_display
-from visavis.running.sessions.stage_setup import open_on_monitor
+from visavis.running.sessions.drawn_stages import open_on_monitor
 
 if TYPE_CHECKING:
     from visavis.stage.window import Window

@@ -15,6 +15,7 @@ from typing import Any
 
 import pandas as pd
 
+from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig, load_config, parse_config, with_devices
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, find_config
@@ -259,8 +260,6 @@ def tables(data: StudyData | str | Path) -> dict[str, pd.DataFrame]:
 
 
 def _lab(config: str | Path | None) -> LabConfig:
-    from visavis.devices.registry import OPTION_MODELS  # pydantic models of every driver
-
     path = Path(config) if config is not None else find_config(Path.cwd())
     if path is None:
         lab = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, OPTION_MODELS, folder=Path.cwd())

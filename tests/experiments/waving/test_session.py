@@ -12,7 +12,8 @@ from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.results.power import KitPower
 from visavis.running.quick import quick_study as quick_study_of_kit
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 PILOT = {
     "clerk": ["clerk_left"],

@@ -28,7 +28,7 @@ from visavis.running.page.reception import IDLE_NS, Brake, Reception, Rules
 from visavis.running.page.server import KEY, PageServer
 from visavis.running.page.steps import PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 from visavis.study.experiment import StudyExperiment
 
 

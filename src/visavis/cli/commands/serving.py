@@ -29,7 +29,7 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.errors import UsageError
 from visavis.protocol.operator import UnattendedOperator
 from visavis.running.sessions.data_root import require_space
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 from visavis.study.experiment import StudyExperiment
 
 if TYPE_CHECKING:

@@ -40,7 +40,8 @@ from visavis.running.page.perform import (
 )
 from visavis.running.page.server import Ended, Held, PageServer
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.perform import Request, end_part, recorder_of, refuse_other_plan
+from visavis.running.sessions.recorded_part import end_part, recorder_of, refuse_other_plan
+from visavis.running.sessions.session_request import Request
 
 IDLE_NS: Final = 30 * 60 * NS_PER_S
 """A page that was not heard for so long was left; its place is filled again, its session kept."""

@@ -32,7 +32,8 @@ from visavis.running.page.perform import ENDINGS, experiment_of, held_of, manife
 from visavis.running.page.reception import LEFT
 from visavis.running.page.steps import PageStep, count, mapping, number
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.perform import Request, end_part
+from visavis.running.sessions.recorded_part import end_part
+from visavis.running.sessions.session_request import Request
 
 IMPORTED: Final = "imported"
 """Where a session's configuration says which run of which bundle it was."""
