@@ -6,7 +6,7 @@ sessions use, and a tracker model handed in makes the errors of the simulated de
 studies of the null hypothesis need hundreds of studies; this is twenty times as fast as sessions.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ from visavis.protocol.steps import (
     Ask,
     BodyView,
     FrameView,
+    Mark,
     NextFrame,
     Plan,
     PlaySound,
@@ -41,12 +42,17 @@ from visavis.protocol.steps import (
 from visavis.protocol.streams import gaze_targets_schema
 from visavis.results.intake import SimulatedStudy, questionnaire
 from visavis.results.opened_study import OpenedStudy
+from visavis.running.film_store import film_store
+from visavis.running.page.steps import PageStep, Reply, check_reply, ns_of_ms
+from visavis.running.page.trial import perform_on_page
+from visavis.running.page.visitor import visitor_of
 from visavis.stimuli.panels import PanelFrame
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure, TrialRecord, value_of
 from visavis.study.pairs import Correlate
 from visavis.study.study_functions import MakeTracker, TrackerModel
+from visavis.study.trial import TrialScript
 
 DISPLAY_HZ = 45
 TRACKER_HZ = 120
@@ -150,9 +156,7 @@ def quick_rows(
     """
     rows: list[dict[str, Any]] = []
     if experiment.study.on == "browser":
-        from visavis.running.page.quick import page_rows
-
-        done = page_rows(experiment, person, index=index, seed=seed)
+        done = _page_rows(experiment, person, index=index, seed=seed)
         rows = [_row_of(trial, own, index) for trial, own in done]
         return pd.DataFrame(
             [
@@ -171,6 +175,35 @@ def quick_rows(
         counted = [t for t in block.trials if not t.is_practice]
         rows += [_row(experiment, person, tracker, measures, t, index) for t in counted]
     return pd.DataFrame(rows)
+
+
+def _page_rows(
+    experiment: StudyExperiment, person: SimulatedParticipant, *, index: int, seed: int
+) -> Iterator[tuple[Trial, Mapping[str, Any]]]:
+    """Perform every trial of a person's plan but practice; yield each with its row."""
+    store = film_store(experiment)
+    visitor = visitor_of(person, experiment, store)
+    for trial in experiment.plan(index, seed).trials:
+        if trial.is_practice:
+            continue
+        performing = perform_on_page(
+            TrialScript(trial, experiment.settings),
+            experiment.study.trial_plan,
+            lambda film: store.told(film, is_simulated=True),
+        )
+        reply: Reply | None = None
+        told = {"trial": trial.number, "is_practice": False}
+        try:
+            while True:
+                out = performing.send(reply)
+                reply = None
+                if not isinstance(out, Mark):
+                    step = PageStep(out.kind, {**out.content, **told})
+                    content = visitor.reply(step)
+                    check_reply(step, content)
+                    reply = Reply(content, ns_of_ms(visitor.now_ms), ns_of_ms)
+        except StopIteration as end:
+            yield trial, dict(end.value or {})
 
 
 def _row(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_MS
-from visavis.running.page.errors import PageError
+from visavis.lab.errors import LabError
 from visavis.study.responses import Choice, Number, Rating, Response, SideBySide, Text
 
 WAYS: Final = ("keys", "mouse", "touch", "pen")
@@ -17,6 +17,14 @@ MAX_TEXT: Final = 10_000
 """Characters of an answer in words that are kept."""
 MIN_PX_PER_MM: Final = 0.5
 MAX_PX_PER_MM: Final = 40.0
+
+
+class PageError(LabError):
+    """A page sent what no page of ours sends; nothing of it was taken."""
+
+
+class OpenElsewhereError(LabError):
+    """The session is open in another tab or browser."""
 
 
 @dataclass(frozen=True)
