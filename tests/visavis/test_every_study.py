@@ -24,6 +24,7 @@ from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.analysis import answered
 from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.results.selection import COUNTED
 from visavis.running.quick import quick_rows, quick_study
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import Request, simulated_request
@@ -39,7 +40,6 @@ from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.study.catalogue import SHIPPED
-from visavis.study.exclusions import COUNTED
 from visavis.study.experiment import StudyExperiment
 from visavis.study.pairs import results_of
 

@@ -13,10 +13,10 @@ from visavis.analysis.statistics_report import Outcome, answer
 from visavis.lab.errors import DataError, LabError
 from visavis.protocol.steps import Scalar
 from visavis.recording.reader import Recording
+from visavis.results.selection import Selection
 from visavis.results.sensitivity import SensitivityRow, sensitivity
 from visavis.study.comparisons import AGREEMENT, THING, Compare
 from visavis.study.declaration import Study
-from visavis.study.exclusions import Selection
 from visavis.study.look_measures import MAIN_MEASURES
 from visavis.study.measures import Measure, aggregated
 from visavis.study.pairs import (

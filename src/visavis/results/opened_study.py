@@ -23,6 +23,7 @@ from visavis.results.analysis import StudyAnalysis, analyse_rows, measures_of
 from visavis.results.intake import SessionIntake, questionnaire, take_in
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
+from visavis.results.selection import Selection, left_out_lines, select
 from visavis.results.tables.dictionary import PEOPLE, of_shown, trial_columns
 from visavis.results.unusual import MAX_LISTED, Striking, striking_trials
 from visavis.results.validation import judge_validation
@@ -30,15 +31,7 @@ from visavis.stimuli.scene import SceneFrame
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import declared_study
 from visavis.study.declaration import Study
-from visavis.study.exclusions import (
-    ANSWERED,
-    STANDARD_COLUMNS,
-    Exclusion,
-    Selection,
-    left_out_lines,
-    limits_in_force,
-    select,
-)
+from visavis.study.exclusions import ANSWERED, STANDARD_COLUMNS, Exclusion, limits_in_force
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure, lost_gaze, lost_head
 from visavis.study.pairs import DEFAULT_TEST_RULES, TestRules

@@ -21,9 +21,9 @@ from visavis.lab.errors import DataError, UsageError
 from visavis.results.analysis import Finding, Results, StudyAnalysis, answered, corrected
 from visavis.results.intake import SimulatedStudy
 from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.results.selection import COUNTED, Selection
 from visavis.study.comparisons import AGREEMENT, Compare
 from visavis.study.declaration import Study
-from visavis.study.exclusions import COUNTED, Selection
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import aggregated
 from visavis.study.pairs import (

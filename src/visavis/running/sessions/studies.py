@@ -27,6 +27,7 @@ from visavis.results.locked_plan.deviations import marked
 from visavis.results.locked_plan.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for
+from visavis.results.selection import COUNTED
 from visavis.results.unusual import Striking
 from visavis.running.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.running.sessions.data_root import prepare_data_root
@@ -67,7 +68,6 @@ from visavis.running.sessions.study_folder import (
 )
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import reference_of
-from visavis.study.exclusions import COUNTED
 from visavis.study.pieces import Pieces
 
 
