@@ -23,6 +23,7 @@ from visavis.protocol.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.analysis import answered
+from visavis.results.family_tests import results_of
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.selection import COUNTED
 from visavis.running.quick import quick_rows, quick_study
@@ -41,7 +42,6 @@ from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.study.catalogue import SHIPPED
 from visavis.study.experiment import StudyExperiment
-from visavis.study.pairs import results_of
 
 STUDIES = Path(__file__).parent / "studies"
 FOUND = tuple(str(path) for path in sorted(STUDIES.glob("*.py")))

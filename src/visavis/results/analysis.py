@@ -13,25 +13,23 @@ from visavis.analysis.statistics_report import Outcome, answer
 from visavis.lab.errors import DataError, LabError
 from visavis.protocol.steps import Scalar
 from visavis.recording.reader import Recording
+from visavis.results.family_tests import (
+    DEFAULT_TEST_RULES,
+    Agreement,
+    CorrelationTest,
+    PairTest,
+    Test,
+    TestRules,
+    compare_pairs,
+    results_of,
+)
 from visavis.results.selection import Selection
 from visavis.results.sensitivity import SensitivityRow, sensitivity
 from visavis.study.comparisons import AGREEMENT, THING, Compare
 from visavis.study.declaration import Study
 from visavis.study.look_measures import MAIN_MEASURES
 from visavis.study.measures import Measure, aggregated
-from visavis.study.pairs import (
-    DEFAULT_TEST_RULES,
-    Agreement,
-    CorrelationTest,
-    Family,
-    Pairs,
-    PairTest,
-    Printed,
-    Test,
-    TestRules,
-    compare_pairs,
-    results_of,
-)
+from visavis.study.pairs import Family, Pairs, Printed
 from visavis.study.responses import Rating
 from visavis.study.sections import Conclusion
 

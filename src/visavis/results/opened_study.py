@@ -20,6 +20,7 @@ from visavis.protocol.questionnaires import Questionnaire
 from visavis.protocol.shown import Shown
 from visavis.recording.reader import Recording
 from visavis.results.analysis import StudyAnalysis, analyse_rows, measures_of
+from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.intake import SessionIntake, questionnaire, take_in
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
@@ -34,7 +35,6 @@ from visavis.study.declaration import Study
 from visavis.study.exclusions import ANSWERED, STANDARD_COLUMNS, Exclusion, limits_in_force
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure, lost_gaze, lost_head
-from visavis.study.pairs import DEFAULT_TEST_RULES, TestRules
 from visavis.study.pieces import MeasuredTrial, Pieces
 from visavis.study.responses import Choice
 from visavis.study.scenes import Scene, Staging, stage

@@ -16,6 +16,7 @@ from visavis.protocol.questionnaires import Questionnaire
 from visavis.results.analysis import SIMULATED_COLUMN, Finding, StudyAnalysis
 from visavis.results.choices import chosen
 from visavis.results.confusion import confusion_section
+from visavis.results.family_tests import columns_of_tests, published_cells
 from visavis.results.figures.family_figures import family_figures
 from visavis.results.figures.study_figures import figure_of_quality, study_figures
 from visavis.results.intake import questionnaire
@@ -35,7 +36,6 @@ from visavis.results.tables.dictionary import (
     write_table,
 )
 from visavis.study.experiment import StudyExperiment
-from visavis.study.pairs import columns_of_tests, published_cells
 from visavis.study.sections import Confusion, Extra, SectionOf, named
 
 

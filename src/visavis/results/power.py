@@ -19,6 +19,15 @@ from visavis.analysis.power import Found, PrintedTest, Source, Verdicts
 from visavis.analysis.statistics.results import number
 from visavis.lab.errors import DataError, UsageError
 from visavis.results.analysis import Finding, Results, StudyAnalysis, answered, corrected
+from visavis.results.family_tests import (
+    DEFAULT_TEST_RULES,
+    CorrelationTest,
+    PairTest,
+    Test,
+    compare_pairs,
+    results_of,
+    scores_of,
+)
 from visavis.results.intake import SimulatedStudy
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.selection import COUNTED, Selection
@@ -26,18 +35,7 @@ from visavis.study.comparisons import AGREEMENT, Compare
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import aggregated
-from visavis.study.pairs import (
-    DEFAULT_TEST_RULES,
-    Correlate,
-    CorrelationTest,
-    Family,
-    Pairs,
-    PairTest,
-    Test,
-    compare_pairs,
-    results_of,
-    scores_of,
-)
+from visavis.study.pairs import Correlate, Family, Pairs
 from visavis.study.study_functions import MakeTracker
 
 MIN_N = 3
