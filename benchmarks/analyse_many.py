@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from visavis.protocol.identifiers import make_label
+from visavis.protocol.people.identifiers import make_label
 from visavis.recording.durable import sha256_of
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.journal import JOURNAL_NAME, encode_line

@@ -36,7 +36,7 @@ from visavis.experiments.crowd.quick_study import walked
 from visavis.experiments.crowd.study import study
 from visavis.lab.clock import StopWatch
 from visavis.lab.geometry import Vector
-from visavis.protocol.parameters import known_of
+from visavis.protocol.plan.parameters import known_of
 from visavis.study.experiment import StudyExperiment
 
 PUBLISHED = {

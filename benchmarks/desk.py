@@ -33,7 +33,7 @@ from visavis.cli.desk.server import DeskServer
 from visavis.cli.desk.watch import SessionWatch
 from visavis.lab.clock import StopWatch
 from visavis.lab.config_files import EXAMPLE
-from visavis.protocol.operator import Operator, SessionStatus, UnattendedOperator
+from visavis.protocol.session.operator import Operator, SessionStatus, UnattendedOperator
 
 LIMIT_MS = 0.5
 PAINT_LIMIT_S = 1.0
@@ -135,9 +135,9 @@ def status_cost(status: SessionStatus, root: Path) -> list[Row]:
 
 def picture_cost() -> list[Row]:
     """Return what the participant's view takes of the thread that draws; nothing undrawn."""
-    from visavis.stage.context import draws_on_processor, offscreen_context, release_offscreen
+    from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
+    from visavis.stage.card.small_picture import SmallPicture
     from visavis.stage.errors import StageError
-    from visavis.stage.small_picture import SmallPicture
 
     try:
         context = offscreen_context()

@@ -29,11 +29,11 @@ from visavis.devices.sim.zmq_host import ZmqHost
 from visavis.devices.transports import MemoryTransport, MessageTransport, ZmqTransport
 from visavis.lab.clock import StopWatch, SystemClock
 from visavis.lab.frame import FrameInfo
-from visavis.protocol.gaze_setup import TargetTiming
-from visavis.protocol.operator import Operator, UnattendedOperator
-from visavis.protocol.rig import Rig
-from visavis.protocol.session import Session
-from visavis.protocol.session_setup import SessionSetup
+from visavis.protocol.session.gaze_setup import TargetTiming
+from visavis.protocol.session.operator import Operator, UnattendedOperator
+from visavis.protocol.session.rig import Rig
+from visavis.protocol.session.session import Session
+from visavis.protocol.session.session_setup import SessionSetup
 from visavis.recording.writer import REAL_TIME_BATCH_NS, Recorder
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.session_request import device_seed

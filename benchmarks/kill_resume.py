@@ -34,11 +34,11 @@ from visavis.analysis.session_check import check_session
 from visavis.lab.clock import NS_PER_S, StopWatch, SystemClock
 from visavis.lab.config import DeviceConfig, LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
-from visavis.protocol.gaze_setup import TargetTiming
-from visavis.protocol.operator import SessionStatus, UnattendedOperator
-from visavis.protocol.plan import SessionPlan
-from visavis.protocol.progress import DONE
-from visavis.protocol.states import SessionState
+from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.session.gaze_setup import TargetTiming
+from visavis.protocol.session.operator import SessionStatus, UnattendedOperator
+from visavis.protocol.session.progress import DONE
+from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, find_study

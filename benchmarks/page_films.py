@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from visavis.lab.clock import StopWatch, cpu_time_s
-from visavis.protocol.experiment import untold
+from visavis.protocol.plan.experiment import untold
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
 

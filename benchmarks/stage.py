@@ -24,10 +24,10 @@ import numpy as np
 from benchmarks.table import Row, show
 from visavis.lab.clock import SystemClock, cpu_time_s
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stage.card.targets import EyeTarget
 from visavis.stage.drawn_stage import default_views, eye_camera
 from visavis.stage.levels import DetailRule
 from visavis.stage.renderer import LIGHTEST, ON_PROCESSOR, Quality, Renderer
-from visavis.stage.targets import EyeTarget
 from visavis.stimuli.characters.cast import load_cast
 from visavis.stimuli.characters.character import Material
 from visavis.stimuli.dressing.casting import build_of

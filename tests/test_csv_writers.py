@@ -8,7 +8,7 @@ ALLOWED = {
     "src/visavis/recording/csv_file.py",
     "src/visavis/recording/bids.py",
     "src/visavis/recording/number_table.py",
-    "protocol/withdrawal.py",
+    "protocol/people/withdrawal.py",
 }
 """The place; BIDS tables, which call it; tables of numbers; rows taken out of a CSV."""
 

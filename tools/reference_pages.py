@@ -15,7 +15,7 @@ from visavis.devices.registry import built_in
 from visavis.devices.spec import AnySpec
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 from visavis.results.opened_study import find_study
 from visavis.results.quality import QUALITY_TABLE
 from visavis.results.tables.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns

@@ -33,11 +33,11 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import LabError
 from visavis.lab.plain_files import parse_json
 from visavis.lab.yaml_lines import parse_document
-from visavis.protocol.exports_register import register_export, registered_exports
-from visavis.protocol.key_file import KeyFile
-from visavis.protocol.ledger import Ledger
-from visavis.protocol.own_body import OWN_BODY_NAME, OwnBody, read_own_body, write_own_body
-from visavis.protocol.questionnaires import SCALES_DIR, load_questionnaire
+from visavis.protocol.people.exports_register import register_export, registered_exports
+from visavis.protocol.people.key_file import KeyFile
+from visavis.protocol.people.ledger import Ledger
+from visavis.protocol.people.own_body import OWN_BODY_NAME, OwnBody, read_own_body, write_own_body
+from visavis.protocol.plan.questionnaires import SCALES_DIR, load_questionnaire
 from visavis.recording.bids import export_bids
 from visavis.recording.chained import append_lines, read_lines
 from visavis.recording.journal import decode_line
@@ -183,19 +183,19 @@ def files(scratch: Path) -> Iterator[Target]:
         at("lines.jsonl", read_lines),
     )
     people = target(
-        "visavis.protocol.ledger",
+        "visavis.protocol.people.ledger",
         (study / "participants.jsonl").read_bytes(),
         at(f"{study.name}/participants.jsonl", lambda p: Ledger(p.parent, SimClock()).list()),
     )
     yield from (people, again(people, chained_again))
     exports = of_file(
-        "visavis.protocol.exports_register",
+        "visavis.protocol.people.exports_register",
         study / "exports.jsonl",
         lambda p: registered_exports(p.parent),
     )
     yield from (exports, again(exports, chained_again))
     own = target(
-        "visavis.protocol.own_body",
+        "visavis.protocol.people.own_body",
         (told / OWN_BODY_NAME).read_bytes(),
         at(f"{told.name}/{OWN_BODY_NAME}", lambda p: read_own_body(p.parent)),
     )
@@ -212,7 +212,7 @@ def files(scratch: Path) -> Iterator[Target]:
     yield target("visavis.elsewhere results", told_lines, at("results.jsonl", _runs))
     yield target("visavis.elsewhere archive", zipped(told_lines), at("results.zip", _runs))
     yield of_file(
-        "visavis.protocol.questionnaires", SCALES_DIR / "free_comment.yaml", load_questionnaire
+        "visavis.protocol.plan.questionnaires", SCALES_DIR / "free_comment.yaml", load_questionnaire
     )
     yield target(
         "visavis.study.texts",
@@ -220,7 +220,7 @@ def files(scratch: Path) -> Iterator[Target]:
         at("texts/en.yaml", lambda p: read_texts([p.parent])),
     )
     keys = target(
-        "visavis.protocol.key_file",
+        "visavis.protocol.people.key_file",
         (made / "keys" / "stare.json").read_bytes(),
         at("keys/stare.json", _key_of),
     )

@@ -11,7 +11,7 @@ from typing import Final
 from tests.faults.sessions import lab
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import RecordingError
-from visavis.protocol.operator import UnattendedOperator
+from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, find_study

@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from visavis.experiments.cameras.walks import DOES_S, ROOM, WALKS, everybody, walked
-from visavis.protocol.columns import Column
-from visavis.protocol.design import Factor
-from visavis.protocol.parameters import Within
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.design import Factor
+from visavis.protocol.plan.parameters import Within
 from visavis.stimuli.motion.kinds import Idle, Walk
 from visavis.stimuli.scenes.gathering import GatheringScene
 from visavis.study.asking import Answer

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from visavis.experiments.crowd.design import CROWDS
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 
 TRIALS: Final = (
     Column("measure_rule", "", "rule of volumes: volume, centres or published"),

@@ -7,7 +7,7 @@ from typing import Any, Final
 from visavis.devices.contracts import VibrationPattern
 from visavis.experiments.crowd.patterns import PATTERNS
 from visavis.lab.errors import DesignError
-from visavis.protocol.parameters import Range, Within, known_of, out_of_range
+from visavis.protocol.plan.parameters import Range, Within, known_of, out_of_range
 from visavis.stimuli.scenes.station_crowd import (
     CONFIGURATIONS,
     DENSITY_PER_M2,

@@ -17,7 +17,7 @@ from visavis.experiments.crowd.walks import Walk
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import ConfigError, UsageError
 from visavis.lab.geometry import Vector
-from visavis.protocol.steps import known
+from visavis.protocol.plan.steps import known
 from visavis.stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
 
 JITTER_SEED: Final = 20200

@@ -14,7 +14,7 @@ from visavis.experiments.crowd.measures import (
 )
 from visavis.experiments.crowd.pulses import pulse_rows
 from visavis.experiments.crowd.walks import walk_of, walk_records
-from visavis.protocol.questionnaires import load_questionnaire
+from visavis.protocol.plan.questionnaires import load_questionnaire
 from visavis.recording.reader import Recording
 from visavis.results.intake import person_of
 from visavis.stimuli.scenes.station_crowd import DENSITY_PER_M2

@@ -22,8 +22,8 @@ from visavis.experiments.crowd.quick_measures import (
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.geometry import Vector
-from visavis.protocol.plan import SessionPlan, Trial
-from visavis.protocol.questionnaires import Questionnaire, score
+from visavis.protocol.plan.questionnaires import Questionnaire, score
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.running.quick import answers_of
 from visavis.stimuli.contact.body import ARM_JOINTS, capsule_body
 from visavis.stimuli.contact.figures import crowd_figures

@@ -5,7 +5,7 @@ from typing import Any
 
 from visavis.experiments.crowd.walks import crowd_from_record
 from visavis.lab.errors import DataError
-from visavis.protocol.shown import Shown
+from visavis.protocol.plan.shown_scene import Shown
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.station_crowd import EMPTY_STATION, CrowdScene, can_read, station_frame
 

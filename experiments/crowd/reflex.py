@@ -8,7 +8,7 @@ from visavis.experiments.crowd.design import CrowdParameters
 from visavis.experiments.crowd.haptics import BandOrder, ContactAnswer
 from visavis.experiments.crowd.tracking import TrackingWatch, never_tracked
 from visavis.lab.clock import NS_PER_S
-from visavis.protocol.steps import BodyView, Play, Scalar, Silence
+from visavis.protocol.plan.steps import BodyView, Play, Scalar, Silence
 from visavis.stimuli.contact.body import ARM_JOINTS
 from visavis.stimuli.scenes.station_crowd import Crowd
 

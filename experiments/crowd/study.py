@@ -34,13 +34,13 @@ from visavis.experiments.crowd.paths import GroupPaths, paths_by_group
 from visavis.experiments.crowd.redrawing import views_of
 from visavis.experiments.crowd.reflex import load_contact
 from visavis.experiments.crowd.trial import crowd_scene, laid_out, run_trial
-from visavis.protocol.design import Factor
-from visavis.protocol.experiment import Demands
-from visavis.protocol.parameters import known_of
-from visavis.protocol.plan import SessionPlan
-from visavis.protocol.questionnaires import load_questionnaire
-from visavis.protocol.shown import Shown
-from visavis.protocol.steps import Answered, Mark, Prompt, Show
+from visavis.protocol.plan.design import Factor
+from visavis.protocol.plan.experiment import Demands
+from visavis.protocol.plan.parameters import known_of
+from visavis.protocol.plan.questionnaires import load_questionnaire
+from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.plan.shown_scene import Shown
+from visavis.protocol.plan.steps import Answered, Mark, Prompt, Show
 from visavis.results.analysis import StudyAnalysis
 from visavis.stimuli.contact.body import ARM_JOINTS
 from visavis.stimuli.scene import SceneFrame

@@ -11,7 +11,7 @@ from visavis.devices.segment_watch import SegmentWatch
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
-from visavis.protocol.steps import BodyView, Scalar
+from visavis.protocol.plan.steps import BodyView, Scalar
 from visavis.stimuli.contact.body import ARM_JOINTS
 from visavis.stimuli.scenes.station_crowd import ROOM_SIDE_M
 

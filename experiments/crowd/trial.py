@@ -15,8 +15,8 @@ from visavis.experiments.crowd.design import CrowdParameters
 from visavis.experiments.crowd.haptics import BandOrder
 from visavis.experiments.crowd.reflex import ContactReflex
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
-from visavis.protocol.plan import Trial
-from visavis.protocol.steps import (
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import (
     Answered,
     Ask,
     FrameView,

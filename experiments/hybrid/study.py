@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from visavis.experiments.hybrid.clips import CHARACTER, CLIPS, Flaws, motion_of, period_s
-from visavis.protocol.design import Factor
+from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.motion.synthesis.hybrid import Controls

@@ -19,7 +19,7 @@ from visavis.experiments.interpolation.gestures import (
     motion_of,
     seconds_of,
 )
-from visavis.protocol.design import Factor
+from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing

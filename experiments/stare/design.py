@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from visavis.protocol.parameters import Range, Within
+from visavis.protocol.plan.parameters import Range, Within
 from visavis.stimuli.scenes.audience import ACTIVE_PLACES, PLACES
 
 AVERTED: Final = "A"

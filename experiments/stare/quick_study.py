@@ -28,7 +28,7 @@ from visavis.experiments.stare.scene import active_index_of
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.geometry import rotate
 from visavis.people.observer import Observer
-from visavis.protocol.plan import SessionPlan, Trial
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.stimuli.gaze.behaviour import EyeBehaviour
 from visavis.stimuli.gaze.blinks import Blinks
 from visavis.stimuli.scene import Scene, SceneFrame

@@ -4,7 +4,7 @@ import numpy as np
 
 from visavis.analysis.report.notation import decimal
 from visavis.experiments.stare.design import AVERTED, AVERTED_THEN_DIRECTED
-from visavis.protocol.plan import Trial
+from visavis.protocol.plan.session_plan import Trial
 from visavis.stimuli.gaze.behaviour import EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
 from visavis.stimuli.scene import Scene

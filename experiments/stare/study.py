@@ -27,11 +27,11 @@ from visavis.experiments.stare.trial import run_trial
 from visavis.lab.errors import DesignError
 from visavis.people.observer import Observer
 from visavis.people.observer.temperament import DEFAULT_POPULATION, scaled_population
-from visavis.protocol.columns import Column
-from visavis.protocol.design import Factor
-from visavis.protocol.parameters import known_of
-from visavis.protocol.plan import SessionPlan
-from visavis.protocol.steps import Show
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.design import Factor
+from visavis.protocol.plan.parameters import known_of
+from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.plan.steps import Show
 from visavis.results.analysis import StudyAnalysis
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.audience import DRESSED_BY, SPEAKER_EYE_M

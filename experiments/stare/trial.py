@@ -16,8 +16,8 @@ from visavis.experiments.stare.design import (
 )
 from visavis.experiments.stare.scene import active_index_of, opening_eyes, scene_of
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
-from visavis.protocol.plan import Trial
-from visavis.protocol.steps import (
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import (
     Answered,
     FrameView,
     GazeView,

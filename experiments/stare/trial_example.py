@@ -13,7 +13,7 @@ from visavis.analysis.plots import BLUE, VERMILION, Drawn, draw, new_figure
 from visavis.analysis.plots.style import BLACK, GREY
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DataError
-from visavis.protocol.steps import Row
+from visavis.protocol.plan.steps import Row
 from visavis.recording.reader import Recording
 from visavis.study.look_measures import (
     DEFAULT_MEASURE_PARAMETERS,

@@ -18,7 +18,7 @@ from visavis.experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, SC
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Vector
 from visavis.lab.kept import digest_of, digest_of_code, keep, read_kept
-from visavis.protocol.plan import SessionPlan, Trial
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.stimuli.dressing.office import PARTS as ROLES
 from visavis.stimuli.dressing.office import office_eyes, office_scene, roles_of
 from visavis.stimuli.dressing.office_view import body_mesh, eye_at, seen_body_of

@@ -29,13 +29,13 @@ from visavis.experiments.waving.clips import (
 )
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, Vector
-from visavis.protocol.columns import Column
-from visavis.protocol.design import Factor
-from visavis.protocol.parameters import Within, known_of
-from visavis.protocol.participants import SimulatedParticipant
-from visavis.protocol.plan import Trial
-from visavis.protocol.shown import Shown
-from visavis.protocol.steps import FrameView, NextFrame, Scalar, Show, known
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.design import Factor
+from visavis.protocol.plan.parameters import Within, known_of
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.shown_scene import Shown
+from visavis.protocol.plan.steps import FrameView, NextFrame, Scalar, Show, known
 from visavis.stimuli.dressing.office import office_eyes, office_scene
 from visavis.stimuli.dressing.office_view import VIEW_PX
 from visavis.stimuli.motion.warping.track import (

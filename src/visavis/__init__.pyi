@@ -9,10 +9,10 @@ from visavis.analysis import statistics as statistics
 from visavis.analysis.statistics_report import Question as Question
 from visavis.analysis.statistics_report import answer as answer
 from visavis.people.person import unopinionated as unopinionated
-from visavis.protocol.design import Factor as Factor
-from visavis.protocol.orders import never_next_to as never_next_to
-from visavis.protocol.orders import no_more_than as no_more_than
-from visavis.protocol.parameters import Within as Within
+from visavis.protocol.plan.design import Factor as Factor
+from visavis.protocol.plan.orders import never_next_to as never_next_to
+from visavis.protocol.plan.orders import no_more_than as no_more_than
+from visavis.protocol.plan.parameters import Within as Within
 from visavis.running.scripts import Session as Session
 from visavis.running.scripts import StudyData as StudyData
 from visavis.running.scripts import analyse as analyse

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 
 from visavis.cli.main import app
 from visavis.lab.errors import DataError
-from visavis.protocol.exports_register import registered_exports
+from visavis.protocol.people.exports_register import registered_exports
 from visavis.recording.reader import Recording
 from visavis.running.scripts import open_study
 from visavis.running.sessions.folder_check import study_problems

@@ -23,7 +23,7 @@ from visavis.cli.main import app
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import DeviceConfig, LabConfig, Sync
 from visavis.lab.errors import RecordingError, SessionAborted
-from visavis.protocol.operator import Command, UnattendedOperator
+from visavis.protocol.session.operator import Command, UnattendedOperator
 from visavis.running.sessions.perform import perform_new
 
 Usage = namedtuple("Usage", "total used free")

@@ -12,7 +12,7 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
-from visavis.stage.context import draws_on_processor
+from visavis.stage.card.context import draws_on_processor
 from visavis.stage.errors import StageError
 from visavis.stage.frame_cost import CHOICES, Choice, best_choice, stereo_frame_ms
 from visavis.stage.renderer import Quality, Renderer

@@ -14,7 +14,7 @@ from visavis.cli.main import app
 from visavis.lab.clock import SimClock
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
-from visavis.protocol.key_file import KeyFile
+from visavis.protocol.people.key_file import KeyFile
 from visavis.recording.folder import create_session
 from visavis.recording.sharing import age_band
 

@@ -27,7 +27,7 @@ from visavis.cli.session_lanes import lanes_of
 from visavis.cli.telling import Forecast
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.geometry import Pose
-from visavis.protocol.exports_register import registered_exports
+from visavis.protocol.people.exports_register import registered_exports
 from visavis.recording.folder import study_dir
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording

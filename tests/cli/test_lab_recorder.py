@@ -15,8 +15,8 @@ from visavis.cli.lab_recorder import LabRecorder
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import Sync
 from visavis.lab.errors import DeviceError, DeviceNotFound, SessionAborted
-from visavis.protocol.operator import Action, Command
-from visavis.protocol.states import SessionState
+from visavis.protocol.session.operator import Action, Command
+from visavis.protocol.session.states import SessionState
 from visavis.running.sessions.perform import perform_new
 
 OPTION = re.compile(r"{(?P<option>\w+?):(?P<value>[^}]*)}")

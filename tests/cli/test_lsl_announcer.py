@@ -18,8 +18,8 @@ from visavis.devices.drivers.lsl.outlet import LslScope
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import Sync
 from visavis.lab.errors import DeviceNotFound, SessionAborted
-from visavis.protocol.operator import Command, UnattendedOperator
-from visavis.protocol.rig import _of_band
+from visavis.protocol.session.operator import Command, UnattendedOperator
+from visavis.protocol.session.rig import _of_band
 from visavis.running.sessions.perform import perform_new
 
 FRAMES = 12

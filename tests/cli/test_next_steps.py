@@ -14,7 +14,7 @@ from visavis.cli.main import app
 from visavis.cli.preview.capture import Capture
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import LabError, SessionAborted
-from visavis.protocol.session import Session
+from visavis.protocol.session.session import Session
 from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study

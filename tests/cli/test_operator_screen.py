@@ -5,8 +5,8 @@ from rich.console import Console
 
 from visavis.cli.operator_screen import KeyInterpreter, TerminalOperator, render
 from visavis.devices.contracts import DeviceState, Fault, Health
-from visavis.protocol.operator import Action, Command, SessionStatus
-from visavis.protocol.states import SessionState
+from visavis.protocol.session.operator import Action, Command, SessionStatus
+from visavis.protocol.session.states import SessionState
 
 HEALTH = Health(DeviceState.STREAMING, 1200, 119.9, 2, 33.0, 4.0)
 STATUS = SessionStatus(

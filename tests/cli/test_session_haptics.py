@@ -16,7 +16,7 @@ from visavis.devices.drivers.armband.driver import ArmbandDriver
 from visavis.devices.sim.armband.simulator import ArmbandSimulator
 from visavis.lab.clock import Clock, SimClock, SystemClock
 from visavis.lab.errors import SessionAborted
-from visavis.protocol.operator import Command, UnattendedOperator
+from visavis.protocol.session.operator import Command, UnattendedOperator
 
 ROLE = "armband_left_forearm"
 ON = (1.0, 1.0, 1.0, 1.0)

@@ -13,8 +13,8 @@ from visavis.cli.main import app
 from visavis.lab.clock import SimClock
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DataError
-from visavis.protocol.ledger import Ledger
-from visavis.protocol.own_body import OwnBody, write_own_body
+from visavis.protocol.people.ledger import Ledger
+from visavis.protocol.people.own_body import OwnBody, write_own_body
 from visavis.running.sessions.folder_check import repair_study, study_problems
 from visavis.running.sessions.study_folder import StudySettings, read_settings, settle
 

@@ -14,7 +14,7 @@ from visavis.cli.main import app
 from visavis.cli.studies import study_here
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import ConfigError, LedgerError, RecordingError, UsageError
-from visavis.protocol.ledger import Ledger
+from visavis.protocol.people.ledger import Ledger
 from visavis.recording.folder import create_session
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.provenance import provenance

@@ -22,7 +22,7 @@ from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import load_config, parse_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import UsageError
-from visavis.stage.context import offscreen_context, release_offscreen
+from visavis.stage.card.context import offscreen_context, release_offscreen
 from visavis.stage.errors import StageError
 
 

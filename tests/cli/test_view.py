@@ -17,12 +17,12 @@ from visavis.cli.app import app
 from visavis.cli.viewer.bundle import MISSING, Bundle
 from visavis.cli.viewer.models import LEVEL_OF_MANY, Models
 from visavis.cli.viewer.motion import key_samples, one_way_round
-from visavis.protocol.exports_register import registered_exports
+from visavis.protocol.people.exports_register import registered_exports
 from visavis.recording.folder import study_dir
 from visavis.running.sessions.study_folder import settle, wanted_settings
+from visavis.stage.card.vertices import person_vertices
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
-from visavis.stage.vertices import person_vertices
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.dressing.casting import default_casting
 

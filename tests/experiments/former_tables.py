@@ -15,7 +15,7 @@ from tests.experiments.fingerprint import fingerprint_of_table
 from visavis.experiments.crowd import published
 from visavis.experiments.crowd.comparisons import PAIRS
 from visavis.experiments.crowd.design import CONDITIONS
-from visavis.protocol.questionnaires import load_questionnaire
+from visavis.protocol.plan.questionnaires import load_questionnaire
 
 Row = Mapping[str, str]
 

@@ -12,10 +12,10 @@ from visavis.analysis.session_verdict import SessionCheck
 from visavis.experiments.stare.study import study
 from visavis.lab.config import DeviceConfig, LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
-from visavis.protocol.gaze_setup import TargetTiming
-from visavis.protocol.operator import Action, Command, SessionStatus, UnattendedOperator
-from visavis.protocol.plan import SessionPlan
-from visavis.protocol.states import SessionState
+from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.session.gaze_setup import TargetTiming
+from visavis.protocol.session.operator import Action, Command, SessionStatus, UnattendedOperator
+from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study

@@ -20,8 +20,8 @@ from tests.faults.sessions import (
 from visavis.analysis.session_verdict import Level
 from visavis.experiments.stare.trial import TRAINING_PROMPT
 from visavis.lab.errors import SessionAborted
-from visavis.protocol.operator import Action, Command
-from visavis.protocol.states import TRANSITIONS, SessionState
+from visavis.protocol.session.operator import Action, Command
+from visavis.protocol.session.states import TRANSITIONS, SessionState
 from visavis.recording.reader import Recording
 
 TRIAL, INTERTRIAL, BREAK = SessionState.TRIAL, SessionState.INTERTRIAL, SessionState.BREAK

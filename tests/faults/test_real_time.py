@@ -12,8 +12,8 @@ from tests.faults.sessions import CONFIG, REPOSITORY, events, findings, lab, req
 from visavis.devices.sim.pupil.capture import PupilCoreSimulator
 from visavis.experiments.stare.study import study
 from visavis.lab.clock import NS_PER_S, SystemClock
-from visavis.protocol.gaze_setup import TargetTiming
-from visavis.protocol.plan import SessionPlan
+from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.session.gaze_setup import TargetTiming
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.perform import perform_new

@@ -8,9 +8,9 @@ import pytest
 from tests.faults.sessions import FewTrials, ScriptedOperator, events, lab, path_of, request
 from visavis.experiments.stare.study import study
 from visavis.lab.errors import SessionAborted
-from visavis.protocol.operator import Action, Command
-from visavis.protocol.plan import SessionPlan
-from visavis.protocol.states import SessionState
+from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.session.operator import Action, Command
+from visavis.protocol.session.states import SessionState
 from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new, perform_rest
 

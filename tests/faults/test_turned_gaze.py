@@ -7,7 +7,7 @@ import pytest
 from tests.faults.sessions import events, lab, path_of, perform
 from visavis.devices.drivers.pupil import codec
 from visavis.lab.errors import DeviceError
-from visavis.protocol.session import MAX_CALIBRATIONS
+from visavis.protocol.session.session import MAX_CALIBRATIONS
 from visavis.recording.reader import Recording
 
 

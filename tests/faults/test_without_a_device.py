@@ -17,9 +17,9 @@ from visavis.analysis.session_check import check_session
 from visavis.cli.main import app
 from visavis.experiments.crowd.measures import MeasureParameters
 from visavis.lab.errors import DeviceError, UsageError
-from visavis.protocol.experiment import spare_roles_of
-from visavis.protocol.operator import Action, Command
-from visavis.protocol.states import SessionState
+from visavis.protocol.plan.experiment import spare_roles_of
+from visavis.protocol.session.operator import Action, Command
+from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new, perform_rest

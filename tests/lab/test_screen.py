@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from visavis.lab.geometry import Pose
 from visavis.lab.screen import FlatScreen
-from visavis.stage.projection import projection, view
+from visavis.stage.geometry.projection import projection, view
 from visavis.stimuli.picture import Camera
 
 SCREEN = FlatScreen(0.5, 0.3, 1000, 600, 0.6)

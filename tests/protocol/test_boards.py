@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from visavis.lab.geometry import Pose, rotate, turn_towards, unit
-from visavis.protocol.boards import chosen_by, newer_ray
-from visavis.protocol.steps import BodyView, FrameView
+from visavis.protocol.plan.steps import BodyView, FrameView
+from visavis.protocol.session.boards import chosen_by, newer_ray
 from visavis.stimuli.panels import choice_centre_m
 from visavis.stimuli.picture import Panel
 

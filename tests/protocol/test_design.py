@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from visavis.lab.errors import DesignError
-from visavis.protocol.design import (
+from visavis.protocol.plan.design import (
     Design,
     Factor,
     combinations_of,
@@ -14,7 +14,7 @@ from visavis.protocol.design import (
     make_plan,
     trial_seed,
 )
-from visavis.protocol.orders import never_next_to, no_more_than
+from visavis.protocol.plan.orders import never_next_to, no_more_than
 
 GAZE = Factor("gaze", ("A", "D", "AD", "DA"))
 PLACE = Factor("place", tuple(f"place{i}" for i in range(9)))

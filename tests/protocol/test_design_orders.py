@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from visavis.lab.errors import DesignError
-from visavis.protocol.balance import balanced_blocks
-from visavis.protocol.orders import (
+from visavis.protocol.plan.balance import balanced_blocks
+from visavis.protocol.plan.orders import (
     Constraint,
     broken_rules,
     latin_square,

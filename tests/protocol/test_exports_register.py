@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from visavis.lab.clock import SimClock
-from visavis.protocol.exports_register import ANALYSIS, register_export, registered_exports
+from visavis.protocol.people.exports_register import ANALYSIS, register_export, registered_exports
 from visavis.running.sessions.folder_check import study_problems
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from visavis.lab.errors import LedgerError
-from visavis.protocol.file_lock import locked
+from visavis.protocol.people.file_lock import locked
 
 HOLD = """
 import sys
 from pathlib import Path
-from visavis.protocol.file_lock import locked
+from visavis.protocol.people.file_lock import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.readline()
@@ -20,7 +20,7 @@ with locked(Path(sys.argv[1])):
 TRY = """
 import sys
 from pathlib import Path
-from visavis.protocol.file_lock import locked
+from visavis.protocol.people.file_lock import locked
 with locked(Path(sys.argv[1])):
     print("mine")
 """

@@ -10,8 +10,13 @@ from hypothesis import strategies as st
 
 from visavis.lab.clock import SIMULATED_EPOCH_ISO, SimClock
 from visavis.lab.errors import LedgerError
-from visavis.protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
-from visavis.protocol.ledger import Ledger, UnknownParticipant, WithdrawnParticipant
+from visavis.protocol.people.identifiers import (
+    MAX_NUMBER,
+    is_one_slip_apart,
+    make_label,
+    read_label,
+)
+from visavis.protocol.people.ledger import Ledger, UnknownParticipant, WithdrawnParticipant
 from visavis.recording.chained import append_lines
 from visavis.recording.sealed import copy_path
 

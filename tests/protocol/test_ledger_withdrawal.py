@@ -11,10 +11,10 @@ import pytest
 
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import LedgerError
-from visavis.protocol.exports_register import ANALYSIS, register_export
-from visavis.protocol.key_file import KeyFile
-from visavis.protocol.ledger import Ledger, WithdrawnParticipant
-from visavis.protocol.own_body import OwnBody
+from visavis.protocol.people.exports_register import ANALYSIS, register_export
+from visavis.protocol.people.key_file import KeyFile
+from visavis.protocol.people.ledger import Ledger, WithdrawnParticipant
+from visavis.protocol.people.own_body import OwnBody
 from visavis.recording.chained import append_lines, read_lines
 from visavis.recording.lock import SessionLock
 from visavis.recording.sealed import read_sealed, seal

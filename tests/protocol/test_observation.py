@@ -6,10 +6,10 @@ import pytest
 from visavis.devices.contracts import GAZE
 from visavis.lab.geometry import Pose, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
 from visavis.lab.schema import SampleBatch, empty_values
-from visavis.protocol.observation import GazeObserver, LateGaze
-from visavis.protocol.row_buffer import RowBuffer
-from visavis.protocol.steps import GazeView
-from visavis.protocol.streams import gaze_targets_schema
+from visavis.protocol.plan.steps import GazeView
+from visavis.protocol.session.observation import GazeObserver, LateGaze
+from visavis.protocol.session.row_buffer import RowBuffer
+from visavis.protocol.session.streams import gaze_targets_schema
 from visavis.stimuli.scene import Agent, Scene
 
 EYE = np.array([0.0, 1.2, 0.0])

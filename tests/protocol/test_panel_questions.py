@@ -10,10 +10,10 @@ import pytest
 from tests.faults.sessions import events, lab, perform
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
-from visavis.protocol.boards import DwellRule, GazeDwell
-from visavis.protocol.frame_loop import FrameLoop
-from visavis.protocol.panel_questions import LEAVE_OUT, PanelRespondent
-from visavis.protocol.steps import FrameView, GazeView
+from visavis.protocol.plan.steps import FrameView, GazeView
+from visavis.protocol.session.boards import DwellRule, GazeDwell
+from visavis.protocol.session.frame_loop import FrameLoop
+from visavis.protocol.session.panel_questions import LEAVE_OUT, PanelRespondent
 from visavis.recording.writer import Recorder
 from visavis.stimuli.panels import PanelFrame, choice_centre_m
 from visavis.stimuli.scene import Scene, SceneFrame

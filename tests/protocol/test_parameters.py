@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from visavis.lab.errors import ConfigError
-from visavis.protocol.parameters import Within, out_of_range, parameters_from
+from visavis.protocol.plan.parameters import Within, out_of_range, parameters_from
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
-from visavis.protocol.plan import Block, Trial
-from visavis.protocol.progress import Progress, left_of, progress_of
+from visavis.protocol.plan.session_plan import Block, Trial
+from visavis.protocol.session.progress import Progress, left_of, progress_of
 
 
 def trial(number: int) -> Trial:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from visavis.lab.errors import ConfigError, UsageError
-from visavis.protocol.questionnaires import (
+from visavis.protocol.plan.questionnaires import (
     available,
     load_questionnaire,
     read_answer,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from visavis.lab.schema import Field, SampleBatch, StreamSchema
-from visavis.protocol.row_buffer import RowBuffer
+from visavis.protocol.session.row_buffer import RowBuffer
 
 SCHEMA = StreamSchema("numbers", (Field("x", "i4", ""), Field("v_m", "f4", "m", "", (3,))), 90.0)
 

@@ -9,7 +9,7 @@ from visavis.devices import pump as pump_module
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import DeviceDisconnected
 from visavis.lab.schema import SampleBatch
-from visavis.protocol.rig import Rig, RunningRig
+from visavis.protocol.session.rig import Rig, RunningRig
 
 
 class OpenedToy(ToyDevice):

@@ -2,7 +2,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from visavis.devices.contracts import Fault
-from visavis.protocol.standing_faults import StandingFaults
+from visavis.protocol.session.active_faults import StandingFaults
 
 GONE = Fault("armband", "blocking", "disconnected; reconnecting", "look at its cable")
 

@@ -1,6 +1,11 @@
 import pytest
 
-from visavis.protocol.states import TRANSITIONS, ForbiddenTransition, SessionState, StateMachine
+from visavis.protocol.session.states import (
+    TRANSITIONS,
+    ForbiddenTransition,
+    SessionState,
+    StateMachine,
+)
 
 
 def test_every_state_has_an_entry_in_the_table() -> None:

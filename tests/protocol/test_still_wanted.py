@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from visavis.protocol.frame_loop import still_wanted
-from visavis.protocol.steps import Play, Silence
+from visavis.protocol.plan.steps import Play, Silence
+from visavis.protocol.session.frame_loop import still_wanted
 
 PATTERN: Any = None  # not looked at here
 

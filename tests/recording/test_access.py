@@ -16,7 +16,7 @@ from visavis.cli.main import app
 from visavis.devices.wirelog import ReplayLink, TeeLink
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import RecordingError
-from visavis.protocol.ledger import Ledger
+from visavis.protocol.people.ledger import Ledger
 from visavis.recording.durable import make_folder, protect, share_with_group
 from visavis.recording.sealed import write_sealed
 

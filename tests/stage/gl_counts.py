@@ -21,10 +21,10 @@ import numpy as np
 
 from tests.stage.test_golden import audience, station
 from visavis.lab.geometry import Pose
+from visavis.stage.card.gl_calls import GlCalls
+from visavis.stage.card.targets import EyeTarget
 from visavis.stage.drawn_stage import default_views, eye_camera
-from visavis.stage.gl_calls import GlCalls
 from visavis.stage.renderer import Renderer
-from visavis.stage.targets import EyeTarget
 from visavis.stimuli.picture import Camera, Picture
 
 Scene = Callable[[], tuple[Picture, Camera]]

@@ -10,7 +10,7 @@ from visavis.experiments.stare.study import study
 from visavis.lab.config import LabConfig
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
-from visavis.protocol.plan import SessionPlan
+from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new
 from visavis.stage.contracts import Viewer

@@ -13,12 +13,12 @@ from tests.stage.test_drawn_stage import HEAD, SIZE, _scene
 from visavis.lab.clock import Clock, SimClock, SystemClock
 from visavis.lab.frame import FrameInfo
 from visavis.lab.schema import SampleBatch
-from visavis.stage.card_timer import GL_QUERY_RESULT_AVAILABLE, MAX_OPEN, CardTimer
-from visavis.stage.context import offscreen_context, release_offscreen
+from visavis.stage.card.context import offscreen_context, release_offscreen
+from visavis.stage.card.gl_calls import GlCalls
+from visavis.stage.card.timer import GL_QUERY_RESULT_AVAILABLE, MAX_OPEN, CardTimer
 from visavis.stage.drawn_stage import Display, DrawnStage, default_views
 from visavis.stage.errors import StageError
 from visavis.stage.frame_truth import DRAWN_GPU
-from visavis.stage.gl_calls import GlCalls
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.scene import SceneFrame

@@ -10,11 +10,11 @@ import pytest
 
 from tests.stage import figures
 from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
-from visavis.stage.contact_shapes import soles_of
 from visavis.stage.errors import StageError
+from visavis.stage.geometry.contact_shapes import soles_of
+from visavis.stage.geometry.joint_rows import JointRows
+from visavis.stage.geometry.projection import projection, view
 from visavis.stage.identity import FAITHFUL, IdentityBuffer
-from visavis.stage.joint_rows import JointRows
-from visavis.stage.projection import projection, view
 from visavis.stage.renderer import LIGHTEST, Quality, Renderer
 from visavis.stimuli.characters.cast import load_cast
 from visavis.stimuli.characters.character import MORPHS, Character, Material

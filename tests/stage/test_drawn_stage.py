@@ -17,6 +17,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
 from visavis.lab.schema import SampleBatch
+from visavis.stage.card.small_picture import PROCESSOR_WIDTH_PX, WIDTH_PX
 from visavis.stage.drawn_stage import (
     GLANCE_PERIOD_NS,
     Display,
@@ -29,7 +30,6 @@ from visavis.stage.errors import StageError
 from visavis.stage.frame_truth import read_views
 from visavis.stage.own_body import OwnBody
 from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
-from visavis.stage.small_picture import PROCESSOR_WIDTH_PX, WIDTH_PX
 from visavis.stage.stills import made_small
 from visavis.stimuli.picture import Camera, Picture
 from visavis.stimuli.scene import Agent, Scene, SceneFrame

@@ -18,7 +18,7 @@ from PIL import Image
 
 from tests.stage import figures
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
-from visavis.stage.context import draws_on_processor
+from visavis.stage.card.context import draws_on_processor
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, ON_PROCESSOR, Quality, Renderer
 from visavis.stimuli.dressing.audience import audience_picture

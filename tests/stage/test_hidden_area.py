@@ -8,9 +8,9 @@ import pytest
 
 from tests.stage import figures
 from visavis.lab.frame import EyeView
+from visavis.stage.card.targets import EyeTarget, hidden_corners
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
-from visavis.stage.targets import EyeTarget, hidden_corners
 from visavis.stimuli.picture import Camera
 
 SIZE = (90, 70)

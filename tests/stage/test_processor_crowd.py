@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from tests.stage import figures
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
 from visavis.stage import processor_crowd
-from visavis.stage.baked_room import baked_room
+from visavis.stage.card.targets import EyeTarget
+from visavis.stage.card.vertices import room_vertices
 from visavis.stage.errors import StageError
 from visavis.stage.identity import FAITHFUL, IdentityBuffer, IdentityImages
-from visavis.stage.processor_layout import FreeRows
-from visavis.stage.renderer import LIGHTEST, Renderer
-from visavis.stage.targets import EyeTarget
-from visavis.stage.vertex_light import (
+from visavis.stage.processor.baked_room import baked_room
+from visavis.stage.processor.layout import FreeRows
+from visavis.stage.processor.vertex_light import (
     CODES_OF_ROOT,
     FACTORS_OF_ROOT,
     gather_front,
@@ -27,7 +27,7 @@ from visavis.stage.vertex_light import (
     light_points,
     looked_up,
 )
-from visavis.stage.vertices import room_vertices
+from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.characters.cast import load_cast
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.picture import Light, Picture
@@ -151,7 +151,7 @@ def test_room_is_drawn_when_everybody_is_out_of_view(renderer: Renderer) -> None
 
 
 def _counted(monkeypatch: pytest.MonkeyPatch, *names: str) -> Counter[str]:
-    """Return how often functions of `visavis.stage.processor_crowd` are called from now on."""
+    """Return how often functions of `visavis.stage.processor.crowd` are called from now on."""
     calls: Counter[str] = Counter()
 
     def counting(name: str, called: Callable[..., object]) -> Callable[..., object]:

@@ -9,11 +9,11 @@ import pytest
 
 from tests.stage import figures
 from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
+from visavis.stage.card.targets import EyeTarget
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Quality, Renderer
 from visavis.stage.room_buffers import PropBuffers
 from visavis.stage.stills import made_small
-from visavis.stage.targets import EyeTarget
 from visavis.stimuli.picture import Panel, Picture
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from visavis.stage.context import offscreen_context, release_offscreen
+from visavis.stage.card.context import offscreen_context, release_offscreen
+from visavis.stage.card.gl_calls import GlCalls
+from visavis.stage.card.programs import UNITS, compile_program
+from visavis.stage.card.textures import code_layers
 from visavis.stage.errors import StageError
-from visavis.stage.gl_calls import GlCalls
-from visavis.stage.programs import UNITS, compile_program
-from visavis.stage.textures import code_layers
 
 VERTEX = """
 in vec2 in_corner;

@@ -5,9 +5,9 @@ import pytest
 
 from visavis.lab.geometry import Pose
 from visavis.lab.screen import FlatScreen
+from visavis.stage.card.targets import EyeTarget
 from visavis.stage.drawn_stage import NOBODY, NOWHERE, eye_camera
 from visavis.stage.renderer import ON_PROCESSOR, Renderer
-from visavis.stage.targets import EyeTarget
 from visavis.stimuli.picture import Picture
 
 SCREEN = FlatScreen(0.5, 0.3, 500, 300, 0.6, 0.03, -0.02)

@@ -18,7 +18,7 @@ import numpy as np
 from visavis.cli.doctor.machine import monitors
 from visavis.stage.mirror import Mirror
 from visavis.stage.renderer import Renderer
-from visavis.stage.targets import EyeTarget
+from visavis.stage.card.targets import EyeTarget
 from visavis.stage.window import Window
 from tests.stage import figures
 

@@ -13,9 +13,9 @@ from numba.core import event
 
 from tests.faults.sessions import TIMING
 from tests.visavis.test_every_study import on_kit, request_for
-from visavis.protocol.frame_loop import FrameLoop
-from visavis.protocol.states import SessionState
-from visavis.protocol.steps import FrameView
+from visavis.protocol.plan.steps import FrameView
+from visavis.protocol.session.frame_loop import FrameLoop
+from visavis.protocol.session.states import SessionState
 from visavis.running.sessions.perform import get_ready, perform_new
 
 PERFORMED = (SessionState.INTERTRIAL, SessionState.TRIAL)

@@ -20,8 +20,8 @@ from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import parse_config
 from visavis.lab.geometry import unit
-from visavis.protocol.gaze_setup import TargetTiming
-from visavis.protocol.operator import UnattendedOperator
+from visavis.protocol.session.gaze_setup import TargetTiming
+from visavis.protocol.session.operator import UnattendedOperator
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.faults.sessions import lab
-from visavis.protocol.operator import Operator
+from visavis.protocol.session.operator import Operator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import perform_new

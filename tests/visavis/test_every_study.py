@@ -18,8 +18,8 @@ from tests.faults.sessions import CONFIG, TIMING, lab
 from visavis.cli.preview.pictures import Viewpoint, camera_of
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.geometry import Pose
-from visavis.protocol.operator import SessionStatus, UnattendedOperator
-from visavis.protocol.states import SessionState
+from visavis.protocol.session.operator import SessionStatus, UnattendedOperator
+from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.analysis import answered

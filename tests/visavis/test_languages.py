@@ -9,7 +9,12 @@ from tests.visavis.sessions import perform
 from visavis.cli.studies import check_wording
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.errors import ConfigError
-from visavis.protocol.questionnaires import SCALES_DIR, available, load_questionnaire, read_answers
+from visavis.protocol.plan.questionnaires import (
+    SCALES_DIR,
+    available,
+    load_questionnaire,
+    read_answers,
+)
 from visavis.results.intake import person_of
 from visavis.study.texts import WORDS_DIR, languages_in, read_texts
 

@@ -12,9 +12,9 @@ from visavis.cli.commands import session as commands
 from visavis.experiments.crowd.study import look_down
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import UsageError
-from visavis.protocol.ledger import Ledger
-from visavis.protocol.own_body import read_own_body
-from visavis.protocol.steps import Answered, Mark, NextFrame, Prompt
+from visavis.protocol.people.ledger import Ledger
+from visavis.protocol.people.own_body import read_own_body
+from visavis.protocol.plan.steps import Answered, Mark, NextFrame, Prompt
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.session_request import Request, body_of, simulated_request
 from visavis.study.dry_run import still_view

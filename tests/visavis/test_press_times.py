@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from visavis.lab.geometry import Pose
-from visavis.protocol.steps import FrameView, GazeView
+from visavis.protocol.plan.steps import FrameView, GazeView
 from visavis.study.asking import pressed
 
 MS = 1_000_000

@@ -4,7 +4,7 @@ import pytest
 
 from tests.visavis.sessions import perform
 from visavis.lab.clock import NS_PER_MS
-from visavis.protocol.columns import DELIVERED
+from visavis.protocol.plan.columns import DELIVERED
 from visavis.recording.reader import Recording
 from visavis.results.tables.dictionary import scene_column
 from visavis.study.trial import DRAIN_MS

@@ -15,8 +15,8 @@ from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.clock import SimClock
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.errors import DataError, SessionAborted, UsageError
-from visavis.protocol.operator import Action, Command, UnattendedOperator
-from visavis.protocol.states import SessionState
+from visavis.protocol.session.operator import Action, Command, UnattendedOperator
+from visavis.protocol.session.states import SessionState
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
 from visavis.recording.stream_file import Columns

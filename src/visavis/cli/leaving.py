@@ -10,7 +10,7 @@ from pathlib import Path
 from visavis.cli.app import say, verbatim
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import LedgerError
-from visavis.protocol.exports_register import register_export
+from visavis.protocol.people.exports_register import register_export
 from visavis.recording.durable import protect_files
 from visavis.recording.manifest import read_manifest
 from visavis.running.sessions.damage import counted_damage, describe, require_intact

@@ -16,8 +16,8 @@ from visavis.cli.keyboard import KeyReader
 from visavis.devices.contracts import Health
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.config import INCIDENTS
-from visavis.protocol.operator import KEYS, Action, Command, SessionStatus
-from visavis.protocol.states import SessionState
+from visavis.protocol.session.operator import KEYS, Action, Command, SessionStatus
+from visavis.protocol.session.states import SessionState
 from visavis.running.sessions.device_setup import ESSENTIAL_ROLES
 
 STATUS_PERIOD_NS = NS_PER_S // 4

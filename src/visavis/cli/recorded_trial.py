@@ -8,7 +8,7 @@ import numpy as np
 
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose, Vector
-from visavis.protocol.shown import Shown, of_part, shown_in
+from visavis.protocol.plan.shown_scene import Shown, of_part, shown_in
 from visavis.recording.reader import Recording
 
 

@@ -12,8 +12,8 @@ from visavis.lab.clock import NS_PER_S, SimClock
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
-from visavis.protocol.plan import Trial
-from visavis.protocol.shown import Shown, of_part, shown_in
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.shown_scene import Shown, of_part, shown_in
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of

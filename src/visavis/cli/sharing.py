@@ -10,7 +10,7 @@ import pandas as pd
 from visavis.analysis.blur_loss import loss_table, motion_of
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import LabError, UsageError
-from visavis.protocol.key_file import KeyFile
+from visavis.protocol.people.key_file import KeyFile
 from visavis.recording.bids_about import DatasetAbout
 from visavis.recording.reader import Recording
 from visavis.recording.sharing import TIERS, SharedRecording, Sharing, TextRule, Tier

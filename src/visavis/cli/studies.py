@@ -10,9 +10,9 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.protocol.key_file import KeyFile
-from visavis.protocol.ledger import Ledger, Participant, UnknownParticipant
-from visavis.protocol.questionnaires import available
+from visavis.protocol.people.key_file import KeyFile
+from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
+from visavis.protocol.plan.questionnaires import available
 from visavis.recording.folder import SIMULATED_ROOT, study_dir
 from visavis.recording.manifest import read_manifest
 from visavis.recording.sealed import copy_path

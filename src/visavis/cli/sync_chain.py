@@ -19,7 +19,14 @@ from visavis.devices.sync.sensing import Sensor, Trace
 from visavis.lab.clock import NS_PER_MS, Clock, SimClock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DeviceError, UsageError
-from visavis.protocol.sync_test import Asked, Patch, SeenHeadset, SeenMonitor, Speaker, perform
+from visavis.protocol.session.sync_test import (
+    Asked,
+    Patch,
+    SeenHeadset,
+    SeenMonitor,
+    Speaker,
+    perform,
+)
 from visavis.running.sessions.device_setup import screen_display
 from visavis.running.sessions.drawn_stages import open_on_monitor
 
@@ -142,7 +149,7 @@ def perform_real(
         StageError: there is nothing that draws, or not the monitor that is described.
         DeviceError: a device fails, or somebody closed the window.
     """
-    from visavis.stage.context import offscreen_context, release_offscreen
+    from visavis.stage.card.context import offscreen_context, release_offscreen
 
     screen = lab.display.on_screen
     if screen is None and "headset" not in lab.devices:
@@ -216,7 +223,7 @@ def perform_simulated(
 
     The display is a simulated headset, or the screen that `lab` describes, on a simulated monitor.
     """
-    from visavis.stage.context import offscreen_context, release_offscreen
+    from visavis.stage.card.context import offscreen_context, release_offscreen
 
     clock = SimClock()
     room_rng, board_rng, order_rng = np.random.default_rng(seed).spawn(3)

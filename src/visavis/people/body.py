@@ -12,7 +12,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
 from visavis.people.resting_pose import at_ease, posed
-from visavis.protocol.boards import ALONG_FINGERS, HAND
+from visavis.protocol.session.boards import ALONG_FINGERS, HAND
 from visavis.stimuli.motion.blending import eased
 
 POINT_S: Final = 0.5
@@ -114,7 +114,7 @@ def fingers_to(direction: Vector) -> Vector:
 class StandingBody:
     """Somebody who stands and sways, looks from point to point with eyes and head, and points.
 
-    The bodily part of `visavis.protocol.participants.SimulatedParticipant`; who they are and what
+    The bodily part of `visavis.protocol.people.simulated_participant.SimulatedParticipant`; who they are and what
     they answer is for who inherits. `eye_m` (3,) is where the eyes are when upright, `sway_rad`
     (3,) where in its swaying the body begins, `ahead_m` what is looked at by itself, `hand_m` where
     the right hand is and `rest_m` what it points to.

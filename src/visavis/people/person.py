@@ -19,7 +19,7 @@ from visavis.people.body import POINT_S, PointingHand, hand_alone, segments_of
 from visavis.people.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.people.observer.observer import Layout
 from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
-from visavis.protocol.boards import HAND
+from visavis.protocol.session.boards import HAND
 from visavis.stimuli.panels import PanelFrame, choice_centre_m
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame

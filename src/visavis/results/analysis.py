@@ -11,7 +11,7 @@ from visavis.analysis.statistics import adjust_p
 from visavis.analysis.statistics.results import MINUS
 from visavis.analysis.statistics_report import Outcome, answer
 from visavis.lab.errors import DataError, LabError
-from visavis.protocol.steps import Scalar
+from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
 from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,

@@ -8,7 +8,7 @@ import pandas as pd
 from visavis.analysis.report import Block, Column, Fold, Paragraph, Section, Table
 from visavis.analysis.report.notation import counted, percentage
 from visavis.analysis.statistics.binomial import clustered_share
-from visavis.protocol.columns import Column as Described
+from visavis.protocol.plan.columns import Column as Described
 from visavis.results.analysis import StudyAnalysis
 from visavis.study.experiment import StudyExperiment
 from visavis.study.responses import Choice

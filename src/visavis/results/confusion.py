@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from visavis.analysis.plots import BLACK, draw, new_figure
 from visavis.analysis.report import Paragraph, Section
 from visavis.analysis.report.notation import counted, fraction
-from visavis.protocol.columns import Column as Described
+from visavis.protocol.plan.columns import Column as Described
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.report.study_report import picture_of
 from visavis.study.experiment import StudyExperiment

@@ -26,7 +26,7 @@ from visavis.analysis.statistics import (
 from visavis.analysis.statistics.errors import StatisticsError
 from visavis.analysis.statistics.results import Cell, p_text
 from visavis.lab.errors import DataError, UsageError
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 from visavis.study.measures import Measure, aggregated
 from visavis.study.pairs import Correlate, Family, Pairs, Printed
 

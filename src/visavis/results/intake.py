@@ -14,14 +14,14 @@ from visavis.analysis.report import SessionSource
 from visavis.analysis.report.sources import source_of
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError
-from visavis.protocol.gaze_setup import TARGETS
-from visavis.protocol.questionnaires import (
+from visavis.protocol.plan.questionnaires import (
     Questionnaire,
     load_questionnaire,
     read_answers,
     score,
     unanswered,
 )
+from visavis.protocol.session.gaze_setup import TARGETS
 from visavis.recording.integrity import analysed_trials
 from visavis.recording.manifest import Manifest
 from visavis.recording.reader import Recording

@@ -14,10 +14,10 @@ from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, DataError, DesignError
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.people.person import StudyPerson
-from visavis.protocol.experiment import ValidationPoint, ValidationVerdict
-from visavis.protocol.participants import SimulatedParticipant
-from visavis.protocol.questionnaires import Questionnaire
-from visavis.protocol.shown import Shown
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.experiment import ValidationPoint, ValidationVerdict
+from visavis.protocol.plan.questionnaires import Questionnaire
+from visavis.protocol.plan.shown_scene import Shown
 from visavis.recording.reader import Recording
 from visavis.results.analysis import StudyAnalysis, analyse_rows, measures_of
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules

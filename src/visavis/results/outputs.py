@@ -11,8 +11,8 @@ from visavis.analysis.own_streams import OwnStream, figures_of_streams, streams_
 from visavis.analysis.plots import Drawn, write_figure
 from visavis.analysis.report import Picture, ReportProvenance
 from visavis.lab.errors import UsageError
-from visavis.protocol.columns import Column
-from visavis.protocol.questionnaires import Questionnaire
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.results.analysis import SIMULATED_COLUMN, Finding, StudyAnalysis
 from visavis.results.choices import chosen
 from visavis.results.confusion import confusion_section

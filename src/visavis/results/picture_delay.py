@@ -14,7 +14,7 @@ import numpy as np
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.plain_files import parse_json, read_plain
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 from visavis.recording.reader import Recording
 
 SETTING: Final = "picture_delay_ms"

@@ -7,8 +7,8 @@ import pandas as pd
 
 from visavis.analysis.report import Column, Table
 from visavis.analysis.report.notation import counted, decimal, percentage
-from visavis.protocol.columns import Column as Described
-from visavis.protocol.questionnaires import load_questionnaire
+from visavis.protocol.plan.columns import Column as Described
+from visavis.protocol.plan.questionnaires import load_questionnaire
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.selection import mean_error_deg
 from visavis.study.measures import LOST_COLUMN

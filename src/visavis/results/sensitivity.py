@@ -8,7 +8,7 @@ import pandas as pd
 
 from visavis.analysis.statistics.results import Cell
 from visavis.lab.errors import DataError
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
     PairTest,

@@ -7,8 +7,8 @@ import numpy as np
 
 from visavis.analysis.gaze.quality import validate
 from visavis.analysis.gaze.turned import TurnedGaze, turned_gaze
-from visavis.protocol.experiment import ValidationPoint, ValidationVerdict
-from visavis.protocol.steps import known
+from visavis.protocol.plan.experiment import ValidationPoint, ValidationVerdict
+from visavis.protocol.plan.steps import known
 
 EYES: Final = ("combined", "left", "right")
 

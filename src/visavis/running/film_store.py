@@ -314,7 +314,7 @@ def _renderer() -> "Iterator[Renderer]":
     and light at every pixel one person alone takes it seventeen times as long.
     """
     # Saves OpenGL wherever films are named, looked at by simulated people or served, not drawn.
-    from visavis.stage.context import draws_on_processor, offscreen_context, release_offscreen
+    from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
     from visavis.stage.levels import DetailRule
     from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
 

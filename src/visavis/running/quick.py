@@ -20,13 +20,10 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, empty_values
-from visavis.protocol.boards import HAND
-from visavis.protocol.observation import GazeObserver
-from visavis.protocol.participants import SimulatedParticipant
-from visavis.protocol.plan import Trial
-from visavis.protocol.questionnaires import Questionnaire, read_answers, score
-from visavis.protocol.row_buffer import RowBuffer
-from visavis.protocol.steps import (
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.questionnaires import Questionnaire, read_answers, score
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import (
     Answered,
     Ask,
     BodyView,
@@ -39,7 +36,10 @@ from visavis.protocol.steps import (
     Show,
     Sounded,
 )
-from visavis.protocol.streams import gaze_targets_schema
+from visavis.protocol.session.boards import HAND
+from visavis.protocol.session.observation import GazeObserver
+from visavis.protocol.session.row_buffer import RowBuffer
+from visavis.protocol.session.streams import gaze_targets_schema
 from visavis.results.intake import SimulatedStudy, questionnaire
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import film_store

@@ -19,10 +19,10 @@ import pandas as pd
 from visavis.analysis.report.notation import counted
 from visavis.lab.errors import DesignError, LabError
 from visavis.lab.geometry import Vector, unit
-from visavis.protocol.design import combinations_of
-from visavis.protocol.orders import Cell, Constraint
-from visavis.protocol.plan import SessionPlan, Trial
-from visavis.protocol.steps import Scalar
+from visavis.protocol.plan.design import combinations_of
+from visavis.protocol.plan.orders import Cell, Constraint
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.plan.steps import Scalar
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.tables.dictionary import trial_columns, undescribed
 from visavis.running.quick import quick_rows

@@ -15,7 +15,9 @@ from visavis.lab.errors import LabError
 from visavis.lab.frame import EyeView, FrameInfo
 from visavis.lab.geometry import Pose, Vector, quat_multiply, rotate
 from visavis.lab.schema import SampleBatch, StreamSchema
-from visavis.stage.card_timer import CardTimer
+from visavis.stage.card.small_picture import SmallPicture
+from visavis.stage.card.targets import EyeTarget
+from visavis.stage.card.timer import CardTimer
 from visavis.stage.contracts import Glance, Viewer
 from visavis.stage.errors import StageError
 from visavis.stage.fades import Fades, FadeTimes, dimmed, fading_out
@@ -33,8 +35,6 @@ from visavis.stage.frame_truth import (
 from visavis.stage.mirror import Mirror, gaze_on_eye
 from visavis.stage.own_body import OwnBody
 from visavis.stage.renderer import Image, Renderer
-from visavis.stage.small_picture import SmallPicture
-from visavis.stage.targets import EyeTarget
 from visavis.stimuli.characters.character import MORPHS
 from visavis.stimuli.panels import PanelFrame
 from visavis.stimuli.picture import Camera, Picture, PosedPeople, Room

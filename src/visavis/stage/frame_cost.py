@@ -6,9 +6,9 @@ from statistics import median
 
 from visavis.lab.clock import NS_PER_MS, Clock
 from visavis.lab.geometry import Pose
+from visavis.stage.card.targets import EyeTarget
 from visavis.stage.drawn_stage import default_views, eye_camera
 from visavis.stage.renderer import Renderer
-from visavis.stage.targets import EyeTarget
 from visavis.stimuli.picture import Picture
 
 FRAMES, UNCOUNTED = 20, 3

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
-from visavis.stage.projection import axes
+from visavis.stage.geometry.projection import axes
 from visavis.stimuli.picture import Camera
 
 BODY_RADIUS_M = 1.25

@@ -7,7 +7,7 @@ import numpy as np
 
 from visavis.lab.frame import EyeView
 from visavis.lab.geometry import Vector, quat_conjugate, rotate
-from visavis.stage.glsl_room import BOARD_FRAGMENT
+from visavis.stage.card.shaders.room import BOARD_FRAGMENT
 from visavis.stage.square import Square
 
 if TYPE_CHECKING:  # a session without a window loads no library of windows

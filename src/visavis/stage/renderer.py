@@ -10,27 +10,27 @@ import numpy.typing as npt
 
 from visavis.lab.closing import Closing
 from visavis.lab.geometry import Vector
-from visavis.stage.contacts import Contacts
-from visavis.stage.context import GL_FRAMEBUFFER_SRGB, offscreen_context, release_offscreen
-from visavis.stage.errors import StageError
-from visavis.stage.glsl_lighting import MAX_SHADOWS, lamp_constants
-from visavis.stage.lamps import (
+from visavis.stage.card.context import GL_FRAMEBUFFER_SRGB, offscreen_context, release_offscreen
+from visavis.stage.card.lamps import (
     KIND_NUMBERS,
     LIGHTING_BYTES,
     ShadowView,
     lighting_block,
     shadow_views,
 )
+from visavis.stage.card.lit_programs import Family, LitPrograms
+from visavis.stage.card.overlays import Overlays
+from visavis.stage.card.shaders.lighting import MAX_SHADOWS, lamp_constants
+from visavis.stage.card.targets import EyeTarget
+from visavis.stage.card.vertices import Run
+from visavis.stage.contacts import Contacts
+from visavis.stage.errors import StageError
+from visavis.stage.geometry.projection import projection, view, world_from
 from visavis.stage.levels import BODY_RADIUS_M, DetailRule, choose_levels, faces_px, in_view
-from visavis.stage.lit_programs import Family, LitPrograms
-from visavis.stage.overlays import Overlays
-from visavis.stage.processor_crowd import PixelGrid, ProcessorCrowd
-from visavis.stage.projection import projection, view, world_from
+from visavis.stage.processor.crowd import PixelGrid, ProcessorCrowd
+from visavis.stage.processor.vertex_light import lamp_rows
 from visavis.stage.scene_buffers import Crowd, SceneBuffers
 from visavis.stage.shadow_maps import ShadowMaps
-from visavis.stage.targets import EyeTarget
-from visavis.stage.vertex_light import lamp_rows
-from visavis.stage.vertices import Run
 from visavis.stimuli.picture import Camera, Picture, Room
 
 FRAME_BYTES = 96

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
-from visavis.stage.baked_room import baked_room
-from visavis.stage.programs import UNITS, set_bytes
-from visavis.stage.projection import for_gl
-from visavis.stage.textures import Layers
-from visavis.stage.vertices import ROOM_LAYOUT, RoomVertices, Run, TextureArray, room_vertices
+from visavis.stage.card.programs import UNITS, set_bytes
+from visavis.stage.card.textures import Layers
+from visavis.stage.card.vertices import ROOM_LAYOUT, RoomVertices, Run, TextureArray, room_vertices
+from visavis.stage.geometry.projection import for_gl
+from visavis.stage.processor.baked_room import baked_room
 from visavis.stimuli.picture import Prop, Room
 
 STILL = np.eye(4)

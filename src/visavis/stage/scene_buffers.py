@@ -4,12 +4,12 @@ from functools import partial
 
 import moderngl
 
-from visavis.stage.crowd_buffers import CrowdBuffers
-from visavis.stage.gl_calls import GlCalls
-from visavis.stage.models_on_card import CharacterMeshes, ModelsOnCard
-from visavis.stage.processor_crowd import ProcessorCrowd
+from visavis.stage.card.crowd_buffers import CrowdBuffers
+from visavis.stage.card.gl_calls import GlCalls
+from visavis.stage.card.models import CharacterMeshes, ModelsOnCard
+from visavis.stage.card.textures import Layers, Looks, SharedLayers, code_layers, srgb_layers
+from visavis.stage.processor.crowd import ProcessorCrowd
 from visavis.stage.room_buffers import PropBuffers
-from visavis.stage.textures import Layers, Looks, SharedLayers, code_layers, srgb_layers
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.picture import Prop, Room
 

@@ -5,7 +5,7 @@ from typing import TypeAlias
 import moderngl
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
-from visavis.stage.glsl_room import BOARD_FRAGMENT
+from visavis.stage.card.shaders.room import BOARD_FRAGMENT
 from visavis.stage.square import Square
 from visavis.stage.window import Window
 

@@ -2,13 +2,13 @@
 
 import moderngl
 
-from visavis.stage.crowd_buffers import CrowdBuffers
-from visavis.stage.gl_calls import GlCalls
-from visavis.stage.glsl_lighting import MAX_SHADOWS
-from visavis.stage.lamps import ShadowView
-from visavis.stage.lit_programs import LitPrograms
-from visavis.stage.programs import UNITS, set_bytes
-from visavis.stage.projection import for_gl, world_from
+from visavis.stage.card.crowd_buffers import CrowdBuffers
+from visavis.stage.card.gl_calls import GlCalls
+from visavis.stage.card.lamps import ShadowView
+from visavis.stage.card.lit_programs import LitPrograms
+from visavis.stage.card.programs import UNITS, set_bytes
+from visavis.stage.card.shaders.lighting import MAX_SHADOWS
+from visavis.stage.geometry.projection import for_gl, world_from
 from visavis.stage.scene_buffers import SceneBuffers
 from visavis.stimuli.picture import Picture, Room
 

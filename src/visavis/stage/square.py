@@ -3,7 +3,7 @@
 import moderngl
 import numpy as np
 
-from visavis.stage.programs import compile_program
+from visavis.stage.card.programs import compile_program
 
 _VERTEX = """
 uniform vec4 placing;   // centre and half size in clip space

@@ -4,8 +4,8 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.closing import Closing
-from visavis.stage.context import draws_on_processor, offscreen_context, release_offscreen
-from visavis.stage.processor_models import LINEAR_OF_CODE
+from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
+from visavis.stage.processor.models import LINEAR_OF_CODE
 from visavis.stage.renderer import Quality, Renderer
 from visavis.stimuli.picture import Camera, Picture
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import glfw
 
-from visavis.stage.context import current_context
+from visavis.stage.card.context import current_context
 from visavis.stage.errors import StageError
 
 HeardKey = Callable[[str, bool], None]

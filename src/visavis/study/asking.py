@@ -11,7 +11,8 @@ import numpy as np
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.geometry import Pose, Vector, rotate, yaw_pitch_deg_of
-from visavis.protocol.boards import (
+from visavis.protocol.plan.steps import Answered, Ask, FrameView, Scalar, Show, Step
+from visavis.protocol.session.boards import (
     AHEAD,
     CONFIRM,
     Ray,
@@ -21,8 +22,7 @@ from visavis.protocol.boards import (
     newer_ray,
     shown,
 )
-from visavis.protocol.boards import frame as frame
-from visavis.protocol.steps import Answered, Ask, FrameView, Scalar, Show, Step
+from visavis.protocol.session.boards import frame as frame
 from visavis.stimuli.picture import Panel
 
 Asking: TypeAlias = Generator[Step, FrameView | Answered | None, "Answer"]

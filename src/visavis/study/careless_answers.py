@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from visavis.lab.errors import DesignError
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 from visavis.study.exclusions import Exclusion
 
 NOT_HEARD: Final = "sound not heard"

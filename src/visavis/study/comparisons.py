@@ -11,7 +11,7 @@ from visavis.analysis.statistics.agreement import ICC_KINDS, Scale
 from visavis.analysis.statistics.published import check_f
 from visavis.analysis.statistics_report import Question
 from visavis.lab.errors import DesignError
-from visavis.protocol.steps import Scalar
+from visavis.protocol.plan.steps import Scalar
 from visavis.study.pairs import Printed
 
 Correction = Literal["none", "holm", "bonferroni", "bh"]

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple, TypeAlias, get_args
 
 from visavis.lab.errors import DesignError
-from visavis.protocol.columns import Column
-from visavis.protocol.design import BlockOrder, Design, Factor, TrialOrder
-from visavis.protocol.orders import Constraint
-from visavis.protocol.parameters import Range, parameters_from
-from visavis.protocol.steps import Scalar
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.design import BlockOrder, Design, Factor, TrialOrder
+from visavis.protocol.plan.orders import Constraint
+from visavis.protocol.plan.parameters import Range, parameters_from
+from visavis.protocol.plan.steps import Scalar
 from visavis.study.comparisons import Compare
 from visavis.study.exclusions import STANDARD_RULES, Exclusion
 from visavis.study.look_measures import LooksOn

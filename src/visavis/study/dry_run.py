@@ -14,8 +14,17 @@ import numpy as np
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
-from visavis.protocol.plan import Trial
-from visavis.protocol.steps import Answered, Ask, FrameView, GazeView, Mark, NextFrame, Prompt, Show
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import (
+    Answered,
+    Ask,
+    FrameView,
+    GazeView,
+    Mark,
+    NextFrame,
+    Prompt,
+    Show,
+)
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
 from visavis.study.asking import Answer

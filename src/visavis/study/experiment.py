@@ -12,11 +12,11 @@ import numpy as np
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Vector
-from visavis.protocol.boards import DwellRule, Ways
-from visavis.protocol.design import combinations_of, make_plan
-from visavis.protocol.experiment import Demands, untold
-from visavis.protocol.plan import SessionPlan, Trial
-from visavis.protocol.steps import Plan
+from visavis.protocol.plan.design import combinations_of, make_plan
+from visavis.protocol.plan.experiment import Demands, untold
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.plan.steps import Plan
+from visavis.protocol.session.boards import DwellRule, Ways
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
@@ -36,7 +36,7 @@ WAYS: Final = ("board", "ray", "keyboard")
 
 @dataclass(frozen=True, eq=False)
 class StudyExperiment:
-    """Implement `visavis.protocol.experiment.Experiment` for any study on the kit.
+    """Implement `visavis.protocol.plan.experiment.Experiment` for any study on the kit.
 
     `overrides` replace parameters by name (`language` among them).
 

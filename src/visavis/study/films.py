@@ -13,7 +13,7 @@ import numpy as np
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.study.responses import Response
 from visavis.study.scenes import PAIR, Scene

@@ -37,8 +37,8 @@ from visavis.analysis.gaze.stamps import order_of
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DataError
-from visavis.protocol.columns import Column
-from visavis.protocol.steps import Row, Scalar
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.steps import Row, Scalar
 from visavis.study.measures import LOOKS, TrialRecord
 
 DWELL_MS: Final = "dwell_ms"

@@ -17,8 +17,8 @@ from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
 from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
 from visavis.analysis.gaze.targets import GazeTargets, targets_of_part
 from visavis.lab.errors import DataError, DesignError, UsageError
-from visavis.protocol.columns import Column
-from visavis.protocol.steps import Scalar
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
 
 Aggregate = Literal["mean", "median", "share"]

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from visavis.lab.errors import ConfigError, DesignError
-from visavis.protocol.parameters import no_such, out_of_range, read_as
+from visavis.protocol.plan.parameters import no_such, out_of_range, read_as
 from visavis.study.declaration import SETTABLE, Study
 
 

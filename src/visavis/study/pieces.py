@@ -8,8 +8,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from visavis.protocol.columns import Column
-from visavis.protocol.parameters import parameters_from
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.parameters import parameters_from
 from visavis.recording.reader import Recording
 
 Rows: TypeAlias = list[dict[str, Any]]

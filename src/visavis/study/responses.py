@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
 from visavis.lab.errors import DesignError
-from visavis.protocol.columns import Column
-from visavis.protocol.steps import Scalar
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.steps import Scalar
 
 MAX_CHOICES = 9
 """As many as have a digit of their own on a keyboard."""

@@ -15,7 +15,7 @@ import numpy as np
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.protocol.steps import FrameView
+from visavis.protocol.plan.steps import FrameView
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.gathering import agents_of
 from visavis.stimuli.gaze.behaviour import EyeBehaviour

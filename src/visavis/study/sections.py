@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 
 if TYPE_CHECKING:
     import pandas as pd

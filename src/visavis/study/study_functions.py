@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
-from visavis.protocol.experiment import Demands
-from visavis.protocol.participants import SimulatedParticipant
-from visavis.protocol.plan import SessionPlan, Trial
-from visavis.protocol.shown import Shown
-from visavis.protocol.steps import Step
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.experiment import Demands
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.plan.shown_scene import Shown
+from visavis.protocol.plan.steps import Step
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.responses import Response
 from visavis.study.sections import AnalysisOfStudy, ExperimentOfStudy

@@ -3,7 +3,7 @@
 A trial is a generator over a `TrialScript`: it yields what the script's methods return and gets
 back what came of it (an `Answer`, a `ShownScene`). Whatever one step is made of (frames, marks, a
 board that follows a ray) happens inside, so a trial reads as its protocol does. Steps of
-`visavis.protocol.steps` may be yielded too, where a study needs the frame itself.
+`visavis.protocol.plan.steps` may be yielded too, where a study needs the frame itself.
 """
 
 import difflib
@@ -18,9 +18,8 @@ from visavis.devices.contracts import VibrationPattern
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError, DesignError
 from visavis.lab.geometry import Pose, Vector
-from visavis.protocol.boards import Ways
-from visavis.protocol.plan import Trial
-from visavis.protocol.steps import (
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import (
     Answered,
     FrameView,
     Hush,
@@ -36,6 +35,7 @@ from visavis.protocol.steps import (
     Step,
     TrialInterrupted,
 )
+from visavis.protocol.session.boards import Ways
 from visavis.stimuli.panels import SIZE_M, PanelFrame, placed_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import Scene as StageScene

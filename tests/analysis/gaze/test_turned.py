@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from visavis.analysis.gaze.turned import turned_gaze
 from visavis.lab.geometry import direction_from_yaw_pitch_deg
-from visavis.protocol.gaze_setup import TARGETS
+from visavis.protocol.session.gaze_setup import TARGETS
 
 AIMS = [np.tile(direction_from_yaw_pitch_deg(yaw, pitch), (30, 1)) for _, yaw, pitch in TARGETS]
 

@@ -34,7 +34,8 @@ from visavis.cli.desk.seen import GAZE_KEPT, Looking
 from visavis.cli.desk.watch import SessionWatch
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, StopWatch
 from visavis.lab.geometry import Pose
-from visavis.protocol.operator import (
+from visavis.protocol.plan.steps import FrameView, GazeView
+from visavis.protocol.session.operator import (
     KEYS,
     Action,
     BodyContact,
@@ -42,7 +43,6 @@ from visavis.protocol.operator import (
     SessionStatus,
     UnattendedOperator,
 )
-from visavis.protocol.steps import FrameView, GazeView
 from visavis.stage.contracts import Glance
 from visavis.stimuli.picture import Camera
 from visavis.stimuli.scene import Agent, Scene, SceneFrame

@@ -25,14 +25,14 @@ from visavis.cli.desk.server import DeskServer
 from visavis.devices.contracts import Fault
 from visavis.lab.clock import StopWatch
 from visavis.lab.config_files import EXAMPLE
-from visavis.protocol.operator import (
+from visavis.protocol.session.operator import (
     Action,
     BodyContact,
     Command,
     SessionStatus,
     UnattendedOperator,
 )
-from visavis.protocol.states import SessionState
+from visavis.protocol.session.states import SessionState
 from visavis.recording.reader import Recording
 from visavis.stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, station_crowd
 

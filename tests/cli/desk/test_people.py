@@ -13,9 +13,9 @@ from visavis.cli.desk.people import Verdicts, people_today
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, SessionAborted
-from visavis.protocol.ledger import Ledger
-from visavis.protocol.operator import Action, Command
-from visavis.protocol.states import SessionState
+from visavis.protocol.people.ledger import Ledger
+from visavis.protocol.session.operator import Action, Command
+from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX

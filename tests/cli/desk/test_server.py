@@ -13,7 +13,7 @@ from tests.faults.sessions import lab
 from visavis.cli.desk import server as desk_server
 from visavis.cli.desk.link import About, SessionLink
 from visavis.cli.desk.server import DeskServer
-from visavis.protocol.operator import Action, Command, UnattendedOperator
+from visavis.protocol.session.operator import Action, Command, UnattendedOperator
 from visavis.running.page.server import KEY
 
 PATIENCE_S = 30.0

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from visavis.experiments.crowd.measuring import sex_of
-from visavis.protocol.questionnaires import load_questionnaire, read_answer
+from visavis.protocol.plan.questionnaires import load_questionnaire, read_answer
 from visavis.results.intake import blocks_of
 
 

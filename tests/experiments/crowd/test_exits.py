@@ -13,8 +13,8 @@ from tests.faults.sessions import ScriptedOperator, events
 from visavis.devices.sim.armband.simulator import ArmbandSimulator
 from visavis.experiments.crowd.haptics import BAND_ROLES
 from visavis.lab.errors import SessionAborted
-from visavis.protocol.operator import Action, Command
-from visavis.protocol.states import SessionState
+from visavis.protocol.session.operator import Action, Command
+from visavis.protocol.session.states import SessionState
 from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new
 

@@ -12,8 +12,8 @@ from visavis.experiments.crowd.trial import run_trial
 from visavis.experiments.crowd.walks import walks
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.errors import DesignError
-from visavis.protocol.plan import Trial
-from visavis.protocol.steps import NextFrame, Reflex, Silence, TrialInterrupted
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import NextFrame, Reflex, Silence, TrialInterrupted
 from visavis.results.opened_study import find_study
 
 QUICK = MeasureParameters(surface="capsules")

@@ -11,8 +11,8 @@ from tests.experiments.crowd.tables import measured
 from tests.faults.sessions import ScriptedOperator
 from visavis.experiments.crowd.measures import MeasureParameters
 from visavis.experiments.crowd.pulses import pulse_rows
-from visavis.protocol.operator import Action, Command
-from visavis.protocol.states import SessionState
+from visavis.protocol.session.operator import Action, Command
+from visavis.protocol.session.states import SessionState
 from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new
 

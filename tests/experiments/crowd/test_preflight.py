@@ -11,8 +11,8 @@ from visavis.experiments.crowd.study import plan_session, study
 from visavis.experiments.crowd.trial import crowd_scene, laid_out
 from visavis.lab.config import Room
 from visavis.lab.errors import ConfigError, DeviceError
-from visavis.protocol.demands import unmet
-from visavis.protocol.experiment import Demands
+from visavis.protocol.plan.experiment import Demands
+from visavis.protocol.session.demands import unmet
 from visavis.study.experiment import StudyExperiment
 
 ARM = ("upper_arm", "lower_arm", "hand")

@@ -8,7 +8,7 @@ from visavis.experiments.crowd.haptics import BAND_ROLES, MOTORS
 from visavis.experiments.crowd.reflex import ContactReflex
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.clock import NS_PER_MS
-from visavis.protocol.steps import BodyView, Play, Silence
+from visavis.protocol.plan.steps import BodyView, Play, Silence
 from visavis.stimuli.contact.idle import crowd_poses, people_of
 from visavis.stimuli.scenes.station_crowd import ROOM_SIDE_M, station_crowd
 

@@ -8,7 +8,7 @@ from visavis.experiments.crowd.study import plan_session
 from visavis.experiments.crowd.trial import run_trial
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose
-from visavis.protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show, Silence
+from visavis.protocol.plan.steps import Answered, Ask, FrameView, Mark, NextFrame, Show, Silence
 from visavis.stimuli.scenes.station_crowd import BOARD_M, READ_WITHIN_M, START_M, CrowdFrame
 
 FRAME_NS = NS_PER_S // 100

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from visavis.lab.geometry import Pose, unit
-from visavis.protocol.steps import (
+from visavis.protocol.plan.steps import (
     Answered,
     FrameView,
     GazeView,

@@ -11,8 +11,8 @@ from visavis.experiments.stare.design import StareParameters
 from visavis.experiments.stare.study import experiment_of, plan_session
 from visavis.experiments.stare.trial import run_trial
 from visavis.lab.geometry import angle_deg, unit
-from visavis.protocol.plan import Trial
-from visavis.protocol.steps import TrialInterrupted
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import TrialInterrupted
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.audience import MARK_M, PARTICIPANT_EYE_M, PLACES, SPEAKER_EYE_M
 

@@ -10,7 +10,7 @@ from visavis.experiments.waving.clips import UNITS, Making, StudyWave, base_clip
 from visavis.experiments.waving.study import SCENE_SEED, study, told_of, track_shown, wave_record
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, angle_deg, rotate, turn_towards, unit
-from visavis.protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
+from visavis.protocol.plan.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
 from visavis.results.opened_study import OpenedStudy
 from visavis.stimuli.dressing.office import office_picture, office_scene, pose_of_waver
 from visavis.stimuli.motion.skeleton import forward

@@ -18,9 +18,9 @@ import pytest
 from tests.visavis.page.pages import config
 from visavis.lab.clock import StopWatch, SystemClock
 from visavis.lab.errors import DesignError, UsageError
-from visavis.protocol.experiment import untold
-from visavis.protocol.ledger import Ledger
-from visavis.protocol.operator import UnattendedOperator
+from visavis.protocol.people.ledger import Ledger
+from visavis.protocol.plan.experiment import untold
+from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import FilmStore, film_store

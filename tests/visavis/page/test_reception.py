@@ -16,8 +16,8 @@ from tests.visavis.page.pages import SEED, config, experiment, study
 from visavis.experiments.interpolation.study import study as interpolation
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import DataError, UsageError
-from visavis.protocol.ledger import Ledger
-from visavis.protocol.operator import UnattendedOperator
+from visavis.protocol.people.ledger import Ledger
+from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
 from visavis.running.film_store import film_store
 from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled

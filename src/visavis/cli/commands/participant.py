@@ -18,8 +18,8 @@ from visavis.cli.app import (
 from visavis.cli.commands.session import SetOption
 from visavis.cli.studies import study_here
 from visavis.lab.errors import UsageError
-from visavis.protocol.exports_register import registered_exports
-from visavis.protocol.ledger import Ledger
+from visavis.protocol.people.exports_register import registered_exports
+from visavis.protocol.people.ledger import Ledger
 from visavis.recording.lock import is_held
 from visavis.recording.manifest import read_manifest
 

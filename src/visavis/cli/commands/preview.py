@@ -236,10 +236,10 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
 
 def _play(showing: _Showing) -> None:
     """Show the trial in a window at its own speed, again and again, until it is closed."""
-    from visavis.stage.context import draws_on_processor
+    from visavis.stage.card.context import draws_on_processor
+    from visavis.stage.card.targets import EyeTarget
     from visavis.stage.mirror import Mirror
     from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
-    from visavis.stage.targets import EyeTarget
     from visavis.stage.window import Window
 
     display = Window(f"{showing.label}  ·  {SIMULATED}", showing.size_px)

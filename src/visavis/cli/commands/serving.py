@@ -27,7 +27,7 @@ from visavis.cli.studies import StudyHere, study_here, study_of_lab
 from visavis.cli.telling import TELLING
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import UsageError
-from visavis.protocol.operator import UnattendedOperator
+from visavis.protocol.session.operator import UnattendedOperator
 from visavis.running.sessions.data_root import require_space
 from visavis.running.sessions.session_request import Request
 from visavis.study.experiment import StudyExperiment

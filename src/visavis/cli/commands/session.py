@@ -40,12 +40,12 @@ from visavis.cli.telling import TELLING, counting, make_ready
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
-from visavis.protocol.experiment import Experiment, demands_of, spare_roles_of
-from visavis.protocol.identifiers import make_label
-from visavis.protocol.ledger import Ledger, Participant, UnknownParticipant
-from visavis.protocol.operator import Operator, UnattendedOperator
-from visavis.protocol.own_body import OwnBody, read_own_body
-from visavis.protocol.plan import SessionPlan
+from visavis.protocol.people.identifiers import make_label
+from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
+from visavis.protocol.people.own_body import OwnBody, read_own_body
+from visavis.protocol.plan.experiment import Experiment, demands_of, spare_roles_of
+from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.session.operator import Operator, UnattendedOperator
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of

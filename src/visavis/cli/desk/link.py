@@ -25,7 +25,7 @@ from visavis.cli.operator_screen import needs_look
 from visavis.devices.contracts import Health
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.config import INCIDENTS
-from visavis.protocol.operator import Action, Command, Operator, SessionStatus
+from visavis.protocol.session.operator import Action, Command, Operator, SessionStatus
 from visavis.stage.contracts import Glance
 
 LOCAL: Final = "127.0.0.1"
@@ -72,7 +72,7 @@ def meeting_name(data_root: Path) -> str:
 class SessionLink:
     """An operator who is also reached from the desk; whoever sits at the terminal stays in charge.
 
-    It follows `visavis.protocol.operator.Operator`. Nothing is done for a desk in the frame loop
+    It follows `visavis.protocol.session.operator.Operator`. Nothing is done for a desk in the frame loop
     but to keep the newest status; a thread of its own sends it. Where nothing can listen, the
     session goes on without a desk.
     """

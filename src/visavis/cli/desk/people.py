@@ -13,7 +13,7 @@ from visavis.cli.commands.checking import ANSWER
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import LabError
-from visavis.protocol.ledger import Ledger, Participant
+from visavis.protocol.people.ledger import Ledger, Participant
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT
 from visavis.recording.manifest import PartStatus, read_manifest
 from visavis.recording.reader import Recording

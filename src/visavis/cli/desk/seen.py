@@ -10,7 +10,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from visavis.lab.geometry import Vector, quat_conjugate, rotate
-from visavis.protocol.operator import SessionStatus
+from visavis.protocol.session.operator import SessionStatus
 from visavis.stage.contracts import Glance
 from visavis.stimuli.panels import PanelFrame
 from visavis.stimuli.picture import Camera, Panel

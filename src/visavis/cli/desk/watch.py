@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from visavis.cli.desk.link import LOCAL, line_of, meeting_folder, meeting_name
-from visavis.protocol.operator import Command
+from visavis.protocol.session.operator import Command
 
 LOOK_AGAIN_S: Final = 0.5
 HELLO_S: Final = 5.0

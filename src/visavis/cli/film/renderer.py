@@ -13,7 +13,7 @@ def film_renderer(on_processor: "Quality | None" = None) -> "Iterator[Renderer]"
     """Open a renderer; where a processor draws, of that quality, or without the smoothing that
     takes it so long.
     """
-    from visavis.stage.context import draws_on_processor, offscreen_context, release_offscreen
+    from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
     from visavis.stage.renderer import Quality, Renderer
 
     context = offscreen_context()

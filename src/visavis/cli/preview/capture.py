@@ -16,8 +16,8 @@ from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
-from visavis.protocol.experiment import Experiment
-from visavis.protocol.plan import SessionPlan, Trial
+from visavis.protocol.plan.experiment import Experiment
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.recording.kept import KeptRecording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.perform import of_no_session, perform_new

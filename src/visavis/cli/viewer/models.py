@@ -9,10 +9,10 @@ import numpy.typing as npt
 from PIL import Image
 
 from visavis.cli.viewer.bundle import Bundle
-from visavis.stage.baked_room import baked_room
-from visavis.stage.lamps import lamp_axis, lamp_place
+from visavis.stage.card.lamps import lamp_axis, lamp_place
+from visavis.stage.card.vertices import Run, person_vertices, room_vertices
 from visavis.stage.levels import BODY_RADIUS_M
-from visavis.stage.vertices import Run, person_vertices, room_vertices
+from visavis.stage.processor.baked_room import baked_room
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.picture import Light, Prop, Room
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from visavis.analysis.report.notation import decimal, threshold
 from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME
-from visavis.protocol.plan import Trial
+from visavis.protocol.plan.session_plan import Trial
 from visavis.results.analysis import Finding, StudyAnalysis
 from visavis.results.report.reporting_list import STAMPS_COUNTED, confidence_rule, stamp_rule
 from visavis.study.experiment import StudyExperiment

@@ -29,7 +29,7 @@ from visavis.analysis.report import (
 )
 from visavis.analysis.report.notation import counted, mean_sd, percentage, probability
 from visavis.analysis.statistics.results import quantities
-from visavis.protocol.questionnaires import Questionnaire
+from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.results.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
 from visavis.results.figures.study_figures import figure_name
 from visavis.results.quality import LOSS_COLUMNS, Quality, quality_table

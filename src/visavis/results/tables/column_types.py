@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from visavis.lab.errors import DataError
-from visavis.protocol.columns import Column
+from visavis.protocol.plan.columns import Column
 from visavis.study.look_measures import AFTER, BEFORE, RAW
 
 _DTYPES: dict[str, Any] = {

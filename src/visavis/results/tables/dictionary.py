@@ -9,8 +9,8 @@ from typing import Any, Final
 import pandas as pd
 
 from visavis.lab.errors import DataError
-from visavis.protocol.columns import ENGINE_COLUMNS, Column
-from visavis.protocol.questionnaires import Questionnaire, score_range
+from visavis.protocol.plan.columns import ENGINE_COLUMNS, Column
+from visavis.protocol.plan.questionnaires import Questionnaire, score_range
 from visavis.recording.csv_file import tell_neutralised, write_csv
 from visavis.results.picture_delay import LATE
 from visavis.study.exclusions import ANSWERED

@@ -12,7 +12,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from visavis.lab.errors import UsageError
-from visavis.protocol.plan import SessionPlan
+from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.running.page.steps import PageError
 
 LINK: Final = "link"

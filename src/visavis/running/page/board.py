@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import LabError
-from visavis.protocol.ledger import Participant
+from visavis.protocol.people.ledger import Participant
 from visavis.recording.lock import is_held
 from visavis.recording.reader import Recording
 from visavis.running.page.course import DECLINED, STOPPED, WITHDRAWN

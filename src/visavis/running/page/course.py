@@ -12,9 +12,9 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from visavis.protocol.plan import Block, SessionPlan, Trial, asked_after
-from visavis.protocol.questionnaires import Question, Questionnaire, read_answer
-from visavis.protocol.steps import Mark, Row
+from visavis.protocol.plan.questionnaires import Question, Questionnaire, read_answer
+from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial, asked_after
+from visavis.protocol.plan.steps import Mark, Row
 from visavis.running.page.spoken_digits import HOW_MANY, spoken, spoken_digits
 from visavis.running.page.steps import PageStep, Reply, mapping, number, put
 from visavis.running.page.trial import FilmFailed, FilmFiles, perform_on_page

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from visavis.lab.errors import ConfigError, SessionAborted
-from visavis.protocol.experiment import untold
-from visavis.protocol.key_file import KeyFile
-from visavis.protocol.operator import SessionStatus
-from visavis.protocol.states import SessionState
+from visavis.protocol.people.key_file import KeyFile
+from visavis.protocol.plan.experiment import untold
+from visavis.protocol.session.operator import SessionStatus
+from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
 from visavis.recording.manifest import Manifest
 from visavis.recording.provenance import provenance

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import LabError, LedgerError
-from visavis.protocol.ledger import Ledger, Participant
+from visavis.protocol.people.ledger import Ledger, Participant
 from visavis.recording.folder import SessionFolder, create_session, open_session, session_dir
 from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from visavis.protocol.plan import Trial
-from visavis.protocol.steps import Mark
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import Mark
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.film_store import FilmStore, film_store

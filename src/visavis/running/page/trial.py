@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DesignError
-from visavis.protocol.steps import Mark, Row, TrialInterrupted
+from visavis.protocol.plan.steps import Mark, Row, TrialInterrupted
 from visavis.running.page.steps import (
     FilmTruth,
     PageStep,

@@ -14,8 +14,8 @@ from visavis.lab.clock import Clock
 from visavis.lab.config import LabConfig, is_own_role
 from visavis.lab.errors import ConfigError, UsageError
 from visavis.lab.geometry import Pose
-from visavis.protocol.experiment import Experiment, demands_of, spare_roles_of
-from visavis.protocol.rig import Rig
+from visavis.protocol.plan.experiment import Experiment, demands_of, spare_roles_of
+from visavis.protocol.session.rig import Rig
 
 ESSENTIAL_ROLES = ("headset", "screen", "eye_tracker")
 """What a lab is expected to have, one of the first two; a study may do without the eye tracker."""

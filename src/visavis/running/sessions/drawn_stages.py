@@ -11,10 +11,10 @@ from visavis.lab.config import LabConfig, Screen
 from visavis.lab.errors import ConfigError
 from visavis.lab.frame import EyeView
 from visavis.lab.geometry import Pose, quat_conjugate, rotate
-from visavis.protocol.experiment import Experiment
-from visavis.protocol.rig import Rig
+from visavis.protocol.plan.experiment import Experiment
+from visavis.protocol.session.rig import Rig
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.stage.context import draws_on_processor, offscreen_context
+from visavis.stage.card.context import draws_on_processor, offscreen_context
 from visavis.stage.contracts import Stage, Viewer
 from visavis.stage.drawn_stage import Display, DrawnStage, default_views
 from visavis.stage.fades import FadeTimes

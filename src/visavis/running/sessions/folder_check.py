@@ -6,9 +6,9 @@ from pathlib import Path
 
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import LabError, RecordingError
-from visavis.protocol.exports_register import REGISTER_NAME, registered_exports
-from visavis.protocol.ledger import LEDGER_NAME, Ledger
-from visavis.protocol.own_body import FILE_NAMES, OWN_BODY_NAME, read_own_body
+from visavis.protocol.people.exports_register import REGISTER_NAME, registered_exports
+from visavis.protocol.people.ledger import LEDGER_NAME, Ledger
+from visavis.protocol.people.own_body import FILE_NAMES, OWN_BODY_NAME, read_own_body
 from visavis.recording.chained import read_lines, repair_lines
 from visavis.recording.durable import replace_file, sha256_of
 from visavis.recording.folder import SIMULATED_ROOT

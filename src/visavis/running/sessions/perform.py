@@ -18,13 +18,13 @@ from visavis.lab.clock import Clock, require_fine_clock
 from visavis.lab.compiled import forget_old_kernels
 from visavis.lab.config import INCIDENTS, LabConfig, with_devices
 from visavis.lab.errors import ConfigError, LabError, SessionAborted
-from visavis.protocol.experiment import Experiment, Respondent, untold
-from visavis.protocol.participants import SimulatedParticipant
-from visavis.protocol.plan import SessionPlan, Trial
-from visavis.protocol.progress import Progress, progress_of_recording
-from visavis.protocol.rig import Rig
-from visavis.protocol.session import Session
-from visavis.protocol.session_setup import SessionSetup
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.experiment import Experiment, Respondent, untold
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.session.progress import Progress, progress_of_recording
+from visavis.protocol.session.rig import Rig
+from visavis.protocol.session.session import Session
+from visavis.protocol.session.session_setup import SessionSetup
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
 from visavis.recording.manifest import Manifest
 from visavis.recording.provenance import provenance

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from visavis.lab.clock import Clock
 from visavis.lab.errors import ConfigError, RecordingError, SessionAborted
-from visavis.protocol.plan import SessionPlan
+from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.recording.folder import SessionFolder
 from visavis.recording.journal import as_json
 from visavis.recording.reader import Recording

@@ -9,9 +9,9 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, StreamSchema, empty_values
-from visavis.protocol.observation import GazeObserver
-from visavis.protocol.row_buffer import RowBuffer
-from visavis.protocol.shown import shown_in
+from visavis.protocol.plan.shown_scene import shown_in
+from visavis.protocol.session.observation import GazeObserver
+from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.recording.reader import PART_COLUMN, Recording
 from visavis.recording.stream_file import Columns
 from visavis.results.opened_study import OpenedStudy

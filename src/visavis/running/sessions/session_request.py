@@ -8,10 +8,10 @@ from typing import Protocol
 from visavis.devices.contracts import Device
 from visavis.lab.clock import Clock, SimClock
 from visavis.lab.config import LabConfig
-from visavis.protocol.experiment import Respondent, demands_of
-from visavis.protocol.gaze_setup import TargetTiming
-from visavis.protocol.operator import Operator, UnattendedOperator
-from visavis.protocol.session_setup import LOST_DEVICE_S
+from visavis.protocol.plan.experiment import Respondent, demands_of
+from visavis.protocol.session.gaze_setup import TargetTiming
+from visavis.protocol.session.operator import Operator, UnattendedOperator
+from visavis.protocol.session.session_setup import LOST_DEVICE_S
 from visavis.recording.writer import (
     Recorder,
 )

@@ -17,8 +17,8 @@ from visavis.lab.clock import SimClock, StopWatch, SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.config_files import CONFIG_NAME
 from visavis.lab.errors import DataError, LedgerError, SessionAborted
-from visavis.protocol.exports_register import ANALYSIS, register_export
-from visavis.protocol.ledger import Ledger, Participant, UnknownParticipant
+from visavis.protocol.people.exports_register import ANALYSIS, register_export
+from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
 from visavis.recording.durable import make_folder, protect
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.manifest import Manifest, read_manifest

@@ -22,7 +22,13 @@ import numpy.typing as npt
 from visavis.lab.clock import NS_PER_S, SIMULATED_EPOCH_ISO, SimClock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DataError, SessionAborted, UsageError
-from visavis.protocol.operator import Action, Command, Operator, SessionStatus, UnattendedOperator
+from visavis.protocol.session.operator import (
+    Action,
+    Command,
+    Operator,
+    SessionStatus,
+    UnattendedOperator,
+)
 from visavis.recording.folder import session_dir
 from visavis.recording.journal import as_json
 from visavis.recording.manifest import Part, write_manifest

@@ -17,7 +17,7 @@ from typing import Any, Final
 from visavis.lab.clock import ToldClock
 from visavis.lab.errors import DataError, LabError, LedgerError
 from visavis.lab.plain_files import MAX_UNPACKED_BYTES, parse_json, read_plain
-from visavis.protocol.ledger import Ledger, Participant
+from visavis.protocol.people.ledger import Ledger, Participant
 from visavis.recording.folder import SessionFolder, create_session, open_session
 from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording

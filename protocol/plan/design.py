@@ -1,0 +1,357 @@
+"""Factorial designs: from factors, blocks and an explicit seed to the plan of one session.
+
+Everything random in a plan depends on the study seed and the participant's index alone, through
+`numpy.random.SeedSequence` keys, so no participant's plan and no trial's seed depends on what
+was drawn before it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise, product
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from visavis.lab.errors import DesignError
+from visavis.protocol.plan.balance import balanced_blocks
+from visavis.protocol.plan.orders import (
+    Cell,
+    Constraint,
+    broken_rules,
+    latin_square,
+    shuffled,
+    williams,
+)
+from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial
+from visavis.protocol.plan.steps import Scalar
+
+TrialOrder: TypeAlias = Literal["fixed", "random", "balanced_blocks", "latin_square", "williams"]
+BlockOrder: TypeAlias = Literal["fixed", "random", "latin_square", "williams"]
+
+_ORDER, _TRIAL, _PRACTICE, _GROUP, _STREAM = range(5)
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor and its levels; `between` factors have one level per participant.
+
+    `practice_only` are levels that are met in practice alone and never count.
+    """
+
+    name: str
+    levels: Sequence[Scalar]
+    between: bool = False
+    practice_only: Sequence[Scalar] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "levels", tuple(self.levels))
+        object.__setattr__(self, "practice_only", tuple(self.practice_only))
+
+
+@dataclass(frozen=True)
+class Design:
+    """A factorial design: every combination of the within factors, `repetitions` times.
+
+    `blocks` equal blocks (per level of `blocked_by`, when a within factor changes only between
+    blocks; its levels come in `block_order` over participants). Within a block trials come in
+    `order`:
+
+    - `fixed`: as listed, last factor fastest, repetition after repetition;
+    - `random`: shuffled over the whole session, then cut into blocks;
+    - `balanced_blocks`: every block holds equally many of every level of the `balanced` factors
+      (all that divide, when none is named), the rest as even as arithmetic allows; random
+      within the block;
+    - `latin_square`, `williams`: each repetition is a row of the square over the combinations,
+      the participant's index says which.
+
+    `constraints` hold within blocks (`random`: over the whole session); orders that are not
+    random are only checked. `practice` trials come first, in a block of their own: a number of
+    random combinations, or the combinations themselves.
+    """
+
+    study: str
+    version: str
+    factors: tuple[Factor, ...]
+    repetitions: int = 1
+    blocks: int = 1
+    order: TrialOrder = "random"
+    balanced: tuple[str, ...] = ()
+    blocked_by: str | None = None
+    block_order: BlockOrder = "fixed"
+    constraints: tuple[Constraint, ...] = ()
+    practice: int | tuple[Cell, ...] = 0
+    practice_instruction: str = ""
+    instruction: str = ""
+    calibrate_blocks: bool = True
+    calibrate_practice: bool = True
+    questionnaires: tuple[str, ...] = ()
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    @property
+    def within(self) -> tuple[Factor, ...]:
+        """Factors every participant meets at all levels."""
+        return tuple(f for f in self.factors if not f.between)
+
+    @property
+    def between(self) -> tuple[Factor, ...]:
+        """Factors of which a participant meets one level."""
+        return tuple(f for f in self.factors if f.between)
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the groups of participants: `("",)` without between factors.
+
+        One between factor: its levels; more: "haptics=on,order=b".
+        """
+        return tuple(_group_name(cell) for cell in combinations_of(self.between))
+
+    @property
+    def trial_count(self) -> int:
+        """Trials of a session, practice not counted."""
+        return len(combinations_of(self.within)) * self.repetitions
+
+
+def combinations_of(factors: Sequence[Factor]) -> list[Cell]:
+    """Return every combination of levels, last factor fastest."""
+    names = [f.name for f in factors]
+    return [
+        dict(zip(names, levels, strict=True)) for levels in product(*(f.levels for f in factors))
+    ]
+
+
+def trial_seed(
+    study_seed: int, participant_index: int, number: int, *, practice: bool = False
+) -> int:
+    """Return the seed of a trial, 0 <= seed < 2**63, whatever was run before it."""
+    key = (participant_index, _PRACTICE if practice else _TRIAL, number)
+    return int(_sequence(study_seed, key).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+def group_of(design: Design, *, seed: int, participant_index: int) -> str:
+    """Return the participant's group.
+
+    Participants come in runs as long as there are groups, and every run holds each group once
+    in an order drawn for that run: sizes never differ by more than one.
+    """
+    groups = design.groups
+    run, place = divmod(participant_index, len(groups))
+    rng = np.random.default_rng(_sequence(seed, (run, _GROUP)))
+    return groups[int(rng.permutation(len(groups))[place])]
+
+
+def make_plan(
+    design: Design, *, seed: int, participant_index: int, group: str | None = None
+) -> SessionPlan:
+    """Make the plan of one participant's session.
+
+    `group` overrides the assignment by index (the ledger's record). Raises DesignError when the
+    design cannot be balanced or ordered as asked.
+    """
+    assigned = group_of(design, seed=seed, participant_index=participant_index)
+    own_group = assigned if group is None else group
+    if own_group not in design.groups:
+        raise DesignError(
+            f"{design.study}: there is no group {own_group!r}; "
+            f"the groups are {', '.join(map(repr, design.groups))}"
+        )
+    between = combinations_of(design.between)[design.groups.index(own_group)]
+    rng = np.random.default_rng(_sequence(seed, (participant_index, _ORDER)))
+    blocks: list[Block] = []
+    practice = _practice_cells(design, rng)
+    if practice:
+        trials = _trials(
+            practice,
+            between,
+            block=0,
+            first=1,
+            total=len(practice),
+            practice=True,
+            seed=seed,
+            participant_index=participant_index,
+        )
+        blocks.append(
+            Block(0, "Practice", design.practice_instruction, trials, design.calibrate_practice)
+        )
+    number = 1
+    for name, cells in _blocks_of_cells(design, participant_index, rng):
+        trials = _trials(
+            cells,
+            between,
+            block=len(blocks),
+            first=number,
+            total=design.trial_count,
+            practice=False,
+            seed=seed,
+            participant_index=participant_index,
+        )
+        blocks.append(Block(len(blocks), name, design.instruction, trials, design.calibrate_blocks))
+        number += len(cells)
+    return SessionPlan(
+        study=design.study,
+        study_version=design.version,
+        participant_index=participant_index,
+        group=own_group,
+        seed=seed,
+        blocks=tuple(blocks),
+        questionnaires=design.questionnaires,
+        parameters=dict(design.parameters),
+    )
+
+
+def _sequence(study_seed: int, key: tuple[int, ...]) -> np.random.SeedSequence:
+    if study_seed < 0 or min(key) < 0:
+        raise DesignError(
+            f"seed {study_seed} with key {key}: seeds, indices and trial numbers start at 0"
+        )
+    return np.random.SeedSequence(study_seed, spawn_key=key)
+
+
+def _trials(
+    cells: Sequence[Cell],
+    between: Cell,
+    *,
+    block: int,
+    first: int,
+    total: int,
+    practice: bool,
+    seed: int,
+    participant_index: int,
+) -> tuple[Trial, ...]:
+    width = 1 if practice else max(2, len(str(total)))
+    return tuple(
+        Trial(
+            trial_id=f"{'P' if practice else 'T'}{number:0{width}d}",
+            number=number,
+            block=block,
+            is_practice=practice,
+            factors={**between, **cell},
+            seed=trial_seed(seed, participant_index, number, practice=practice),
+        )
+        for number, cell in enumerate(cells, start=first)
+    )
+
+
+def _practice_cells(design: Design, rng: np.random.Generator) -> list[Cell]:
+    if not isinstance(design.practice, int):
+        return list(design.practice)
+    cells = combinations_of(design.within)
+    drawn: list[Cell] = []
+    while len(drawn) < design.practice:
+        drawn += [cells[i] for i in rng.permutation(len(cells))]
+    return drawn[: design.practice]
+
+
+def _blocks_of_cells(
+    design: Design, participant_index: int, rng: np.random.Generator
+) -> list[tuple[str, list[Cell]]]:
+    if design.blocked_by is None:
+        blocks = _shared_out(design, combinations_of(design.within), participant_index, rng)
+        return [(f"Block {k}", cells) for k, cells in enumerate(blocks, start=1)]
+    blocking = next(f for f in design.within if f.name == design.blocked_by)
+    n = len(blocking.levels)
+    level_order = _row(design.block_order, n, participant_index, rng)
+    named: list[tuple[str, list[Cell]]] = []
+    for level in (blocking.levels[i] for i in level_order):
+        cells = [c for c in combinations_of(design.within) if c[blocking.name] == level]
+        for part in _shared_out(design, cells, participant_index, rng):
+            named.append((f"Block {len(named) + 1}: {level}", part))
+    return named
+
+
+def _shared_out(
+    design: Design, cells: list[Cell], participant_index: int, rng: np.random.Generator
+) -> list[list[Cell]]:
+    """Order the repetitions of these cells and cut them into the design's blocks."""
+    repeated = cells * design.repetitions
+    if design.order == "balanced_blocks":
+        balanced = design.balanced or _dividing(repeated, design.blocks)
+        parts = balanced_blocks(repeated, design.blocks, balanced, rng)
+        return [shuffled(part, design.constraints, rng) for part in parts]
+    if design.order == "random":
+        return _cut(shuffled(repeated, design.constraints, rng), design.blocks)
+    ordered = [
+        cells[i]
+        for r in range(design.repetitions)
+        for i in _row(design.order, len(cells), participant_index + r, rng)
+    ]
+    parts = _cut(ordered, design.blocks)
+    for part in parts:
+        for place, rule in broken_rules(part, design.constraints):
+            raise DesignError(
+                f"{design.study}: the {design.order} order breaks the rule ({rule}) at place "
+                f"{place + 1} of a block; leave the rule out or use a random order"
+            )
+    return parts
+
+
+def _row(order: str, n: int, row: int, rng: np.random.Generator) -> list[int]:
+    if order == "latin_square":
+        square = latin_square(n)
+        return [int(i) for i in square[row % len(square)]]
+    if order == "williams":
+        square = williams(n)
+        return [int(i) for i in square[row % len(square)]]
+    if order == "random":
+        return [int(i) for i in rng.permutation(n)]
+    return list(range(n))
+
+
+def _cut(cells: list[Cell], n_blocks: int) -> list[list[Cell]]:
+    """Cut an order into blocks whose sizes differ by at most one."""
+    bounds = [len(cells) * k // n_blocks for k in range(n_blocks + 1)]
+    return [cells[a:b] for a, b in pairwise(bounds)]
+
+
+def _dividing(cells: Sequence[Cell], n_blocks: int) -> tuple[str, ...]:
+    """Return the factors whose every level can occur equally often in every block."""
+    names = []
+    for name in cells[0]:
+        values = [cell[name] for cell in cells]
+        if all(values.count(value) % n_blocks == 0 for value in set(values)):
+            names.append(name)
+    return tuple(names)
+
+
+def _group_name(cell: Cell) -> str:
+    if len(cell) == 1:
+        return str(next(iter(cell.values())))
+    return ",".join(f"{name}={level}" for name, level in cell.items())
+
+
+def _check(design: Design) -> None:
+    names = [f.name for f in design.factors]
+    problems = [f"factor {n!r} is given twice" for n in dict.fromkeys(names) if names.count(n) > 1]
+    for f in design.factors:
+        if not f.levels:
+            problems.append(f"factor {f.name!r} has no levels")
+        problems += [
+            f"factor {f.name!r} has level {level!r} twice"
+            for level in dict.fromkeys(f.levels)
+            if f.levels.count(level) > 1
+        ]
+    within = [f.name for f in design.factors if not f.between]
+    if not within:
+        problems.append("no factor varies within participants; add one, if need be with one level")
+    for role, wanted in (("balanced", design.balanced), ("blocked_by", (design.blocked_by,))):
+        problems += [
+            f"{role} names {name!r}; the factors within participants are {', '.join(within)}"
+            for name in wanted
+            if name is not None and name not in within
+        ]
+    if design.repetitions < 1 or design.blocks < 1:
+        problems.append("repetitions and blocks start at 1")
+    if isinstance(design.practice, int):
+        if design.practice < 0:
+            problems.append("practice trials cannot be fewer than 0")
+    else:
+        allowed = {f.name: (*f.levels, *f.practice_only) for f in design.factors if not f.between}
+        for cell in design.practice:
+            if set(cell) != set(allowed) or any(cell[n] not in allowed[n] for n in cell):
+                problems.append(f"practice trial {dict(cell)!r} is no combination of the factors")
+    if not problems and design.trial_count < design.blocks:
+        problems.append(f"{design.trial_count} trials cannot fill {design.blocks} blocks")
+    if problems:
+        raise DesignError(f"design of {design.study}: " + "; ".join(problems))

@@ -1,0 +1,158 @@
+"""What a recording says of the scene shown in one frame, for drawing it again."""
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import pandas as pd
+
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Vector
+from visavis.protocol.plan.session_plan import Trial
+from visavis.recording.kept import KeptRecording
+from visavis.recording.reader import Recording
+from visavis.stimuli.scene import Agent, Scene, SceneFrame
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """The scene of a frame as recorded.
+
+    `description` is the event "scene" of the static scene, logged at `since_ns`; `t_ns` the
+    frame's time, `t_scene_ns` the moment drawn, `head_m` (3,) where it was drawn from. Gaze and
+    openness are those of the scene's agents.
+    """
+
+    recording: Recording
+    part: int
+    t_ns: int
+    t_scene_ns: int
+    head_m: Vector
+    since_ns: int
+    description: dict[str, Any]
+    gaze_direction: Vector
+    eye_openness_01: Vector
+    gaze_distance_m: Vector | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """The static scene, without what a study adds to it."""
+        mark = self.description.get("mark_m")
+        return Scene(
+            str(self.description["scene_name"]),
+            tuple(_agent(raw) for raw in self.description["agents"]),
+            brightness_01=float(self.description["brightness_01"]),
+            mark_m=None if mark is None else np.array(mark),
+        )
+
+    @property
+    def view(self) -> SceneFrame:
+        """The frame of a study whose scenes are nothing but their agents."""
+        return SceneFrame(
+            self.scene,
+            self.t_scene_ns,
+            self.gaze_direction,
+            self.eye_openness_01,
+            gaze_distance_m=self.gaze_distance_m,
+        )
+
+    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what `make` returns, made once where the recording is kept: for what is the same
+        in many frames, and dear.
+        """
+        if isinstance(self.recording, KeptRecording):
+            return self.recording.once((self.part, key), make)
+        return make()
+
+    def latest(self, event: str) -> tuple[int, dict[str, Any]] | None:
+        """Return time and payload of the last event of a name up to this frame, None before."""
+        events = _events(self.recording, event, self.part)
+        past = events[events["t_ns"] <= self.t_ns]
+        if not len(past):
+            return None
+        row = past.iloc[-1]
+        return int(row["t_ns"]), dict(row["payload"])
+
+    def since(self, event: str) -> list[dict[str, Any]]:
+        """Return the payloads of a name's events from the scene's beginning up to this frame."""
+        events = _events(self.recording, event, self.part)
+        here = (events["t_ns"] >= self.since_ns) & (events["t_ns"] <= self.t_ns)
+        return [dict(payload) for payload in events[here]["payload"]]
+
+    def trial(self) -> Trial:
+        """Return the trial, as planned, that had begun last when this frame was shown.
+
+        Raises:
+            DataError: none had, or the plan does not have it.
+        """
+        begun = self.latest("trial_start")
+        if begun is None:
+            raise DataError(f"{self.recording.path}: no trial had begun at {self.t_ns} ns")
+        for block in self.recording.manifest.plan["blocks"]:
+            for planned in block["trials"]:
+                if planned["trial_id"] == begun[1]["trial_id"]:
+                    return Trial(**planned)
+        raise DataError(
+            f"{self.recording.path}: trial {begun[1]['trial_id']} is not in the session's plan"
+        )
+
+
+def shown_in(recording: Recording, part: int, frame: int, t_scene_ns: int, head_m: Vector) -> Shown:
+    """Return what was shown when a frame was drawn.
+
+    Raises:
+        DataError: the recording does not have the frame, or not its scene.
+    """
+    frames = of_part(recording, "frames", part)
+    states = of_part(recording, "scene_states", part)
+    here = np.flatnonzero(frames["frame_index"] == frame)
+    if not len(here):
+        raise DataError(f"{recording.path}: part {part} has no frame {frame}")
+    # What is drawn in a frame is on display by the next: its row says which state that was.
+    later = np.flatnonzero(frames["frame_index"] > frame)
+    k = int(frames["scene_row"][later[0]]) if len(later) else len(states["scene"]) - 1
+    scenes = _events(recording, "scene", part)
+    numbers = [payload["scene"] for payload in scenes["payload"]]
+    if not 0 <= k < len(states["scene"]) or int(states["scene"][k]) not in numbers:
+        raise DataError(f"{recording.path}: the scene of frame {frame} was not recorded")
+    row = scenes.iloc[numbers.index(int(states["scene"][k]))]
+    n = len(row["payload"]["agents"])
+    return Shown(
+        recording,
+        part,
+        int(frames["t_host_ns"][here[0]]),
+        t_scene_ns,
+        head_m,
+        int(row["t_ns"]),
+        dict(row["payload"]),
+        states["gaze_direction"][k][:n].astype(np.float64),
+        states["eye_openness_01"][k][:n].astype(np.float64),
+        # Before 2027 nobody said how far away eyes met.
+        states["gaze_distance_m"][k][:n].astype(np.float64)
+        if "gaze_distance_m" in states
+        else None,
+    )
+
+
+def of_part(recording: Recording, stream: str, part: int) -> dict[str, Any]:
+    """Return the columns of a stream as one part of the session recorded them."""
+    return recording.stream_arrays(stream, part=part)
+
+
+def _events(recording: Recording, name: str, part: int) -> pd.DataFrame:
+    return recording.events_named(name, part)
+
+
+def _agent(raw: dict[str, Any]) -> Agent:
+    return Agent(
+        raw["agent_id"],
+        raw["character"],
+        raw["place"],
+        np.array(raw["head_centre_m"]),
+        float(raw["head_radius_m"]),
+        np.array(raw["facing"]),
+        np.array(raw["eye_centre_m"]),
+    )

@@ -1,0 +1,487 @@
+"""One frame after another: draw, wait, take samples, evaluate gaze, record."""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TypeAlias, cast
+
+import numpy as np
+
+from visavis.devices.contracts import (
+    GAZE,
+    HEAD,
+    POINTER,
+    SOUND_EVENTS,
+    Fault,
+    OnScreen,
+    PoseAtOnce,
+)
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.errors import DeviceError
+from visavis.lab.frame import FrameInfo
+from visavis.lab.geometry import Pose
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.plan.experiment import Experiment
+from visavis.protocol.plan.steps import (
+    BodyView,
+    FrameView,
+    GazeView,
+    Play,
+    PlaySound,
+    Silence,
+    Sounded,
+)
+from visavis.protocol.session.observation import MAX_WAITING, GazeObserver
+from visavis.protocol.session.rig import RunningRig
+from visavis.protocol.session.row_buffer import RowBuffer
+from visavis.protocol.session.screen_gaze import seen_on_screen
+from visavis.protocol.session.states import SessionState, StateMachine
+from visavis.protocol.session.streams import FRAMES, gaze_targets_schema, scene_states_schema
+from visavis.recording.writer import Recorder
+from visavis.stage.contracts import Glance, Stage
+from visavis.stimuli.scene import Scene, SceneFrame
+
+STATE_CODES = {state: code for code, state in enumerate(SessionState)}
+HOLD_REAL_NS = 50 * NS_PER_MS
+HOLD_VIRTUAL_NS = NS_PER_S
+BEFORE_FRAME_NS = NS_PER_MS // 10
+"""A frame is not kept waiting for a body sample that comes with it."""
+Answer: TypeAlias = Callable[[BodyView], Sequence[Play | Silence]]
+BEGAN = SOUND_EVENTS.index("began")
+UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+def still_wanted(steps: Sequence[Play | Silence]) -> list[Play | Silence]:
+    """Leave out what the same answer ends again.
+
+    Samples that come at once after a pause tell of contacts that began and ended in it: a motor
+    is not started for them.
+    """
+    last_end = {step.role: i for i, step in enumerate(steps) if isinstance(step, Silence)}
+    return [
+        step
+        for i, step in enumerate(steps)
+        if isinstance(step, Silence) or max(last_end.get(step.role, -1), last_end.get("", -1)) < i
+    ]
+
+
+class FrameLoop:
+    """Drive the display frame by frame; everything a frame brings passes through here."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        rig: RunningRig,
+        headset_rate_hz: float,
+        gaze_rate_hz: float | None,
+        controls: tuple[str, ...],
+        stage: Stage,
+        recorder: Recorder,
+        clock: Clock,
+        states: StateMachine,
+    ) -> None:
+        hold_ns = HOLD_VIRTUAL_NS if clock.is_virtual else HOLD_REAL_NS
+        m = experiment.agent_count
+        frames = replace(FRAMES, nominal_rate_hz=headset_rate_hz)
+        targets = gaze_targets_schema(m, gaze_rate_hz or 0.0)
+        scene_states = scene_states_schema(m)
+        for schema in (frames, scene_states):
+            recorder.declare(schema)
+        if gaze_rate_hz is not None:
+            recorder.declare(targets)
+        for schema in stage.schemas:
+            recorder.declare(schema)
+        stage.start(recorder.append)
+        self._frames = RowBuffer(frames, recorder.append, hold_ns=hold_ns)
+        self._targets = RowBuffer(targets, recorder.append, hold_ns=hold_ns)
+        self._scene_states = RowBuffer(scene_states, recorder.append, hold_ns=hold_ns)
+        tracker = rig.eye_tracker
+        delay_ms = None if tracker is None else tracker.info.gaze_delay_ms
+        self.observer = GazeObserver(self._targets, delay_ns=round((delay_ms or 0.0) * NS_PER_MS))
+        self._agent_count = m
+        self._rig = rig
+        self.screen = rig.headset if isinstance(rig.headset, OnScreen) else None
+        """The display, where participants sit before a screen."""
+        self._stage = stage
+        self._recorder = recorder
+        self._clock = clock
+        self._states = states
+        self._controls = controls
+        self._head_inbox: deque[SampleBatch] = deque()
+        self._press_inbox: deque[SampleBatch] = deque()
+        self._body_inbox: deque[SampleBatch] = deque()
+        self._sound_keys: dict[int, str] = {}
+        self._sounded: list[Sounded] = []
+        self._answered: tuple[SampleBatch, BodyView] | None = None
+        self._reflex: Answer | None = None
+        self._reflex_lock = threading.Lock()
+        self._body_period_ns: int | None = None
+        self._levels_01: dict[int, float] = {}
+        self._rays: dict[int, Pose] = {}
+        self._view: SceneFrame | None = None
+        self._logged_view: SceneFrame | None = None
+        self._scene_number = 0
+        self._frame = FrameInfo(-1, clock.now_ns(), clock.now_ns())
+        self.display_fault: Fault | None = None
+        self.head = UPRIGHT
+        self.head_valid = False
+        self.head_seen = False
+        self.gaze_tap: list[SampleBatch] | None = None
+        # Without a screen to place gaze on, or a mirror to show it, a frame needs none by itself.
+        self._can_wait = clock.is_virtual and self.screen is None and not stage.schemas
+        headset = rig.headset
+        self._head_now: Callable[[], Pose | None] | None = None
+        if self._can_wait and isinstance(headset, PoseAtOnce):
+            self._head_now = headset.head_now
+        self._waiting: list[tuple[tuple[object, ...], int]] = []
+        self._gaze_may_wait = False
+        self.trial_number = -1
+        self.frames_done = 0
+        self.frames_dropped = 0
+
+    def sink(self, role: str, batch: SampleBatch) -> None:
+        """Accept what a device delivers: record it, and keep what the loop needs."""
+        self._recorder.append(batch)
+        if role == "eye_tracker" and batch.schema.name == GAZE.name:
+            if self.screen is not None:
+                self.screen.watch(batch)
+                batch = seen_on_screen(batch, self.screen.screen, self.screen.place, self.head)
+            self.observer.take(batch)
+            self._stage.watch(role, batch)
+            if self.gaze_tap is not None:
+                self.gaze_tap.append(batch)
+        elif role == self._rig.display_role and batch.schema.name == HEAD.name:
+            if self._head_now is None:
+                self._head_inbox.append(batch)
+        elif role == "responses":
+            if batch.schema.name == POINTER.name:
+                self._take_rays(batch)
+            else:
+                self._press_inbox.append(batch)
+        elif role == "sound":
+            self._take_sounds(batch)
+        elif role == "body_tracker":
+            self._stage.watch(role, batch)
+            self._body_inbox.append(batch)
+
+    @property
+    def t_ns(self) -> int:
+        """Session time of the present frame."""
+        return self._frame.t_ns
+
+    @property
+    def shown(self) -> SceneFrame | None:
+        """What stands before the participant."""
+        return self._view
+
+    def glance(self) -> Glance | None:
+        """Return what the participant saw, small; None where nothing is drawn, or nothing new."""
+        return self._stage.glance()
+
+    def play_sound(self, step: PlaySound) -> None:
+        """Play a sound and note in the recording which it is."""
+        number = self._rig.play_sound(step)
+        x_m, y_m, z_m = step.at_m or (None, None, None)
+        self._recorder.event(
+            "sound",
+            self.t_ns,
+            number=number,
+            sound=step.sound.name,
+            sound_sha256=step.sound.sha256,
+            seconds=step.sound.duration_s,
+            gain_db=step.gain_db,
+            loops=step.loops,
+            x_m=x_m,
+            y_m=y_m,
+            z_m=z_m,
+        )
+        if number is None:
+            self._sounded.append(Sounded(step.key, None))
+        else:
+            self._sound_keys[number] = step.key
+
+    def show(self, view: SceneFrame) -> None:
+        """Show this from the coming frame on."""
+        self._view = view
+
+    def show_scene(self, scene: Scene) -> None:
+        """Show a scene whose agents, if any, are still."""
+        n = len(scene.agents)
+        facing = np.array([a.facing for a in scene.agents]).reshape(n, 3)
+        self._view = SceneFrame(scene, self.t_ns, facing, np.ones(n))
+
+    def next(self) -> FrameView:
+        """Draw the present view, wait for the next frame and return what it brought."""
+        view = self._view
+        if view is not None:
+            if view is not self._logged_view:
+                self._log_view(view)
+            self._display(view)
+        frame = self._wait_frame()
+        is_put_off = self._rig.step(
+            gaze_may_wait=self._gaze_may_wait, head_may_wait=self._head_now is not None
+        )
+        if self._head_now is None:
+            self._take_head()
+        else:
+            self._take_pose(self._head_now(), frame.t_ns)
+        self._rig.hear_from(self.head)
+        pressed, pressed_ns = self._take_presses() if self._press_inbox else ((), ())
+        gaze: GazeView
+        if is_put_off or self._waiting:
+            late = self.observer.wait(frame.index, frame.t_ns, self.catch_up)
+            self._waiting.append((self._frame_row(frame), frame.t_ns))
+            if not is_put_off or len(self._waiting) == MAX_WAITING:
+                self.catch_up()
+            gaze = cast(GazeView, late)
+        else:
+            gaze = self.observer.observe(frame.index, frame.t_ns)
+            self._frames.add((*self._frame_row(frame), gaze.t_ns.shape[0]), frame.t_ns)
+        return FrameView(
+            frame.index,
+            frame.t_ns,
+            self.head,
+            self.head_valid,
+            gaze,
+            pressed,
+            self._take_body() if self._body_inbox else None,
+            tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
+            head_points=self.screen is None,
+            pressed_ns=pressed_ns,
+            sounded=self._told_sounds() if self._sounded else (),
+        )
+
+    def _display(self, view: SceneFrame) -> None:
+        """Draw and hand over; what goes wrong is a fault that pauses, not the session's end."""
+        trouble: DeviceError | None
+        try:
+            images = self._stage.draw(view, self._frame, self.head)
+            self._rig.headset.submit(self._frame, images)
+            self._stage.handed_over()
+            trouble = self._stage.trouble()
+        except DeviceError as problem:
+            trouble = problem
+        if trouble is not None:
+            self.display_fault = Fault(
+                trouble.role or "display",
+                "blocking",
+                str(trouble).removeprefix(f"{trouble.role}: ").removesuffix(f"; {trouble.remedy}"),
+                trouble.remedy,
+            )
+        else:
+            self.display_fault = None
+
+    @contextmanager
+    def leaving_gaze(self) -> Iterator[None]:
+        """Leave gaze that nobody looks at for later, but not beyond this block."""
+        self._gaze_may_wait = self._can_wait
+        try:
+            yield
+        finally:
+            self._gaze_may_wait = False
+            self.catch_up()
+
+    def catch_up(self) -> None:
+        """Take in the gaze left for later, frame by frame as each would have.
+
+        On the virtual clock alone, where nobody waits for it: what is recorded is the same.
+        """
+        if self._waiting:
+            self._rig.catch_up()
+            waiting, self._waiting = self._waiting, []
+            for (row, t_ns), n in zip(waiting, self.observer.observe_waiting(), strict=True):
+                self._frames.add((*row, n), t_ns)
+
+    def flush(self) -> None:
+        """Hand every held row to the recorder."""
+        self.catch_up()
+        self._rig.deliver_all()
+        self._frames.flush()
+        self._targets.flush()
+        self._scene_states.flush()
+
+    def set_reflex(self, answer: Answer | None) -> None:
+        """Answer body samples when they arrive from now on; see `visavis.protocol.plan.steps.Reflex`."""
+        with self._reflex_lock:
+            self._reflex = answer
+        self._body_period_ns = None if answer is None else self._rig.body_period_ns
+        self._rig.tap_body(None if answer is None else self._answer)
+
+    def _answer(self, batch: SampleBatch) -> None:
+        # the lock lets nothing be commanded once the reflex has been ended
+        with self._reflex_lock:
+            if self._reflex is None:
+                return
+            view = self._body_view([batch])
+            self._answered = (batch, view)
+            for step in still_wanted(self._reflex(view)):
+                if isinstance(step, Play):
+                    self._rig.play(step)
+                else:
+                    self._rig.silence(step.role)
+
+    def _attend(self, period_ns: int) -> None:
+        """Take body samples between two frames, at the times when they are there.
+
+        Where the loop is late, up to the frame that comes next, not to the one that was missed.
+        """
+        frame_ns = round(NS_PER_S / self._rig.headset.display_rate_hz)
+        frames = max(0, self._clock.now_ns() - self._frame.t_ns) // frame_ns + 1
+        until_ns = self._frame.t_ns + frames * frame_ns - BEFORE_FRAME_NS
+        while (due_ns := (self._clock.now_ns() // period_ns + 1) * period_ns) < until_ns:
+            self._clock.sleep_until_ns(due_ns)
+            self._rig.step_body()
+
+    def _wait_frame(self) -> FrameInfo:
+        if self._body_period_ns is not None:
+            self._attend(self._body_period_ns)
+        frame = self._rig.headset.wait_frame()
+        self.frames_done += 1
+        self.frames_dropped += frame.dropped
+        self._frame = frame
+        return frame
+
+    def _take_head(self) -> None:
+        while self._head_inbox:
+            batch = self._head_inbox.popleft()
+            values = batch.values
+            positions = values["position_m"].astype(np.float64)
+            turns = values["orientation_wxyz"].astype(np.float64)
+            for i, valid in enumerate(values["valid"].tolist()):
+                pose = Pose(positions[i], turns[i]) if valid else None
+                self._take_pose(pose, int(batch.t_host_ns[i]))
+
+    def _take_pose(self, pose: Pose | None, t_ns: int) -> None:
+        self.head_valid = pose is not None
+        if pose is not None:
+            self.head = pose
+            self.head_seen = True
+            self.observer.add_pose(t_ns, pose)
+
+    def _take_presses(self) -> tuple[tuple[str, ...], tuple[int, ...]]:
+        """Return what was pressed since the frame before, and when it was heard."""
+        pressed: list[str] = []
+        pressed_ns: list[int] = []
+        while self._press_inbox:
+            batch = self._press_inbox.popleft()
+            values = batch.values
+            for control, level, t_ns in zip(
+                values["control"].tolist(),
+                values["value_01"].tolist(),
+                batch.t_host_ns.tolist(),
+                strict=True,
+            ):
+                before = self._levels_01.get(control, 0.0)
+                self._levels_01[control] = level
+                # An axis presses once when it passes the middle; a button may tell presses alone.
+                if level > 0.5 and (before <= 0.5 or level == before):
+                    pressed.append(self._controls[control])
+                    pressed_ns.append(t_ns)
+        return tuple(pressed), tuple(pressed_ns)
+
+    def _take_rays(self, batch: SampleBatch) -> None:
+        for row in batch.values:
+            hand = int(row["hand"])
+            if row["valid"]:
+                place = row["position_m"].astype(np.float64)
+                self._rays[hand] = Pose(place, row["orientation_wxyz"].astype(np.float64))
+            else:
+                self._rays.pop(hand, None)
+
+    def _take_sounds(self, batch: SampleBatch) -> None:
+        for row in batch.values[batch.values["event"] == BEGAN]:
+            key = self._sound_keys.pop(int(row["sound"]), None)
+            if key is not None:
+                self._sounded.append(Sounded(key, int(row["t_sounding_ns"])))
+
+    def _told_sounds(self) -> tuple[Sounded, ...]:
+        sounded, self._sounded = tuple(self._sounded), []
+        return sounded
+
+    def _take_body(self) -> BodyView:
+        batches = []
+        while self._body_inbox:
+            batches.append(self._body_inbox.popleft())
+        answered = self._answered
+        if answered is not None and len(batches) == 1 and answered[0] is batches[0]:
+            return answered[1]
+        return self._body_view(batches)
+
+    def _body_view(self, batches: Sequence[SampleBatch]) -> BodyView:
+        if len(batches) == 1:
+            values, t_ns = batches[0].values, batches[0].t_host_ns
+        else:
+            values = np.concatenate([batch.values for batch in batches])
+            t_ns = np.concatenate([batch.t_host_ns for batch in batches])
+        return BodyView(
+            self._rig.segments,
+            t_ns,
+            values["position_m"].astype(np.float64),
+            values["orientation_wxyz"].astype(np.float64),
+            values["valid"],
+        )
+
+    def _log_view(self, view: SceneFrame) -> None:
+        before = self._logged_view
+        if before is None or view.scene is not before.scene:
+            self._scene_number += 1
+            self.catch_up()  # with the scene it was seen in
+            self.observer.show(view.scene)
+            self._recorder.event("scene", self.t_ns, **self._describe(view.scene))
+        elif (
+            view.gaze_direction is before.gaze_direction
+            and view.eye_openness_01 is before.eye_openness_01
+        ):
+            self._logged_view = view
+            return
+        self._logged_view = view
+        shown = view.gaze_direction.shape[0]
+        if shown > self._agent_count:
+            raise ValueError(f"a scene holds {shown} agents, and the study's have room for fewer")
+        i = self._scene_states.room(1)
+        columns = self._scene_states.columns
+        columns["scene"][i] = self._scene_number
+        for name, values in (
+            ("gaze_direction", view.gaze_direction),
+            ("eye_openness_01", view.eye_openness_01),
+            ("gaze_distance_m", view.gaze_distance_m),
+        ):
+            row = columns[name][i]
+            if values is None or shown < self._agent_count:
+                row[...] = np.nan
+            if values is not None:
+                row[:shown] = values
+        self._scene_states.commit(1, self.t_ns)
+
+    def _describe(self, scene: Scene) -> dict[str, object]:
+        return {
+            "scene": self._scene_number,
+            "scene_name": scene.name,
+            "brightness_01": scene.brightness_01,
+            "mark_m": None if scene.mark_m is None else [float(x) for x in scene.mark_m],
+            "agents": [
+                {
+                    "agent_id": a.agent_id,
+                    "character": a.character,
+                    "place": a.place,
+                    "head_centre_m": [float(x) for x in a.head_centre_m],
+                    "head_radius_m": a.head_radius_m,
+                    "facing": [float(x) for x in a.facing],
+                    "eye_centre_m": [float(x) for x in a.eye_centre_m],
+                }
+                for a in scene.agents
+            ],
+        }
+
+    def _frame_row(self, frame: FrameInfo) -> tuple[object, ...]:
+        """Return a row of frames but its last column, the number of gaze samples."""
+        return (
+            frame.index,
+            frame.predicted_display_ns,
+            STATE_CODES[self._states.state],
+            self.trial_number,
+            self._scene_states.rows - 1,
+            frame.dropped,
+        )

@@ -1,0 +1,303 @@
+"""Calibrate the eye tracker and validate it, as procedures of the session.
+
+Validation shows nine targets (centre, four at 7.5°, four at 15°), waits one second for the gaze
+to arrive and takes two seconds of samples at each, the procedure of Schuetz and Fiehler (2022)
+with fewer targets. Every attempt is stored.
+"""
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.devices.contracts import (
+    CalibrationOutcome,
+    CameraOnHead,
+    EyeTracker,
+    OnScreen,
+    PatientCalibration,
+)
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import DeviceTimeout
+from visavis.lab.geometry import (
+    Pose,
+    Vector,
+    direction_from_yaw_pitch_deg,
+    quat_conjugate,
+    quat_multiply,
+    rotate,
+    unit,
+)
+from visavis.lab.rotation_fit import fit_turn
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.experiment import Experiment, ValidationPoint
+from visavis.protocol.plan.steps import FrameView
+from visavis.protocol.session.frame_loop import FrameLoop
+from visavis.stimuli.motion.rotations import quat_between
+
+TARGET_DISTANCE_M = 2.0
+VERDICT_WITHIN_S = 10.0
+"""How long a calibration's result is waited for."""
+
+DIAGONAL_15 = 10.65
+"""Yaw and pitch (degrees) of a target 15° from the centre on a diagonal."""
+
+TARGETS: tuple[tuple[str, float, float], ...] = (
+    ("centre", 0.0, 0.0),
+    ("left", 7.5, 0.0),
+    ("right", -7.5, 0.0),
+    ("up", 0.0, 7.5),
+    ("down", 0.0, -7.5),
+    ("up_left", DIAGONAL_15, DIAGONAL_15),
+    ("up_right", -DIAGONAL_15, DIAGONAL_15),
+    ("down_left", DIAGONAL_15, -DIAGONAL_15),
+    ("down_right", -DIAGONAL_15, -DIAGONAL_15),
+)
+"""Name, yaw (left positive) and pitch (up positive) in degrees, head frame."""
+
+
+@dataclass(frozen=True)
+class TargetTiming:
+    """How long each target stands, in milliseconds."""
+
+    calibration_arrive_ms: int = 800
+    calibration_sample_ms: int = 700
+    validation_arrive_ms: int = 1000
+    validation_sample_ms: int = 2000
+
+
+ON_SCREEN_01 = 0.9
+"""How far to the edge of a screen targets may lie."""
+
+
+def targets_on(display: OnScreen | None) -> tuple[tuple[str, float, float], ...]:
+    """Return the targets, drawn together as far as a screen needs to show all of them.
+
+    They keep their middle where the eyes look straight ahead; in a headset nothing is changed.
+    """
+    if display is None:
+        return TARGETS
+    view = display.screen.view_from(np.zeros(3))
+    shares = [1.0]
+    for _, yaw_deg, pitch_deg in TARGETS:
+        x, y, z = direction_from_yaw_pitch_deg(yaw_deg, pitch_deg).tolist()
+        for tangent, low, high in (
+            (x / -z, view.tangent_left, view.tangent_right),
+            (y / -z, view.tangent_bottom, view.tangent_top),
+        ):
+            edge = high if tangent > 0 else low
+            if tangent:
+                shares.append(max(0.0, ON_SCREEN_01 * edge / tangent))
+    share = min(shares)
+    return tuple((name, yaw * share, pitch * share) for name, yaw, pitch in TARGETS)
+
+
+MIN_POINTS_OF_FIT = 5
+MAX_RESIDUAL_DEG = 3.0
+
+
+@dataclass(frozen=True)
+class HeadFit:
+    """The rotation (3, 3) put on top of a camera's own, its angle, and the error that is left."""
+
+    matrix: Vector
+    angle_deg: float
+    residual_deg: float
+
+
+class GazeSetup:
+    """Show targets and collect what the eye tracker says meanwhile."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        loop: FrameLoop,
+        eye_tracker: EyeTracker,
+        participant: SimulatedParticipant | None,
+        next_frame: Callable[[], FrameView],
+        timing: TargetTiming,
+    ) -> None:
+        self._experiment = experiment
+        self._loop = loop
+        self._eye_tracker = eye_tracker
+        self._participant = participant
+        self._next_frame = next_frame
+        self._timing = timing
+        self._targets = targets_on(loop.screen)
+        self.head_fit: HeadFit | None = None
+        """How the camera was last found to sit on the head, of a tracker that has one there."""
+
+    def calibrate(self) -> CalibrationOutcome:
+        """Run one calibration; raises DeviceError when the tracker is gone.
+
+        A tracker that is calibrated elsewhere, or never, is left as it is: validation measures it.
+        """
+        if isinstance(self._eye_tracker, CameraOnHead):
+            return self._fit_to_head(self._eye_tracker)
+        if "calibration" not in self._eye_tracker.info.capabilities:
+            return CalibrationOutcome(True, "this tracker is not calibrated from here")
+        timing = self._timing
+        self._eye_tracker.begin_calibration()
+        for _, yaw_deg, pitch_deg in self._targets:
+            mark_m = self._place_target(yaw_deg, pitch_deg)
+            self._frames_for(timing.calibration_arrive_ms)
+            end_ns = self._loop.t_ns + timing.calibration_sample_ms * NS_PER_MS
+            with self._loop.leaving_gaze():
+                while self._loop.t_ns < end_ns:
+                    view = self._next_frame()
+                    head = self._loop.head
+                    turn = quat_conjugate(head.orientation_wxyz)
+                    direction = rotate(turn, mark_m - head.position_m)
+                    direction /= np.linalg.norm(direction)
+                    self._eye_tracker.add_reference(direction, view.t_ns)
+        outcome = self._verdict()
+        self._clear_target()
+        return outcome
+
+    def _fit_to_head(self, tracker: CameraOnHead) -> CalibrationOutcome:
+        """Find how the camera sits on the head, and turn gaze by it."""
+        points = [p for p in self.validate() if np.isfinite(p.combined_head).all(axis=1).any()]
+        if len(points) < MIN_POINTS_OF_FIT:
+            return CalibrationOutcome(False, "too little gaze to find how the camera sits")
+        gaze, aims = [], []
+        for point in points:
+            seen = np.isfinite(point.combined_head).all(axis=1)
+            gaze.append(unit(point.combined_head[seen].sum(axis=0)))
+            aims.append(unit(point.aim_head[seen].sum(axis=0)))
+        found = fit_turn(np.array(gaze), np.array(aims))
+        left_deg = float(found.residual_deg.mean())
+        if left_deg > MAX_RESIDUAL_DEG:
+            return CalibrationOutcome(
+                False, f"no way in which the camera may sit explains gaze: {left_deg:.1f}° are left"
+            )
+        tracker.turn_to_head(found.matrix)
+        self.head_fit = HeadFit(found.matrix, found.angle_deg, left_deg)
+        return CalibrationOutcome(
+            True,
+            f"camera turned by {found.angle_deg:.1f}° on the head, {left_deg:.2f}° are left",
+        )
+
+    def _verdict(self) -> CalibrationOutcome:
+        """End the calibration; frames go on where the tracker need not be waited for in a call."""
+        tracker = self._eye_tracker
+        if not isinstance(tracker, PatientCalibration):
+            return tracker.end_calibration(VERDICT_WITHIN_S)
+        tracker.finish_calibration()
+        give_up_ns = self._loop.t_ns + round(VERDICT_WITHIN_S * NS_PER_S)
+        while (outcome := tracker.calibration_verdict()) is None:
+            if self._loop.t_ns >= give_up_ns:
+                raise DeviceTimeout(
+                    f"no calibration result within {VERDICT_WITHIN_S:g} s",
+                    role=tracker.info.role,
+                    remedy="look at the tracker's own program, then calibrate again",
+                )
+            self._next_frame()
+        return outcome
+
+    def validate(self) -> tuple[ValidationPoint, ...]:
+        """Show the nine targets and return the samples taken at each."""
+        points = []
+        for name, yaw_deg, pitch_deg in self._targets:
+            mark_m = self._place_target(yaw_deg, pitch_deg)
+            base = self._loop.head.orientation_wxyz
+            self._frames_for(self._timing.validation_arrive_ms)
+            target = rotate(quat_conjugate(base), mark_m - self._loop.head.position_m)
+            seen = self._gaze_for(self._timing.validation_sample_ms)
+            points.append(_point(name, target / np.linalg.norm(target), base, mark_m, seen))
+        self._clear_target()
+        return tuple(points)
+
+    def _gaze_for(self, duration_ms: int) -> "_Seen":
+        """Let frames pass; return the gaze they brought with the head of the frame of each sample.
+
+        Where gaze was left for later, a sample's frame is the first after its arrival.
+        """
+        end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
+        t_ns: list[int] = []
+        heads: list[Pose] = []
+        told: list[int] = []
+        batches: list[SampleBatch] = []
+        self._loop.gaze_tap = batches
+        with self._loop.leaving_gaze():
+            while self._loop.t_ns < end_ns:
+                self._next_frame()
+                t_ns.append(self._loop.t_ns)
+                heads.append(self._loop.head)
+                told.append(len(batches))
+        self._loop.gaze_tap = None
+        frame = [np.empty(0, np.int64)]
+        for i, batch in enumerate(batches):
+            latest = min(bisect_right(told, i), len(told) - 1)  # the frame that delivered it
+            arrived_ns = np.maximum.accumulate(batch.t_host_ns)
+            frame.append(np.minimum(np.searchsorted(t_ns, arrived_ns), latest))
+        return _Seen(batches, heads, np.concatenate(frame))
+
+    def _place_target(self, yaw_deg: float, pitch_deg: float) -> Vector:
+        head = self._loop.head
+        direction = direction_from_yaw_pitch_deg(yaw_deg, pitch_deg)
+        mark_m: Vector = head.position_m + TARGET_DISTANCE_M * rotate(
+            head.orientation_wxyz, direction
+        )
+        self._loop.show_scene(self._experiment.blank(mark_m))
+        if self._participant is not None:
+            self._participant.look_at([float(x) for x in mark_m], self._loop.t_ns)
+        return mark_m
+
+    def _clear_target(self) -> None:
+        self._loop.show_scene(self._experiment.blank(None))
+        if self._participant is not None:
+            self._participant.look_at(None, self._loop.t_ns)
+
+    def _frames_for(self, duration_ms: int) -> None:
+        end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
+        with self._loop.leaving_gaze():
+            while self._loop.t_ns < end_ns:
+                self._next_frame()
+
+
+class _Seen(NamedTuple):
+    """Gaze of some frames: batches, the head in every frame, and each sample's frame (n,)."""
+
+    batches: Sequence[SampleBatch]
+    heads: Sequence[Pose]
+    frame: npt.NDArray[np.int64]
+
+
+def _point(name: str, target: Vector, base: Vector, mark_m: Vector, seen: _Seen) -> ValidationPoint:
+    """Put samples and target into one frame: the head's when the target appeared.
+
+    The head may drift while the target stands, so every sample is turned with the target.
+    """
+    if not seen.batches:
+        empty = np.empty((0, 3))
+        none = np.empty(0, dtype=np.int64)
+        return ValidationPoint(name, target, none, empty, empty, empty, empty, empty)
+    values = np.concatenate([batch.values for batch in seen.batches])
+    turns = np.array([head.orientation_wxyz for head in seen.heads])[seen.frame]
+    heads_m = np.array([head.position_m for head in seen.heads])
+    aims = rotate(quat_conjugate(base), mark_m - heads_m)[seen.frame]
+    aims_head = rotate(quat_conjugate(turns), rotate(base, aims))
+    still = quat_between(aims, np.broadcast_to(target, aims.shape))
+    turns = quat_multiply(still, quat_multiply(quat_conjugate(base), turns))
+
+    def turned(column: str, valid: str) -> Vector:
+        direction = rotate(turns, values[column].astype(np.float64))
+        kept: Vector = np.where(values[valid][:, None], direction, np.nan)
+        return kept
+
+    return ValidationPoint(
+        name=name,
+        target=target,
+        t_ns=np.concatenate([batch.t_device_ns for batch in seen.batches]),
+        combined=turned("direction_head", "valid"),
+        left=turned("left_direction_head", "left_valid"),
+        right=turned("right_direction_head", "right_valid"),
+        aim_head=unit(aims_head),
+        combined_head=np.where(
+            values["valid"][:, None], values["direction_head"].astype(np.float64), np.nan
+        ),
+    )

@@ -1,0 +1,437 @@
+"""Turn gaze samples in the head frame into what they meant in the scene shown."""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from operator import sub
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.devices.contracts import GAZE
+from visavis.lab.compiled import compiled
+from visavis.lab.geometry import Pose
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.plan.steps import GazeView
+from visavis.protocol.session.row_buffer import RowBuffer
+from visavis.stimuli.scene import Scene
+from visavis.stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_rays
+
+DELAYS_KEPT = 240
+"""Batches of gaze in which the least delay is looked for: some seconds."""
+POSES_KEPT = 32
+"""Head poses in which a sample's time is looked up, back from its frame: 0.3 s at 90 Hz."""
+MAX_WAITING = 64
+"""Frames whose gaze may be left for later, so many more poses are remembered."""
+
+
+_GAZE_BYTES = GAZE.dtype.itemsize
+_GAZE_FIELDS: Mapping[str, Any] = GAZE.dtype.fields or {}
+_DIRECTION_AT, _ORIGIN_AT, _VALID_AT = (
+    _GAZE_FIELDS[name][1] for name in ("direction_head", "origin_m", "valid")
+)
+
+RECORDED = (
+    "gaze_seq",
+    "frame_index",
+    "t_sample_ns",
+    "valid",
+    "direction_world",
+    "origin_world_m",
+    "angle_deg",
+    "radius_deg",
+    "pad_limit_deg",
+    "hit",
+)
+"""Columns of the stream of targets, in the order in which `_evaluate` takes them."""
+
+
+@compiled
+def _gaze_in_world(
+    direction_head: npt.NDArray[np.float32],
+    origin_head_m: npt.NDArray[np.float32],
+    t_ns: npt.NDArray[np.int64],
+    pose_t_ns: npt.NDArray[np.int64],
+    pose_p: npt.NDArray[np.float64],
+    pose_q: npt.NDArray[np.float64],
+    frames: npt.NDArray[np.int64],
+    direction: npt.NDArray[np.float64],
+    origin: npt.NDArray[np.float64],
+) -> None:
+    kept = pose_t_ns.shape[0]
+    k_frame = 0
+    for i in range(t_ns.shape[0]):
+        while i >= frames[k_frame, 0]:
+            k_frame += 1
+        b = frames[k_frame, 2]
+        count = frames[k_frame, 3]
+        steps = 1
+        while steps < count and pose_t_ns[(b - 1 + kept) % kept] > t_ns[i]:
+            b = (b - 1 + kept) % kept
+            steps += 1
+        a = (b - 1 + kept) % kept if steps < count else b
+        f = 0.0
+        span = pose_t_ns[b] - pose_t_ns[a]
+        if span > 0:
+            f = min(max((t_ns[i] - pose_t_ns[a]) / span, 0.0), 1.0)
+        dot = 0.0
+        for k in range(4):
+            dot += pose_q[a, k] * pose_q[b, k]
+        sign = 1.0 if dot >= 0 else -1.0
+        w = (1 - f) * pose_q[a, 0] + f * sign * pose_q[b, 0]
+        x = (1 - f) * pose_q[a, 1] + f * sign * pose_q[b, 1]
+        y = (1 - f) * pose_q[a, 2] + f * sign * pose_q[b, 2]
+        z = (1 - f) * pose_q[a, 3] + f * sign * pose_q[b, 3]
+        length = np.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w / length, x / length, y / length, z / length
+        for turn in range(2):
+            if turn == 0:
+                vx = float(direction_head[i, 0])
+                vy = float(direction_head[i, 1])
+                vz = float(direction_head[i, 2])
+            else:
+                vx = float(origin_head_m[i, 0])
+                vy = float(origin_head_m[i, 1])
+                vz = float(origin_head_m[i, 2])
+            tx = 2 * (y * vz - z * vy)
+            ty = 2 * (z * vx - x * vz)
+            tz = 2 * (x * vy - y * vx)
+            rx = vx + w * tx + y * tz - z * ty
+            ry = vy + w * ty + z * tx - x * tz
+            rz = vz + w * tz + x * ty - y * tx
+            if turn == 0:
+                size = np.sqrt(rx * rx + ry * ry + rz * rz)
+                if size > 0:
+                    rx, ry, rz = rx / size, ry / size, rz / size
+                direction[i, 0], direction[i, 1], direction[i, 2] = rx, ry, rz
+            else:
+                origin[i, 0] = rx + (1 - f) * pose_p[a, 0] + f * pose_p[b, 0]
+                origin[i, 1] = ry + (1 - f) * pose_p[a, 1] + f * pose_p[b, 1]
+                origin[i, 2] = rz + (1 - f) * pose_p[a, 2] + f * pose_p[b, 2]
+
+
+@compiled
+def _evaluate(
+    samples: npt.NDArray[np.uint8],
+    seq: npt.NDArray[np.int64],
+    t_device_ns: npt.NDArray[np.int64],
+    offset_ns: int,
+    frames: npt.NDArray[np.int64],
+    pose_t_ns: npt.NDArray[np.int64],
+    pose_p: npt.NDArray[np.float64],
+    pose_q: npt.NDArray[np.float64],
+    heads: npt.NDArray[np.float64],
+    capsules: npt.NDArray[np.float64],
+    is_lit: bool,
+    t_ns: npt.NDArray[np.int64],
+    valid: npt.NDArray[np.bool_],
+    rays: npt.NDArray[np.float64],
+    seen: npt.NDArray[np.float64],
+    hit: npt.NDArray[np.int16],
+    row: int,
+    gaze_seq: npt.NDArray[np.int64],
+    frame: npt.NDArray[np.int32],
+    t_sample_ns: npt.NDArray[np.int64],
+    row_valid: npt.NDArray[np.bool_],
+    direction_world: npt.NDArray[np.float32],
+    origin_world_m: npt.NDArray[np.float32],
+    angle_deg: npt.NDArray[np.float32],
+    radius_deg: npt.NDArray[np.float32],
+    pad_limit_deg: npt.NDArray[np.float32],
+    row_hit: npt.NDArray[np.int16],
+) -> int:
+    """Evaluate n samples and record them from `row` on; return how many are valid.
+
+    `frames` are the frames that brought them in turn: how many samples there are up to each one's
+    end, its index, which head pose was the newest, and among how many to look.
+    `samples` are n rows of `GAZE.dtype` as bytes: fields as arrays are strided or not by their
+    number, and every kind would be compiled anew. One call for all of it, because a frame brings
+    one or two samples.
+    """
+    n = t_device_ns.shape[0]
+    m = heads.shape[0]
+    valid_count = 0
+    direction_head = np.empty((n, 3), np.float32)
+    origin_head_m = np.empty((n, 3), np.float32)
+    numbers = np.empty(6, np.float32)
+    raw = numbers.view(np.uint8)
+    for i in range(n):
+        t_ns[i] = t_device_ns[i] + offset_ns
+        for k in range(12):
+            raw[k] = samples[i * _GAZE_BYTES + _DIRECTION_AT + k]
+            raw[12 + k] = samples[i * _GAZE_BYTES + _ORIGIN_AT + k]
+        for k in range(3):
+            direction_head[i, k] = numbers[k]
+            origin_head_m[i, k] = numbers[3 + k]
+        valid[i] = samples[i * _GAZE_BYTES + _VALID_AT] != 0
+        valid_count += valid[i]
+    direction, origin = rays[0], rays[1]
+    _gaze_in_world(
+        direction_head,
+        origin_head_m,
+        t_ns,
+        pose_t_ns,
+        pose_p,
+        pose_q,
+        frames,
+        direction,
+        origin,
+    )
+    observe_rays(origin, direction, valid, heads, capsules, is_lit, seen, hit)
+    width = angle_deg.shape[1]
+    has_agents = m == width or 0 < m < width  # a film may show fewer than another one
+    k_frame = 0
+    for i in range(n):
+        while i >= frames[k_frame, 0]:
+            k_frame += 1
+        j = row + i
+        gaze_seq[j] = seq[i]
+        frame[j] = frames[k_frame, 1]
+        t_sample_ns[j] = t_ns[i]
+        row_valid[j] = valid[i]
+        for k in range(3):
+            direction_world[j, k] = direction[i, k]
+            origin_world_m[j, k] = origin[i, k]
+        if has_agents:
+            for k in range(m):
+                angle_deg[j, k] = seen[0, i, k]
+                radius_deg[j, k] = seen[1, i, k]
+                pad_limit_deg[j, k] = seen[2, i, k]
+            for k in range(m, width):
+                angle_deg[j, k] = np.nan
+                radius_deg[j, k] = np.nan
+                pad_limit_deg[j, k] = np.nan
+            row_hit[j] = hit[i]
+        else:
+            angle_deg[j] = np.nan
+            radius_deg[j] = np.nan
+            pad_limit_deg[j] = np.nan
+            row_hit[j] = HIT_NOTHING if valid[i] else HIT_LOST
+    return valid_count
+
+
+class _Waiting(NamedTuple):
+    """A frame whose gaze is evaluated later: what it knew, and what shall hold its gaze."""
+
+    frame_index: int
+    t_ns: int
+    newest: int
+    poses: int
+    gaze: "LateGaze"
+
+
+class LateGaze:
+    """The gaze of one frame, evaluated when somebody looks at it, and then by the many.
+
+    Has the attributes of a `GazeView` and stands for one in a `FrameView`.
+    """
+
+    __slots__ = ("_catch_up", "_found")
+
+    def __init__(self, catch_up: Callable[[], None]) -> None:
+        self._catch_up = catch_up
+        self._found: tuple[GazeView, int, int] | None = None
+
+    def found(self, gaze: GazeView, first: int, end: int) -> None:
+        """Take the samples `first` to `end` of what was evaluated together."""
+        self._found = gaze, first, end
+
+    def __getattr__(self, name: str) -> Any:
+        if self._found is None:
+            self._catch_up()
+        if self._found is None or name not in GazeView._fields:
+            raise AttributeError(f"gaze has no {name!r}")
+        gaze, first, end = self._found
+        values = getattr(gaze, name)
+        return values if gaze.t_ns.shape[0] == end - first else values[first:end]
+
+
+class GazeObserver:
+    """Collect gaze batches from the eye tracker and evaluate them once per frame, or later.
+
+    `clock_offset_ns` is host minus device time; it is constant within a trial, so differences
+    between sample times are the device's own. Until one is set, that of the first batch stands
+    for it, None before. The tracker's own delay (`delay_ns`) is taken off: a sample's time is that
+    of the eye, and so is the head's pose it is turned by.
+    """
+
+    def __init__(self, targets: RowBuffer, *, delay_ns: int = 0) -> None:
+        self.clock_offset_ns: int | None = None
+        self._delay_ns = delay_ns
+        self._targets = targets
+        self._source = targets.columns
+        self._columns = tuple(targets.columns[name] for name in RECORDED)
+        self._inbox: deque[SampleBatch] = deque()
+        self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
+        kept = POSES_KEPT + MAX_WAITING
+        self._pose_t_ns = np.zeros(kept, dtype=np.int64)
+        self._pose_p = np.zeros((kept, 3))
+        self._pose_q = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (kept, 1))
+        self._waiting: list[_Waiting] = []
+        self._newest = -1
+        self._poses = 0
+        self._scene: Scene | None = None
+        self._geometry: SceneGeometry | None = None
+        self._empty = _no_gaze(0)
+        self.received = 0
+        self.valid = 0
+
+    def take(self, batch: SampleBatch) -> None:
+        """Accept a batch of the gaze stream; may be called from the device's thread."""
+        self._inbox.append(batch)
+        # a frame brings one or two samples, fewer than an array's own minimum is worth
+        least_ns = min(map(sub, batch.t_host_ns.tolist(), batch.t_device_ns.tolist()))
+        self._delays_ns.append(least_ns)
+        if self.clock_offset_ns is None:
+            self.clock_offset_ns = least_ns
+
+    @property
+    def least_delay_ns(self) -> int | None:
+        """Arrival minus device time of the quickest sample of late; None before the first.
+
+        Of a tracker that cannot be asked for its time this is its clock's offset, with the least
+        delay in it.
+        """
+        return min(tuple(self._delays_ns), default=None)
+
+    def add_pose(self, t_ns: int, pose: Pose) -> None:
+        """Remember where the head was."""
+        self._newest = (self._newest + 1) % (POSES_KEPT + MAX_WAITING)
+        self._pose_t_ns[self._newest] = t_ns
+        self._pose_p[self._newest] = pose.position_m
+        self._pose_q[self._newest] = pose.orientation_wxyz
+        self._poses = min(self._poses + 1, POSES_KEPT)
+
+    def show(self, scene: Scene) -> None:
+        """State the scene on display, in which coming samples are evaluated."""
+        if scene is not self._scene:
+            self._scene = scene
+            self._empty = _no_gaze(len(scene.agents))
+            self._geometry = SceneGeometry.from_scene(scene)
+
+    def observe(self, frame_index: int, t_frame_ns: int) -> GazeView:
+        """Evaluate everything that arrived, record it, and return it."""
+        batch = self._gather() if self._inbox else None
+        if batch is None or self._geometry is None:
+            return self._empty
+        n = batch.seq.shape[0]
+        frames = np.array([(n, frame_index, self._newest, self._poses)], np.int64)
+        gaze = self._evaluated(batch, self._geometry, frames)
+        self._targets.commit(n, t_frame_ns)
+        return gaze
+
+    def wait(self, frame_index: int, t_frame_ns: int, catch_up: Callable[[], None]) -> LateGaze:
+        """Leave what this frame brings for later; `catch_up` is called when it is looked at.
+
+        `MAX_WAITING` frames may wait, in one scene and with one clock offset.
+        """
+        gaze = LateGaze(catch_up)
+        self._waiting.append(_Waiting(frame_index, t_frame_ns, self._newest, self._poses, gaze))
+        return gaze
+
+    def observe_waiting(self) -> Sequence[int]:
+        """Evaluate what arrived meanwhile as each waiting frame would have; return their counts."""
+        waiting, self._waiting = self._waiting, []
+        batch = self._gather() if self._inbox else None
+        if batch is None or self._geometry is None:
+            for one in waiting:
+                one.gaze.found(self._empty, 0, 0)
+            return [0] * len(waiting)
+        if len(waiting) == 1:
+            one, n = waiting[0], batch.seq.shape[0]
+            frames = np.array([(n, one.frame_index, one.newest, one.poses)], np.int64)
+            one.gaze.found(self._evaluated(batch, self._geometry, frames), 0, n)
+            self._targets.commit(n, one.t_ns)
+            return [n]
+        # A message waits on the wire for those before it, and a frame takes what is there by then.
+        there_ns = np.maximum.accumulate(batch.t_host_ns)
+        ends = np.searchsorted(there_ns, [one.t_ns for one in waiting], side="right")
+        ends[-1] = batch.seq.shape[0]
+        frames = np.array(
+            [(0, one.frame_index, one.newest, one.poses) for one in waiting], np.int64
+        )
+        frames[:, 0] = ends
+        gaze = self._evaluated(batch, self._geometry, frames)
+        counts = np.diff(ends, prepend=0)
+        self._targets.commit_stamped(np.repeat([one.t_ns for one in waiting], counts))
+        first = 0
+        for one, end in zip(waiting, ends.tolist(), strict=True):
+            one.gaze.found(gaze, first, end)
+            first = end
+        found: list[int] = counts.tolist()
+        return found
+
+    def _evaluated(
+        self, batch: SampleBatch, geometry: SceneGeometry, frames: npt.NDArray[np.int64]
+    ) -> GazeView:
+        n = batch.seq.shape[0]
+        assert self.clock_offset_ns is not None  # noqa: S101 - `take` saw this batch
+        targets = self._targets
+        at = targets.room(n)
+        if targets.columns is not self._source:
+            self._source = targets.columns
+            self._columns = tuple(targets.columns[name] for name in RECORDED)
+        t_ns = np.empty(n, np.int64)
+        valid = np.empty(n, np.bool_)
+        rays = np.empty((2, n, 3))
+        seen = np.empty((3, n, geometry.heads.shape[0]))
+        hit = np.empty(n, np.int16)
+        valid_count = _evaluate(
+            np.frombuffer(batch.values.tobytes(), np.uint8),
+            batch.seq,
+            batch.t_device_ns,
+            self.clock_offset_ns - self._delay_ns,
+            frames,
+            self._pose_t_ns,
+            self._pose_p,
+            self._pose_q,
+            geometry.heads,
+            geometry.capsules,
+            geometry.is_lit,
+            t_ns,
+            valid,
+            rays,
+            seen,
+            hit,
+            at,
+            *self._columns,
+        )
+        self.received += n
+        self.valid += valid_count
+        return GazeView(t_ns, valid, rays[0], rays[1], seen[0], seen[1], seen[2], hit)
+
+    def drain(self) -> list[SampleBatch]:
+        """Return what arrived without evaluating it."""
+        batches = []
+        while self._inbox:
+            batches.append(self._inbox.popleft())
+        return batches
+
+    def _gather(self) -> SampleBatch | None:
+        batches = self.drain()
+        if not batches:
+            return None
+        if len(batches) == 1:
+            return batches[0]
+        return SampleBatch(
+            batches[0].schema,
+            np.concatenate([b.seq for b in batches]),
+            np.concatenate([b.t_device_ns for b in batches]),
+            np.concatenate([b.t_host_ns for b in batches]),
+            # structured arrays are joined field by field, which takes ten times as long
+            np.frombuffer(b"".join([b.values.tobytes() for b in batches]), GAZE.dtype),
+        )
+
+
+def _no_gaze(agent_count: int) -> GazeView:
+    empty = np.empty((0, agent_count))
+    return GazeView(
+        np.empty(0, dtype=np.int64),
+        np.empty(0, dtype=np.bool_),
+        np.empty((0, 3)),
+        np.empty((0, 3)),
+        empty,
+        empty,
+        empty,
+        np.empty(0, dtype=np.int16),
+    )

@@ -1,0 +1,461 @@
+"""Between the operator and the frame loop: requests, prompts, faults, the status shown."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from visavis.devices.contracts import Armband, Fault
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import SessionAborted
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import FrameView
+from visavis.protocol.session.active_faults import StandingFaults
+from visavis.protocol.session.calibration_record import CalibrationInForce
+from visavis.protocol.session.frame_loop import FrameLoop
+from visavis.protocol.session.operator import Action, BodyContact, Command, SessionStatus
+from visavis.protocol.session.rig import RunningRig
+from visavis.protocol.session.session_setup import SessionSetup
+from visavis.protocol.session.stall_watch import StallWatch, as_reason
+from visavis.protocol.session.states import SessionState, StateMachine
+
+CONTACT_BEGIN, CONTACT_RENEW, CONTACT_END = "contact_begin", "contact_renew", "contact_end"
+"""Marks by which a plan tells what the participant's body touches, with `role` (the armband that
+answers), `segment`, `person` and `vibrates`."""
+
+FAULT_CHECK_NS = 200 * NS_PER_MS
+"""How often device faults are looked at."""
+
+LOST_STREAM_NS = 3 * NS_PER_S
+"""A blocking fault that lasts this long within a trial interrupts it."""
+
+EYE_SEEN_AT_LEAST_01 = 0.7
+"""A trial that saw an eye in less of its samples is flagged (gaze.md section 5)."""
+
+MESSAGE_SHOWN_NS = 30 * NS_PER_S
+"""For so long a message stands on the operator's screen; what waits, until it is done."""
+
+LATER = {
+    Action.PAUSE: "pausing before the next trial",
+    Action.RECALIBRATE: "recalibrating before the next trial",
+}
+"""Requests that wait for the next checkpoint, and what the operator is told."""
+
+
+class OperatorDesk:
+    """Deliver frames, and with them whatever the operator or a device wants."""
+
+    def __init__(
+        self,
+        setup: SessionSetup,
+        loop: FrameLoop,
+        rig: RunningRig,
+        states: StateMachine,
+    ) -> None:
+        self._setup = setup
+        self._loop = loop
+        self._rig = rig
+        self._states = states
+        self._operator = setup.operator
+        self._recorder = setup.recorder
+        self._idle_roles = setup.idle_roles
+        self._calibrates = rig.eye_tracker is not None and any(
+            block.calibrate for block in setup.plan.blocks
+        )
+        self._pending: set[Action] = set()
+        self._advance = False
+        self._faults = StandingFaults(setup.recorder)
+        self._repeats: list[Trial] = []
+        self._answers: list[str] = []
+        self._last_trial: Trial | None = None
+        self._next_check_ns = 0
+        self._next_status_ns = 0
+        self._messages: list[tuple[int, str]] = []
+        self._prompt = ""
+        self._in_trial = False
+        self._trial_start_ns = 0
+        self._has_begun = False
+        self._stalls = StallWatch()
+        self._contacts: dict[str, BodyContact] = {}
+        self._contacts_begun: int | None = None
+        self.interrupt_reason: str | None = None
+        self.skip_reason: str | None = None
+        self.flags: list[str] = []
+        self.block_name = ""
+        self.waiting = ""
+        self.may_do_without = False
+        self.trial: Trial | None = None
+        self.trial_end_ns: int | None = None
+        self.trials_done = self.trials_skipped = 0
+        self.calibration: CalibrationInForce | None = None
+
+    # ---- frames ------------------------------------------------------------------------------
+
+    def next_frame(self) -> FrameView:
+        """Return the next frame after acting on requests and faults.
+
+        Raises:
+            SessionAborted: the operator ended the session.
+        """
+        view = self._loop.next()
+        stood_ns = self._stalls.stood_ns(view.t_ns)
+        if stood_ns and self._in_trial:
+            self._note_stall(stood_ns)
+        for command in self._operator.poll():
+            self._act(command)
+        if view.t_ns >= self._next_check_ns:
+            self._next_check_ns = view.t_ns + FAULT_CHECK_NS
+            self._look_for_faults()
+        period_ns = self._operator.status_period_ns
+        if period_ns and view.t_ns >= self._next_status_ns:
+            self._next_status_ns = view.t_ns + period_ns
+            self._operator.show(self._status(view))
+        if self._advance and self._in_trial and self._prompt:
+            return view._replace(went_on=self.take_advance())
+        return view
+
+    def prompt(self, text: str) -> bool:
+        """Show what a trial waits for, or nothing; tell whether nobody is there to go on."""
+        self._advance = False
+        goes_on = bool(text) and not self._operator.waits_for_advance(text)
+        self._prompt = "" if goes_on else text
+        return goes_on
+
+    def wait(self, prompt: str, *, always: bool = False) -> None:
+        """Let frames pass until the operator goes on; at once when nobody watches."""
+        self._advance = False
+        self._prompt = prompt
+        if self._operator.waits_for_advance(prompt) or (always and self._operator.status_period_ns):
+            while not self._advance:
+                self.next_frame()
+        else:
+            self.next_frame()
+        self._prompt = ""
+
+    def enter(self, state: SessionState) -> None:
+        """Move the session to a state."""
+        self._states.move(state)
+
+    # ---- trials ------------------------------------------------------------------------------
+
+    def announce(self, trial: Trial) -> None:
+        """State which trial comes next."""
+        self.trial = trial
+        self.interrupt_reason = None
+        self.skip_reason = None
+
+    def begin_trial(self, trial: Trial, end_ns: int) -> None:
+        """Forget what concerned the trial before."""
+        self._in_trial = True
+        self._rig.is_muted = self._rig.has_vibrated = False
+        self._trial_start_ns = self._loop.t_ns
+        self._has_begun = True
+        self._contacts.clear()
+        self._contacts_begun = None
+        self._stalls.allow(2)  # the scene is made and drawn for the first time
+        self.announce(trial)
+        self.flags = [f"{role}_lost" for role in sorted(self._rig.without)]
+        self.trial_end_ns = end_ns
+
+    def end_trial(self, trial: Trial) -> None:
+        """Note that this trial was the last one and that none runs."""
+        self._in_trial = False
+        self._contacts.clear()
+        self._prompt = ""
+        self.trial_end_ns = None
+        self._last_trial = trial
+
+    def hear(self, mark: str, payload: Mapping[str, Any]) -> None:
+        """Take from a plan's mark what the operator sees of it: contacts of the body."""
+        if mark not in (CONTACT_BEGIN, CONTACT_RENEW, CONTACT_END):
+            return
+        role, person = str(payload.get("role") or ""), payload.get("person")
+        if mark == CONTACT_END:
+            self._contacts.pop(role, None)
+            return
+        if mark == CONTACT_BEGIN:
+            self._contacts_begun = (self._contacts_begun or 0) + 1
+        self._contacts[role] = BodyContact(
+            role,
+            str(payload.get("segment") or ""),
+            person if isinstance(person, int) else None,
+            bool(payload.get("vibrates")),
+        )
+
+    def leave_trial(self) -> None:
+        """Take the last trial off the screen."""
+        self.trial = self._contacts_begun = None
+
+    def take(self, action: Action) -> bool:
+        """Tell whether this was asked for since the last checkpoint, and forget it."""
+        if action in self._pending:
+            self._pending.discard(action)
+            done = LATER.get(action)
+            self._messages = [said for said in self._messages if said[1] != done]
+            return True
+        return False
+
+    def take_repeats(self) -> tuple[Trial, ...]:
+        """Return the trials to be performed again, and forget them."""
+        repeats, self._repeats = tuple(self._repeats), []
+        return repeats
+
+    def take_answers(self) -> tuple[str, ...]:
+        """Return the digits pressed since the last call, and forget them."""
+        answers, self._answers = tuple(self._answers), []
+        return answers
+
+    def must_hold(self) -> bool:
+        """Tell whether the next trial has to wait."""
+        return not self._pending.isdisjoint(LATER) or self.device_lost()
+
+    # ---- faults ------------------------------------------------------------------------------
+
+    def report(self, fault: Fault) -> None:
+        """Record a fault once for as long as it holds."""
+        self._faults.report(fault, self._loop.t_ns, is_set_up=self._is_set_up)
+
+    @property
+    def _is_set_up(self) -> bool:
+        # before the first calibration, or trial of a study without one, devices are being set up
+        return self.calibration is not None if self._calibrates else self._has_begun
+
+    def say(self, message: str) -> None:
+        """Put a line on the operator's screen."""
+        self._messages = [*self._messages[-4:], (self._loop.t_ns, message)]
+
+    def blocking_fault(self) -> Fault | None:
+        """Return the first fault that keeps a trial from running, if any."""
+        return next(iter(self._faults.blocking()), None)
+
+    @property
+    def done_without(self) -> frozenset[str]:
+        """Roles the operator goes on without: from the beginning, or until they are back."""
+        return self._rig.without | self._faults.done_without
+
+    def do_without(self, role: str) -> None:
+        """Let trials run although this device is away; each is flagged until it is back."""
+        self._faults.done_without.add(role)
+        self.say(f"going on without {role}; every trial is flagged until it is back")
+
+    def take_advance(self) -> bool:
+        """Tell whether the operator asked to go on, and forget it."""
+        asked, self._advance = self._advance, False
+        return asked
+
+    @property
+    def blocking_since_ns(self) -> int:
+        """Since when some fault has kept trials from running; now, when none does."""
+        since = [self._faults.since_ns(f) for f in self._faults.blocking()]
+        return min(since, default=self._loop.t_ns)
+
+    def device_lost(self) -> bool:
+        """Look again, and tell whether a device is away."""
+        self._look_for_faults()
+        return self.blocking_fault() is not None
+
+    def flag_lost_eyes(self, seen_01: Mapping[str, float]) -> None:
+        """Flag the trial for each eye ("left", "right") that was seen in too little of it."""
+        for eye, share_01 in seen_01.items():
+            if share_01 < EYE_SEEN_AT_LEAST_01:
+                self._flag(f"{eye}_eye_lost")
+
+    def lost_at_end(self) -> str | None:
+        """Look again at the end of a trial; return why its data are cut off, if they are."""
+        if self.device_lost():
+            self._interrupt_if_lost(0)
+        return self.interrupt_reason
+
+    def _look_for_faults(self) -> None:
+        shown = self._loop.display_fault
+        told = (f for f in self._rig.faults() if not self._is_idle_uncalibrated(f))
+        faults = (*told, *(() if shown is None else (shown,)))
+        self._faults.look(faults, self._loop.t_ns, is_set_up=self._is_set_up)
+        for fault in faults if self._in_trial else ():
+            is_idle = fault.role in self._idle_roles and fault.severity == "warning"
+            if not is_idle and self._faults.concerns(fault, self._trial_start_ns):
+                self._flag(f"{fault.role}_{'lost' if fault.severity == 'blocking' else 'warning'}")
+        if self._in_trial:
+            self._interrupt_if_lost(LOST_STREAM_NS)
+
+    def _is_idle_uncalibrated(self, fault: Fault) -> bool:
+        """Tell the fault that a device is not calibrated which nothing of the study rests on."""
+        return fault.is_uncalibrated and fault.role in self._idle_roles
+
+    def _interrupt_if_lost(self, longest_ns: int) -> None:
+        """Interrupt the trial for a device that is away so long.
+
+        A band costs a trial no data: it counts after `LOST_STREAM_NS` alone, and where it was
+        wanted in this trial.
+        """
+        for fault in self._faults.blocking():
+            patience_ns = longest_ns
+            if self._rig.is_band(fault.role):
+                if not self._rig.has_vibrated:
+                    continue
+                patience_ns = LOST_STREAM_NS
+            if self._loop.t_ns - self._faults.since_ns(fault) >= patience_ns:
+                self.interrupt_reason = f"{fault.role}: {fault.message}"
+                return
+
+    def expect_pause(self) -> None:
+        """Let the time to the coming frame be no stall: a question was asked."""
+        self._stalls.allow(1)
+
+    def _note_stall(self, stood_ns: int) -> None:
+        """Flag a trial in which the picture stood still; interrupt it as for a lost device."""
+        self._flag("picture_stalled")
+        self._recorder.event("picture_stalled", self._loop.t_ns, stood_ms=stood_ns // NS_PER_MS)
+        if stood_ns >= LOST_STREAM_NS and self.interrupt_reason is None:
+            self.interrupt_reason = as_reason(stood_ns)
+
+    def _flag(self, flag: str) -> None:
+        if flag not in self.flags:
+            self.flags.append(flag)
+
+    # ---- requests ----------------------------------------------------------------------------
+
+    def _act(self, command: Command) -> None:
+        action = command.action
+        self._recorder.event(
+            "operator",
+            self._loop.t_ns,
+            action=action.value,
+            text=command.text or None,
+            **({"code": command.code} if command.code else {}),
+        )
+        if action is Action.ADVANCE:
+            self._advance = True
+        elif action is Action.ABORT:
+            self.interrupt_reason = "session aborted by the operator"
+            self._pending.add(Action.ABORT)
+            if not self._in_trial:
+                self.raise_if_aborted()
+        elif action is Action.RECALIBRATE and not self._calibrates:
+            self.say("nothing to calibrate: this study does not measure gaze")
+        elif action in LATER:
+            self._pending.add(action)
+            self.say(LATER[action])
+        elif action is Action.ANSWER:
+            self._answers.append(command.text)
+        elif action is Action.SKIP:
+            self._skip(command.why or "no reason given")
+            self._flag_code(command)
+        elif action is Action.REPEAT:
+            self._repeat()
+        elif action is Action.SILENCE:
+            self._silence()
+        elif action is Action.FLAG:
+            if self._in_trial:
+                self._flag("operator_flag")
+            self.say(f"flagged{self._within()}")
+        elif action is Action.REASON:
+            self._flag_code(command)
+            self.say(f"reason noted{self._within()}: {command.why}")
+        elif action is Action.NOTE:
+            self.say(f"noted{self._within()}: {command.text}")
+
+    def _flag_code(self, command: Command) -> None:
+        if self._in_trial and command.code:
+            self._flag(command.code)
+
+    def _within(self) -> str:
+        return f" in {self.trial.trial_id}" if self._in_trial and self.trial else ""
+
+    def _skip(self, reason: str) -> None:
+        if self.trial is None or not (self._in_trial or self._comes_next()):
+            self.say("nothing to skip: no trial is running or about to")
+            return
+        self.skip_reason = reason
+        self.say(f"{self.trial.trial_id} is skipped: {reason}")
+        if self._in_trial:
+            self.interrupt_reason = f"skipped: {reason}"
+
+    def _comes_next(self) -> bool:
+        return self._states.state is SessionState.INTERTRIAL
+
+    def _repeat(self) -> None:
+        if self._in_trial and self.trial is not None:
+            self.interrupt_reason = "repeat asked for by the operator"
+            self.say(f"{self.trial.trial_id} is ended and comes again at the end of the block")
+        elif self._last_trial is None:
+            self.say("nothing to repeat: no trial has been performed yet")
+        else:
+            if self._last_trial not in self._repeats:
+                self._repeats.append(self._last_trial)
+            self.say(f"{self._last_trial.trial_id} comes again at the end of the block")
+
+    def _silence(self) -> None:
+        """Stop all vibration, in a trial for the rest of it: the next contact is a moment away."""
+        armbands = [r for r, d in self._setup.rig.by_role().items() if isinstance(d, Armband)]
+        self._rig.is_muted = self._in_trial and bool(armbands)
+        self._rig.silence()
+        if self._rig.is_muted:
+            self._flag("silenced_by_operator")
+        until = f", to the end of {self.trial.trial_id}" if self._in_trial and self.trial else ""
+        roles = ", ".join(armbands)
+        self.say(f"silenced{until if roles else ''}: {roles or 'no haptic device is connected'}")
+
+    def raise_if_aborted(self) -> None:
+        """Raise SessionAborted when the operator asked for it."""
+        if Action.ABORT in self._pending:
+            raise SessionAborted(
+                "the session was ended by the operator; every finished trial is kept"
+            )
+
+    # ---- status ------------------------------------------------------------------------------
+
+    def _status(self, view: FrameView) -> SessionStatus:
+        setup = self._setup
+        t_ns = self._loop.t_ns
+        trial = self.trial
+        calibration = self.calibration
+        total = len(setup.plan.trials)
+        per_trial_s = setup.experiment.trial_s + setup.experiment.intertrial_s
+        condition = ""
+        if trial is not None and not setup.blind:
+            condition = ", ".join(_factor_words(k, v) for k, v in trial.factors.items())
+        verdict = calibration.verdict if calibration else None
+        return SessionStatus(
+            state=self._states.state,
+            participant=setup.participant_label,
+            trial_id=trial.trial_id if trial else "",
+            trials_done=self.trials_done,
+            trials_skipped=self.trials_skipped,
+            trials_planned=total,
+            block=self.block_name,
+            condition=condition,
+            trial_left_s=None
+            if self.trial_end_ns is None or self.trial_end_ns <= t_ns
+            else (self.trial_end_ns - t_ns) / NS_PER_S,
+            session_left_s=max(total - self.trials_done - self.trials_skipped, 0) * per_trial_s,
+            health=self._rig.health(),
+            accuracy_deg=verdict.accuracy_deg if verdict else None,
+            is_calibrated_first=any(b.calibrate for b in setup.plan.blocks),
+            precision_deg=verdict.precision_deg if verdict else None,
+            calibration_age_s=(t_ns - calibration.t_ns) / NS_PER_S if calibration else None,
+            faults=self._faults.shown(t_ns),
+            prompt=self._prompt,
+            waiting=self.waiting,
+            can_go_on=bool(self._prompt) or self.may_do_without,
+            messages=self._messages_now(),
+            flags=tuple(self.flags) if self._in_trial else (),
+            frame=view,
+            shown=self._loop.shown,
+            glance=self._loop.glance,
+            contacts=tuple(self._contacts.values()),
+            contacts_begun=self._contacts_begun,
+        )
+
+    def _messages_now(self) -> tuple[str, ...]:
+        waiting = {LATER[action] for action in self._pending & LATER.keys()}
+        since_ns = self._loop.t_ns - MESSAGE_SHOWN_NS
+        return tuple(text for t_ns, text in self._messages if t_ns >= since_ns or text in waiting)
+
+
+def _factor_words(name: str, level: object) -> str:
+    """Return a level as the operator reads it."""
+    if name == "condition":
+        return str(level)
+    words = name.replace("_", " ")
+    if isinstance(level, bool):
+        return f"{words}: {'yes' if level else 'no'}"
+    return f"{words} {str(level).replace('_', ' ')}"

@@ -1,0 +1,123 @@
+"""Ask questions on a board in the headset: looked at, pointed at, or answered by a key.
+
+The answer is the label of an option, the same as typed at the terminal; questions without
+options, or with too many for one board, go to whoever answers there.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.experiment import Respondent
+from visavis.protocol.plan.steps import FrameView, Show
+from visavis.protocol.session.boards import QUESTIONNAIRE, Chosen, DwellRule, ask_on_board
+from visavis.protocol.session.frame_loop import FrameLoop
+from visavis.recording.writer import Recorder
+from visavis.stimuli.panels import SIZE_M, PanelFrame, choice_centre_m, placed_before
+from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import Scene
+
+MAX_CHOICES = 9
+LEAVE_OUT = "no answer"
+
+
+class PanelRespondent:
+    """Follow `Respondent`: boards for questions with options, `otherwise` for the rest.
+
+    `participant` answers as it would at the terminal and looks at its choice; a person is given
+    the board. `take_keys` returns the digits the operator pressed since the last call. Without
+    an answer after `limit_s` the question goes to `otherwise`. `leave_out` is what the choice is
+    called with which a question is left out.
+    """
+
+    def __init__(
+        self,
+        loop: FrameLoop,
+        recorder: Recorder,
+        next_frame: Callable[[], FrameView],
+        take_keys: Callable[[], Sequence[str]],
+        otherwise: Respondent,
+        blank: Callable[[], Scene],
+        participant: SimulatedParticipant | None = None,
+        *,
+        rule: DwellRule | None = None,
+        limit_s: float = 120.0,
+        leave_out: str = LEAVE_OUT,
+    ) -> None:
+        self._leave_out = leave_out
+        self._loop = loop
+        self._recorder = recorder
+        self._next_frame = next_frame
+        self._take_keys = take_keys
+        self._otherwise = otherwise
+        self._blank = blank
+        self._participant = participant
+        dwell = DwellRule() if rule is None else rule
+        self._ways = replace(QUESTIONNAIRE, limit_s=limit_s, dwell=dwell)
+
+    def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
+        """Return the label chosen; None when left out."""
+        if not options or len(options) + 1 > MAX_CHOICES:
+            return self._otherwise.answer(question_id, prompt, options)
+        choices = (*options, self._leave_out)
+        panel = Panel(prompt, choices, placed_before(self._loop.head), SIZE_M)
+        if self._participant is not None:
+            wanted = self._otherwise.answer(question_id, prompt, options)
+            looked_at = choices.index(wanted) if wanted in options else len(options)
+            self._participant.look_at(choice_centre_m(panel, looked_at).tolist(), self._loop.t_ns)
+        chosen, by = self._ask(question_id, panel)
+        if self._participant is not None:
+            self._participant.look_at(None, self._loop.t_ns)
+        self._loop.show_scene(self._blank())
+        self._recorder.event("panel_answered", self._loop.t_ns, question=question_id, by=by)
+        if chosen is None:
+            return self._otherwise.answer(question_id, prompt, options)
+        return None if chosen == len(options) else options[chosen]
+
+    # ---- private --------------------------------------------------------------------------
+
+    def _ask(self, question_id: str, panel: Panel) -> tuple[int | None, str]:
+        """Show the board until something is chosen; return the choice and what chose it."""
+        loop, scene = self._loop, self._blank()
+        lit: list[int | None] = [None]
+
+        def show(view: FrameView, board: Panel) -> Show | None:
+            if lit[0] == board.highlighted:
+                return None
+            lit[0] = board.highlighted
+            return Show(_before(scene, loop.t_ns, board))
+
+        self._take_keys()
+        loop.show(_before(scene, loop.t_ns, panel))
+        self._recorder.event(
+            "panel_shown",
+            loop.t_ns,
+            question=question_id,
+            choices=list(panel.choices),
+            prompt=panel.text,
+            position_m=panel.pose.position_m.tolist(),
+            orientation_wxyz=panel.pose.orientation_wxyz.tolist(),
+        )
+        asking = ask_on_board(panel, self._ways, None, show)
+        step = next(asking)
+        try:
+            while True:
+                view: FrameView | None = None
+                if isinstance(step, Show):
+                    loop.show(step.view)
+                else:
+                    view = self._next_frame()
+                    pressed = (*self._take_keys(), *view.pressed)
+                    view = view._replace(pressed=pressed, pressed_ns=())
+                step = asking.send(view)
+        except StopIteration as end:
+            chosen: Chosen = end.value
+            return chosen.choice, "key" if chosen.by == "keys" else chosen.by
+
+
+def _before(scene: Scene, t_ns: int, panel: Panel) -> PanelFrame:
+    n = len(scene.agents)
+    facing = np.array([a.facing for a in scene.agents]).reshape(n, 3)
+    return PanelFrame(scene, t_ns, facing, np.ones(n), panels=(panel,))

@@ -1,0 +1,120 @@
+"""What earlier parts of a session already achieved, and what is left of a block."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from visavis.protocol.plan.session_plan import Block, Trial
+from visavis.recording.reader import Recording
+
+DONE = frozenset({"complete", "skipped"})
+
+
+@dataclass(frozen=True)
+class Progress:
+    """The state a resumed session starts from; empty for a new one.
+
+    `attempts` counts performances of each trial so far, `finished` holds trials that need no
+    other, `skipped` those of them that were not performed, `unfinished` those that were
+    interrupted, in order; `answered` the questionnaires already complete, `answers` every
+    (questionnaire, question) that was put; `calibrations` how many validations were stored;
+    `memory` what a simulated participant had learned.
+    """
+
+    attempts: Mapping[str, int] = field(default_factory=dict)
+    finished: frozenset[str] = frozenset()
+    skipped: frozenset[str] = frozenset()
+    unfinished: tuple[str, ...] = ()
+    answered: frozenset[str] = frozenset()
+    answers: frozenset[tuple[str, str]] = frozenset()
+    calibrations: int = 0
+    validated_at_end: bool = False
+    memory: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def is_resumed(self) -> bool:
+        """Tell whether anything happened before."""
+        return bool(self.attempts) or self.calibrations > 0
+
+
+def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
+    """Derive progress from the events of all earlier parts, oldest first."""
+    attempts: dict[str, int] = {}
+    finished: set[str] = set()
+    skipped: set[str] = set()
+    unfinished: dict[str, None] = {}
+    answered: set[str] = set()
+    answers: set[tuple[str, str]] = set()
+    calibrations = 0
+    validated_at_end = False
+    memory: dict[str, float] = {}
+    for event in events:
+        kind = event.get("event")
+        if kind == "trial_start":
+            trial_id = str(event["trial_id"])
+            attempts[trial_id] = attempts.get(trial_id, 0) + 1
+            unfinished[trial_id] = None
+            finished.discard(trial_id)
+        elif kind == "trial":
+            trial_id = str(event["trial_id"])
+            if event["status"] in DONE:
+                finished.add(trial_id)
+                skipped.discard(trial_id)
+                unfinished.pop(trial_id, None)
+                if event["status"] == "skipped":
+                    skipped.add(trial_id)
+                if event["status"] == "skipped" and trial_id not in attempts:
+                    attempts[trial_id] = 0
+        elif kind == "trial_repeat":
+            trial_id = str(event["trial_id"])
+            finished.discard(trial_id)
+            unfinished[trial_id] = None
+        elif kind == "answer":
+            answers.add((str(event["questionnaire"]), str(event["question"])))
+        elif kind == "questionnaire_complete":
+            answered.add(str(event["questionnaire"]))
+        elif kind == "validation":
+            calibrations += 1
+            validated_at_end = validated_at_end or event.get("moment") == "end"
+        elif kind == "participant_memory":
+            memory = {str(name): float(value) for name, value in event["memory"].items()}
+    return Progress(
+        attempts,
+        frozenset(finished),
+        frozenset(skipped & finished),
+        tuple(unfinished),
+        frozenset(answered),
+        frozenset(answers),
+        calibrations,
+        validated_at_end,
+        memory,
+    )
+
+
+def progress_of_recording(recording: Recording) -> Progress:
+    """Derive progress from everything a session has recorded so far."""
+    rows = {
+        (str(row["trial_id"]), int(row["attempt"])): row
+        for row in recording.trials().to_dict("records")
+    }
+    entries: list[dict[str, Any]] = []
+    for event in recording.events().to_dict("records"):
+        entry = {**event["payload"], "event": event["name"]}
+        entries.append(entry)
+        if event["name"] == "trial_start":
+            row = rows.get((str(entry["trial_id"]), int(entry["attempt"])))
+            if row is not None:
+                entries.append({**{str(k): v for k, v in row.items()}, "event": "trial"})
+    return progress_of(entries)
+
+
+def left_of(block: Block, progress: Progress) -> tuple[Trial, ...]:
+    """Return a block's trials still to do: never begun in planned order, then interrupted ones."""
+    begun = {trial_id: order for order, trial_id in enumerate(progress.unfinished)}
+    fresh = [
+        t for t in block.trials if t.trial_id not in progress.finished and t.trial_id not in begun
+    ]
+    again = sorted(
+        (t for t in block.trials if t.trial_id in begun), key=lambda t: begun[t.trial_id]
+    )
+    return (*fresh, *again)

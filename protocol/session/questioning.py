@@ -1,0 +1,80 @@
+"""Ask a session's questionnaires: after the blocks they belong to, and at the end."""
+
+from visavis.lab.errors import UsageError
+from visavis.protocol.plan.experiment import Respondent
+from visavis.protocol.plan.questionnaires import Question, Questionnaire, read_answer
+from visavis.protocol.plan.session_plan import Block, asked_after
+from visavis.protocol.session.frame_loop import FrameLoop
+from visavis.protocol.session.session_setup import SessionSetup
+
+MAX_ASKED = 3
+"""How often a question is put when the answer is none of the possible ones."""
+
+
+class Questioning:
+    """Put what has not been answered before an interruption to a respondent; record answers."""
+
+    def __init__(self, setup: SessionSetup, loop: FrameLoop, respondent: Respondent) -> None:
+        self._setup = setup
+        self._loop = loop
+        self._respondent = respondent
+        self._recorder = setup.recorder
+
+    def is_due(self, block: Block) -> bool:
+        """Tell whether questions that belong to the end of a block are left."""
+        return bool(self._left_after(block))
+
+    def ask_after(self, block: Block) -> None:
+        """Ask what belongs to the end of a block, under names such as "presence@2"."""
+        self._loop.show_scene(self._setup.experiment.blank(None))
+        for questionnaire in self._left_after(block):
+            self._ask_questionnaire(questionnaire, asked_after(questionnaire.name, block))
+
+    def ask_at_end(self) -> None:
+        """Ask what belongs to the session's end."""
+        self._loop.show_scene(self._setup.experiment.blank(None))
+        of_blocks = {name for block in self._setup.plan.blocks for name in block.questionnaires}
+        for questionnaire in self._setup.questionnaires:
+            if questionnaire.name not in {*self._setup.progress.answered, *of_blocks}:
+                self._ask_questionnaire(questionnaire, questionnaire.name)
+
+    def _left_after(self, block: Block) -> list[Questionnaire]:
+        answered = self._setup.progress.answered
+        return [
+            q
+            for q in self._setup.questionnaires
+            if q.name in block.questionnaires and asked_after(q.name, block) not in answered
+        ]
+
+    def _ask_questionnaire(self, questionnaire: Questionnaire, name: str) -> None:
+        for question in questionnaire.questions():
+            if (name, question.question_id) in self._setup.progress.answers:
+                continue
+            answer = self._ask(question)
+            said = {}
+            if questionnaire.wording:
+                said = {"said": answer, "language": questionnaire.language}
+                if question.options and answer is not None:  # which only this wording knows
+                    answer = str(read_answer(question, answer))
+            self._recorder.event(
+                "answer",
+                self._loop.t_ns,
+                questionnaire=name,
+                question=question.question_id,
+                answer=answer,
+                **said,
+            )
+        self._recorder.event("questionnaire_complete", self._loop.t_ns, questionnaire=name)
+        self._recorder.checkpoint(timeout_s=5.0)
+
+    def _ask(self, question: Question) -> str | None:
+        prompt = question.prompt
+        for _ in range(MAX_ASKED):
+            answer = self._respondent.answer(question.question_id, prompt, question.options)
+            try:
+                read_answer(question, answer)
+            except UsageError as refusal:
+                prompt = f"{question.prompt}\n({refusal}; Enter leaves it out)"
+            else:
+                return answer
+        return None

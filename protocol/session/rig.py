@@ -1,0 +1,384 @@
+"""The devices of a session together: open, stream, watch, close."""
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from visavis.devices.contracts import (
+    Armband,
+    BodyTracker,
+    ClockPair,
+    Device,
+    DeviceInfo,
+    EyeTracker,
+    Fault,
+    Headset,
+    Health,
+    OnScreen,
+    ResponseInput,
+    SoundOutput,
+    TriggerOutput,
+)
+from visavis.devices.pump import Pump
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceError
+from visavis.lab.geometry import Pose
+from visavis.lab.schema import SampleBatch, StreamSchema
+from visavis.protocol.plan.experiment import Demands
+from visavis.protocol.plan.steps import Play, PlaySound, Vibrate
+from visavis.protocol.session.demands import unmet
+
+OPEN_DEADLINE_S = 10.0
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The devices by role; `headset` paces the session (a headset, or a screen in its place, which
+    has a role of its own), `eye_tracker` delivers gaze where wanted.
+
+    `on_step` is called once per frame, for whoever watches that the session's loop goes round and
+    tells the bands so; without it the rig tells them itself. `without` are roles the operator goes
+    on without: what a trial wants of them is passed over.
+    """
+
+    headset: Headset
+    eye_tracker: EyeTracker | None
+    others: Mapping[str, Device]
+    on_step: Callable[[], None] | None = None
+    without: frozenset[str] = frozenset()
+
+    def by_role(self) -> dict[str, Device]:
+        """Return every device in the fixed order in which it is stepped."""
+        tracker = {} if self.eye_tracker is None else {"eye_tracker": self.eye_tracker}
+        return {self.display_role: self.headset, **tracker, **self.others}
+
+    @property
+    def display_role(self) -> str:
+        """Role of the device that paces the session."""
+        return "screen" if isinstance(self.headset, OnScreen) else "headset"
+
+
+class RunningRig:
+    """Own the devices while a session runs: one pump each, threads only in real time.
+
+    Always used as a context manager, so that every exit path stops and closes every device.
+    """
+
+    def __init__(self, rig: Rig, clock: Clock, sink: Callable[[str, SampleBatch], None]) -> None:
+        self._rig = rig
+        self.display_role = rig.display_role
+        """Role of the device that paces the session."""
+        self._clock = clock
+        self._devices = rig.by_role()
+        self._bands = {r: d for r, d in self._devices.items() if isinstance(d, Armband)}
+        self._triggers = [d for d in self._devices.values() if isinstance(d, TriggerOutput)]
+        sound = self._devices.get("sound")
+        self._sound = sound if isinstance(sound, SoundOutput) else None
+        tracker = self._devices.get("body_tracker")
+        self._segments = tracker.segments if isinstance(tracker, BodyTracker) else ()
+        self._pumps = {
+            role: Pump(device, self._sink_of(role, sink), clock)
+            for role, device in self._devices.items()
+        }
+        self._in_order = tuple(self._pumps.values())
+        self._gaze_pump = self._pumps.get("eye_tracker")
+        self._display_pump = self._pumps[rig.display_role]
+        self.is_muted = False
+        """While true no band takes anything but silence: the operator wants none in this trial."""
+        self.has_vibrated = False
+        """Whether any band was asked to vibrate since this was last set false."""
+
+    @property
+    def headset(self) -> Headset:
+        """The device that paces the session."""
+        return self._rig.headset
+
+    @property
+    def eye_tracker(self) -> EyeTracker | None:
+        """The device that delivers gaze; None in a study that does without."""
+        return self._rig.eye_tracker
+
+    @property
+    def gaze_rate_hz(self) -> float | None:
+        """Nominal rate of gaze; None without an eye tracker."""
+        tracker = self._rig.eye_tracker
+        return None if tracker is None else tracker.describe()[0].nominal_rate_hz
+
+    @property
+    def without(self) -> frozenset[str]:
+        """Roles the operator goes on without in this part of the session."""
+        return self._rig.without
+
+    def clock_pairs(self) -> dict[str, Sequence[ClockPair]]:
+        """Return the time exchanges of eye tracker and other devices that are no bands, by role.
+
+        A band's own times stand in its stream of commands.
+        """
+        self.catch_up()
+        return {
+            role: device.clock_pairs()
+            for role, device in self._devices.items()
+            if role != self.display_role and role not in self._bands
+        }
+
+    def mark(self, text: str, t_ns: int) -> None:
+        """Send a mark's trigger, and mark the eye tracker's own recording, where there are such.
+
+        The trigger is that of the mark's first word. Never waits for the tracker.
+        """
+        self.catch_up()
+        for device in self._triggers:
+            device.trigger(text.partition(" ")[0], t_ns)
+        tracker = self._rig.eye_tracker
+        if tracker is not None and "annotation" in tracker.info.capabilities:
+            with contextlib.suppress(DeviceError):  # it is away, which the session hears elsewhere
+                tracker.annotate(text, t_ns)
+
+    def is_band(self, role: str) -> bool:
+        """Tell whether an armband fills a role."""
+        return role in self._bands
+
+    @property
+    def has_bands(self) -> bool:
+        """Tell whether an armband is among the devices."""
+        return bool(self._bands)
+
+    def _sink_of(
+        self, role: str, sink: Callable[[str, SampleBatch], None]
+    ) -> Callable[[SampleBatch], None]:
+        if role not in self._bands:
+            return lambda batch: sink(role, batch)
+        own: dict[str, StreamSchema] = {}
+
+        def renamed(batch: SampleBatch) -> None:
+            name = batch.schema.name
+            if name not in own:
+                own[name] = _of_band(role, batch.schema)
+            sink(role, replace(batch, schema=own[name]))
+
+        return renamed
+
+    def __enter__(self) -> "RunningRig":
+        try:
+            for role, device in self._devices.items():
+                _open(role, device)
+        except BaseException:
+            self._close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._close()
+
+    def _close(self) -> None:
+        for pump in self._in_order:
+            pump.stop()
+        for device in self._devices.values():
+            device.close()
+
+    def schemas(self) -> tuple[StreamSchema, ...]:
+        """Return every stream the devices will deliver."""
+        return tuple(
+            _of_band(role, schema) if role in self._bands else schema
+            for role, device in self._devices.items()
+            for schema in device.describe()
+        )
+
+    @property
+    def segments(self) -> tuple[str, ...]:
+        """Names of the body tracker's segments; empty without one."""
+        return self._segments
+
+    def infos(self) -> tuple[DeviceInfo, ...]:
+        """Return who every device is; complete once open."""
+        return tuple(d.info for d in self._devices.values())
+
+    def preflight(self, demands: Demands) -> tuple[Fault, ...]:
+        """Check every device, and that they can do what a study demands.
+
+        Raises:
+            DeviceError: a device reports a blocking fault or cannot do it; the message lists all.
+        """
+        faults = tuple(f for d in self._devices.values() for f in d.check())
+        faults += tuple(unmet(demands, self._segments, self._bands, self._rig.without))
+        if self._sound is not None:
+            for sound in demands.sounds:
+                self._sound.prepare(sound)
+        elif demands.sounds and "sound" not in self._rig.without:
+            faults += (
+                Fault(
+                    "sound",
+                    "blocking",
+                    "the study plays sounds, which this device does not",
+                    "give the role sound a device that does, such as sound_card",
+                ),
+            )
+        blocking = [f for f in faults if f.severity == "blocking"]
+        if len(blocking) == 1:
+            raise DeviceError(blocking[0].message, role=blocking[0].role, remedy=blocking[0].remedy)
+        if blocking:
+            raise DeviceError(
+                " | ".join(f"{f.role}: {f.message}; {f.remedy}" for f in blocking),
+            )
+        return faults
+
+    def start(self) -> None:
+        """Start streaming; in real time with a thread for every device that may have one."""
+        for pump in self._in_order:
+            pump.start()
+
+    def step(self, *, gaze_may_wait: bool = False, head_may_wait: bool = False) -> bool:
+        """Let every device deliver what its wire has brought; nothing to do for threads.
+
+        With `gaze_may_wait` an eye tracker that can is left for later, and with `head_may_wait`
+        the display; tell whether the eye tracker was.
+        """
+        for pump in self._in_order:
+            if pump is self._gaze_pump:
+                pump.step(may_wait=gaze_may_wait)
+            elif pump is self._display_pump:
+                pump.step(may_wait=head_may_wait)
+            else:
+                pump.step()
+        if self._rig.on_step is not None:
+            self._rig.on_step()
+        else:
+            for band in self._bands.values():
+                band.keep_alive()
+        return self._gaze_pump is not None and self._gaze_pump.is_put_off
+
+    def catch_up(self) -> None:
+        """Let the eye tracker deliver what was left for later."""
+        if self._gaze_pump is not None and self._gaze_pump.is_put_off:
+            self._gaze_pump.step()
+
+    def deliver_all(self) -> None:
+        """Let every device deliver what was left for later."""
+        for pump in self._in_order:
+            if pump.is_put_off:
+                pump.step()
+
+    def tap_body(self, tap: Callable[[SampleBatch], None] | None) -> None:
+        """Hand every batch of the body tracker to `tap` when it arrives; None ends it."""
+        pump = self._pumps.get("body_tracker")
+        if pump is not None:
+            pump.tap = tap
+
+    def step_body(self) -> None:
+        """Let the body tracker alone deliver what has arrived."""
+        self._pumps["body_tracker"].step()
+
+    @property
+    def body_period_ns(self) -> int | None:
+        """Spacing of the body's samples where nothing but the loop itself polls for them.
+
+        None where the tracker has a thread, where a real headset paces the loop, or where there
+        is no tracker.
+        """
+        pump = self._pumps.get("body_tracker")
+        if pump is None or pump.is_threaded or not self._rig.headset.info.is_simulated:
+            return None
+        rate_hz = pump.device.describe()[0].nominal_rate_hz
+        return round(NS_PER_S / rate_hz) if rate_hz > 0 else None
+
+    def controls(self) -> tuple[str, ...]:
+        """Return the names of the response device's controls; empty without one."""
+        device = self._devices.get("responses")
+        return tuple(device.controls) if isinstance(device, ResponseInput) else ()
+
+    def vibrate(self, step: Vibrate) -> None:
+        """Set the motors of a haptic role, unless muted.
+
+        Raises:
+            DeviceError: no such device in this session.
+        """
+        if step.role in self._rig.without:
+            return
+        band = self._band(step.role)
+        self.has_vibrated = True
+        if not self.is_muted:
+            band.set_amplitudes(step.amplitudes_01, step.ttl_ms)
+
+    def play(self, step: Play) -> None:
+        """Start a pattern on a haptic role, unless muted.
+
+        Raises:
+            DeviceError: no such device in this session.
+        """
+        if step.role in self._rig.without:
+            return
+        band = self._band(step.role)
+        self.has_vibrated = True
+        if not self.is_muted:
+            band.play(step.pattern, step.motors, step.amplitude_01)
+
+    def play_sound(self, step: PlaySound) -> int | None:
+        """Play a sound; return its number, None where the operator goes on without sound.
+
+        Raises:
+            DeviceError: nothing of this session plays sounds.
+        """
+        if "sound" in self._rig.without:
+            return None
+        if self._sound is None:
+            raise DeviceError(
+                "the trial wants to play a sound, but no such device is configured",
+                role="sound",
+                remedy="name it under devices in lab_config.yaml: sound: {driver: sound_card}",
+            )
+        place = None if step.at_m is None else np.array(step.at_m)
+        return self._sound.play(step.sound, at_m=place, gain_db=step.gain_db, loops=step.loops)
+
+    def hear_from(self, head: Pose) -> None:
+        """Say where the participant hears from."""
+        if self._sound is not None:
+            self._sound.hear_from(head)
+
+    def hush(self) -> None:
+        """End everything that sounds."""
+        if self._sound is not None:
+            self._sound.hush()
+
+    def silence(self, role: str = "") -> None:
+        """Stop every motor of a haptic role, or of all bands."""
+        for name, band in self._bands.items():
+            if role in ("", name):
+                band.silence()
+
+    def _band(self, role: str) -> Armband:
+        band = self._bands.get(role)
+        if band is None:
+            raise DeviceError(
+                "the trial wants to vibrate it, but no such device is configured",
+                role=role,
+                remedy="name it under devices in lab_config.yaml",
+            )
+        return band
+
+    def faults(self) -> tuple[Fault, ...]:
+        """Return the faults that hold now."""
+        self.catch_up()
+        return tuple(f for pump in self._in_order for f in pump.faults())
+
+    def health(self) -> dict[str, Health]:
+        """Return what every device has delivered, what was lost and how often it came back."""
+        self.deliver_all()
+        return {role: pump.health() for role, pump in self._pumps.items()}
+
+
+def _open(role: str, device: Device) -> None:
+    """Open a device; what its wire raises without knowing whose it is names the role."""
+    try:
+        device.open(OPEN_DEADLINE_S)
+    except DeviceError as error:
+        if error.role:
+            raise
+        what = str(error).removesuffix(f"; {error.remedy}")
+        raise type(error)(what, role=role, remedy=error.remedy) from error
+
+
+def _of_band(role: str, schema: StreamSchema) -> StreamSchema:
+    """Name a stream after its band: several bands of one kind are worn at once."""
+    return replace(schema, name=f"{schema.name}_{role}")

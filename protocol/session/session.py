@@ -1,0 +1,446 @@
+"""Perform a session plan for one participant: blocks, trials, breaks, questions."""
+
+from collections import deque
+
+from visavis.devices.contracts import CalibrationOutcome
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
+from visavis.protocol.people.simulated_participant import Learner
+from visavis.protocol.plan.experiment import Foreseeing, Respondent, demands_of, spare_roles_of
+from visavis.protocol.plan.session_plan import Block, Trial
+from visavis.protocol.session.calibration_record import CalibrationInForce
+from visavis.protocol.session.frame_loop import FrameLoop
+from visavis.protocol.session.gaze_setup import GazeSetup
+from visavis.protocol.session.operator import Action
+from visavis.protocol.session.operator_desk import LOST_STREAM_NS, OperatorDesk
+from visavis.protocol.session.panel_questions import PanelRespondent
+from visavis.protocol.session.progress import left_of
+from visavis.protocol.session.questioning import Questioning
+from visavis.protocol.session.rig import RunningRig
+from visavis.protocol.session.session_setup import SessionSetup
+from visavis.protocol.session.states import SessionState, StateMachine
+from visavis.protocol.session.trial_runner import Outcome, TrialRunner
+
+MAX_CALIBRATIONS = 3
+"""Attempts before the session goes on with the best it got and says so (gaze.md section 5)."""
+
+STRETCH_CALIBRATION = 200_000
+STRETCH_QUESTIONS = 300_000
+STRETCH_VALIDATION = 50
+STRETCH_PRACTICE = 100_000
+
+
+class Session:
+    """Own the course of one session (or of what is left of it)."""
+
+    def __init__(self, setup: SessionSetup) -> None:
+        self._setup = setup
+        self._states = StateMachine()
+        self._recorder = setup.recorder
+        self._participant = setup.participant
+        self._calibration: CalibrationInForce | None = None
+        self._calibrations = setup.progress.calibrations
+        self._owes_calibration = False
+        self._queue: deque[Trial] = deque()
+
+    @property
+    def state(self) -> SessionState:
+        """What the session is doing."""
+        return self._states.state
+
+    def run(self) -> None:
+        """Perform the plan to its end.
+
+        Raises:
+            SessionAborted: the operator ended it; everything finished is kept, resumable.
+            DeviceError: a device is missing or stayed away; resumable as well.
+        """
+        setup = self._setup
+        self._states.move(SessionState.PREFLIGHT)
+        deliver: list[FrameLoop] = []
+        with RunningRig(setup.rig, setup.clock, lambda r, b: deliver[0].sink(r, b)) as rig:
+            for schema in rig.schemas():
+                self._recorder.declare(schema)
+            if setup.on_open is not None:
+                setup.on_open(rig.infos())
+            loop = FrameLoop(
+                setup.experiment,
+                rig,
+                rig.headset.display_rate_hz,
+                rig.gaze_rate_hz,
+                rig.controls(),
+                setup.stage,
+                self._recorder,
+                setup.clock,
+                self._states,
+            )
+            deliver.append(loop)
+            self._loop = loop
+            self._rig = rig
+            self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
+            self._desk = OperatorDesk(setup, loop, rig, self._states)
+            self._questioning = Questioning(setup, loop, self._asking())
+            self._runner = TrialRunner(setup, loop, self._desk, rig)
+            if self._calibrates:
+                self._gaze_setup = self._made_gaze_setup()
+            for fault in rig.preflight(demands_of(setup.experiment)):
+                self._desk.report(fault)
+            rig.start()
+            try:
+                self._perform()
+                loop.flush()
+                self._runner.record_exchanges()
+            except LabError as error:
+                self._end_early(error)
+                raise
+            except BaseException:
+                # Ended from the keyboard, by the system or by a defect: what is held is kept, too.
+                loop.flush()
+                raise
+            finally:
+                setup.stage.close()
+
+    @property
+    def _calibrates(self) -> bool:
+        is_there = "eye_tracker" not in self._desk.done_without
+        return is_there and any(block.calibrate for block in self._setup.plan.blocks)
+
+    def _end_early(self, error: LabError) -> None:
+        aborted = isinstance(error, SessionAborted)
+        if not isinstance(error, RecordingError):  # which takes nothing any more
+            self._loop.flush()
+            self._runner.record_exchanges()
+            name = "session_aborted" if aborted else "session_failed"
+            self._recorder.event(name, self._loop.t_ns, message=str(error))
+        self._states.move(SessionState.ABORTED if aborted else SessionState.FAILED)
+
+    def _asking(self) -> Respondent:
+        """Return who answers questionnaires: on boards in the scene, where the stage does that."""
+        setup, desk = self._setup, self._desk
+        if not setup.stage.asks:
+            return setup.respondent
+        return PanelRespondent(
+            self._loop,
+            self._recorder,
+            desk.next_frame,
+            desk.take_answers,
+            setup.respondent,
+            lambda: setup.experiment.blank(None),
+            self._participant,
+            leave_out=setup.leave_out,
+        )
+
+    def _made_gaze_setup(self) -> GazeSetup:
+        setup, tracker = self._setup, self._rig.eye_tracker
+        if tracker is None:
+            raise ConfigError(
+                f"{setup.experiment.name} calibrates gaze, but no eye_tracker is configured; "
+                "add the role with its driver under devices in lab_config.yaml"
+            )
+        return GazeSetup(
+            setup.experiment,
+            self._loop,
+            tracker,
+            self._participant,
+            self._desk.next_frame,
+            setup.timing,
+        )
+
+    # ---- the course of the session -----------------------------------------------------------
+
+    def _perform(self) -> None:
+        setup = self._setup
+        self._loop.show_scene(setup.experiment.blank(None))
+        left = [t for block in setup.plan.blocks for t in left_of(block, setup.progress)]
+        for trial in left[:1]:
+            self._foresee(trial)
+        self._recorder.event(
+            "session_start",
+            self._loop.t_ns,
+            part=setup.part,
+            resumed=setup.progress.is_resumed,
+        )
+        for role in sorted(self._rig.without):
+            self._recorder.event("device_done_without", self._loop.t_ns, role=role)
+            self._desk.say(f"without {role}; every trial is flagged")
+        if self._participant is not None:
+            self._participant.wear(0)
+            self._participant.prepare(0, self._loop.t_ns)
+        begun = False
+        for block in setup.plan.blocks:
+            trials = left_of(block, setup.progress)
+            if trials:
+                if begun:
+                    self._take_break(block)
+                begun = True
+                self._perform_block(block, trials)
+            if self._questioning.is_due(block):
+                self._begin_questions(block.index)
+                self._questioning.ask_after(block)
+        if begun:
+            self._validate_at_end()
+        elif not setup.progress.validated_at_end:
+            # The tracker was started anew: what it shows now says nothing of the trials before.
+            self._recorder.event("end_validation_missed", self._loop.t_ns)
+        self._begin_questions(len(setup.plan.blocks))
+        self._questioning.ask_at_end()
+        self._states.move(SessionState.FINISHED)
+        self._recorder.event("session_end", self._loop.t_ns)
+
+    def _foresee(self, trial: Trial) -> None:
+        """Let the stage make ready what the trial shows first; on a virtual clock nobody waits."""
+        experiment = self._setup.experiment
+        if isinstance(experiment, Foreseeing) and not self._setup.clock.is_virtual:
+            self._setup.stage.foresee(lambda: experiment.first_lit(trial))
+
+    def _begin_questions(self, after: int) -> None:
+        """Answers do not hang on whether the session was resumed before they were given."""
+        self._states.move(SessionState.QUESTIONNAIRE)
+        if self._participant is not None:
+            self._participant.prepare(STRETCH_QUESTIONS + after, self._loop.t_ns)
+
+    def _take_break(self, block: Block) -> None:
+        self._desk.leave_trial()
+        self._states.move(SessionState.BREAK)
+        self._loop.show_scene(self._setup.experiment.blank(None))
+        self._recorder.event("break_start", self._loop.t_ns, before_block=block.index)
+        self._recorder.checkpoint(timeout_s=5.0)
+        self._desk.wait(f"Break before {block.name}. The headset may come off.")
+        self._recorder.event("break_end", self._loop.t_ns, before_block=block.index)
+
+    def _perform_block(self, block: Block, trials: tuple[Trial, ...]) -> None:
+        self._states.move(SessionState.INSTRUCTING)
+        if self._participant is not None:
+            self._participant.wear(block.index + 1)
+        self._recorder.event(
+            "block_start",
+            self._loop.t_ns,
+            block=block.index,
+            block_name=block.name,
+            trials_left=len(trials),
+        )
+        self._desk.block_name = block.name
+        self._desk.wait(block.instruction)
+        if self._calibrates and (block.calibrate or self._is_uncalibrated(block)):
+            self._calibrate(block)
+        self._queue = deque(trials)
+        while self._queue:
+            self._hold_if_needed(block)
+            trial = self._queue.popleft()
+            outcome = self._one_trial(trial)
+            if outcome.status == "postponed":
+                self._queue.appendleft(trial)
+            elif outcome.status == "interrupted":
+                self._queue.append(trial)
+            self._repeat_if_asked()
+            self._hold_if_needed(block)
+        self._recorder.event("block_end", self._loop.t_ns, block=block.index)
+
+    def _is_uncalibrated(self, block: Block) -> bool:
+        """Tell whether a resumed session has opened the tracker anew since it was calibrated."""
+        before = (b for b in self._setup.plan.blocks if b.index < block.index)
+        return self._calibration is None and any(b.calibrate for b in before)
+
+    def _one_trial(self, trial: Trial) -> Outcome:
+        self._states.move(SessionState.INTERTRIAL)
+        self._runner.align()
+        stretch = trial.number + (STRETCH_PRACTICE if trial.is_practice else 0)
+        if self._participant is not None:
+            # As recorded: what is learned does not hang on the time between trials, or on breaks.
+            if self._runner.memory and isinstance(self._participant, Learner):
+                self._participant.remember(self._runner.memory)
+            self._participant.prepare(stretch, self._loop.t_ns)
+        self._foresee(trial)
+        outcome = self._runner.run(trial, self._calibration)
+        if outcome.status != "postponed" and self._setup.on_trial is not None:
+            self._setup.on_trial(
+                trial.trial_id, self._runner.finished, len(self._setup.plan.trials)
+            )
+        return outcome
+
+    def _repeat_if_asked(self) -> None:
+        for trial in self._desk.take_repeats():
+            self._recorder.event("trial_repeat", self._loop.t_ns, trial_id=trial.trial_id)
+            if trial not in self._queue:
+                self._queue.append(trial)
+
+    def _hold_if_needed(self, block: Block) -> None:
+        """Wait for devices that are away and for the operator; calibrate where that asks for it."""
+        calibrate = self._desk.take(Action.RECALIBRATE)
+        if self._desk.device_lost():
+            calibrate = self._wait_for_device() or calibrate
+        if self._desk.take(Action.PAUSE):
+            self._states.move(SessionState.PAUSED)
+            self._recorder.event("pause_start", self._loop.t_ns)
+            self._desk.wait("Paused.", always=True)
+            self._recorder.event("pause_end", self._loop.t_ns)
+            calibrate = self._desk.take(Action.RECALIBRATE) or calibrate
+        calibrate = calibrate or self._owes_calibration
+        if calibrate and self._queue and self._calibrates:  # a break calibrates anyway
+            self._calibrate(block)
+
+    def _wait_for_device(self) -> bool:
+        """Wait until no device is missing; tell whether it was away long enough to recalibrate."""
+        desk, loop = self._desk, self._loop
+        lost = desk.blocking_fault()
+        if lost is None:
+            return False
+        since_ns = desk.blocking_since_ns
+        self._states.move(SessionState.PAUSED)
+        self._recorder.event("device_lost", loop.t_ns, role=lost.role, message=lost.message)
+        self._recorder.checkpoint(timeout_s=5.0)
+        limit_s = self._setup.lost_device_s
+        spare = spare_roles_of(self._setup.experiment)
+        desk.take_advance()
+        give_up_ns = loop.t_ns + int(limit_s * NS_PER_S)
+        while (fault := desk.blocking_fault()) is not None:
+            if loop.t_ns > give_up_ns:
+                raise DeviceError(
+                    f"did not come back within {limit_s:.0f} s ({fault.message}). Every finished "
+                    "trial is kept",
+                    role=fault.role,
+                    remedy=f"{fault.remedy.partition(';')[0]}, then continue with `visavis resume`",
+                )
+            left_s = max(0, give_up_ns - loop.t_ns) // NS_PER_S
+            desk.may_do_without = fault.role in spare
+            way_on = "; you can go on without it" if desk.may_do_without else ""
+            desk.waiting = (
+                f"Waiting for {fault.role}: in {left_s} s the session ends, to be resumed. "
+                f"Every finished trial is safe{way_on}."
+            )
+            desk.next_frame()
+            if fault.role in spare and desk.take_advance():
+                desk.do_without(fault.role)
+                self._owes_calibration |= fault.role == "eye_tracker"
+                self._recorder.event("device_done_without", loop.t_ns, role=fault.role)
+        desk.waiting, desk.may_do_without = "", False
+        if lost.role in desk.done_without:
+            return False
+        away_ns = loop.t_ns - since_ns
+        self._recorder.event(
+            "device_back", loop.t_ns, role=lost.role, away_s=round(away_ns / NS_PER_S, 3)
+        )
+        desk.say(f"{lost.role} is back after {away_ns / NS_PER_S:.1f} s")
+        return away_ns >= LOST_STREAM_NS
+
+    # ---- calibration -------------------------------------------------------------------------
+
+    def _calibrate(self, block: Block) -> None:
+        best: CalibrationInForce | None = None
+        problem: DeviceError | None = None
+        for attempt in range(1, MAX_CALIBRATIONS + 1):
+            if self._desk.device_lost():
+                self._wait_for_device()
+            if not self._calibrates:  # the operator goes on without the tracker
+                return
+            self._states.move(SessionState.CALIBRATING)
+            self._prepare(100 * block.index + attempt)
+            try:
+                outcome = self._gaze_setup.calibrate()
+            except DeviceError as error:
+                problem = error
+                outcome = CalibrationOutcome(succeeded=False, message=str(error))
+                self._desk.say(f"calibration failed: {error}")
+            self._recorder.event(
+                "calibration",
+                self._loop.t_ns,
+                block=block.index,
+                attempt=attempt,
+                succeeded=outcome.succeeded,
+                message=outcome.message,
+                vendor_accuracy_deg=outcome.vendor_accuracy_deg,
+                vendor_precision_deg=outcome.vendor_precision_deg,
+            )
+            self._store_head_fit(block.index, attempt)
+            if self._desk.device_lost():
+                continue
+            measured = self._validate(block.index, attempt, moment="block_start")
+            if best is None or _error(measured) < _error(best):
+                best = measured
+            if measured.verdict.accepted and outcome.succeeded:
+                best = measured
+                break
+            self._desk.say(f"calibration {attempt} of {MAX_CALIBRATIONS} not good enough: again")
+        if not self._calibrates:
+            return
+        if best is None:
+            raise problem or DeviceError(
+                f"went away in each of {MAX_CALIBRATIONS} calibrations",
+                role="eye_tracker",
+                remedy="look at it and its program; then continue with `visavis resume`",
+            )
+        if best.verdict.is_turned:
+            raise DeviceError(
+                f"{best.verdict.reason}. Nothing is recorded with it",
+                role="eye_tracker",
+                remedy="correct axes or mounting of the tracker, then continue with "
+                "`visavis resume`",
+            )
+        if not best.verdict.accepted:
+            self._recorder.event(
+                "calibration_below_threshold", self._loop.t_ns, reason=best.verdict.reason
+            )
+            self._desk.say(
+                f"going on with the best of {MAX_CALIBRATIONS} calibrations "
+                f"({best.verdict.reason}); press C to try again"
+            )
+        self._owes_calibration = False
+        self._calibration = best
+        self._desk.calibration = best
+
+    def _store_head_fit(self, block: int, attempt: int) -> None:
+        """Keep how the camera was found to sit on the head, of a tracker that has one there."""
+        fit, self._gaze_setup.head_fit = self._gaze_setup.head_fit, None
+        if fit is not None:
+            self._recorder.event(
+                "camera_on_head",
+                self._loop.t_ns,
+                block=block,
+                attempt=attempt,
+                rotation=[[float(x) for x in row] for row in fit.matrix],
+                angle_deg=fit.angle_deg,
+                residual_deg=fit.residual_deg,
+            )
+
+    def _validate(self, block: int, attempt: int, *, moment: str) -> CalibrationInForce:
+        self._states.move(SessionState.VALIDATING)
+        # Anew, because how long the tracker took to calibrate is never the same.
+        self._prepare(100 * block + STRETCH_VALIDATION + attempt)
+        points = self._gaze_setup.validate()
+        verdict = self._setup.judge_validation(points, self._gaze_rate_hz)
+        self._calibrations += 1
+        calibration = CalibrationInForce(f"C{self._calibrations:02d}", self._loop.t_ns, verdict)
+        found = {
+            "moment": moment,
+            "block": block,
+            "attempt": attempt,
+            "calibration_id": calibration.calibration_id,
+            "accepted": verdict.accepted,
+            "reason": verdict.reason,
+            "accuracy_deg": verdict.accuracy_deg,
+            "worst_point_deg": verdict.worst_point_deg,
+            "precision_deg": verdict.precision_deg,
+            "lost_01": verdict.lost_01,
+        }
+        self._recorder.event(
+            "validation", self._loop.t_ns, **found, points=[dict(row) for row in verdict.rows]
+        )
+        if self._setup.on_validation is not None:
+            self._setup.on_validation({"part": self._setup.part, "t_ns": self._loop.t_ns, **found})
+        return calibration
+
+    def _validate_at_end(self) -> None:
+        if not self._calibrates:
+            return
+        self._validate(len(self._setup.plan.blocks), 1, moment="end")
+
+    def _prepare(self, stretch: int) -> None:
+        self._runner.align()
+        if self._participant is not None:
+            self._participant.prepare(STRETCH_CALIBRATION + stretch, self._loop.t_ns)
+            self._desk.next_frame()  # targets are placed before the head as it now is
+
+
+def _error(calibration: CalibrationInForce) -> float:
+    accuracy = calibration.verdict.accuracy_deg
+    return float("inf") if accuracy is None else accuracy

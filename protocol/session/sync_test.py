@@ -1,0 +1,191 @@
+"""Perform a synchronisation test: flash a corner, play a click, buzz a band, again and again.
+
+What was asked and when is returned; what a sensor made of it is analysed by
+`visavis.analysis.sync_test`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import moderngl
+import numpy as np
+
+from visavis.devices.contracts import Armband, Headset
+from visavis.devices.sync.sensing import Sensor
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.frame import FrameInfo
+from visavis.stage.card.targets import EyeTarget
+
+PATCH_PX = 256
+PATCH_SHARE = 0.25
+"""Share of the picture's width and height that the patch in its lower left corner takes."""
+BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+FLASH_FRAMES = 5
+BUZZ_MS = 120
+SETTLE_NS = 500 * NS_PER_MS
+MIN_APART_NS, MAX_APART_NS = 430 * NS_PER_MS, 530 * NS_PER_MS
+"""Stimuli follow each other after a drawn time: nothing periodic falls in step with them."""
+
+
+class Speaker(Protocol):
+    """Something that clicks."""
+
+    def click(self) -> None:
+        """Start a click now; returns at once."""
+        ...
+
+
+class Patch:
+    """A white or black corner of both eyes' pictures, on whatever paces and shows frames."""
+
+    def __init__(self, headset: Headset, context: moderngl.Context) -> None:
+        self._headset = headset
+        self._targets = [EyeTarget(context, (PATCH_PX, PATCH_PX), 0) for _ in range(2)]
+        for target, colour in zip(self._targets, (BLACK, WHITE), strict=True):
+            side = round(PATCH_PX * PATCH_SHARE)
+            target.begin(BLACK)
+            target.frame.clear(*colour, 1.0, viewport=(0, 0, side, side))
+            target.finish()
+        context.finish()
+
+    @property
+    def role(self) -> str:
+        """Role of what shows it."""
+        return self._headset.info.role
+
+    @property
+    def frame_ns(self) -> int:
+        """How long a frame lasts, nominally."""
+        return round(NS_PER_S / self._headset.display_rate_hz)
+
+    def show(self, *, lit: bool) -> FrameInfo:
+        """Wait for the next frame and show the patch in it; return the frame."""
+        frame = self._headset.wait_frame()
+        texture = self._targets[lit].texture
+        self._headset.submit(frame, (texture, texture))
+        self._headset.poll(0.0)
+        return frame
+
+    def release(self) -> None:
+        """Free the card's memory."""
+        for target in self._targets:
+            target.release()
+
+
+@dataclass
+class Asked:
+    """When things were asked for, session time in ns, and what frames were dropped."""
+
+    picture_ns: list[int] = field(default_factory=list)
+    sound_ns: list[int] = field(default_factory=list)
+    vibration_ns: list[int] = field(default_factory=list)
+    frames: int = 0
+    dropped: int = 0
+    frame_ns: int = 0
+    flash_ns: int = 0
+
+
+def perform(
+    sensor: Sensor,
+    clock: Clock,
+    rng: np.random.Generator,
+    *,
+    patch: Patch,
+    speaker: Speaker | None = None,
+    band: Armband | None = None,
+    repeats: int = 60,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Asked:
+    """Flash, click and buzz `repeats` times each and return when; without speaker or band, less.
+
+    A flash's time is when its first frame's light should leave by the display's own prediction,
+    which is what sessions record; a click's and a buzz's is the moment of the command.
+    """
+    asked = Asked(frame_ns=patch.frame_ns, flash_ns=FLASH_FRAMES * patch.frame_ns)
+
+    def frame(*, lit: bool) -> FrameInfo:
+        shown = patch.show(lit=lit)
+        asked.frames += 1
+        asked.dropped += shown.dropped
+        if band is not None:
+            band.keep_alive()
+            band.poll(0.0)
+        sensor.poll()
+        return shown
+
+    def wait(ns: int) -> None:
+        until_ns = clock.now_ns() + ns
+        while clock.now_ns() < until_ns:
+            frame(lit=False)
+
+    def apart() -> None:
+        wait(int(rng.integers(MIN_APART_NS, MAX_APART_NS)))
+
+    wait(SETTLE_NS)
+    for repeat in range(repeats):
+        asked.picture_ns.append(frame(lit=True).predicted_display_ns)
+        for _ in range(FLASH_FRAMES - 1):
+            frame(lit=True)
+        apart()
+        if speaker is not None:
+            asked.sound_ns.append(clock.now_ns())
+            speaker.click()
+            apart()
+        if band is not None:
+            asked.vibration_ns.append(clock.now_ns())
+            band.set_amplitudes((1.0,) * band.motor_count, BUZZ_MS)
+            apart()
+        progress(repeat + 1)
+    wait(SETTLE_NS)
+    return asked
+
+
+class SeenHeadset:
+    """A headset into which a simulated photodiode looks: it reads the corner of what is shown."""
+
+    def __init__(self, headset: Headset, look: Callable[[bool, int], None]) -> None:
+        self._headset = headset
+        self._look = look
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._headset, name)
+
+    def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
+        """Hand the images over; tell how bright their corner is, and when its light leaves."""
+        self._headset.submit(frame, images)
+        for image in images[:1]:
+            if isinstance(image, moderngl.Texture):
+                self._look(_is_corner_lit(image), frame.predicted_display_ns)
+
+
+class SeenMonitor:
+    """A monitor on a virtual clock, at whose corner a simulated photodiode looks.
+
+    It is what a screen display shows its pictures on: each waits for the monitor's next refresh,
+    at `k / rate_hz` by the clock, and the photodiode is told how bright the corner is from then on.
+    """
+
+    closed = False
+
+    def __init__(self, clock: Clock, rate_hz: float, look: Callable[[bool, int], None]) -> None:
+        self._clock = clock
+        self._rate_hz = rate_hz
+        self._look = look
+
+    def attend(self, until_ns: int) -> None:
+        """Pass the time until then; nobody presses a key."""
+        self._clock.sleep_until_ns(until_ns)
+
+    def flip(self, image: moderngl.Texture) -> int:
+        """Show a picture from the next refresh on; return when that was."""
+        refresh = int(self._clock.now_ns() * self._rate_hz / NS_PER_S) + 1
+        self._clock.sleep_until_ns(round(refresh * NS_PER_S / self._rate_hz))
+        t_ns = self._clock.now_ns()
+        self._look(_is_corner_lit(image), t_ns)
+        return t_ns
+
+
+def _is_corner_lit(image: moderngl.Texture) -> bool:
+    """Tell whether the lower left pixel, which is a texture's first, is white."""
+    return bool(np.frombuffer(image.read(), np.uint8)[:3].mean() > 127)

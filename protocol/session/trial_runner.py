@@ -1,0 +1,314 @@
+"""Perform one trial: run its plan frame by frame and write its row."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from visavis.devices.contracts import ClockPair
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.clock_fit import latest_quick, offset_ns
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.people.simulated_participant import Learner
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import (
+    Answered,
+    Ask,
+    FrameView,
+    Hush,
+    Mark,
+    NextFrame,
+    Plan,
+    Play,
+    PlaySound,
+    Prompt,
+    Reflex,
+    Row,
+    Show,
+    Silence,
+    TrialInterrupted,
+    Vibrate,
+)
+from visavis.protocol.session.calibration_record import NO_CALIBRATION, CalibrationInForce
+from visavis.protocol.session.frame_loop import FrameLoop
+from visavis.protocol.session.operator_desk import OperatorDesk
+from visavis.protocol.session.rig import RunningRig
+from visavis.protocol.session.session_setup import SessionSetup
+from visavis.protocol.session.states import SessionState
+
+ALIGNED_WITHIN_NS = 1_000_000
+RECENT_EXCHANGES = 24
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a trial ended: "complete", "interrupted" or "skipped", and why.
+
+    "postponed": it was not begun, because something has to be done first.
+    """
+
+    status: str
+    reason: str | None
+
+
+class TrialRunner:
+    """Run trials one after another for a session."""
+
+    def __init__(
+        self,
+        setup: SessionSetup,
+        loop: FrameLoop,
+        desk: OperatorDesk,
+        rig: RunningRig,
+    ) -> None:
+        self._setup = setup
+        self._loop = loop
+        self._desk = desk
+        self._rig = rig
+        self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
+        self._attempts = dict(setup.progress.attempts)
+        self._exchanges_told_ns: dict[str, int] = {}
+        self._align_gaze()
+        self.memory = dict(setup.progress.memory)
+        """What a simulated participant had learned at the end of the last trial."""
+        self._finished, self._skipped = set(setup.progress.finished), set(setup.progress.skipped)
+        rates_hz = (rig.headset.display_rate_hz, self._gaze_rate_hz)
+        tenths = 2 if rig.has_bands else 1
+        self._grid_ns = tenths * NS_PER_S // 10 if all(r % 10 == 0 for r in rates_hz) else NS_PER_S
+        self._tell_desk()
+
+    def align(self) -> None:
+        """With a simulated participant, wait until display, tracker and bands are in step.
+
+        Displays and trackers repeat their phases every tenth of a second, what keeps an idle band
+        alive every fifth.
+        A repeated stretch is then sampled at the same phases, so a trial performed again after
+        an interruption gives the same data. People need no such thing, and nothing waits for
+        them.
+        """
+        if self._setup.participant is not None:
+            while self._loop.t_ns % self._grid_ns > ALIGNED_WITHIN_NS:
+                self._desk.next_frame()
+
+    def run(self, trial: Trial, calibration: CalibrationInForce | None) -> Outcome:
+        """Perform a trial with the time before it; write its row; return how it ended."""
+        setup, loop, desk = self._setup, self._loop, self._desk
+        desk.announce(trial)
+        self._align_gaze()  # a tracker that went away may have come back with another clock
+        self._perform(setup.experiment.intertrial(trial), interruptible=False)
+        skip_reason = desk.skip_reason
+        if skip_reason is None and desk.must_hold():
+            return Outcome("postponed", None)
+        self.record_exchanges()
+        self._align_gaze()
+        attempt = self._attempts.get(trial.trial_id, 0) + 1
+        self._attempts[trial.trial_id] = attempt
+        loop.trial_number = trial.number
+        setup.recorder.event(
+            "trial_start", loop.t_ns, trial_id=trial.trial_id, attempt=attempt, block=trial.block
+        )
+        self._rig.mark(f"trial_start {trial.trial_id} {attempt}", loop.t_ns)
+        start_ns = loop.t_ns
+        before = self._counts()
+        desk.begin_trial(trial, start_ns + int(setup.experiment.trial_s * NS_PER_S))
+        loop.gaze_tap = []
+        if skip_reason is None:
+            desk.enter(SessionState.TRIAL)
+            row, interrupted = self._perform(setup.experiment.run_trial(trial), interruptible=True)
+            interrupted = interrupted or desk.lost_at_end()
+        else:
+            row, interrupted = {}, None
+            desk.skip_reason = skip_reason
+        self._rig.hush()
+        outcome = self._outcome(interrupted)
+        self._rig.mark(f"trial_end {trial.trial_id} {attempt} {outcome.status}", loop.t_ns)
+        loop.trial_number = -1
+        seen_01, loop.gaze_tap = _eyes_seen_01(loop.gaze_tap or ()), None
+        desk.flag_lost_eyes(seen_01)
+        loop.flush()
+        if outcome.status != "interrupted":
+            self._finished.add(trial.trial_id)
+            self._skipped.discard(trial.trial_id)
+            if outcome.status == "skipped":
+                self._skipped.add(trial.trial_id)
+        self._note_memory(trial)
+        setup.recorder.trial(
+            {
+                "participant": setup.participant_label,
+                "participant_index": setup.plan.participant_index,
+                "session": setup.session_number,
+                "group": setup.plan.group,
+                "part": setup.part,
+                "trial_id": trial.trial_id,
+                "number": trial.number,
+                "block": trial.block,
+                "is_practice": trial.is_practice,
+                "attempt": attempt,
+                "status": outcome.status,
+                "reason": outcome.reason,
+                "flags": ";".join(desk.flags),
+                **trial.factors,
+                **row,
+                "t_start_ns": row.get("t_start_ns", start_ns),
+                "t_end_ns": row.get("t_end_ns", loop.t_ns),
+                **self._delivered(before, start_ns),
+                **{f"{eye}_eye_seen_01": share_01 for eye, share_01 in seen_01.items()},
+                **(calibration.columns(start_ns) if calibration else NO_CALIBRATION),
+                "clock_offset_ns": loop.observer.clock_offset_ns if self._rig.eye_tracker else None,
+            }
+        )
+        desk.end_trial(trial)
+        self._tell_desk()
+        desk.raise_if_aborted()
+        return outcome
+
+    @property
+    def finished(self) -> int:
+        """How many trials need no other: performed or skipped."""
+        return len(self._finished)
+
+    def _tell_desk(self) -> None:
+        self._desk.trials_skipped = len(self._skipped)
+        self._desk.trials_done = self.finished - self._desk.trials_skipped
+
+    def _outcome(self, interrupted: str | None) -> Outcome:
+        if self._desk.skip_reason is not None:
+            return Outcome("skipped", self._desk.skip_reason)
+        if interrupted is not None:
+            return Outcome("interrupted", interrupted)
+        return Outcome("complete", None)
+
+    def _perform(self, plan: Plan, *, interruptible: bool) -> tuple[Row, str | None]:
+        desk = self._desk
+        reply: FrameView | Answered | None = None
+        interrupted: str | None = None
+        with self._loop.leaving_gaze():
+            try:
+                step = next(plan)
+                while True:
+                    kind = type(step)
+                    if kind is NextFrame:
+                        reply = desk.next_frame()
+                        if interruptible and desk.interrupt_reason is not None:
+                            interrupted = desk.interrupt_reason
+                            self._unwind(plan, interrupted)
+                            return {}, interrupted
+                    else:
+                        reply = self._do(step)
+                    step = plan.send(reply)
+            except StopIteration as end:
+                return (end.value or {}), interrupted
+
+    def _unwind(self, plan: Plan, reason: str) -> None:
+        try:
+            step = plan.throw(TrialInterrupted(reason))
+            while True:
+                if type(step) is NextFrame:
+                    raise RuntimeError("a plan must not ask for frames while it is interrupted")
+                step = plan.send(self._do(step))
+        except (StopIteration, TrialInterrupted):
+            return
+
+    def _do(self, step: object) -> Answered | None:
+        setup, loop = self._setup, self._loop
+        match step:
+            case Show(view):
+                loop.show(view)
+            case Mark(name, payload):
+                setup.recorder.event(name, loop.t_ns, **payload)
+                self._rig.mark(name, loop.t_ns)
+                self._desk.hear(name, payload)
+            case Ask(question_id, prompt, options):
+                answer = setup.respondent.answer(question_id, prompt, options)
+                self._desk.expect_pause()
+                return Answered(answer, loop.t_ns)
+            case Prompt(text):
+                return Answered(None, loop.t_ns) if self._desk.prompt(text) else None
+            case Vibrate():
+                self._rig.vibrate(step)
+            case Play():
+                self._rig.play(step)
+            case PlaySound():
+                loop.play_sound(step)
+            case Hush():
+                self._rig.hush()
+            case Silence(role):
+                self._rig.silence(role)
+            case Reflex(answer):
+                loop.set_reflex(answer)
+            case _:
+                raise TypeError(f"a plan yielded {step!r}, which is no step")
+        return None
+
+    def _note_memory(self, trial: Trial) -> None:
+        """Record what a simulated participant has learned, on the disk with the trial's row."""
+        participant: object = self._setup.participant
+        if isinstance(participant, Learner):
+            self.memory = dict(participant.memory())
+            self._setup.recorder.event(
+                "participant_memory",
+                self._loop.t_ns,
+                trial_id=trial.trial_id,
+                memory=self.memory,
+            )
+
+    def record_exchanges(self) -> None:
+        """Note the time exchanges with each device since the last call, as events."""
+        for role, pairs in self._rig.clock_pairs().items():
+            told_ns = self._exchanges_told_ns.get(role, -1)
+            new = [pair for pair in pairs if pair.host_receive_ns > told_ns]
+            if new:
+                self._exchanges_told_ns[role] = new[-1].host_receive_ns
+                self._setup.recorder.event(
+                    "clock_exchanges",
+                    self._loop.t_ns,
+                    role=role,
+                    send_device_receive_ns=[
+                        [p.host_send_ns, p.device_ns, p.host_receive_ns] for p in new
+                    ],
+                )
+
+    def _align_gaze(self) -> None:
+        """Let gaze be dated by what is known now of the tracker's clock."""
+        pairs = self._exchanges()[-RECENT_EXCHANGES:]
+        observer = self._loop.observer
+        if pairs:
+            observer.clock_offset_ns = offset_ns(latest_quick(pairs))
+        elif (least_ns := observer.least_delay_ns) is not None:
+            observer.clock_offset_ns = least_ns
+
+    def _exchanges(self) -> Sequence[ClockPair]:
+        tracker = self._rig.eye_tracker
+        return () if tracker is None else tracker.clock_pairs()
+
+    def _counts(self) -> tuple[int, int, int, int]:
+        loop = self._loop
+        return (
+            loop.frames_done,
+            loop.frames_dropped,
+            loop.observer.received,
+            loop.observer.valid,
+        )
+
+    def _delivered(self, before: tuple[int, int, int, int], start_ns: int) -> dict[str, int]:
+        frames, dropped, received, valid = (
+            now - then for now, then in zip(self._counts(), before, strict=True)
+        )
+        expected = round((self._loop.t_ns - start_ns) / NS_PER_S * self._gaze_rate_hz)
+        return {
+            "frames": frames,
+            "frames_dropped": dropped,
+            "gaze_expected": expected,
+            "gaze_received": received,
+            "gaze_valid": valid,
+        }
+
+
+def _eyes_seen_01(batches: Sequence[SampleBatch]) -> dict[str, float]:
+    """Return the share of samples that saw each eye; nothing when there was no sample."""
+    if not batches:
+        return {}
+    rows = np.frombuffer(b"".join([b.values.tobytes() for b in batches]), batches[0].schema.dtype)
+    if not len(rows):
+        return {}
+    return {eye: int(rows[f"{eye}_valid"].sum()) / len(rows) for eye in ("left", "right")}

@@ -1,0 +1,95 @@
+"""What is drawn over a scene: panels of text, the fixation mark."""
+
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from visavis.lab.geometry import Vector
+from visavis.stage import glsl_room
+from visavis.stage.card.programs import compile_program, set_bytes
+from visavis.stage.geometry.projection import for_gl, world_from
+from visavis.stage.panel_image import panel_image
+from visavis.stimuli.picture import Camera, Panel, Picture
+
+MARK_HALF_DEG = 0.45
+PANELS_KEPT = 24
+
+
+class Overlays:
+    """Panels and marks; both are drawn over everything, whatever stands before them."""
+
+    def __init__(self, context: moderngl.Context, *, in_light: bool) -> None:
+        self._context = context
+        self._defines = ("IN_LIGHT",) if in_light else ()
+        corners = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32) / 2
+        self._corners = context.buffer(corners.tobytes())
+        self._panels: dict[tuple[object, ...], moderngl.Texture] = {}
+        self._arrays: dict[str, moderngl.VertexArray] = {}
+        self._programs: dict[str, moderngl.Program] = {}
+
+    def draw(self, picture: Picture, camera: Camera) -> None:
+        """Draw panels and mark over what is there."""
+        if not picture.panels and picture.mark_m is None:
+            return
+        context = self._context
+        context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        context.enable(moderngl.BLEND)
+        context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        for panel in picture.panels:
+            matrix = world_from(panel.pose) @ np.diag([*panel.size_m, 1.0, 1.0])
+            self._texture(panel).use(2)
+            self._board("panel", glsl_room.BOARD_FRAGMENT, matrix)
+        if picture.mark_m is not None:
+            self._board("mark", glsl_room.MARK_FRAGMENT, _mark_matrix(picture.mark_m, camera))
+        context.disable(moderngl.BLEND)
+        context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+
+    def _board(self, name: str, fragment: str, matrix: Vector) -> None:
+        array = self._array(
+            name, glsl_room.BOARD_VERTEX, fragment, [(self._corners, "2f4", "in_corner")]
+        )
+        set_bytes(self._programs[name], "world_from_board", for_gl(matrix))
+        array.render(moderngl.TRIANGLE_STRIP, vertices=4)
+
+    def _array(
+        self, name: str, vertex: str, fragment: str, content: list[tuple[Any, ...]]
+    ) -> moderngl.VertexArray:
+        if name not in self._arrays:
+            program = compile_program(self._context, vertex, fragment, *self._defines)
+            self._programs[name] = program
+            self._arrays[name] = self._context.vertex_array(program, content)
+        return self._arrays[name]
+
+    def _texture(self, panel: Panel) -> moderngl.Texture:
+        key = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen)
+        found = self._panels.get(key)
+        if found is None:
+            while len(self._panels) >= PANELS_KEPT:
+                self._panels.pop(next(iter(self._panels))).release()
+            image = panel_image(panel)
+            height, width = image.shape[:2]
+            found = self._context.texture((width, height), 4, image.tobytes())
+            found.build_mipmaps()
+            found.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+            found.anisotropy = 8.0
+            found.repeat_x = found.repeat_y = False
+            self._panels[key] = found
+        return found
+
+    def release(self) -> None:
+        """Free the card's memory."""
+        for things in (self._arrays, self._programs, self._panels):
+            for thing in things.values():
+                thing.release()
+        self._corners.release()
+
+
+def _mark_matrix(mark_m: Vector, camera: Camera) -> Vector:
+    """Return where the mark stands: facing the eye, the same size however far."""
+    matrix = world_from(camera.pose)
+    distance_m = float(np.linalg.norm(np.asarray(mark_m) - camera.pose.position_m))
+    size = 2 * distance_m * float(np.tan(np.radians(MARK_HALF_DEG)))
+    matrix[:3, :3] *= size
+    matrix[:3, 3] = mark_m
+    return matrix
