@@ -58,7 +58,7 @@ COMMENTS: Final = (
 
 
 class WavingParticipant(StandingBody):
-    """Implement `visavis.protocol.people.simulated_participant.SimulatedParticipant` with a hand that points.
+    """Implement `protocol.people`'s `SimulatedParticipant` with a hand that points.
 
     `index` and `seed` make the person, `asked` leads from the words of a board to what it asks
     for. `effect=False` gives somebody who does not attend to the waves: their places are chance,

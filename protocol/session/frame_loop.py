@@ -303,7 +303,7 @@ class FrameLoop:
         self._scene_states.flush()
 
     def set_reflex(self, answer: Answer | None) -> None:
-        """Answer body samples when they arrive from now on; see `visavis.protocol.plan.steps.Reflex`."""
+        """Answer body samples when they arrive from now on (`protocol.plan.steps.Reflex`)."""
         with self._reflex_lock:
             self._reflex = answer
         self._body_period_ns = None if answer is None else self._rig.body_period_ns

@@ -63,7 +63,7 @@ _ARRIVED_M = 0.06
 
 
 class CrowdParticipant(PressesNothing):
-    """Implement `visavis.protocol.people.simulated_participant.SimulatedParticipant` with limbs and a skin.
+    """Implement `protocol.people`'s `SimulatedParticipant` with limbs and a skin.
 
     `index` and `seed` make the person; `effect=False` disconnects the vibration from them.
     """

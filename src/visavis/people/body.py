@@ -114,10 +114,10 @@ def fingers_to(direction: Vector) -> Vector:
 class StandingBody:
     """Somebody who stands and sways, looks from point to point with eyes and head, and points.
 
-    The bodily part of `visavis.protocol.people.simulated_participant.SimulatedParticipant`; who they are and what
-    they answer is for who inherits. `eye_m` (3,) is where the eyes are when upright, `sway_rad`
-    (3,) where in its swaying the body begins, `ahead_m` what is looked at by itself, `hand_m` where
-    the right hand is and `rest_m` what it points to.
+    The bodily part of `visavis.protocol.people.simulated_participant.SimulatedParticipant`; who
+    they are and what they answer is for who inherits. `eye_m` (3,) is where the eyes are when
+    upright, `sway_rad` (3,) where in its swaying the body begins, `ahead_m` what is looked at by
+    itself, `hand_m` where the right hand is and `rest_m` what it points to.
     """
 
     def __init__(

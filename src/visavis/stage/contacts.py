@@ -3,8 +3,8 @@
 import moderngl
 import numpy as np
 
-from visavis.stage import glsl_contacts
 from visavis.stage.card.programs import UNITS, compile_program
+from visavis.stage.card.shaders import contacts as glsl_contacts
 from visavis.stage.geometry.contact_shapes import block_rows
 from visavis.stage.scene_buffers import Crowd
 from visavis.stimuli.picture import Room

@@ -72,8 +72,8 @@ def meeting_name(data_root: Path) -> str:
 class SessionLink:
     """An operator who is also reached from the desk; whoever sits at the terminal stays in charge.
 
-    It follows `visavis.protocol.session.operator.Operator`. Nothing is done for a desk in the frame loop
-    but to keep the newest status; a thread of its own sends it. Where nothing can listen, the
+    It follows `visavis.protocol.session.operator.Operator`. Nothing is done for a desk in the frame
+    loop but to keep the newest status; a thread of its own sends it. Where nothing can listen, the
     session goes on without a desk.
     """
 

@@ -49,7 +49,7 @@ N_ANSWER_STREAM = 3
 
 
 class Observer(PressesNothing):
-    """Implement `visavis.protocol.people.simulated_participant.SimulatedParticipant` for one seated observer.
+    """Implement `protocol.people`'s `SimulatedParticipant` for one seated observer.
 
     `index` and `seed` make the person; `effect=False` makes them blind to gaze contact, so that
     all conditions are alike to them. `seat_m` is where the eyes are with the head straight.

@@ -4,8 +4,10 @@ from typing import Literal
 
 import moderngl
 
-from visavis.stage import glsl_lighting, glsl_people, glsl_room
 from visavis.stage.card.programs import EACH_SAMPLE, compile_program
+from visavis.stage.card.shaders import lighting as glsl_lighting
+from visavis.stage.card.shaders import people as glsl_people
+from visavis.stage.card.shaders import room as glsl_room
 from visavis.stage.card.vertices import Run
 
 Family = Literal["people", "lit_people", "room", "baked_room"]

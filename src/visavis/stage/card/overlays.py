@@ -6,8 +6,8 @@ import moderngl
 import numpy as np
 
 from visavis.lab.geometry import Vector
-from visavis.stage import glsl_room
 from visavis.stage.card.programs import compile_program, set_bytes
+from visavis.stage.card.shaders import room as glsl_room
 from visavis.stage.geometry.projection import for_gl, world_from
 from visavis.stage.panel_image import panel_image
 from visavis.stimuli.picture import Camera, Panel, Picture

@@ -1,0 +1,1 @@
+"""The programs of the graphics card as text, in GLSL."""
