@@ -51,6 +51,10 @@ def rows_of(batches):
     return np.concatenate([batch.values for batch in batches])
 
 
+def stamps_of(batches):
+    return np.concatenate([batch.t_host_ns for batch in batches]).tolist()
+
+
 @pytest.mark.parametrize(
     ("driver", "peer"), [("serial_triggers", LinesPeer), ("labjack_triggers", LabJackPeer)]
 )
@@ -67,6 +71,32 @@ def test_a_code_stands_for_its_width_and_the_next_waits_for_the_rest(driver, pee
     assert rows["code"].tolist() == [1, 255]
     assert (rows["t_released_ns"] - rows["t_after_ns"]).tolist() == [5 * NS_PER_MS] * 2
     assert rows["t_commanded_ns"].tolist() == [begin_ns] * 2
+
+
+@pytest.mark.parametrize(
+    ("driver", "peer"), [("serial_triggers", LinesPeer), ("labjack_triggers", LabJackPeer)]
+)
+def test_a_pulse_bears_the_time_of_its_onset_not_of_its_release(driver, peer):
+    clock, _, device, pump, batches = on_lines(driver=driver, peer=peer)
+    go_on(clock, pump, 10)
+    begin_ns = clock.now_ns()
+    for mark in ("trial_start", "flash"):
+        device.trigger(mark, begin_ns)
+    go_on(clock, pump, 40)
+
+    # each code stands 5 ms and the lines rest 2 ms before the next
+    assert stamps_of(batches) == [begin_ns, begin_ns + 7 * NS_PER_MS]
+
+
+def test_a_pulse_that_the_end_of_a_session_cuts_short_bears_the_time_of_its_onset():
+    clock, _, device, pump, batches = on_lines()
+    go_on(clock, pump, 10)
+    begin_ns = clock.now_ns()
+    device.trigger("flash", begin_ns)
+    clock.sleep_until_ns(begin_ns + 3 * NS_PER_MS)
+    pump.stop()
+    assert stamps_of(batches) == [begin_ns]
+    assert rows_of(batches)["t_released_ns"].tolist() == [begin_ns + 3 * NS_PER_MS]
 
 
 def test_lines_are_low_when_a_session_ends_in_the_middle_of_a_pulse():
