@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _say_interrupted()
         place = in_study_file(error)
         if place:
-            from visavis.study.study_errors import in_words
+            from visavis.study.study_errors import in_words  # late, as below
 
             told = f"{place}: {in_words(error)}"
             errors.print(f"[bold red]error[/]  {_escaped(told)}", highlight=False, soft_wrap=True)
