@@ -37,7 +37,7 @@ def package(tmp_path_factory):
 
 
 def run(package, *arguments):
-    path = os.pathsep.join((str(package), str(ROOT)))
+    path = os.pathsep.join((str(package), str(ROOT / "src")))
     return subprocess.run(
         [sys.executable, *arguments],
         cwd=package,
