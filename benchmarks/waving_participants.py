@@ -28,9 +28,11 @@ from visavis.experiments.waving.study import COMPARED, MEAN_ACCURACY
 from visavis.lab.clock import cpu_time_s
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
+from visavis.results.opened_study import find_study
 from visavis.results.power import KitPower
-from visavis.running.sessions.perform import perform_new, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.running.quick import quick_study as quick_study_of_kit
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 MEAN_LIMIT = 0.08
 SD_LIMIT = 0.08
@@ -72,7 +74,7 @@ def study_rows(
                 key = (finding.compare.dv, term.name)
                 hits[key] = hits.get(key, 0) + int(term.is_significant)
     rows: list[dict[str, object]] = []
-    printed = KitPower("waving", tracker_of).printed
+    printed = KitPower("waving", tracker_of, quick_study_of_kit).printed
     for name, values in means.items():
         row: dict[str, object] = {"name": name, "value": float(np.mean(values))}
         row |= {"spread": float(np.std(values))}

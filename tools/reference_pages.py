@@ -16,9 +16,10 @@ from visavis.devices.spec import AnySpec
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.protocol.plan.columns import Column
+from visavis.results.opened_study import find_study
 from visavis.results.quality import QUALITY_TABLE
 from visavis.results.tables.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns
-from visavis.study.catalogue import SHIPPED, find_study
+from visavis.study.catalogue import SHIPPED
 
 FOLDER: Final = Path(__file__).parents[1] / "docs" / "reference"
 WRITTEN: Final = "Written from the code by `python -m tools.reference_pages`; do not edit."

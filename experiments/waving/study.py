@@ -42,7 +42,6 @@ from visavis.protocol.plan.parameters import Within, known_of
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.shown_scene import Shown
 from visavis.protocol.plan.steps import FrameView, NextFrame, Scalar, Show, known
-from visavis.results.confusion import Confusion
 from visavis.stimuli.dressing.office import office_eyes, office_scene
 from visavis.stimuli.dressing.office_view import VIEW_PX
 from visavis.stimuli.motion.warping.track import (
@@ -71,10 +70,11 @@ from visavis.study.measures import column
 from visavis.study.pairs import Printed
 from visavis.study.responses import Choice, Rating
 from visavis.study.scenes import WithEyes, places
+from visavis.study.sections import Confusion
 from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
-    from visavis.running.quick import TrackerModel
+    from visavis.study.study_functions import TrackerModel
 
 MEAN_ACCURACY: Final = {"orientation": (0.59, 0.25), "warping": (0.67, 0.20)}
 """Mean and SD as printed; over what the SD is taken is not said."""

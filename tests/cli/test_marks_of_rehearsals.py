@@ -18,9 +18,10 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.config import with_devices
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.recording.kept import KeptRecording
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.device_setup import screen_display
-from visavis.running.sessions.stage_setup import build_stage, window_title
-from visavis.study.catalogue import find_study
+from visavis.running.sessions.drawn_stages import window_title
+from visavis.running.sessions.perform import build_stage
 
 
 def test_a_window_of_a_rehearsal_is_titled_so() -> None:

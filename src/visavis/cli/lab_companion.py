@@ -9,7 +9,7 @@ from visavis.cli.lab_recorder import LabRecorder
 from visavis.cli.lsl_announcer import AnnouncingRecorder, scope_of, set_scope
 from visavis.devices.contracts import Device
 from visavis.recording.writer import Recorder
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 
 
 class LabCompanion:

@@ -29,7 +29,7 @@ from visavis.protocol.session.sync_test import (
     perform,
 )
 from visavis.running.sessions.device_setup import screen_display
-from visavis.running.sessions.stage_setup import open_on_monitor
+from visavis.running.sessions.drawn_stages import open_on_monitor
 from visavis.stage.card.context import offscreen_context, release_offscreen
 
 if TYPE_CHECKING:

@@ -65,6 +65,18 @@ class SessionIntake:
         return sum(not t["is_practice"] for b in blocks for t in b["trials"])
 
 
+@dataclass(frozen=True)
+class SimulatedStudy:
+    """A study simulated without recordings, as the analysis takes it.
+
+    `trials` has one row per trial; `people` one row per participant with the answers and scores
+    of questionnaires, where something is correlated with them.
+    """
+
+    trials: pd.DataFrame
+    people: pd.DataFrame
+
+
 def questionnaire(
     name: str, folders: Sequence[Path], wording: Path | None = None, *, language: str = ""
 ) -> Questionnaire:

@@ -58,7 +58,7 @@ from visavis.running.sessions.device_setup import (
     require_picture,
 )
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX
-from visavis.running.sessions.perform import PageAddress, Request, perform_new, perform_rest
+from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.recorded_design import (
     changes_of_design,
     changes_since,
@@ -66,6 +66,7 @@ from visavis.running.sessions.recorded_design import (
     design_of_session,
     in_words,
 )
+from visavis.running.sessions.session_request import PageAddress, Request
 from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
     StudySettings,
