@@ -14,7 +14,7 @@ from typing import Final
 from benchmarks.table import Row, show
 
 ROOT: Final = Path(__file__).resolve().parent.parent
-WIRING: Final = ("building", "options", "registry", "spec", "wires")
+WIRING: Final = ("building", "options", "registry", "spec", "wires", "wiring")
 """Modules of `devices` that only say which driver is which."""
 LIMITS: Final = {
     "studies and kit": 12_500,

@@ -438,7 +438,7 @@ def test_serial_driver_drives_a_band_on_a_pseudo_terminal():
     pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
     if not hasattr(os, "openpty"):
         pytest.skip("this system has no pseudo-terminals; the memory link covers the driver")
-    from visavis.devices.testing.armband_pty import PtyArmband
+    from tests.devices.wire_ends.armband_pty import PtyArmband
 
     clock = SystemClock()
     batches = []

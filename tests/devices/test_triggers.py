@@ -19,7 +19,7 @@ from visavis.devices.drivers.triggers.links import ParallelLink
 from visavis.devices.drivers.triggers.pulses import PulseTrain
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.pump import Pump
-from visavis.devices.registry import driver_spec
+from visavis.devices.registry import driver_spec, driver_wiring
 from visavis.devices.sim.triggers import LabJackPeer, LinesPeer
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
 from visavis.lab.config import DeviceConfig
@@ -32,8 +32,8 @@ CODES = {"trial_start": 1, "trial_end": 2, "flash": 255}
 def on_lines(faults=(), driver="serial_triggers", peer=LinesPeer, **options):
     clock = SimClock()
     lines = peer("triggers", clock, faults=FaultSchedule.from_config(faults))
-    spec = driver_spec(driver)
-    device = spec.on_wire("triggers", clock, MemoryLink(lines, clock), codes=CODES, **options)
+    wiring = driver_wiring(driver)
+    device = wiring.on_wire("triggers", clock, MemoryLink(lines, clock), codes=CODES, **options)
     batches = []
     device.open(1.0)
     pump = Pump(device, batches.append, clock)
@@ -266,8 +266,8 @@ def test_bytes_reach_a_serial_port_in_real_time():
     tty.setraw(theirs)
     clock = SystemClock()
     link = SerialLink(clock, port=os.ttyname(theirs), baud=115_200)
-    spec = driver_spec("serial_triggers")
-    device = spec.on_wire("triggers", clock, link, codes=CODES, width_ms=1.0, settle_ms=0.5)
+    wiring = driver_wiring("serial_triggers")
+    device = wiring.on_wire("triggers", clock, link, codes=CODES, width_ms=1.0, settle_ms=0.5)
     device.open(2.0)
     batches = []
     pump = Pump(device, batches.append, clock)
