@@ -18,9 +18,10 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.config import with_devices
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.recording.kept import KeptRecording
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.device_setup import screen_display
-from visavis.running.sessions.stage_setup import build_stage, window_title
-from visavis.study.catalogue import find_study
+from visavis.running.sessions.drawn_stages import window_title
+from visavis.running.sessions.perform import build_stage
 
 
 def test_a_window_of_a_rehearsal_is_titled_so() -> None:
@@ -68,7 +69,7 @@ def test_a_frame_drawn_again_has_the_line_below_it_unless_people_took_part(
     session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     eye = np.full((40, 30, 3), 7, np.uint8)
-    monkeypatch.setattr("visavis.cli.redraw.redraw", lambda *_, **__: (eye, eye))
+    monkeypatch.setattr("visavis.cli.commands.redraw.draw_again", lambda *_, **__: (eye, eye))
     heights = []
     for name in ("rehearsal", "real"):
         path = tmp_path / f"{name}.png"

@@ -17,7 +17,8 @@ from visavis.lab.errors import UsageError
 from visavis.recording.folder import study_dir
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.drawn_stage import Display, default_views
 from visavis.stage.errors import StageError

@@ -20,9 +20,10 @@ from visavis.protocol.session.states import SessionState
 from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
 from visavis.recording.stream_file import Columns
-from visavis.running.sessions.perform import perform_new, perform_rest, simulated_request
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.verification import compared, verify
-from visavis.study.catalogue import find_study
 
 SHORT: dict[str, dict[str, Any]] = {
     "stare": {"repetitions": 1, "trial_s": 0.5, "intertrial_s": 0.1, "practice_s": 0.5},

@@ -32,9 +32,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _say_interrupted()
         place = in_study_file(error)
         if place:
-            from visavis.study.study_errors import in_words
+            from visavis.study.study_errors import explain  # late, as below
 
-            told = f"{place}: {in_words(error)}"
+            told = f"{place}: {explain(error)}"
             errors.print(f"[bold red]error[/]  {_escaped(told)}", highlight=False, soft_wrap=True)
             sys.exit(UsageError.exit_code)
         errors.print_exception(max_frames=12)

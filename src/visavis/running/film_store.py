@@ -300,6 +300,7 @@ def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> 
 
 @lru_cache(maxsize=128)
 def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "FilmSeen":
+    # Saves the director of films with its geometry where every camera stands still.
     from visavis.study.moving_camera import filmed
 
     return filmed(film, _staged(film, makers, folder))
@@ -312,6 +313,7 @@ def _renderer() -> "Iterator[Renderer]":
     A processor draws people moved and lit by compiled loops, all in full detail: with shadow maps
     and light at every pixel one person alone takes it seventeen times as long.
     """
+    # Saves OpenGL wherever films are named, looked at by simulated people or served, not drawn.
     from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
     from visavis.stage.levels import DetailRule
     from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer

@@ -20,7 +20,8 @@ from visavis.protocol.plan.experiment import Experiment
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.recording.kept import KeptRecording
 from visavis.results.opened_study import OpenedStudy
-from visavis.running.sessions.perform import Request, of_no_session, perform_new, simulated_request
+from visavis.running.sessions.perform import of_no_session, perform_new
+from visavis.running.sessions.session_request import Request, simulated_request
 from visavis.stage.contracts import GeometryStage, Stage, Viewer
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment

@@ -13,9 +13,9 @@ from visavis.protocol.plan.columns import ENGINE_COLUMNS, Column
 from visavis.protocol.plan.questionnaires import Questionnaire, score_range
 from visavis.recording.csv_file import tell_neutralised, write_csv
 from visavis.results.picture_delay import LATE
-from visavis.running.page.steps import film_columns
 from visavis.study.exclusions import ANSWERED
 from visavis.study.experiment import StudyExperiment
+from visavis.study.films import film_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import Measure
 

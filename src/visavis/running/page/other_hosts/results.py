@@ -26,13 +26,13 @@ from visavis.running.film_store import FilmStore
 from visavis.running.page.arrivals import LINK, Arrival, arrival_of
 from visavis.running.page.course import DONE, WITHDRAWN, course
 from visavis.running.page.desk import PageDesk, Past
-from visavis.running.page.errors import PageError
 from visavis.running.page.other_hosts.bundle import FORMAT, digest_of, steps_of_place, visit_of
 from visavis.running.page.perform import ENDINGS, experiment_of, held_of, manifest_of, past_of
 from visavis.running.page.reception import LEFT
-from visavis.running.page.steps import PageStep, count, mapping, number
+from visavis.running.page.steps import PageError, PageStep, count, mapping, number
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.perform import Request, end_part
+from visavis.running.sessions.recorded_part import end_part
+from visavis.running.sessions.session_request import Request
 
 IMPORTED: Final = "imported"
 """Where a session's configuration says which run of which bundle it was."""

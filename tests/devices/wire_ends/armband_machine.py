@@ -13,13 +13,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from tests.product_files import ROOT
 from visavis.devices.byte_links import Chunk
 from visavis.devices.sim.armband.firmware import ArmbandFirmware, Protection, Surroundings
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SystemClock
 from visavis.lab.closing import Closing
 from visavis.lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 
-SOURCES = Path(__file__).resolve().parents[2] / "firmware" / "armband"
+SOURCES = ROOT / "firmware" / "armband"
 BYTE_US = 260
 """One byte at the firmware's 38400 baud; simavr tells a byte when its sending starts."""
 
@@ -71,7 +72,7 @@ def build(kind: MachineKind, folder: Path, limits: str = "") -> list[str]:
 def make(target: str, folder: Path, limits: str = "") -> None:
     """Run make in the firmware's folder; raises DeviceError with the compiler's words."""
     command = ["make", "-C", str(SOURCES), target, f"OUT={folder}", f"LIMITS={limits}"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - own sources
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise DeviceError(
             f"make {target} failed: {done.stderr.strip()[-800:]}",
@@ -80,7 +81,7 @@ def make(target: str, folder: Path, limits: str = "") -> None:
 
 
 def _has_header(compiler: str, header: str) -> bool:
-    probe = subprocess.run(  # noqa: S603 - names of compilers and headers are written above
+    probe = subprocess.run(
         [compiler, "-E", "-x", "c", "-"],
         input=f"#include <{header}>\n",
         capture_output=True,
@@ -101,7 +102,7 @@ class LockstepMachine(Closing):
 
     def __init__(self, command: Sequence[str], origin_ns: int = 0) -> None:
         self._origin_ns = origin_ns
-        self._process = subprocess.Popen(  # noqa: S603 - the program that `build` made
+        self._process = subprocess.Popen(
             list(command),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -190,7 +191,7 @@ class TerminalMachine(Closing):
 
     def __init__(self, command: Sequence[str]) -> None:
         program, *image = command
-        self._process = subprocess.Popen(  # noqa: S603 - the program that `build` made
+        self._process = subprocess.Popen(
             [program, "--pty", *image],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -11,9 +11,9 @@ import contextlib
 import os
 from typing import Any, Literal
 
+from tests.devices.wire_ends.armband_pty import open_terminal
+from tests.devices.wire_ends.loop_thread import LoopThread
 from visavis.devices.byte_links import BytePeer
-from visavis.devices.testing.armband_pty import open_terminal
-from visavis.devices.testing.loop_thread import LoopThread
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceError
 

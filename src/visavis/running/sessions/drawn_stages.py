@@ -1,8 +1,8 @@
-"""Put together what shows a session's scenes: nothing, a window, the headset, or pictures."""
+"""Stages that draw a session's scenes: on a monitor, in a window, in the headset, or off screen."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from visavis.devices.contracts import BodyTracker, KeyListener, LatePose, OnScreen
 from visavis.devices.screen.display import ScreenDisplay
@@ -14,14 +14,17 @@ from visavis.lab.geometry import Pose, quat_conjugate, rotate
 from visavis.protocol.plan.experiment import Experiment
 from visavis.protocol.session.rig import Rig
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.stage.contracts import GeometryStage, Stage, Viewer
+from visavis.stage.card.context import draws_on_processor, offscreen_context
+from visavis.stage.contracts import Stage, Viewer
+from visavis.stage.drawn_stage import Display, DrawnStage, default_views
+from visavis.stage.fades import FadeTimes
+from visavis.stage.mirror import Mirror
+from visavis.stage.own_body import OwnBody
+from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
+from visavis.stage.screen_surface import ScreenSurface
+from visavis.stage.window import Window
+from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.picture_of import picture_of
-
-if TYPE_CHECKING:
-    from visavis.stage.drawn_stage import Display
-    from visavis.stage.own_body import OwnBody
-    from visavis.stage.renderer import Quality
-    from visavis.stage.window import Window
 
 OFFSCREEN_PX = (480, 540)
 USUAL_EYE_PX = (1440, 1600)
@@ -31,29 +34,20 @@ EXTRA_PEOPLE = 1
 Views = Callable[[], Sequence[EyeView]]
 
 
-def build_stage(
+def build_drawn_stage(
     config: LabConfig,
     experiment: Experiment,
     rig: Rig,
     clock: Clock,
     viewers: Sequence[Viewer],
 ) -> Stage:
-    """Build the stage `display.show` asks for; without drawing, no graphics library is loaded.
+    """Build the stage `display.show` asks for.
 
     Raises:
         ConfigError: the headset cannot show pictures.
         StageError: there is no screen, or nothing that draws on it.
     """
     show, asks = config.display.show, config.display.questions != "terminal"
-    if show == "none" or (clock.is_virtual and show != "offscreen"):
-        return GeometryStage(viewers, asks=asks)
-    from visavis.stage.card.context import draws_on_processor, offscreen_context
-    from visavis.stage.drawn_stage import Display, DrawnStage, default_views
-    from visavis.stage.fades import FadeTimes
-    from visavis.stage.mirror import Mirror
-    from visavis.stage.renderer import Renderer
-    from visavis.stage.window import Window
-
     n, rate_hz = experiment.people_count + EXTRA_PEOPLE, rig.headset.display_rate_hz
     fades = FadeTimes(config.display.fade_out_ms, config.display.fade_in_ms)
     if show == "offscreen":
@@ -101,10 +95,8 @@ def build_stage(
     )
 
 
-def quality_of(config: LabConfig, *, on_processor: bool) -> "Quality":
+def quality_of(config: LabConfig, *, on_processor: bool) -> Quality:
     """Return how pictures are drawn: as suits the computer, but for what the lab asks."""
-    from visavis.stage.renderer import ON_PROCESSOR, Quality
-
     usual, asked = ON_PROCESSOR if on_processor else Quality(), config.display.quality
     detail = usual.detail
     if asked.full_detail_px is not None:
@@ -129,11 +121,6 @@ def _on_screen(
     viewers: Sequence[Viewer],
 ) -> Stage:
     """Open the participant's window on their monitor, and let the session keep its pace."""
-    from visavis.stage.card.context import draws_on_processor
-    from visavis.stage.drawn_stage import DrawnStage
-    from visavis.stage.fades import FadeTimes
-    from visavis.stage.renderer import Renderer
-
     screen, display = config.display.on_screen, rig.headset
     picture = _through_screen(rig, experiment.people_count + EXTRA_PEOPLE)
     if screen is None or picture is None or not isinstance(display, ScreenDisplay):
@@ -154,15 +141,12 @@ def _on_screen(
     )
 
 
-def open_on_monitor(screen: Screen, display: ScreenDisplay, clock: Clock, title: str) -> "Window":
+def open_on_monitor(screen: Screen, display: ScreenDisplay, clock: Clock, title: str) -> Window:
     """Open the participant's window on their monitor and let the display keep the monitor's pace.
 
     Raises:
         StageError: there is no such monitor, it has other pixels, or nothing draws on it.
     """
-    from visavis.stage.screen_surface import ScreenSurface
-    from visavis.stage.window import Window
-
     window = Window(
         title,
         (screen.width_px, screen.height_px),
@@ -172,17 +156,15 @@ def open_on_monitor(screen: Screen, display: ScreenDisplay, clock: Clock, title:
     return window
 
 
-def _hear(window: "Window", rig: Rig) -> None:
+def _hear(window: Window, rig: Rig) -> None:
     """Let keyboards hear the keys of the window that people sit before."""
     for device in rig.by_role().values():
         if isinstance(device, KeyListener):
             window.hear_keys(device.hear)
 
 
-def _through_screen(rig: Rig, people_count: int) -> "Display | None":
+def _through_screen(rig: Rig, people_count: int) -> Display | None:
     """Return what is drawn for a screen: one picture, seen through it from where the eyes are."""
-    from visavis.stage.drawn_stage import Display
-
     display = rig.headset
     if not isinstance(display, OnScreen):
         return None
@@ -215,15 +197,12 @@ def _show_images(rig: Rig) -> bool:
     return prepare is not None
 
 
-def _own_body(config: LabConfig, rig: Rig) -> "OwnBody | None":
+def _own_body(config: LabConfig, rig: Rig) -> OwnBody | None:
     """Return the body participants see as their own; None without a tracker, or if not wanted."""
     tracker = rig.others.get("body_tracker")
     gender = config.display.own_body
     if gender == "none" or not isinstance(tracker, BodyTracker):
         return None
-    from visavis.stage.own_body import OwnBody
-    from visavis.stimuli.dressing.casting import default_casting
-
     return OwnBody(default_casting(f"{gender}_01"), tracker.segments)
 
 
@@ -235,9 +214,7 @@ def _one_eye(size_px: tuple[int, int]) -> Views:
     return lambda: (eye,)
 
 
-def _of_headset(config: LabConfig, rig: Rig, people_count: int) -> "Display":
-    from visavis.stage.drawn_stage import Display
-
+def _of_headset(config: LabConfig, rig: Rig, people_count: int) -> Display:
     headset = rig.headset
     if not hasattr(headset, "eye_views"):
         raise ConfigError(

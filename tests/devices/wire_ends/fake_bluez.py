@@ -13,8 +13,8 @@ import shutil
 import subprocess
 from typing import Any
 
+from tests.devices.wire_ends.loop_thread import LoopThread
 from visavis.devices.byte_links import BytePeer
-from visavis.devices.testing.loop_thread import LoopThread
 from visavis.lab.clock import Clock
 from visavis.lab.closing import Closing
 from visavis.lab.errors import DeviceError
@@ -34,13 +34,13 @@ class PrivateBus(Closing):
         program = shutil.which("dbus-daemon")
         if program is None:
             raise FileNotFoundError("dbus-daemon is not installed")
-        self._process = subprocess.Popen(  # noqa: S603 - a fixed program without a shell
+        self._process = subprocess.Popen(
             [program, "--session", "--nofork", "--nopidfile", "--print-address=1"],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env={**os.environ, "DBUS_VERBOSE": "0"},
         )
-        assert self._process.stdout is not None  # noqa: S101 - it is piped
+        assert self._process.stdout is not None
         self.address = self._process.stdout.readline().decode().strip()
 
     def close(self) -> None:
