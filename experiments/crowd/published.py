@@ -11,8 +11,8 @@ from typing import Final
 
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC, HAPTICS_GROUP
 from visavis.study.comparisons import published_f
-from visavis.study.declaration import MeanSd, Source
 from visavis.study.pairs import Printed
+from visavis.study.parts import MeanSd, Source
 
 CITATION: Final = (
     "Berton, F., et al. (2020). Crowd navigation in VR: exploring haptic rendering of collisions. "

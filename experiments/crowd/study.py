@@ -51,8 +51,9 @@ from visavis.stimuli.scenes.station_crowd import (
     station_frame,
 )
 from visavis.study.asking import frame
-from visavis.study.declaration import SETTABLE, Study
+from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
+from visavis.study.parts import SETTABLE
 from visavis.study.sections import Conclusion
 from visavis.study.trial import TrialScript
 

@@ -25,9 +25,10 @@ from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
 from visavis.study.careless_answers import Careless
 from visavis.study.comparisons import Compare
-from visavis.study.declaration import Source, Study
+from visavis.study.declaration import Study
 from visavis.study.exclusions import COMPLETENESS_RULES
 from visavis.study.films import Film, Lens
+from visavis.study.parts import Source
 from visavis.study.responses import Rating, Response
 from visavis.study.scenes import Scene, Staged, Staging, gathered
 from visavis.study.study_functions import Seen

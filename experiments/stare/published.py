@@ -15,7 +15,6 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from visavis.study.declaration import MeanSd
 from visavis.study.look_measures import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,
@@ -26,6 +25,7 @@ from visavis.study.look_measures import (
     SECOND_FIXATION_TIME_MS,
 )
 from visavis.study.pairs import Printed
+from visavis.study.parts import MeanSd
 
 CITATION: Final = (
     "Jovane, A. (2023). Modeling of reactive movement and non-verbal behaviors for the creation of "

@@ -109,7 +109,7 @@ def changes_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Ext
                 "that passes over the head is enough: this platform's reading of “first looked at”."
             )
         )
-    rules = analysis.study.looks[0].rules({"parameters": experiment.parameters})
+    rules = analysis.study.analysis.looks[0].rules({"parameters": experiment.parameters})
     example = None if analysis.example is None else example_of(analysis.example, rules)
     drawn = () if example is None else (trial_figure(example, is_simulated=analysis.is_simulated),)
     blocks += [picture_of(d) for d in drawn]

@@ -35,9 +35,10 @@ from visavis.protocol.plan.steps import Show
 from visavis.results.analysis import StudyAnalysis
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.audience import DRESSED_BY, SPEAKER_EYE_M
-from visavis.study.declaration import SETTABLE, Source, Study
+from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import LooksOn
+from visavis.study.parts import SETTABLE, Source
 from visavis.study.sections import Conclusion
 from visavis.study.trial import TrialScript
 

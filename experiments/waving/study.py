@@ -63,11 +63,12 @@ from visavis.stimuli.scenes.office import (
     shift_m,
 )
 from visavis.study.comparisons import Compare, published_f
-from visavis.study.declaration import Source, Study
+from visavis.study.declaration import Study
 from visavis.study.exclusions import STANDARD_RULES, needs_answer
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import column
 from visavis.study.pairs import Printed
+from visavis.study.parts import Source
 from visavis.study.responses import Choice, Rating
 from visavis.study.scenes import WithEyes, places
 from visavis.study.sections import Confusion

@@ -22,7 +22,6 @@ from visavis.running.scripts import tables as tables
 from visavis.stimuli.sound import Sound as Sound
 from visavis.study.careless_answers import Careless as Careless
 from visavis.study.comparisons import Compare as Compare
-from visavis.study.declaration import Source as Source
 from visavis.study.declaration import Study as Study
 from visavis.study.derive import derive as derive
 from visavis.study.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
@@ -44,6 +43,7 @@ from visavis.study.measures import fixations_on as fixations_on
 from visavis.study.pairs import Correlate as Correlate
 from visavis.study.pairs import Pairs as Pairs
 from visavis.study.pairs import Printed as Printed
+from visavis.study.parts import Source as Source
 from visavis.study.pieces import MeasuredTrial as MeasuredTrial
 from visavis.study.pieces import Pieces as Pieces
 from visavis.study.responses import Choice as Choice

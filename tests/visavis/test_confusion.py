@@ -42,7 +42,7 @@ def extra(tmp_path: Path) -> Any:
     opened = find_study(str(path))
     trials = pd.DataFrame(ROWS, columns=["eyes", "distance", "seen"])
     analysis: Any = SimpleNamespace(selection=SimpleNamespace(counted=trials), is_simulated=False)
-    section: Any = opened.study.sections[0]
+    section: Any = opened.study.report.sections[0]
     return confusion_section(section, analysis, opened.experiment({}))
 
 

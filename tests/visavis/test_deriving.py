@@ -22,8 +22,8 @@ def test_everything_that_is_not_named_stays() -> None:
     base = opened("duel").study
     own = derive(base, "my_duel", title="Mine")
     assert ("my_duel", "Mine") == (own.name, own.title)
-    for field in ("repetitions", "practice", "factors", "measures", "compare", "exclusions"):
-        assert getattr(base, field) == getattr(own, field), field
+    for part in ("design", "procedure", "asks", "devices", "simulated", "analysis", "report"):
+        assert getattr(base, part) == getattr(own, part), part
     plan = OpenedStudy(own).experiment({}).plan(0, 1)
     of_base = opened("duel").experiment({}).plan(0, 1)
     assert [b.instruction for b in of_base.blocks] == [b.instruction for b in plan.blocks]
@@ -37,7 +37,7 @@ def test_base_stays_as_it_was() -> None:
     def wall(staging: object) -> None:
         """Show nothing."""
 
-    assert (5, {}) == (base.repetitions, base.makers)
+    assert (5, {}) == (base.design.repetitions, base.procedure.makers)
 
 
 def test_levels_of_a_factor_and_what_every_study_has_are_parameters() -> None:
@@ -49,13 +49,13 @@ def test_levels_of_a_factor_and_what_every_study_has_are_parameters() -> None:
 
 def test_limits_of_exclusions_are_changed_by_name() -> None:
     own = derived(exclusions={"max_trial_lost_01": 0.25, "min_cell_trials": None})
-    limits = {rule.name: rule.limit for rule in own.exclusions}
+    limits = {rule.name: rule.limit for rule in own.analysis.exclusions}
     assert (0.25, None, 0.5) == (
         limits["max_trial_lost_01"],
         limits["min_cell_trials"],
         limits["max_bad_trials_01"],
     )
-    assert all(isinstance(rule, Exclusion) for rule in own.exclusions)
+    assert all(isinstance(rule, Exclusion) for rule in own.analysis.exclusions)
 
 
 @pytest.mark.parametrize(
@@ -116,6 +116,6 @@ def test_a_package_that_names_no_study_says_so(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize("part", ["trial", "person"])
 def test_short_path_of_the_base_does_not_hold_for_another_trial_or_person(part: str) -> None:
     own = derive("stare", "my_stare")
-    assert own.quick_of is not None
+    assert own.simulated.quick_of is not None
     getattr(own, part)(lambda *_: None)
-    assert own.quick_of is None
+    assert own.simulated.quick_of is None

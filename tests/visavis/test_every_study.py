@@ -310,11 +310,11 @@ def test_without_an_effect_nothing_is_found(reference: str) -> None:
     levels = experiment.levels
     known = {m.column: m for m in measures}
     nobody = pd.DataFrame()
-    for family in study.study.families:
+    for family in study.study.analysis.families:
         for test in results_of(family, rows, nobody, known, levels):
             assert test.outcome is None or test.outcome.p > NULL_ALPHA, test.sentence()
     compared = [c for c in experiment.compare if c.dv in rows]
-    assert compared or study.study.families or not experiment.compare
+    assert compared or study.study.analysis.families or not experiment.compare
     for compare in compared:
         finding = answered(compare, rows, known, levels, is_simulated=True)
         assert finding.outcome is not None, finding.why_not

@@ -126,7 +126,7 @@ def test_cell_that_a_damaged_recording_emptied_in_part_is_judged_by_the_rest() -
 
 @pytest.mark.parametrize("name", sorted(SHIPPED))
 def test_every_rule_of_the_studies_that_come_along_is_told_in_words(name: str) -> None:
-    for rule in find_study(name).study.exclusions:
+    for rule in find_study(name).study.analysis.exclusions:
         if not rule.if_missing:
             assert rule.column_words != rule.column.replace("_", " "), rule.name
             assert not rule.column_words.endswith(" 01"), rule.name

@@ -167,7 +167,7 @@ def test_families_of_tests_and_their_thresholds_are_frozen_too(tmp_path: Path) -
     chosen = find_study("stare")
     experiment = chosen.experiment({})
     locked = lock_plan(tmp_path, chosen, experiment, 1, SimClock(), participants=30)
-    assert len(chosen.study.families) == len(locked.plan["families"])  # type: ignore[attr-defined]  # stare is on the kit
+    assert len(chosen.study.analysis.families) == len(locked.plan["families"])  # type: ignore[attr-defined]  # stare is on the kit
     now = content_now(chosen, experiment, 1, {"alpha": 0.01})
     assert [("test rule alpha", "0.05", "0.01")] == [
         (d.what, d.planned, d.done) for d in deviations_between(locked.plan, now)

@@ -114,8 +114,10 @@ def test_confidence_and_stamps_have_a_row_each(analysis):
 def duel_of(rows):
     """Return the analysis of a study that asks for nothing but looks, with its own rules."""
     study = opened("duel").study
-    limits = limits_in_force(study.exclusions, {})
-    selection = select(rows, study.exclusions, limits, cells=["gaze"], planned={}, cell_count=2)
+    limits = limits_in_force(study.analysis.exclusions, {})
+    selection = select(
+        rows, study.analysis.exclusions, limits, cells=["gaze"], planned={}, cell_count=2
+    )
     measures = [Measure("dwell_ms", "ms", "Dwell time", needs_gaze=True)]
     levels = {"gaze": ("averted", "directed")}
     return analyse_rows(

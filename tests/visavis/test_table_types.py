@@ -64,7 +64,7 @@ def folder(tmp_path_factory):
     people = anxiety_answers(4).assign(vision=[1, 2, 3, 1], drift_deg=[0.1, 0.2, 0.3, 0.4])
     out = tmp_path_factory.mktemp("tables")
     analysis = analysed(rows, people, varied=varied_rows(rows))
-    asked = [questionnaire(name, study.folders) for name in study.questionnaires]
+    asked = [questionnaire(name, study.folders) for name in study.asks.questionnaires]
     write_study(analysis, experiment_of(), asked, ReportProvenance("stare", "1", ""), out)
     return out
 
@@ -98,7 +98,7 @@ def test_a_figure_is_let_go_of_once_it_is_written(tmp_path, monkeypatch):
 
     monkeypatch.setattr("visavis.results.outputs.write_figure", write)
 
-    asked = [questionnaire(name, study.folders) for name in study.questionnaires]
+    asked = [questionnaire(name, study.folders) for name in study.asks.questionnaires]
     write_study(analysis, experiment_of(), asked, ReportProvenance("stare", "1", ""), tmp_path)
 
     assert len(written) > 3

@@ -94,8 +94,8 @@ def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:
         return DatasetAbout(**said)
     study = found.study
     experiment = found.experiment(overrides_of(recording.manifest.plan))
-    source = () if study.source is None else (study.source.citation,)
-    said["references"] = (*said["references"], *study.references, *source)
+    source = () if study.report.source is None else (study.report.source.citation,)
+    said["references"] = (*said["references"], *study.report.references, *source)
     description = f"{study.title}. {study.question}".strip()
     return DatasetAbout(description, own_methods(experiment), **said)
 
@@ -110,7 +110,7 @@ def _texts_of(study: str, lab: LabConfig) -> tuple[TextRule, frozenset[str]]:
         }
     except LabError:
         return (lambda questionnaire, question: True), frozenset()
-    columns = frozenset(r.name for r in found.study.responses if isinstance(r, Text))
+    columns = frozenset(r.name for r in found.study.asks.responses if isinstance(r, Text))
 
     def is_text(questionnaire: str, question: str) -> bool:
         return questionnaire not in typed or question in typed[questionnaire]

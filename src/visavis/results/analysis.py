@@ -214,7 +214,7 @@ class StudyAnalysis:
     @property
     def measured_by(self) -> str:
         """How trials were measured one by one ("rule volume, surface fine"); else nothing."""
-        pieces = self.study.measured_in_pieces
+        pieces = self.study.analysis.measured_in_pieces
         if pieces is None or self.how is None:
             return ""
         return ", ".join(f"{name} {getattr(self.how, name)}" for name in pieces.kept_by)
@@ -246,7 +246,7 @@ class StudyAnalysis:
     @property
     def conclusions(self) -> tuple[Conclusion, ...]:
         """The study's own answers to its questions."""
-        of = self.study.conclude_of
+        of = self.study.analysis.conclude_of
         return () if of is None else tuple(of(self))
 
     def cell_means(self) -> pd.DataFrame:
@@ -263,7 +263,7 @@ class StudyAnalysis:
 
 def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ...]:
     """Return what a study measures: its own, every answer that is a number, share or time."""
-    found = {m.column: m for m in study.measures}
+    found = {m.column: m for m in study.analysis.measures}
     for name, response in responses.items():
         words = name.replace("_", " ").capitalize()
         if response.aggregate == "mean":
@@ -317,7 +317,7 @@ def analyse_rows(
         answered(
             c, selection.counted, known, dict(levels), is_simulated=is_simulated, called=called
         )
-        for c in (study.compare if compare is None else compare)
+        for c in (study.analysis.compare if compare is None else compare)
     ]
     made = StudyAnalysis(
         study,
@@ -334,7 +334,8 @@ def analyse_rows(
         how=how,
     )
     made = _with_families(made, known, varied)
-    return made if study.further_of is None else replace(made, further=study.further_of(made))
+    further_of = study.analysis.further_of
+    return made if further_of is None else replace(made, further=further_of(made))
 
 
 def _with_families(
@@ -344,7 +345,7 @@ def _with_families(
     kept, levels, rules = made.selection.counted, made.levels, made.rules
     results = tuple(
         Results(of, results_of(of, kept, made.people, known, levels, rules))
-        for of in made.study.families
+        for of in made.study.analysis.families
         if all(name in kept for name in of.measures)
     )
     made = replace(made, results=results)

@@ -98,18 +98,18 @@ class OpenedStudy:
             DesignError: naming the line of the study file, and the nearest there is.
         """
         measured = tuple(m.column for m in self.measures(made))
-        factors = (*(f.name for f in self.study.factors), *self.study.derived)
+        factors = (*(f.name for f in self.study.design.factors), *self.study.design.derived)
         slips = [
-            *((c.dv, "measure", measured) for c in self.study.compare),
+            *((c.dv, "measure", measured) for c in self.study.analysis.compare),
             *(
                 (name, "factor", factors)
-                for c in self.study.compare
+                for c in self.study.analysis.compare
                 for name in (*c.within, *c.between, *c.only)
             ),
         ]
         choices = tuple(n for n, r in made.responses.items() if isinstance(r, Choice))
-        columns = (*factors, *(c.name for c in self.study.columns))
-        for section in self.study.sections:
+        columns = (*factors, *(c.name for c in self.study.analysis.columns))
+        for section in self.study.report.sections:
             if isinstance(section, Confusion):
                 slips.append((section.answered, "choice", choices))
                 slips.append((section.shown, "factor or column", columns))
@@ -117,13 +117,13 @@ class OpenedStudy:
         roles = frozenset().union(*(t.roles for t in made.read.values()))
         if roles:
             who = tuple(sorted(roles))
-            slips += [(m.role, "role", who) for m in self.study.measures if m.role]
-        own = [r for r in self.study.exclusions if r.column not in STANDARD_COLUMNS]
+            slips += [(m.role, "role", who) for m in self.study.analysis.measures if m.role]
+        own = [r for r in self.study.analysis.exclusions if r.column not in STANDARD_COLUMNS]
         for rule in own:
             slips += self._unknown_column(rule, made)
         for name, kind, known in slips:
             if name not in known:
-                place = line_saying(self.study.path, name) or f"study {self.study.name}"
+                place = line_saying(self.study.files.path, name) or f"study {self.study.name}"
                 near = did_you_mean(name, known)
                 is_short = "known:" not in near and not kind.startswith("column")
                 there = f" there are {', '.join(known)}" if is_short else ""
@@ -136,7 +136,7 @@ class OpenedStudy:
         if rule.level == "participant":
             known = tuple(c.name for c in PEOPLE)
             # What a study's own facts are called is known from data alone.
-            is_known = rule.column in known or self.study.facts_of is not None
+            is_known = rule.column in known or self.study.analysis.facts_of is not None
         else:
             known = tuple(trial_columns(made, self.measures(made)))
             roles = frozenset().union(*(t.roles for t in made.read.values()))
@@ -157,10 +157,10 @@ class OpenedStudy:
             "trial": trial_columns(experiment, self.measures(experiment)),
             "participant": {c.name for c in PEOPLE},
         }
-        for rule in self.study.exclusions:
+        for rule in self.study.analysis.exclusions:
             known = {*there[rule.level], *described[rule.level], *STANDARD_COLUMNS}
             if rule.column not in known:
-                place = line_saying(self.study.path, rule.column) or f"study {self.name}"
+                place = line_saying(self.study.files.path, rule.column) or f"study {self.name}"
                 raise DataError(
                     f"{place}: no {rule.level} has {rule.column!r}"
                     f"{did_you_mean(rule.column, known)}"
@@ -171,19 +171,19 @@ class OpenedStudy:
     ) -> SimulatedParticipant:
         """Return a simulated participant, who is told what a participant is told, no more."""
         made = self.experiment({}) if experiment is None else experiment
-        if self.study.person_of is not None:
-            return self.study.person_of(index, seed, effect, made)
-        if self.study.scaled_of is not None:
-            return self.study.scaled_of(index, seed, float(effect), made)
+        if self.study.simulated.person_of is not None:
+            return self.study.simulated.person_of(index, seed, effect, made)
+        if self.study.simulated.scaled_of is not None:
+            return self.study.simulated.scaled_of(index, seed, float(effect), made)
         return StudyPerson(
-            index, seed, effect, responses=made.words, answer_of=self.study.answer_of
+            index, seed, effect, responses=made.words, answer_of=self.study.simulated.answer_of
         )
 
     def judge_validation(
         self, points: Sequence[ValidationPoint], rate_hz: float
     ) -> ValidationVerdict:
         """Measure a validation per eye; the combined eye decides, where anything rests on gaze."""
-        if not self.study.validate:
+        if not self.study.devices.validate:
             return ValidationVerdict(
                 True, "gaze is not measured in this study", None, None, None, 0, ()
             )
@@ -193,29 +193,31 @@ class OpenedStudy:
         """Return the questionnaires asked after blocks and at the end, in the lab's wording."""
         return tuple(
             questionnaire(n, self.study.folders, config.wording.get(n), language=config.language)
-            for n in (*self.study.after_block, *self.study.questionnaires)
+            for n in (*self.study.asks.after_block, *self.study.asks.questionnaires)
         )
 
     def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
         """Yield the views that a recorded frame may have shown, the likeliest first."""
-        if self.study.views_of is not None:
+        if self.study.procedure.views_of is not None:
             plan = shown.recording.manifest.plan
             experiment = shown.once("experiment", lambda: self.experiment(overrides_of(plan)))
-            yield from self.study.views_of(shown, experiment)
+            yield from self.study.procedure.views_of(shown, experiment)
             return
         bare = shown.view
         latest = shown.latest("shown")
         if latest is None or not shown.scene.agents:
-            yield replace(bare, scene=replace(bare.scene, dressed_by=self.study.dressed_by))
+            yield replace(
+                bare, scene=replace(bare.scene, dressed_by=self.study.procedure.dressed_by)
+            )
             return
         _, payload = latest
         options = {
             k.removeprefix("option_"): v for k, v in payload.items() if k.startswith("option_")
         }
         staging = Staging(
-            np.random.default_rng(0), 0.0, int(payload["start_ns"]), self.study.files_folder
+            np.random.default_rng(0), 0.0, int(payload["start_ns"]), self.study.files.trial_folder
         )
-        staged = stage(Scene(payload["scene"], **options), staging, self.study.makers)
+        staged = stage(Scene(payload["scene"], **options), staging, self.study.procedure.makers)
         scene = replace(
             staged.scene, agents=shown.scene.agents, brightness_01=shown.scene.brightness_01
         )
@@ -229,7 +231,7 @@ class OpenedStudy:
         Looks say themselves what of gaze was lost.
         """
         found = measures_of(self.study, experiment.responses)
-        if self.study.looks:
+        if self.study.analysis.looks:
             return found
         lost = lost_gaze() if any(m.needs_gaze for m in found) else lost_head()
         return found if lost.column in {m.column for m in found} else (*found, lost)
@@ -237,7 +239,7 @@ class OpenedStudy:
     @property
     def pieces(self) -> Pieces | None:
         """How its trials are measured one by one; None where a session is measured at once."""
-        return self.study.measured_in_pieces
+        return self.study.analysis.measured_in_pieces
 
     def asked(self, names: Sequence[str]) -> list[Questionnaire]:
         """Return questionnaires by name, as they were written."""
@@ -256,10 +258,10 @@ class OpenedStudy:
         taken = take_in(
             recording,
             self.measures(experiment),
-            self.asked(study.questionnaires),
-            study.looks,
-            self.asked(study.after_block),
-            study.blocked_by,
+            self.asked(study.asks.questionnaires),
+            study.analysis.looks,
+            self.asked(study.asks.after_block),
+            study.design.blocked_by,
             () if pieces is None else None,
             answers=tuple(experiment.responses),
             picture_delay_ms=delay_of(settings or {}),
@@ -268,7 +270,7 @@ class OpenedStudy:
             return taken
         how = pieces.how_with(settings or {})
         found = pieces.measured(recording, how) if measured is None else measured
-        factors = [f.name for f in study.factors]
+        factors = [f.name for f in study.design.factors]
         rows, tables = pieces.put_together(recording, taken.rows, found, factors, how)
         return replace(taken, rows=rows, tables=tables)
 
@@ -281,12 +283,13 @@ class OpenedStudy:
             ConfigError: a value is none of the kind.
         """
         study, pieces = self.study, self.pieces
-        known = [SETTING, *(r.name for r in study.exclusions)]
-        if study.families:
+        known = [SETTING, *(r.name for r in study.analysis.exclusions)]
+        if study.analysis.families:
             known += [f.name for f in fields(TestRules)]
-        elif study.compare:
+        elif study.analysis.compare:
             known += ["alpha", "normality_alpha"]
-        known += [] if study.thresholds is None else [f.name for f in fields(study.thresholds)]
+        thresholds = study.analysis.thresholds
+        known += [] if thresholds is None else [f.name for f in fields(thresholds)]
         known += [] if pieces is None else pieces.settable
         unknown = set(settings) - set(known)
         if unknown:
@@ -295,7 +298,7 @@ class OpenedStudy:
                 f"{', '.join(known)}"
             )
         delay_of(settings)
-        limits_in_force(study.exclusions, settings)
+        limits_in_force(study.analysis.exclusions, settings)
         DEFAULT_TEST_RULES.with_settings(settings)
         study.thresholds_with(settings)
         _ = pieces is None or pieces.how_with(settings)
@@ -316,7 +319,7 @@ class OpenedStudy:
         self.check_settings(settings)
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
         rows = pd.concat([s.rows for s in sessions], ignore_index=True)
-        facts_of = self.study.facts_of
+        facts_of = self.study.analysis.facts_of
         self._refuse_absent(experiment, rows, None if facts_of is None else facts_of(rows))
         return self.analysis_of_rows(
             experiment,
@@ -356,8 +359,8 @@ class OpenedStudy:
         Raises:
             DataError: nothing counts.
         """
-        design = self.study.design(experiment.parameters)
-        compared = self.study.cells_of(design)
+        design = self.study.design_with(experiment.parameters)
+        compared = self.study.analysis.cells_of(design)
         settings = settings or {}
         selection = self.selection_of(
             experiment, rows, planned=planned, settings=settings, people=people
@@ -394,8 +397,8 @@ class OpenedStudy:
         people: pd.DataFrame | None = None,
     ) -> Selection:
         """Decide by the study's rules which trials count; `people` hold what they answered."""
-        rules, facts_of = self.study.exclusions, self.study.facts_of
-        compared = self.study.cells_of(self.study.design(experiment.parameters))
+        rules, facts_of = self.study.analysis.exclusions, self.study.analysis.facts_of
+        compared = self.study.analysis.cells_of(self.study.design_with(experiment.parameters))
         return select(
             rows,
             rules,
@@ -450,7 +453,7 @@ class OpenedStudy:
         from visavis.results.outputs import write_study
 
         analysis = replace(analysis, is_simulated=is_simulated, example=example)
-        for line in left_out_lines(analysis.selection, self.study.exclusions):
+        for line in left_out_lines(analysis.selection, self.study.analysis.exclusions):
             if self.tell is not None:
                 self.tell(line)
         if self.make_views is not None:
@@ -463,8 +466,8 @@ class OpenedStudy:
             folder,
         )
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
-        asked = self.asked(self.study.questionnaires)
-        facts = {**sessions[0].facts, **self.study.setup}
+        asked = self.asked(self.study.asks.questionnaires)
+        facts = {**sessions[0].facts, **self.study.report.setup}
         return write_study(
             analysis,
             experiment,

@@ -58,9 +58,9 @@ def write_study(
         UsageError: the folder cannot be written to.
         DataError: a column of a table is not described.
     """
-    extras = [_section(of, analysis, experiment) for of in experiment.study.sections]
+    extras = [_section(of, analysis, experiment) for of in experiment.study.report.sections]
     extras.append(chosen(analysis, experiment))
-    quality = quality_of(analysis, facts) if experiment.study.validate else None
+    quality = quality_of(analysis, facts) if experiment.study.devices.validate else None
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         write_tables(analysis, experiment, questionnaires, out_dir, extras, quality)
@@ -139,7 +139,7 @@ def write_tables(
     trials were measured where that can be set.
     """
     study = experiment.study
-    pieces = study.measured_in_pieces
+    pieces = study.analysis.measured_in_pieces
     marks = {SIMULATED_COLUMN: analysis.is_simulated}
     marks |= {} if pieces is None or analysis.how is None else pieces.marks(analysis.how)
     trials = analysis.selection.rows.assign(**marks)
@@ -165,7 +165,7 @@ def write_tables(
         for name, table in extra.tables.items():
             columns = {**known, **{c.name: c for c in extra.columns}}
             write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
-    asked = [questionnaire(name, study.folders) for name in study.after_block]
+    asked = [questionnaire(name, study.folders) for name in study.asks.after_block]
     for name, table in analysis.tables.items():
         columns = {**known, **block_columns(asked)} if name == "blocks" else known
         own = () if pieces is None else pieces.tables.get(name, ())
@@ -174,7 +174,7 @@ def write_tables(
         table.assign(**marks).to_parquet(out_dir / f"{name}.parquet", index=False)
     described = {c.name: c for c in (*PEOPLE, *STATISTICS)}
     described |= {name: known[name] for name in marks}
-    described |= columns_of_tests(analysis.study.families) if analysis.results else {}
+    described |= columns_of_tests(analysis.study.analysis.families) if analysis.results else {}
     for name, rows in (
         ("statistics", statistics_rows(analysis)),
         ("contrasts", contrast_rows(analysis)),

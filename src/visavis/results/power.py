@@ -102,7 +102,7 @@ class KitPower:
                 found[_effect_name(compare, term, compared)] = _claim_of(compare, term)
         for of in families_of(study):
             found |= claims_of(study, of)
-        found |= study.questions
+        found |= study.analysis.questions
         if not found:
             raise UsageError(
                 f"{self.name} plans no comparison, so there is no power to find; declare one: "
@@ -148,10 +148,10 @@ class KitPower:
         """Return how a test becomes significant."""
         study = self._opened.study
         pairs = [of for of in families_of(study) if isinstance(of, Pairs)]
-        if pairs and not study.compare:
+        if pairs and not study.analysis.compare:
             n = len(pairs[0].levels) * len(pairs[0].measures)
             return f"Shapiro-Wilk, then paired t or Wilcoxon, two-sided, p < {alpha:g}/{n}"
-        ways = {c.correction for c in study.compare if not c.exploratory}
+        ways = {c.correction for c in study.analysis.compare if not c.exploratory}
         return (
             f"the study's own tests, corrected within families ({', '.join(sorted(ways))}), "
             f"p < {alpha:g}"
@@ -222,7 +222,7 @@ class KitPower:
                 f"{folder} holds no trials.csv; make it with `visavis analyse {folder}` and give "
                 "that folder or its derived/ folder"
             )
-        if effect != 1 and (opened.study.compare or not families):
+        if effect != 1 and (opened.study.analysis.compare or not families):
             raise DataError(
                 "people who were recorded keep the effect that was found in them: "
                 "leave --effect out"
@@ -280,7 +280,7 @@ class KitPower:
     ) -> dict[str, Found]:
         known = {m.column: m for m in opened.measures(experiment)}
         levels = experiment.levels
-        asks = any(name in opened.study.questions for name in tests)
+        asks = any(name in opened.study.analysis.questions for name in tests)
         findings = corrected(
             [
                 answered(compare, rows, known, levels, is_simulated=True)
@@ -333,7 +333,7 @@ def _of_families(
     """Make the asked tests of families; a question needs every test of every family."""
     study, levels = opened.study, experiment.levels
     known = {m.column: m for m in opened.measures(experiment)}
-    asks = any(name in study.questions for name in tests)
+    asks = any(name in study.analysis.questions for name in tests)
     rules = DEFAULT_TEST_RULES.with_settings({"alpha": alpha})
     people = rows.drop_duplicates("participant")
     found: dict[str, Found] = {}
@@ -381,7 +381,7 @@ def families_of(study: Study) -> tuple[Family, ...]:
     """Return the families of which power is found: planned ones, not made place by place."""
     return tuple(
         of
-        for of in study.families
+        for of in study.analysis.families
         if not of.exploratory and not (isinstance(of, Pairs) and of.each)
     )
 
@@ -393,7 +393,7 @@ def pair_name(pair: tuple[str, str], measure: str) -> str:
 
 def claims_of(study: Study, of: Family, measures: Sequence[str] | None = None) -> dict[str, str]:
     """Return the tests of a family by name, with what they claim."""
-    words = {m.column: m.words.lower() for m in study.measures}
+    words = {m.column: m.words.lower() for m in study.analysis.measures}
     names = [(m, words.get(m, m)) for m in (of.measures if measures is None else measures)]
     if isinstance(of, Pairs):
         return {
@@ -411,12 +411,12 @@ def claims_of(study: Study, of: Family, measures: Sequence[str] | None = None) -
 
 def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
     """Yield what a source prints of the paired t tests of a family, by their names."""
-    if not isinstance(of, Pairs) or of.printed is None or study.source is None:
+    if not isinstance(of, Pairs) or of.printed is None or study.report.source is None:
         return
-    n, nan = study.source.participants, float("nan")
+    n, nan = study.report.source.participants, float("nan")
     if n is None:
         return
-    known = {m.column: m for m in study.measures}
+    known = {m.column: m for m in study.analysis.measures}
     n_tests = (len(of.levels) if "levels" in of.shared else 1) * (
         len(of.measures) if "measures" in of.shared else 1
     )
@@ -467,7 +467,7 @@ def _needed(
     families = families_of(opened.study)
     factors = {of.factor for of in families}
     kept = counted
-    if not opened.study.compare and len(factors) == 1:
+    if not opened.study.analysis.compare and len(factors) == 1:
         names = {name for of in families for name in of.measures}
         measures = [m for m in opened.measures(experiment) if m.column in names]
         kept = aggregated(counted, measures, list(factors)).drop(columns="n")

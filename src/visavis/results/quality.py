@@ -181,7 +181,9 @@ def quality_of(analysis: StudyAnalysis, facts: Mapping[str, str] | None = None) 
     rows = analysis.selection.rows
     if not any(c in rows and rows[c].notna().any() for c in (ERROR_COLUMN, *LOSS_COLUMNS)):
         return None
-    limits = {r.column: analysis.selection.limits[r.name] for r in analysis.study.exclusions}
+    limits = {
+        r.column: analysis.selection.limits[r.name] for r in analysis.study.analysis.exclusions
+    }
     return quality_of_trials(
         rows[~rows["is_practice"].astype(bool)],
         analysis.selection.finished,

@@ -207,7 +207,7 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             "frame, or vibrate, and a page shows t.watch, t.ask, t.wait and t.dark. Perform it in "
             "the laboratory (visavis run), or show its scenes as films (t.watch)"
         )
-    if "sound" in experiment.study.screening:
+    if "sound" in experiment.study.procedure.screening:
         spoken_digits(experiment.language, experiment.settings.folder)
     return FilmStore(experiment.settings.makers, experiment.settings.folder)
 

@@ -80,13 +80,13 @@ def _example(name: str, filled: Mapping[str, str]) -> str:
 
 
 def _derived(name: str, base: Study, folder: Path) -> str:
-    where = base.name if base.path is None else _relative(base.path, folder)
+    where = base.name if base.files.path is None else _relative(base.files.path, folder)
     in_force = parameters_in_force(base, {})
-    levels = {f.name: list(f.levels) for f in base.factors}
+    levels = {f.name: list(f.levels) for f in base.design.factors}
     parameters = "".join(
         f"        # {key!r}: {value!r},\n" for key, value in {**levels, **in_force}.items()
     )
-    limits = "".join(f"        # {r.name!r}: {r.limit!r},\n" for r in base.exclusions)
+    limits = "".join(f"        # {r.name!r}: {r.limit!r},\n" for r in base.analysis.exclusions)
     return (
         f'"""{base.title} (study {base.name}), but for what is said here.\n\n'
         "Take the # away from a line and change its value; the values that stand here are those of "

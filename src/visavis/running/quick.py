@@ -78,16 +78,17 @@ def quick_study(
     """
     study = opened.study
     measures = [m for m in opened.measures(experiment) if m.of is not None]
-    correlated = any(isinstance(of, Correlate) for of in study.families)
-    asked = [questionnaire(name, study.folders) for name in study.questionnaires if correlated]
+    correlated = any(isinstance(of, Correlate) for of in study.analysis.families)
+    asked = [questionnaire(name, study.folders) for name in study.asks.questionnaires if correlated]
     tables, people = [], []
     for index in indices:
         person = _person(opened, experiment, index, seed, effect)
         tracker = make_tracker(seed, index)
-        if study.quick_of is None:
+        quick_of = study.simulated.quick_of
+        if quick_of is None:
             rows = quick_rows(experiment, person, tracker, measures, index=index, seed=seed)
         else:
-            performed = study.quick_of(experiment, person, tracker)(experiment.plan(index, seed))
+            performed = quick_of(experiment, person, tracker)(experiment.plan(index, seed))
             rows = pd.DataFrame([_row_of(trial, own, index) for trial, own in performed])
         tables.append(rows)
         known: dict[str, Any] = {"participant": _name(index)}
@@ -111,7 +112,7 @@ def answers_of(person: SimulatedParticipant, questions: Questionnaire) -> dict[s
 def _person(
     opened: OpenedStudy, experiment: StudyExperiment, index: int, seed: int, effect: float
 ) -> SimulatedParticipant:
-    scaled = opened.study.scaled_of
+    scaled = opened.study.simulated.scaled_of
     if scaled is not None:
         return scaled(index, seed, effect, experiment)
     if effect not in (0, 1):
@@ -155,7 +156,7 @@ def quick_rows(
         UsageError: a measure needs more than gaze and the trial's own row.
     """
     rows: list[dict[str, Any]] = []
-    if experiment.study.on == "browser":
+    if experiment.study.procedure.on == "browser":
         done = _page_rows(experiment, person, index=index, seed=seed)
         rows = [_row_of(trial, own, index) for trial, own in done]
         return pd.DataFrame(
@@ -218,7 +219,7 @@ def _row(
     frames.run(experiment.intertrial(trial))
     own = frames.run(experiment.run_trial(trial))
     row, gaze = _row_of(trial, own, index), frames.gaze()
-    for looks in experiment.study.looks:
+    for looks in experiment.study.analysis.looks:
         rules = looks.rules({"parameters": experiment.parameters})
         never = np.zeros(gaze.t_ns.size, np.bool_)  # a model's samples do not freeze
         row |= looks.columns(TrialRecord(row, None, gaze), never, rules)

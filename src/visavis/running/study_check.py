@@ -75,7 +75,7 @@ def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None 
 def plan_problems(experiment: StudyExperiment) -> list[str]:
     """Say where a plan differs when it is made again, or holds a condition more often."""
     problems = []
-    design = experiment.study.design(experiment.parameters)
+    design = experiment.study.design_with(experiment.parameters)
     groups = max(1, len(combinations_of(design.between)))
     for index in range(PEOPLE * groups):
         plan = experiment.plan(index, SEED)
@@ -157,7 +157,7 @@ def picture_problems(experiment: StudyExperiment) -> list[str]:
 def first_view(experiment: StudyExperiment, wanted: Scene) -> Any:
     """Return what the first frame of a scene shows."""
     staging = Staging(np.random.default_rng(0), 1.0, 0, experiment.settings.folder)
-    return stage(wanted, staging, experiment.study.makers).frame(still_view(), 0)
+    return stage(wanted, staging, experiment.study.procedure.makers).frame(still_view(), 0)
 
 
 def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> list[str]:
@@ -172,7 +172,7 @@ def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> lis
     other = OpenedStudy(renamed(opened.study))
     same = renamed_parameters(opened.study, experiment.overrides)
     again = _performed(other, other.experiment(same), measures)
-    names = {f.name for f in opened.study.factors}
+    names = {f.name for f in opened.study.design.factors}
     problems += [
         f"{column!r} changes when the conditions are called otherwise: somebody is told them"
         for column in rows.columns
@@ -185,7 +185,7 @@ def renamed(study: Study) -> Study:
     """Return a study whose conditions are called otherwise and are the same: level_1, level_2."""
     new = {
         f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
-        for f in study.factors
+        for f in study.design.factors
     }
     old = {name: {v: k for k, v in levels.items()} for name, levels in new.items()}
 
@@ -198,25 +198,23 @@ def renamed(study: Study) -> Study:
         return plan_of
 
     def check_of(parameters: Mapping[str, Any]) -> None:
-        if study.check_of is not None:
-            study.check_of(_told_levels(parameters, old))
+        if study.design.check_of is not None:
+            study.design.check_of(_told_levels(parameters, old))
 
-    practice = study.practice
-    return dataclasses.replace(
-        study,
+    practice, intertrial = study.design.practice, study.procedure.intertrial_of
+    return study.with_changes(
         factors=tuple(
-            dataclasses.replace(f, levels=tuple(new[f.name].values())) for f in study.factors
+            dataclasses.replace(f, levels=tuple(new[f.name].values())) for f in study.design.factors
         ),
         practice=practice if isinstance(practice, int) else [_told(c, new) for c in practice],
-        derived={name: _of_old(of, old) for name, of in study.derived.items()},
-        constraints=[_unrenamed(rule, old) for rule in study.constraints],
+        derived={name: _of_old(of, old) for name, of in study.design.derived.items()},
+        constraints=[_unrenamed(rule, old) for rule in study.design.constraints],
         plan_of=told(study.trial_plan),
-        intertrial_of=None if study.intertrial_of is None else told(study.intertrial_of),
+        intertrial_of=None if intertrial is None else told(intertrial),
         check_of=check_of,
-        ranges={k: v for k, v in study.ranges.items() if k not in new},
+        ranges={k: v for k, v in study.design.ranges.items() if k not in new},
         prepare_of=None,  # which is only sooner
         compare=(),
-        makers=dict(study.makers),
         sections=[],
     )
 
@@ -242,7 +240,7 @@ def renamed_parameters(study: Study, parameters: Mapping[str, Any]) -> dict[str,
     """Return parameters for a renamed study, levels of its factors by their new names."""
     new = {
         f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
-        for f in study.factors
+        for f in study.design.factors
     }
     return _told_levels(parameters, new)
 
@@ -297,7 +295,7 @@ def _performed(
     each = _EachOnce(experiment.study, experiment.overrides)
     wanted = [m for m in measures if m.of is None or m.needs_gaze]
     rows = []
-    groups = len(combinations_of(experiment.study.design(experiment.parameters).between)) or 1
+    groups = len(combinations_of(experiment.study.design_with(experiment.parameters).between)) or 1
     for index in range(groups):
         person = opened.participant(index, SEED, effect=True, experiment=each)
         rows.append(quick_rows(each, person, _Exact(), wanted, index=index, seed=SEED))

@@ -5,6 +5,7 @@ import importlib
 import importlib.util
 import sys
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -67,7 +68,8 @@ def is_file(wanted: str) -> bool:
 
 def reference_of(study: Study) -> str:
     """Return what finds a study again from any folder and any process: its file, or its name."""
-    return study.name if study.path is None else str(study.path)
+    path = study.files.path
+    return study.name if path is None else str(path)
 
 
 def digest_of(path: Path) -> str:
@@ -77,10 +79,11 @@ def digest_of(path: Path) -> str:
     """
     digest = hashlib.sha256()
     study: Study | None = study_of_file(path)
-    while study is not None and study.path is not None:
-        texts = () if study.texts is None else (study.folder / study.texts).glob("*.yaml")
-        asked = (study.folder / f"{name}.yaml" for name in study.questionnaires)
-        for file in (study.path, *sorted(texts), *asked):
+    while study is not None and (own := study.files.path) is not None:
+        files = study.files
+        texts = () if files.texts is None else (files.folder / files.texts).glob("*.yaml")
+        asked = (files.folder / f"{name}.yaml" for name in study.asks.questionnaires)
+        for file in (own, *sorted(texts), *asked):
             digest.update(file.read_bytes() if file.is_file() else b"")
         study = study.base
     return digest.hexdigest()
@@ -108,7 +111,7 @@ def study_of_file(path: Path) -> Study:
             'study = Study("NAME", …)'
         )
     study = found[0]
-    study.path, study.folder = path, path.parent
+    study.files = replace(study.files, path=path, folder=path.parent)
     for line, step in forgotten_yields(path, STEPS):
         raise DesignError(
             f"{path}, line {line}: {step}(…) is made and not performed; write yield {step}(…)"

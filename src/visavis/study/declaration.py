@@ -15,222 +15,167 @@ tables with their dictionaries, statistics, figures, report, power.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Final
 
 from visavis.lab.errors import DesignError
-from visavis.protocol.plan.columns import Column
-from visavis.protocol.plan.design import BlockOrder, Design, Factor, TrialOrder
-from visavis.protocol.plan.orders import Constraint
-from visavis.protocol.plan.parameters import Range, parameters_from
-from visavis.protocol.plan.steps import Scalar
-from visavis.study.comparisons import Compare
-from visavis.study.exclusions import STANDARD_RULES, Exclusion
-from visavis.study.look_measures import LooksOn
-from visavis.study.measures import Measure
-from visavis.study.pairs import Family
-from visavis.study.pieces import Pieces
-from visavis.study.responses import Response
+from visavis.lab.parts import part_of, parts_from, takes_keywords_of
+from visavis.protocol.plan.design import Design, Factor
+from visavis.protocol.plan.parameters import parameters_from
+from visavis.study.parts import (
+    SETTABLE,
+    AnalysisPlan,
+    Asks,
+    DeviceNeeds,
+    Procedure,
+    Reporting,
+    SimulatedPeople,
+    StudyDesign,
+    StudyFiles,
+)
 from visavis.study.scenes import Maker
-from visavis.study.sections import ConcludeOf, Confusion, SectionOf, named
+from visavis.study.sections import ConcludeOf, SectionOf
 from visavis.study.study_functions import (
     AnswerOf,
+    CheckOf,
     DemandsOf,
     FactsOf,
     FurtherOf,
     IntertrialPlan,
-    PeopleOf,
     PersonOf,
     PrepareOf,
     QuickOf,
-    RolesOf,
     ScaledOf,
     ViewsOf,
 )
-from visavis.study.trial import TrialPlan, TrialScript
+from visavis.study.trial import TrialPlan
 
-RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
-    "trial",
-    "settings",
-    "row",
-    "view",
+PARTS: Final[Mapping[str, type[Any]]] = {
+    "design": StudyDesign,
+    "procedure": Procedure,
+    "asks": Asks,
+    "devices": DeviceNeeds,
+    "simulated": SimulatedPeople,
+    "analysis": AnalysisPlan,
+    "report": Reporting,
+    "files": StudyFiles,
 }
-"""Names a trial script has already; no factor or parameter can be called so."""
-SETTABLE: Final = (
-    "repetitions",
-    "practice",
-    "blocks",
-    "order",
-    "intertrial_s",
-    "answer_by",
-    "answer_limit_s",
-)
-"""Parameters that every study has."""
-
-On: TypeAlias = Literal["lab", "browser"]
-Screening: TypeAlias = Literal["card", "sound"]
-
-
-class MeanSd(NamedTuple):
-    """A printed mean with its standard deviation over participants."""
-
-    mean: float
-    sd: float
+"""The parts of a study by the names under which it has them."""
+PART_OF: Final = part_of(PARTS)
+"""The part in which each keyword of a study stands."""
 
 
 @dataclass(frozen=True)
-class Source:
-    """Where a study comes from: the citation, and what is printed of it.
-
-    `cells` are published means (and SDs) by measure and level: {"dwell_ms": {"D": (1210, 480)}}.
-    """
-
-    citation: str
-    participants: int | None = None
-    cells: Mapping[str, Mapping[str, tuple[float, float | None]]] = field(default_factory=dict)
-    note: str = ""
-    only: Mapping[str, Scalar] = field(default_factory=dict)
-    """Levels of other factors that trials must have to stand beside it."""
-
-
-@dataclass
-class Study:
-    """A study. Only name, title, factors and a trial are needed.
-
-    `texts` names the folder of text files beside the study file. `parameters` are numbers, texts
-    and truths a lab may replace with `--set`; a trial reads them as attributes. `ranges` say what
-    they may be, and which levels of factors there are: `Within(0, 1)`, or names. `responses` need
-    not be listed: they are found by reading the trial without performing it; list them where a
-    trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset;
-    `spares` those without which the operator may go on (None: all used on which nothing rests).
-    `uses` left out is the eye tracker, and the body tracker where answers are pointed: by ray, at
-    people, on boards where no gaze is calibrated that could choose.
-    `uses` and `people` may be functions of the parameters. `after_block` are questionnaires asked
-    after every block that counts, `questionnaires` those at the end; `unasked` gives those of
-    `after_block` that make no sense with the parameters in force, and are left out. `people` is
-    at most how many people are seen at once, where scenes show others than their agents. A factor
-    between people whose levels are one level makes no groups.
-    `looks` ask for everything about looks on an agent (whole, by ray, in parts, by other detectors,
-    by padding and minimum duration).
-    `families` are families of simple tests: pairs of levels, correlations with a score; the first
-    one of pairs is made again without rules of exclusion, and by padding and minimum duration.
-    `questions` name what `conclude` answers and say what a yes would claim: power is found of them.
-    `derived` are columns that follow from a trial's factors (a place from its zone and its depth);
-    `cells` are the factors whose combinations are compared and described, where not all within
-    people are: others only vary the situation. `columns` describe what the trial writes into its
-    row besides. Where `validate` is no, gaze is recorded along and nothing rests on it.
-    `dressed_by` names what dresses scenes that a trial makes itself ("module:function"). The eye
-    tracker is calibrated at the beginning, and before every block with `calibrate_blocks`.
-    `screening` is what a page looks at before its first trial: "card", how large the screen is;
-    "sound", whether spoken digits are heard.
-    `setup` answers items of the reporting list for eye tracking that follow from the study.
-    `thresholds` is a dataclass of numbers of its own analysis, `pieces` how trials are measured
-    one by one ("module:name" of it): `analyse --set` replaces fields of both by name.
-    """
+class _Keywords(
+    StudyFiles,
+    Reporting,
+    AnalysisPlan,
+    SimulatedPeople,
+    DeviceNeeds,
+    Asks,
+    Procedure,
+    StudyDesign,
+):
+    """What `Study` is called with: every field of every part. Nothing is ever made of it."""
 
     name: str
     title: str = ""
     question: str = ""
-    factors: Sequence[Factor] = ()
-    repetitions: int = 1
-    practice: int | Sequence[Mapping[str, Any]] = 0
-    blocks: int = 1
-    order: TrialOrder = "random"
-    balanced: Sequence[str] = ()
-    blocked_by: str | None = None
-    block_order: BlockOrder = "fixed"
-    constraints: Sequence[Constraint] = ()
-    cells: Sequence[str] = ()
-    derived: Mapping[str, Callable[[Mapping[str, Any]], Scalar]] = field(default_factory=dict)
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    ranges: Mapping[str, Range] = field(default_factory=dict)
-    texts: str | None = None
-    responses: Sequence[Response] = ()
-    columns: Sequence[Column] = ()
-    measures: Sequence[Measure] = ()
-    looks: Sequence[LooksOn] = ()
-    compare: Sequence[Compare] = ()
-    families: Sequence[Family] = ()
-    questions: Mapping[str, str] = field(default_factory=dict)
-    exclusions: Sequence[Exclusion] = STANDARD_RULES
-    thresholds: Any = None
-    pieces: Pieces | str | None = None
-    questionnaires: Sequence[str] = ()
-    after_block: Sequence[str] = ()
-    unasked: RolesOf | None = None
-    needs: Sequence[str] = ()
-    uses: Sequence[str] | RolesOf | None = None
-    spares: Sequence[str] | None = None
-    on: On = "lab"
-    screening: Sequence[Screening] = ()
-    people: int | PeopleOf = 0
-    calibrate: bool = True
-    calibrate_blocks: bool = False
-    validate: bool = True
-    intertrial_s: float = 1.0
-    answer_by: Literal["board", "ray", "keyboard"] = "board"
-    answer_limit_s: float = 30.0
-    source: Source | None = None
-    methods: str = ""
-    references: Sequence[str] = ()
-    setup: Mapping[str, str] = field(default_factory=dict)
-    version: str = "1"
-    folder: Path = field(default_factory=Path)
-    dressed_by: str = ""
-    plan_of: TrialPlan | None = None
-    intertrial_of: IntertrialPlan | None = None
-    check_of: Callable[[Mapping[str, Any]], None] | None = None
-    demands_of: DemandsOf | None = None
-    prepare_of: PrepareOf | None = None
-    answer_of: AnswerOf | None = None
-    person_of: PersonOf | None = None
-    scaled_of: ScaledOf | None = None
-    quick_of: QuickOf | None = None
-    facts_of: FactsOf | None = None
-    further_of: FurtherOf | None = None
-    conclude_of: ConcludeOf | None = None
-    views_of: ViewsOf | None = None
-    sections: list[SectionOf | Confusion | str] = field(default_factory=list)
-    """Sections of the report: functions that make them ("module:function" for one that takes long
-    to import), or confusion matrices.
-    """
-    makers: dict[str, Maker] = field(default_factory=dict)
-    path: Path | None = None
-    """The file it was read from; None for a study of an installed package."""
-    base: "Study | None" = None
-    """The study it was derived from, if it was."""
-    plan_folder: Path | None = None
-    """Where the files of a trial lie that was taken over; None: in the study's own folder."""
+    version: str = field(default="1", kw_only=True)
+    base: "Study | None" = field(default=None, kw_only=True)
+    design: StudyDesign | None = field(default=None, kw_only=True)
+    procedure: Procedure | None = field(default=None, kw_only=True)
+    asks: Asks | None = field(default=None, kw_only=True)
+    devices: DeviceNeeds | None = field(default=None, kw_only=True)
+    simulated: SimulatedPeople | None = field(default=None, kw_only=True)
+    analysis: AnalysisPlan | None = field(default=None, kw_only=True)
+    report: Reporting | None = field(default=None, kw_only=True)
+    files: StudyFiles | None = field(default=None, kw_only=True)
 
-    def __post_init__(self) -> None:
+
+@dataclass(init=False)
+class Study:
+    """A study. Only name, title, factors and a trial are needed.
+
+    Every field of its parts is given by its name: `Study("duel", factors=[…], repetitions=5)`; a
+    part may also be given whole, and what is named beside it replaces its fields.
+
+    Raises:
+        TypeError: there is no such keyword; it says which one is nearest.
+        DesignError: listing everything that is wrong.
+    """
+
+    name: str
+    """What commands and folders call it: small letters, digits and _."""
+    title: str
+    """What reports call it; the name in words where it is left out."""
+    question: str
+    """The question it asks, as a sentence."""
+    version: str
+    """Its version, kept in every plan."""
+    base: "Study | None"
+    """The study it was derived from, if it was."""
+    design: StudyDesign
+    """What varies, how often and in which order."""
+    procedure: Procedure
+    """What happens in a trial and before it."""
+    asks: Asks
+    """What participants are asked, and how they answer."""
+    devices: DeviceNeeds
+    """Which devices it uses, and what is calibrated."""
+    simulated: SimulatedPeople
+    """Who takes part in simulations."""
+    analysis: AnalysisPlan
+    """What is measured, left out and compared."""
+    report: Reporting
+    """What its report says beside the results."""
+    files: StudyFiles
+    """Where its files lie."""
+
+    @takes_keywords_of(_Keywords)
+    def __init__(
+        self,
+        name: str,
+        title: str = "",
+        question: str = "",
+        *,
+        version: str = "1",
+        base: "Study | None" = None,
+        **keywords: Any,
+    ) -> None:
+        self.name, self.question, self.version = name, question, version
+        self.base = base
+        self.title = title or name.replace("_", " ").capitalize()
+        for part, made in parts_from(PARTS, keywords).items():
+            setattr(self, part, made)
         problems = []
-        if not self.name.isidentifier() or not self.name.islower():
-            problems.append(f"the name {self.name!r} is not made of small letters, digits and _")
-        if not self.factors:
-            problems.append("there is no factor; add one, if need be with one level")
-        problems += [
-            f"nothing can be called {name!r}: a trial uses that name itself"
-            for name in (*(f.name for f in self.factors), *self.parameters, *self.derived)
-            if name in RESERVED or not name.isidentifier()
-        ]
-        names = [f.name for f in self.factors]
-        problems += [f"{n!r} is a factor and a parameter" for n in names if n in self.parameters]
-        problems += [
-            f"{n!r} is a parameter of every study" for n in self.parameters if n in SETTABLE
-        ]
-        problems += [
-            f"screening knows no {n!r}; it knows {', '.join(get_args(Screening))}"
-            for n in self.screening
-            if n not in get_args(Screening)
-        ]
+        if not name.isidentifier() or not name.islower():
+            problems.append(f"the name {name!r} is not made of small letters, digits and _")
+        problems += [*self.design.problems(), *self.procedure.problems()]
         if problems:
-            raise DesignError(f"study {self.name}: {'; '.join(problems)}")
-        self.title = self.title or self.name.replace("_", " ").capitalize()
+            raise DesignError(f"study {name}: {'; '.join(problems)}")
+
+    if not TYPE_CHECKING:  # type checkers say themselves that there is no such attribute
+
+        def __getattr__(self, name: str) -> Any:
+            """Say in which part something stands."""
+            raise AttributeError(
+                f"a study has its {name} as study.{PART_OF[name]}.{name}"
+                if name in PART_OF
+                else f"{type(self).__name__!r} object has no attribute {name!r}"
+            )
+
+    def with_changes(self, **keywords: Any) -> "Study":
+        """Return a study that is this one but for what is given by name, as to `Study`."""
+        whole: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Study(**{**whole, **keywords})
 
     # ---- what a study file adds ----
 
     def trial(self, plan: TrialPlan) -> TrialPlan:
         """Take a generator as the study's trial (a decorator)."""
-        self.plan_of, self.plan_folder, self.quick_of = plan, None, None
+        self.procedure = replace(self.procedure, plan_of=plan)
+        self.files = replace(self.files, plan_folder=None)
+        self.simulated = replace(self.simulated, quick_of=None)
         return plan
 
     def intertrial(self, plan: IntertrialPlan) -> IntertrialPlan:
@@ -238,19 +183,17 @@ class Study:
 
         It begins at a frame (`t.now_ns`); how long it took is the row's `intertrial_ms`.
         """
-        self.intertrial_of = plan
+        self.procedure = replace(self.procedure, intertrial_of=plan)
         return plan
 
-    def check(
-        self, check: Callable[[Mapping[str, Any]], None]
-    ) -> Callable[[Mapping[str, Any]], None]:
+    def check(self, check: CheckOf) -> CheckOf:
         """Take a function that raises DesignError for parameters that do not fit (a decorator)."""
-        self.check_of = check
+        self.design = replace(self.design, check_of=check)
         return check
 
     def demands(self, demands: DemandsOf) -> DemandsOf:
         """Take a function of the parameters as what the study asks of a lab (a decorator)."""
-        self.demands_of = demands
+        self.devices = replace(self.devices, demands_of=demands)
         return demands
 
     def prepare(self, prepare: PrepareOf) -> PrepareOf:
@@ -258,19 +201,20 @@ class Study:
 
         A function of the experiment returns it as calls without arguments, to be made in turn.
         """
-        self.prepare_of = prepare
+        self.procedure = replace(self.procedure, prepare_of=prepare)
         return prepare
 
     def answer(self, answer: AnswerOf) -> AnswerOf:
         """Take a function as what simulated people answer (a decorator)."""
-        self.answer_of = answer
+        self.simulated = replace(self.simulated, answer_of=answer)
         return answer
 
     def scene(self, name: str) -> Callable[[Maker], Maker]:
         """Take a function as the maker of a scene of this study (a decorator)."""
 
         def taken(maker: Maker) -> Maker:
-            self.makers[name] = maker
+            makers = {**self.procedure.makers, name: maker}
+            self.procedure = replace(self.procedure, makers=makers)
             return maker
 
         return taken
@@ -279,7 +223,7 @@ class Study:
         """Take a function of place, seed, effect and experiment as what makes the simulated
         participant (a decorator).
         """
-        self.person_of, self.scaled_of, self.quick_of = make, None, None
+        self.simulated = replace(self.simulated, person_of=make, scaled_of=None, quick_of=None)
         return make
 
     def scaled(self, make: ScaledOf) -> ScaledOf:
@@ -287,7 +231,7 @@ class Study:
         multiple of the usual difference: 0 none, 1 the usual (a decorator). It stands in place of
         `person`.
         """
-        self.scaled_of = make
+        self.simulated = replace(self.simulated, scaled_of=make)
         return make
 
     def quick(self, quick: QuickOf) -> QuickOf:
@@ -297,7 +241,7 @@ class Study:
         tracker it returns what performs a plan: every trial that is
         no practice with the columns of its row, measures among them.
         """
-        self.quick_of = quick
+        self.simulated = replace(self.simulated, quick_of=quick)
         return quick
 
     def facts(self, facts: FactsOf) -> FactsOf:
@@ -305,7 +249,7 @@ class Study:
 
         It returns one row per `participant`; rules of exclusion may name its columns.
         """
-        self.facts_of = facts
+        self.analysis = replace(self.analysis, facts_of=facts)
         return facts
 
     def further(self, further: FurtherOf) -> FurtherOf:
@@ -313,33 +257,32 @@ class Study:
 
         Conclusions and sections read it as `analysis.further`; power does without.
         """
-        self.further_of = further
+        self.analysis = replace(self.analysis, further_of=further)
         return further
 
     def conclude(self, conclude: ConcludeOf) -> ConcludeOf:
         """Take a function of the analysis as what answers the study's questions (a decorator)."""
-        self.conclude_of = conclude
+        self.analysis = replace(self.analysis, conclude_of=conclude)
         return conclude
 
     def views(self, views: ViewsOf) -> ViewsOf:
         """Take a function as what rebuilds the views a recorded frame may have shown, the
         likeliest first (a decorator).
         """
-        self.views_of = views
+        self.procedure = replace(self.procedure, views_of=views)
         return views
 
     def section(self, section: SectionOf) -> SectionOf:
         """Take a function as the maker of a section of the report (a decorator)."""
-        self.sections.append(section)
+        self.report = replace(self.report, sections=(*self.report.sections, section))
         return section
 
     # ---- what follows ----
 
     @property
-    def measured_in_pieces(self) -> Pieces | None:
-        """How its trials are measured one by one; None where a session is measured at once."""
-        found: Pieces | None = named(self.pieces) if isinstance(self.pieces, str) else self.pieces
-        return found
+    def usual_parameters(self) -> dict[str, Any]:
+        """What every study has among its parameters, by name (`SETTABLE`)."""
+        return {n: getattr(getattr(self, PART_OF[n]), n) for n in SETTABLE}
 
     def thresholds_with(self, settings: Mapping[str, Any]) -> Any:
         """Return the numbers of its own analysis with those that were set; None without any.
@@ -348,11 +291,12 @@ class Study:
             ConfigError: a value is none of the kind.
             UsageError: it is out of range.
         """
-        if self.thresholds is None:
+        thresholds = self.analysis.thresholds
+        if thresholds is None:
             return None
-        known = {f.name for f in fields(self.thresholds)}
+        known = {f.name for f in fields(thresholds)}
         own = {k: v for k, v in settings.items() if k in known}
-        return parameters_from(type(self.thresholds), own, f"analysis of {self.name}")
+        return parameters_from(type(thresholds), own, f"analysis of {self.name}")
 
     @property
     def trial_plan(self) -> TrialPlan:
@@ -361,18 +305,18 @@ class Study:
         Raises:
             DesignError: the study has none.
         """
-        if self.plan_of is None:
+        if self.procedure.plan_of is None:
             raise DesignError(f"study {self.name} has no trial; write one under @study.trial")
-        return self.plan_of
+        return self.procedure.plan_of
 
-    def design(self, parameters: Mapping[str, Any]) -> Design:
+    def design_with(self, parameters: Mapping[str, Any]) -> Design:
         """Return the design with parameters in force, levels of factors among them.
 
         Raises:
             DesignError: it cannot be balanced or ordered so.
         """
-        practice = parameters["practice"]
-        chosen = (replace(f, levels=parameters.get(f.name, f.levels)) for f in self.factors)
+        own, practice = self.design, parameters["practice"]
+        chosen = (replace(f, levels=parameters.get(f.name, f.levels)) for f in own.factors)
         factors = tuple(f for f in chosen if len(f.levels) > 1 or not f.between)
         return Design(
             study=self.name,
@@ -381,37 +325,28 @@ class Study:
             repetitions=int(parameters["repetitions"]),
             blocks=int(parameters["blocks"]),
             order=parameters["order"],
-            balanced=tuple(self.balanced),
-            blocked_by=self.blocked_by,
-            block_order=self.block_order,
-            constraints=tuple(self.constraints),
+            balanced=tuple(own.balanced),
+            blocked_by=own.blocked_by,
+            block_order=own.block_order,
+            constraints=tuple(own.constraints),
             practice=practice
             if isinstance(practice, int)
             else tuple(_possible(cell, factors) for cell in practice),
-            calibrate_blocks=self.calibrate_blocks,
-            calibrate_practice=self.calibrate,
-            questionnaires=tuple(self.questionnaires),
+            calibrate_blocks=self.devices.calibrate_blocks,
+            calibrate_practice=self.devices.calibrate,
+            questionnaires=tuple(self.asks.questionnaires),
         )
-
-    @property
-    def files_folder(self) -> Path:
-        """The folder from which the relative paths in the trial's scenes start."""
-        return self.folder if self.plan_folder is None else self.plan_folder
 
     @property
     def folders(self) -> tuple[Path, ...]:
         """The study's folder, then those of the studies it was derived from."""
-        return (self.folder, *(() if self.base is None else self.base.folders))
+        return (self.files.folder, *(() if self.base is None else self.base.folders))
 
     @property
     def text_folders(self) -> tuple[Path, ...]:
         """The folders of its texts: the base's first, over which its own lie."""
-        before = () if self.base is None else self.base.text_folders
-        return before if self.texts is None else (*before, self.folder / self.texts)
-
-    def cells_of(self, design: Design) -> tuple[Factor, ...]:
-        """Return the factors within people whose combinations are compared and described."""
-        return tuple(f for f in design.within if not self.cells or f.name in self.cells)
+        before, texts = () if self.base is None else self.base.text_folders, self.files.texts
+        return before if texts is None else (*before, self.files.folder / texts)
 
     def factor(self, name: str) -> Factor:
         """Return a factor by name.
@@ -419,10 +354,10 @@ class Study:
         Raises:
             DesignError: there is none.
         """
-        for factor in self.factors:
+        for factor in self.design.factors:
             if factor.name == name:
                 return factor
-        known = ", ".join(f.name for f in self.factors)
+        known = ", ".join(f.name for f in self.design.factors)
         raise DesignError(f"study {self.name} has no factor {name!r}; it has {known}")
 
 

@@ -12,11 +12,11 @@ from typing import Any, Final
 from visavis.lab.errors import DesignError
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.study.catalogue import declared_study, is_file
-from visavis.study.declaration import Study
+from visavis.study.declaration import PART_OF, Study
 from visavis.study.exclusions import Exclusion
 from visavis.study.parameters import parameters_in_force
 
-OWN: Final = frozenset({"name", "base", "folder", "path", "plan_folder"})
+OWN: Final = frozenset({"folder", "path", "plan_folder"})
 """What a derived study does not take over, and what is not given by name."""
 
 
@@ -38,28 +38,26 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
     caller = None if frame is None else frame.f_back
     file = None if caller is None else caller.f_globals.get("__file__")
     source = base if isinstance(base, Study) else _found(base, Path(file or ".").parent)
-    possible = [f.name for f in dataclasses.fields(Study) if f.name not in OWN]
+    possible = ["title", "question", "version", *(name for name in PART_OF if name not in OWN)]
     for given in differs:
         if given not in possible:
             raise DesignError(
                 f"a study has no {given!r} to differ in{did_you_mean(given, possible)}"
             )
     changed = {
-        "makers": dict(source.makers),
-        "sections": list(source.sections),
         "texts": None,
         **differs,
     }
     changed |= _parameters(source, changed)
     if isinstance(changed.get("exclusions"), Mapping):
         changed["exclusions"] = _limits(source, changed["exclusions"])
-    return dataclasses.replace(
-        source,
+    files = source.files
+    return source.with_changes(
         name=name,
         base=source,
         folder=Path(),
         path=None,
-        plan_folder=None if "plan_of" in differs else source.plan_folder or source.folder,
+        plan_folder=None if "plan_of" in differs else files.plan_folder or files.folder,
         **changed,
     )
 
@@ -77,30 +75,29 @@ def _parameters(source: Study, changed: Mapping[str, Any]) -> dict[str, Any]:
         k: list(v) if isinstance(v, tuple) else v for k, v in changed.get("parameters", {}).items()
     }
     if not given:
-        return {"parameters": dict(source.parameters)}
+        return {"parameters": dict(source.design.parameters)}
     in_force = parameters_in_force(source, given)
     factors = tuple(
         dataclasses.replace(f, levels=tuple(in_force[f.name])) if f.name in in_force else f
-        for f in changed.get("factors", source.factors)
+        for f in changed.get("factors", source.design.factors)
     )
-    usual = {f.name for f in dataclasses.fields(Study)}
     return {
-        "parameters": {k: in_force[k] for k in source.parameters},
+        "parameters": {k: in_force[k] for k in source.design.parameters},
         "factors": factors,
         **{
             k: v
             for k, v in in_force.items()
-            if k in usual and k not in source.parameters and k not in changed
+            if k in PART_OF and k not in source.design.parameters and k not in changed
         },
     }
 
 
 def _limits(source: Study, limits: Mapping[str, float | None]) -> tuple[Exclusion, ...]:
-    rules = {rule.name: rule for rule in source.exclusions}
+    rules = {rule.name: rule for rule in source.analysis.exclusions}
     for name in limits:
         if name not in rules:
             raise DesignError(f"{source.name} has no rule {name!r}{did_you_mean(name, rules)}")
     return tuple(
         dataclasses.replace(rule, limit=limits[rule.name]) if rule.name in limits else rule
-        for rule in source.exclusions
+        for rule in source.analysis.exclusions
     )

@@ -82,17 +82,17 @@ class StudyExperiment:
             parameters=p,
             texts=self.texts,
             values={k: v for k, v in p.items() if isinstance(v, str | int | float)},
-            makers=self.study.makers,
+            makers=self.study.procedure.makers,
             ways=Ways(float(p["answer_limit_s"]), None if p["answer_by"] == "ray" else DwellRule()),
             answer_by=str(p["answer_by"]),
-            folder=self.study.files_folder,
-            measured=frozenset(m.role for m in self.study.measures if m.role),
+            folder=self.study.files.trial_folder,
+            measured=frozenset(m.role for m in self.study.analysis.measures if m.role),
         )
 
     @cached_property
     def read(self) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
         """What every condition shows and asks."""
-        design = self.study.design(self.parameters)
+        design = self.study.design_with(self.parameters)
         trials = (
             Trial(f"T{i}", i, 0, False, self._derived(cell), i)
             for i, cell in enumerate(combinations_of(design.factors), start=1)
@@ -107,7 +107,7 @@ class StudyExperiment:
     def responses(self) -> dict[str, Response]:
         """Everything that is asked, by name."""
         asked = [r for t in self.read.values() for r in t.responses]
-        return {r.name: r for r in (*asked, *self.study.responses)}
+        return {r.name: r for r in (*asked, *self.study.asks.responses)}
 
     @cached_property
     def films(self) -> tuple[Film, ...]:
@@ -133,12 +133,12 @@ class StudyExperiment:
                 "all scenes of a study hold equally many (or none)"
             )
         # Where scenes show others than their agents, columns have had the width of one.
-        return max(counts, default=0) or (1 if self.study.people else 0)
+        return max(counts, default=0) or (1 if self.study.procedure.people else 0)
 
     @property
     def people_count(self) -> int:
         """At most how many people a picture of it shows: an audience has its speaker too."""
-        people = self.study.people
+        people = self.study.procedure.people
         return max(self.agent_count + 1, people(self.parameters) if callable(people) else people)
 
     @property
@@ -158,12 +158,12 @@ class StudyExperiment:
     def needed_roles(self) -> tuple[str, ...]:
         """Devices the study cannot do without, beside the headset."""
         plays = ("sound",) if any(t.sounds for t in self.read.values()) else ()
-        return tuple(dict.fromkeys((*self.study.needs, *plays)))
+        return tuple(dict.fromkeys((*self.study.devices.needs, *plays)))
 
     @property
     def useful_roles(self) -> tuple[str, ...]:
         """Devices it uses where the lab has them."""
-        uses = self.study.uses
+        uses = self.study.devices.uses
         if uses is None:
             return ("eye_tracker", "body_tracker") if self._is_pointed else ("eye_tracker",)
         return tuple(uses(self.parameters) if callable(uses) else uses)
@@ -172,8 +172,8 @@ class StudyExperiment:
     def rests_on_gaze(self) -> bool:
         """Whether it calibrates an eye tracker, needs one, or measures anything by gaze."""
         study = self.study
-        measured = bool(study.looks) or any(m.needs_gaze for m in study.measures)
-        return study.calibrate or measured or "eye_tracker" in self.needed_roles
+        measured = bool(study.analysis.looks) or any(m.needs_gaze for m in study.analysis.measures)
+        return study.devices.calibrate or measured or "eye_tracker" in self.needed_roles
 
     @property
     def _is_pointed(self) -> bool:
@@ -181,13 +181,13 @@ class StudyExperiment:
         asked = self.responses.values()
         way = self.settings.answer_by
         on_boards = way == "board" and any(r.options for r in asked if not isinstance(r, Keys))
-        by_hand_alone = on_boards and not self.study.calibrate
+        by_hand_alone = on_boards and not self.study.devices.calibrate
         return way == "ray" or by_hand_alone or any(isinstance(r, Pointing) for r in asked)
 
     @property
     def demands(self) -> Demands:
         """What the study asks of a lab beyond devices being there."""
-        of = self.study.demands_of
+        of = self.study.devices.demands_of
         found = Demands() if of is None else of(self.parameters)
         return replace(found, sounds=self.sounds) if self.sounds else found
 
@@ -216,7 +216,7 @@ class StudyExperiment:
 
     def prepare(self, told: Callable[[int, int], None] = untold) -> None:
         """Load and compute what would hold up a frame; `told` hears how many of how many."""
-        of = self.study.prepare_of
+        of = self.study.procedure.prepare_of
         steps = () if of is None else tuple(of(self))
         for done, step in enumerate(steps):
             told(done, len(steps))
@@ -230,10 +230,11 @@ class StudyExperiment:
         Where the study does not name them: what it uses without needing it, but not an eye tracker
         that it calibrates, nor response devices whose keys or ray it asks for.
         """
-        if self.study.spares is not None:
-            return tuple(self.study.spares)
-        needed = set(self.study.needs)
-        needed |= {"eye_tracker"} if self.study.calibrate and self.study.validate else set()
+        devices = self.study.devices
+        if devices.spares is not None:
+            return tuple(devices.spares)
+        needed = set(devices.needs)
+        needed |= {"eye_tracker"} if devices.calibrate and devices.validate else set()
         pressed = any(isinstance(r, Keys | Pointing) for r in self.responses.values())
         needed |= {"responses"} if pressed or self.settings.answer_by == "ray" else set()
         return tuple(role for role in (*self.useful_roles, "responses") if role not in needed)
@@ -245,7 +246,7 @@ class StudyExperiment:
             DesignError: there is no such group, or the design cannot be ordered so.
         """
         self.settings.memory.clear()
-        design = self.study.design(self.parameters)
+        design = self.study.design_with(self.parameters)
         made = make_plan(
             design, seed=seed, participant_index=participant_index, group=group or None
         )
@@ -257,8 +258,8 @@ class StudyExperiment:
             part = block.index + 1 - own
             is_practice = own == 1 and block.index == 0
             known = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
-            if self.study.blocked_by is not None:
-                known["level"] = block.trials[0].factors[self.study.blocked_by]
+            if self.study.design.blocked_by is not None:
+                known["level"] = block.trials[0].factors[self.study.design.blocked_by]
             titles = ("blocks.practice",) if is_practice else ("blocks.part",)
             said = ("practice",) if is_practice else _instructions(part, parts)
             blocks.append(
@@ -269,8 +270,8 @@ class StudyExperiment:
                     ),
                     name=self.texts.find(*titles, values=known) or block.name,
                     instruction=self.texts.find(*said, values=known) or "",
-                    calibrate=self.study.calibrate
-                    and (block.index == 0 or self.study.calibrate_blocks),
+                    calibrate=self.study.devices.calibrate
+                    and (block.index == 0 or self.study.devices.calibrate_blocks),
                     questionnaires=() if is_practice else self._asked_after_blocks(),
                 )
             )
@@ -282,8 +283,9 @@ class StudyExperiment:
         return replace(made, blocks=tuple(blocks), parameters=kept)
 
     def _asked_after_blocks(self) -> tuple[str, ...]:
-        unasked = () if self.study.unasked is None else self.study.unasked(self.parameters)
-        return tuple(name for name in self.study.after_block if name not in unasked)
+        asks = self.study.asks
+        unasked = () if asks.unasked is None else asks.unasked(self.parameters)
+        return tuple(name for name in asks.after_block if name not in unasked)
 
     def values_of(self, made: SessionPlan) -> dict[str, Any]:
         """Return what texts can name: parameters, and what follows from the plan."""
@@ -311,7 +313,7 @@ class StudyExperiment:
         script = TrialScript(trial, self.settings)
         script.view = yield from frame()
         start_ns = script.now_ns
-        row = yield from perform(script, self.study.intertrial_of or _darkness)
+        row = yield from perform(script, self.study.procedure.intertrial_of or _darkness)
         return {"intertrial_ms": (script.now_ns - start_ns) / NS_PER_MS, **row}
 
     def blank(self, mark_m: Vector | None) -> StageScene:
@@ -320,26 +322,30 @@ class StudyExperiment:
 
     def conditions(self) -> Iterator[Mapping[str, Any]]:
         """Yield every condition of the design."""
-        for cell in combinations_of(self.study.design(self.parameters).factors):
+        for cell in combinations_of(self.study.design_with(self.parameters).factors):
             yield self._derived(cell)
 
     @cached_property
     def levels(self) -> dict[str, tuple[Any, ...]]:
         """The levels of every factor, and what columns that follow from factors can hold."""
-        design = self.study.design(self.parameters)
+        design = self.study.design_with(self.parameters)
         found = {f.name: tuple(f.levels) for f in design.factors}
         cells = list(self.conditions())
-        return found | {n: tuple(dict.fromkeys(c[n] for c in cells)) for n in self.study.derived}
+        return found | {
+            n: tuple(dict.fromkeys(c[n] for c in cells)) for n in self.study.design.derived
+        }
 
     @cached_property
     def compare(self) -> tuple[Compare, ...]:
         """The comparisons that the design in force can make."""
-        in_force = {f.name: self.parameters.get(f.name, f.levels) for f in self.study.factors}
-        return possible(self.study.compare, in_force, tuple(self.levels))
+        in_force = {
+            f.name: self.parameters.get(f.name, f.levels) for f in self.study.design.factors
+        }
+        return possible(self.study.analysis.compare, in_force, tuple(self.levels))
 
     def _derived(self, factors: Mapping[str, Any]) -> dict[str, Any]:
         """Return a trial's factors with what follows from them."""
-        return {**factors, **{name: of(factors) for name, of in self.study.derived.items()}}
+        return {**factors, **{name: of(factors) for name, of in self.study.design.derived.items()}}
 
 
 def _darkness(t: TrialScript) -> Iterator[Action]:

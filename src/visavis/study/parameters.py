@@ -5,7 +5,7 @@ from typing import Any
 
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.protocol.plan.parameters import no_such, out_of_range, read_as
-from visavis.study.declaration import SETTABLE, Study
+from visavis.study.declaration import Study
 
 
 def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str, Any]:
@@ -17,8 +17,8 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
         ConfigError: listing every name that does not exist and every value that is none.
         DesignError: the study refuses a value.
     """
-    usual: dict[str, Any] = {**study.parameters, **{n: getattr(study, n) for n in SETTABLE}}
-    factors = {f.name: f for f in study.factors}
+    usual: dict[str, Any] = {**study.design.parameters, **study.usual_parameters}
+    factors = {f.name: f for f in study.design.factors}
     plural = {f"{name}s": name for name in factors if f"{name}s" not in usual}
     problems: list[str] = []
     for given, value in overrides.items():
@@ -45,15 +45,15 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
             None,
             (
                 out_of_range(name, usual[name], allowed)
-                for name, allowed in study.ranges.items()
+                for name, allowed in study.design.ranges.items()
                 if name in usual
             ),
         )
     )
     if refused:
         raise DesignError(f"{study.name}: {'; '.join(refused)}")
-    if study.check_of is not None:
-        study.check_of(usual)
+    if study.design.check_of is not None:
+        study.design.check_of(usual)
     return usual
 
 

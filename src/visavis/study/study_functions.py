@@ -72,6 +72,8 @@ MakeTracker: TypeAlias = Callable[[int, int], TrackerModel]
 
 IntertrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Step]]
 """What happens before a trial: a generator over its script."""
+CheckOf: TypeAlias = Callable[[Mapping[str, Any]], None]
+"""Raises DesignError for parameters that do not fit each other."""
 DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
 """What a study asks of a lab, given its parameters."""
 RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]

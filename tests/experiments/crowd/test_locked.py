@@ -57,7 +57,7 @@ def test_another_alpha_than_locked_is_a_deviation_of_every_comparison() -> None:
     planned = content_now(OPENED, experiment, 1)
     found = deviations_between(planned, content_now(OPENED, experiment, 1, {"alpha": 0.01}))
     assert {"comparisons"} == {d.part for d in found}
-    assert len(OPENED.study.compare) == len(found)
+    assert len(OPENED.study.analysis.compare) == len(found)
 
 
 @pytest.mark.slow

@@ -37,8 +37,8 @@ def write(folder, participants=6, rows=None, varied=None, is_simulated=True):
     rows = study_rows(participants) if rows is None else rows
     rows = rows.assign(is_simulated=is_simulated)
     analysis = analysed(rows, anxiety_answers(participants), varied=varied)
-    asked = [questionnaire(name, study.folders) for name in study.questionnaires]
-    write_study(analysis, experiment_of(), asked, PROVENANCE, folder, study.setup)
+    asked = [questionnaire(name, study.folders) for name in study.asks.questionnaires]
+    write_study(analysis, experiment_of(), asked, PROVENANCE, folder, study.report.setup)
     return analysis
 
 
@@ -111,9 +111,11 @@ def test_answers_are_told_by_question_and_scored_questionnaires_by_score(tmp_pat
     people = anxiety_answers(4).assign(vr_experience=[1, 1, 3, 5], age=[24, 25, 31, 40])
     people["social_anxiety_fear"] = [20.0, 30.0, 25.0, 25.0]
     people["phone_overheard.fear"] = [0, 1, 1, 3]
-    asked = [questionnaire(name, study.folders) for name in study.questionnaires]
+    asked = [questionnaire(name, study.folders) for name in study.asks.questionnaires]
     rows = study_rows(4).assign(is_simulated=True)
-    write_study(analysed(rows, people), experiment_of(), asked, PROVENANCE, tmp_path, study.setup)
+    write_study(
+        analysed(rows, people), experiment_of(), asked, PROVENANCE, tmp_path, study.report.setup
+    )
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
     text = " ".join(words_of(html).split())
 
@@ -193,7 +195,7 @@ def test_interruption_and_exclusion_are_listed(html):
 
 
 def test_reporting_list_leaves_open_what_nobody_recorded(html, analysis):
-    quality = quality_of(analysis, {"eye_tracker": "Pupil Core", **study.setup})
+    quality = quality_of(analysis, {"eye_tracker": "Pupil Core", **study.report.setup})
     table = reporting_table(kept_of(analysis), quality, PROVENANCE)
     cells = [c for row in table.rows for c in row[1:]]
     texts = [c if isinstance(c, str) else c.text for c in cells]

@@ -142,7 +142,7 @@ def test_no_answered_trial_is_an_error_that_says_so():
 def test_published_eta_of_direction_does_not_follow_from_its_f():
     check = check_f("18.92", 2, 30, p="<0.001", eta="0.356")
     assert not check.verdicts["eta2p"].is_consistent
-    accuracy = study.compare[0]
+    accuracy = study.analysis.compare[0]
     (said,) = accuracy.published_of("direction").misfits
     assert "partial η² of .356" in said
     assert "implies .558" in said

@@ -1,7 +1,6 @@
 """What is acknowledged is on the disk, and a session that broke off goes on at the same step."""
 
 import base64
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -314,4 +313,4 @@ def test_a_lab_s_own_voice_comes_first_and_a_language_without_one_is_told(tmp_pa
 def test_a_study_says_what_is_measured_of_a_screen() -> None:
     other: Any = ("ruler",)
     with pytest.raises(DesignError, match="screening knows no 'ruler'"):
-        replace(study().study, screening=other)
+        study().study.with_changes(screening=other)

@@ -104,7 +104,7 @@ def preview(
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
     size_px = picture_size(size)
     here = study_here(study, load_lab(config, only_simulates=True))
-    on_page = here.study.study.on == "browser"
+    on_page = here.study.study.procedure.on == "browser"
     if on_page:
         _refuse_on_page(here.study.name, view, png or sheet or video)
     shown = who_is_shown(here, participant, seed, assignments, language)

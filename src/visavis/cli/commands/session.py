@@ -152,7 +152,7 @@ def plan(
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     here = study_here(study, lab)
     shown = who_is_shown(here, participant, seed, assignments, language)
-    if here.study.study.on == "lab":  # a page needs none of the lab's devices
+    if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
         check_rig(devices_for(lab, shown.experiment))
     made = shown.experiment.plan(shown.index, shown.seed, shown.group)
     if as_json:
@@ -353,7 +353,7 @@ def where_performed(study: OpenedStudy, on: str | None) -> str:
     """
     if on not in (None, "lab", "browser"):
         raise UsageError(f"--on takes lab or browser, not {on!r}")
-    return on or study.study.on
+    return on or study.study.procedure.on
 
 
 def _session_dir(here: StudyHere, entry: Participant, session: int) -> Path:

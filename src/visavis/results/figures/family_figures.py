@@ -59,7 +59,7 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
     factor = label_of(texts, of.factor)
     n = counted(analysis.n_participants, "participant")
     percent = f"{100 * analysis.rules.interval_level:.0f} %"
-    cells = {} if analysis.study.source is None else analysis.study.source.cells
+    cells = {} if analysis.study.report.source is None else analysis.study.report.source.cells
     printed = any(m.column in cells for m in measures)
     called = ", ".join(f"{v} {of.called(str(v))}" for v in analysis.levels[of.factor])
     stars = ", ".join(threshold(analysis.rules.alpha / divisor) for divisor in (1, 5, 50))
@@ -117,7 +117,7 @@ def _values(
 
 
 def _published(analysis: StudyAnalysis, measure: Measure) -> dict[str, tuple[float, float | None]]:
-    source = analysis.study.source
+    source = analysis.study.report.source
     return {} if source is None else dict(source.cells.get(measure.column, {}))
 
 

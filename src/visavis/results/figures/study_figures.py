@@ -53,7 +53,7 @@ def study_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[Drawn]:
         if finding.measure.column in analysis.selection.rows and _factors(finding):
             yield _comparison(analysis, finding, texts)
     yield exclusions_figure(
-        analysis.selection, analysis.study.exclusions, is_simulated=analysis.is_simulated
+        analysis.selection, analysis.study.analysis.exclusions, is_simulated=analysis.is_simulated
     )
 
 
@@ -71,7 +71,7 @@ def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Draw
     factors = _factors(finding)
     names = " and ".join(label_of(texts, f) for f in factors)
     n = counted(analysis.n_participants, "participant")
-    source = analysis.study.source
+    source = analysis.study.report.source
     cells = {} if source is None else source.cells.get(finding.measure.column, {})
     published = " Open diamonds: published means (dashed: ± SD)." if cells else ""
     if analysis.measured_by:
@@ -118,8 +118,8 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
         ax.set_xlabel(label_of(texts, x))
         if panels:
             ax.set_title(f"{label_of(texts, panels[0])}: {label_of(texts, str(panel))}")
-        elif analysis.study.source is not None:
-            printed = analysis.study.source.cells.get(finding.measure.column, {})
+        elif analysis.study.report.source is not None:
+            printed = analysis.study.report.source.cells.get(finding.measure.column, {})
             for i, level in enumerate(levels):
                 if str(level) in printed:
                     published_mark(ax, i + 0.22, *printed[str(level)])

@@ -47,24 +47,24 @@ def plan_content(
     by name, so that two plans can be held against each other.
     """
     study = experiment.study
-    design = study.design(experiment.parameters)
+    design = study.design_with(experiment.parameters)
     levels = {f.name: tuple(map(str, f.levels)) for f in design.factors}
-    limits = limits_in_force(study.exclusions, settings or {})
+    limits = limits_in_force(study.analysis.exclusions, settings or {})
     rules = DEFAULT_TEST_RULES.with_settings(settings or {})
-    thresholds, pieces = study.thresholds_with(settings or {}), study.measured_in_pieces
-    compare = [c.with_alphas(settings or {}) for c in study.compare]
+    thresholds, pieces = study.thresholds_with(settings or {}), study.analysis.measured_in_pieces
+    compare = [c.with_alphas(settings or {}) for c in study.analysis.compare]
     content = {
         "study": study.name,
         "title": study.title,
         "question": study.question,
         "study_version": study.version,
-        "source": "" if study.source is None else study.source.citation,
+        "source": "" if study.report.source is None else study.report.source.citation,
         "seed": seed,
         "parameters": dict(experiment.parameters),
         "factors": {
             f.name: {"levels": list(f.levels), "between": bool(f.between)} for f in design.factors
         },
-        "questionnaires": list(study.questionnaires),
+        "questionnaires": list(study.asks.questionnaires),
         "measures": {
             m.column: {
                 "words": m.words,
@@ -81,10 +81,10 @@ def plan_content(
                 for f in fields(family)
                 if not callable(value := getattr(family, f.name)) and f.name not in _WORDING
             }
-            for i, family in enumerate(study.families, start=1)
+            for i, family in enumerate(study.analysis.families, start=1)
         },
         "tests": {
-            **(asdict(rules) if study.families else {}),
+            **(asdict(rules) if study.analysis.families else {}),
             **({} if thresholds is None else asdict(thresholds)),
             **({} if pieces is None else asdict(pieces.how_with(settings or {}))),
             **({} if (late := delay_of(settings or {})) is None else {SETTING: late}),
@@ -96,7 +96,7 @@ def plan_content(
                 "limit": limits[r.name],
                 "leaves_out": "missing" if r.if_missing else "above" if r.above else "below",
             }
-            for r in study.exclusions
+            for r in study.analysis.exclusions
         },
         VERSIONS: {
             "python": provenance.python,

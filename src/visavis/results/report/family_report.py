@@ -43,7 +43,7 @@ ARROWS = {1: "↗", -1: "↘"}
 
 def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
     """Return the study's own conclusions; of a study without, how much each family found."""
-    if analysis.study.conclude_of is not None:
+    if analysis.study.analysis.conclude_of is not None:
         return tuple(
             Verdict(c.status, c.headline, " ".join(c.evidence)) for c in analysis.conclusions
         )

@@ -18,7 +18,9 @@ from visavis.study.trial import TrialScript
 def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> tuple[str, ...]:
     """Return the paragraphs: the study's own words, design, procedure, measures, statistics."""
     study = experiment.study
-    looks = [_looks(on.rules({"parameters": experiment.parameters})) for on in study.looks[:1]]
+    looks = [
+        _looks(on.rules({"parameters": experiment.parameters})) for on in study.analysis.looks[:1]
+    ]
     every = (
         *own_methods(experiment),
         _procedure(experiment),
@@ -34,7 +36,7 @@ def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> t
 def own_methods(experiment: StudyExperiment) -> tuple[str, ...]:
     """Return what is known before anything is analysed: the study's own words, its design."""
     values = {k: shown(v) for k, v in experiment.parameters.items()}
-    own = experiment.study.methods.format_map(values)
+    own = experiment.study.report.methods.format_map(values)
     parts = (p.strip() for p in own.split("\n\n") if p.strip())
     return (*parts, _design(experiment))
 
@@ -45,7 +47,7 @@ def _design(experiment: StudyExperiment) -> str:
     blocks = len({t.block for t in counted})
     practice = len(plan.trials) - len(counted)
     factors = []
-    for factor in experiment.study.design(experiment.parameters).factors:
+    for factor in experiment.study.design_with(experiment.parameters).factors:
         kind = "between" if factor.between else "within"
         levels = ", ".join(label_of(experiment.texts, str(v)) for v in factor.levels)
         name = label_in_unit(experiment.texts, factor.name)
@@ -62,7 +64,7 @@ def _design(experiment: StudyExperiment) -> str:
 
 def _procedure(experiment: StudyExperiment) -> str:
     """Return what trials showed and asked, where the study's own words do not tell it."""
-    if experiment.study.methods.strip():
+    if experiment.study.report.methods.strip():
         return ""
     said = []
     shown_in: dict[str, dict[str, list[str]]] = {}
@@ -130,7 +132,7 @@ def _looks(rules: MeasureParameters) -> str:
 
 def _excluded(analysis: StudyAnalysis) -> str:
     selection = analysis.selection
-    applied = selection.applied(analysis.study.exclusions)
+    applied = selection.applied(analysis.study.analysis.exclusions)
     rules = [
         rule.rule(selection.limits[rule.name])
         + ("" if rule.if_missing or "{" in rule.words else f", {rule.words}")

@@ -81,8 +81,8 @@ def references_of(analysis: StudyAnalysis, *, with_gaze: bool) -> tuple[Referenc
     if any(f.compare.correction == "holm" for f in tested):
         found += [HOLM]
     study = analysis.study
-    source = () if study.source is None else (study.source.citation,)
-    return (*found, *(_quoted(t) for t in dict.fromkeys((*study.references, *source))))
+    source = () if study.report.source is None else (study.report.source.citation,)
+    return (*found, *(_quoted(t) for t in dict.fromkeys((*study.report.references, *source))))
 
 
 def _quoted(text: str) -> Reference:

@@ -73,7 +73,7 @@ def build_report(
     checked = (
         [] if quality is None else [_quality(analysis, experiment, quality, provenance, pictures)]
     )
-    study = analysis.study
+    study, source = analysis.study, analysis.study.report.source
     page = Page(
         title=study.title,
         subtitle=study.question,
@@ -103,7 +103,7 @@ def build_report(
             _methods(analysis, experiment),
             provenance_section(provenance),
         ),
-        footer="" if study.source is None else f"Published values: {study.source.citation}",
+        footer="" if source is None else f"Published values: {source.citation}",
     )
     return write_page(page, path)
 
@@ -111,7 +111,9 @@ def build_report(
 def _by_group(analysis: StudyAnalysis) -> str:
     """Return how many participants of each group count; nothing where there are no groups."""
     told = []
-    for factor in (f for f in analysis.study.factors if f.between and f.name in analysis.levels):
+    for factor in (
+        f for f in analysis.study.design.factors if f.between and f.name in analysis.levels
+    ):
         counts = analysis.selection.counted.groupby(factor.name)["participant"].nunique()
         told += [f"{counts.get(level, 0)} {level}" for level in analysis.levels[factor.name]]
     return f" ({', '.join(told)})" if told else ""
@@ -129,7 +131,7 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         if not finding.compare.exploratory
         for term in finding.terms or (None,)
     ]
-    if analysis.study.conclude_of is not None:
+    if analysis.study.analysis.conclude_of is not None:
         verdicts = []  # its own conclusions say it
     verdicts += family_verdicts(analysis)
     blocks: list[Block] = []
@@ -141,7 +143,7 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
     blocks += [] if beside is None else [beside]
     agreed = agreement_table(analysis)
     blocks += [] if agreed is None else [agreed]
-    source = analysis.study.source
+    source = analysis.study.report.source
     if source is not None and analysis.n_participants < (source.participants or 0):
         blocks.append(
             Paragraph(
@@ -237,7 +239,7 @@ def _lower(text: str) -> str:
 
 
 def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
-    source = analysis.study.source
+    source = analysis.study.report.source
     if source is None:
         return None
     rows: list[tuple[Cell | str, ...]] = []
@@ -404,7 +406,7 @@ def _quality(
     provenance: ReportProvenance,
     pictures: Pictures,
 ) -> Section:
-    looks = analysis.study.looks
+    looks = analysis.study.analysis.looks
     rules = looks[0].rules({"parameters": experiment.parameters}) if looks else LooksOn().rules({})
     selection, kept = analysis.selection, kept_of(analysis)
     listed = reporting_table(
@@ -422,7 +424,7 @@ def _quality(
     ]
     heads = tuple(Column(h) for h in ("Participant", "What", "Why"))
     errors = selection.people.get("calibration_error_deg")
-    ruled = any(r.column == "calibration_error_deg" for r in analysis.study.exclusions)
+    ruled = any(r.column == "calibration_error_deg" for r in analysis.study.analysis.exclusions)
     if ruled and errors is not None and errors.isna().any():
         unknown = ", ".join(selection.people.loc[errors.isna(), "participant"].astype(str))
         blocks.append(
@@ -457,7 +459,7 @@ def kept_of(analysis: StudyAnalysis) -> Kept:
     selection = analysis.selection
     limits = "; ".join(
         rule_words(selection, [rule], rule.name)
-        for rule in selection.applied(analysis.study.exclusions)
+        for rule in selection.applied(analysis.study.analysis.exclusions)
     )
     finished = selection.finished
     return Kept(
@@ -621,8 +623,8 @@ def _methods(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
     ]
     if changed:
         blocks += [Paragraph("Set otherwise for these sessions:"), Bullets(tuple(changed))]
-    if experiment.study.references:
-        blocks.append(Fold("References", (Bullets(tuple(experiment.study.references)),)))
+    if experiment.study.report.references:
+        blocks.append(Fold("References", (Bullets(tuple(experiment.study.report.references)),)))
     return Section("methods", "Methods", tuple(blocks))
 
 

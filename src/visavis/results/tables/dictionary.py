@@ -132,7 +132,7 @@ STATISTICS: Final = (
 def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> dict[str, Column]:
     """Return what describes the columns of a study's trial table, by name."""
     found = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED, LATE)}
-    for factor in experiment.study.factors:
+    for factor in experiment.study.design.factors:
         levels = ", ".join(map(str, factor.levels))
         kind = "between" if factor.between else "within"
         words = experiment.texts.find(f"labels.{factor.name}") or factor.name.replace("_", " ")
@@ -151,10 +151,10 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         found[name] = Column(name, "ns", words)
     found |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
     found |= {m.column: m.description() for m in measures}
-    found |= {c.name: c for c in experiment.study.columns}
-    for name in experiment.study.derived:
+    found |= {c.name: c for c in experiment.study.analysis.columns}
+    for name in experiment.study.design.derived:
         found.setdefault(name, Column(name, "", f"{name.replace('_', ' ')}, from the factors"))
-    if experiment.study.looks:
+    if experiment.study.analysis.looks:
         found |= {c.name: c for c in LOOK_COLUMNS}
     return found
 
@@ -166,10 +166,10 @@ def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
     """
     own = (
         c
-        for c in experiment.study.columns
+        for c in experiment.study.analysis.columns
         if c.unit != "1" or c.name.endswith(("_frames", "_samples"))
     )
-    looks = LOOK_COLUMNS if experiment.study.looks else ()
+    looks = LOOK_COLUMNS if experiment.study.analysis.looks else ()
     return (*ENGINE_COLUMNS, *own, *looks)
 
 

@@ -134,10 +134,10 @@ def course(visit: Visit) -> Course:
             yield Event("consent", {"version": version, "agreed": agreed})
             if not agreed:
                 return DECLINED
-        if "card" in experiment.study.screening:
+        if "card" in experiment.study.procedure.screening:
             reply = yield from _step(PageStep("card", {"card_mm": CARD_MM}))
             yield Event(SCREEN_MEASURED, {"px_per_mm": reply.content["px_per_mm"]})
-        if "sound" in experiment.study.screening:
+        if "sound" in experiment.study.procedure.screening:
             yield from _sound(visit)
         films = [visit.files(film) for film in experiment.films]
         if films:

@@ -250,7 +250,7 @@ class Reception:
     def _order(self, index: int) -> Order:
         if index not in self._orders:
             plan = self._experiment.plan(index, self._base.seed)
-            in_squares = self._experiment.study.order in SQUARES
+            in_squares = self._experiment.study.design.order in SQUARES
             self._orders[index] = order_of(plan, trials_too=in_squares)
         return self._orders[index]
 

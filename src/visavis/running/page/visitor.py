@@ -173,7 +173,7 @@ def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Vi
     films = {store.told(film, is_simulated=True)["film"]: film for film in experiment.films}
     digits = (
         spoken_digits(experiment.language, experiment.settings.folder)
-        if "sound" in experiment.study.screening
+        if "sound" in experiment.study.procedure.screening
         else ()
     )
     return Visitor(

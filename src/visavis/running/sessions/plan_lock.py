@@ -75,7 +75,7 @@ def content_now(
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return what a study plans as it is declared now."""
-    file = study.study.path
+    file = study.study.files.path
     return plan_content(
         experiment,
         study.measures(experiment),

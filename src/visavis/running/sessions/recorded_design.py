@@ -26,19 +26,19 @@ MAX_VALUES: Final = 12
 def design_of(experiment: StudyExperiment) -> dict[str, Any]:
     """Return what a study's sessions show and ask, and in which order, as plain data."""
     study = experiment.study
-    factors = study.design(experiment.parameters).factors
-    varied = {f.name for f in study.factors}  # whose levels may be set like parameters
+    factors = study.design_with(experiment.parameters).factors
+    varied = {f.name for f in study.design.factors}  # whose levels may be set like parameters
     found = {
         "parameters": {k: v for k, v in experiment.parameters.items() if k not in varied},
         "factors": {
             f.name: {"levels": list(f.levels), "between": bool(f.between)} for f in factors
         },
         "order": {
-            "blocked_by": study.blocked_by or "",
-            "block_order": study.block_order,
-            "balanced": list(study.balanced),
+            "blocked_by": study.design.blocked_by or "",
+            "block_order": study.design.block_order,
+            "balanced": list(study.design.balanced),
         },
-        "questionnaires": [*study.after_block, *study.questionnaires],
+        "questionnaires": [*study.asks.after_block, *study.asks.questionnaires],
         "questions": {
             name: {"kind": type(asked).__name__, "options": list(map(str, asked.options))}
             for name, asked in experiment.responses.items()
@@ -168,11 +168,11 @@ def as_recorded(chosen: OpenedStudy, manifests: Sequence[Manifest]) -> OpenedStu
         replace(f, levels=tuple(met[f.name]))
         if f.name in met and set(met[f.name]) != set(f.levels)
         else f
-        for f in chosen.study.factors
+        for f in chosen.study.design.factors
     ]
-    if factors == list(chosen.study.factors):
+    if factors == list(chosen.study.design.factors):
         return chosen
-    return replace(chosen, study=replace(chosen.study, factors=factors))
+    return replace(chosen, study=chosen.study.with_changes(factors=factors))
 
 
 def require_recorded_factors(

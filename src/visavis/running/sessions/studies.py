@@ -357,8 +357,8 @@ def _reviewed(
     experiment = chosen.experiment(overrides_of(manifests[0].plan))
     done = content_now(chosen, experiment, manifests[0].seed, settings)
     review = review_of(locked, done, manifests, peeks)
-    compare = marked(chosen.study.compare, locked.plan)
-    return replace(chosen, study=replace(chosen.study, compare=compare), plan=review), review
+    compare = marked(chosen.study.analysis.compare, locked.plan)
+    return replace(chosen, study=chosen.study.with_changes(compare=compare), plan=review), review
 
 
 def _measured(

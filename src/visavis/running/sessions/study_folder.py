@@ -137,7 +137,7 @@ def wanted_settings(
             parameters["language"] = language
     if effect is None:
         effect = True if begun is None else begun.effect
-    file = study.study.path
+    file = study.study.files.path
     return StudySettings(
         study.name,
         DEFAULT_SEED if seed is None else seed,
