@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Row, show
+from visavis.devices.contracts import SessionName
 from visavis.devices.drivers.pupil.driver import PupilCore
 from visavis.devices.shared_body import SharedBody
 from visavis.devices.sim.body.headset import SimulatedHeadset
@@ -101,9 +102,7 @@ def work_per_frame_ms(
             SessionSetup(
                 experiment=experiment,
                 plan=plan,
-                participant_label="B01",
-                session_number=1,
-                part=1,
+                name=SessionName(study.name, "B01", 1, 1),
                 rig=Rig(headset, tracker, {}),
                 stage=GeometryStage([body]),
                 recorder=recorder,

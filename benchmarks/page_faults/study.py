@@ -15,7 +15,7 @@ from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, find_study
-from visavis.running.sessions.session_request import PageAddress, Request
+from visavis.running.sessions.session_request import PageAddress, Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
 
 NAME: Final = "faults"
@@ -85,10 +85,7 @@ def request_of(root: Path, label: str = "", page: PageAddress | None = None) -> 
         study=study,
         experiment=experiment,
         config=lab(root),
-        participant_label=label,
-        participant_index=0,
-        group="",
-        session=1,
+        person=SessionPerson(label, 0),
         seed=1,
         clock=SystemClock(),
         operator=UnattendedOperator(),

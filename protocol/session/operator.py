@@ -80,44 +80,78 @@ def nothing_drawn() -> None:
 
 
 @dataclass(frozen=True)
-class SessionStatus:
-    """Everything an operator's screen shows; `condition` is empty when blinded.
+class TrialCounts:
+    """How far a session has come, in trials."""
 
-    `prompt` is what waits for the operator, `waiting` what is waited for by itself: a device that
-    is away, and for how much longer; `can_go_on` tells whether ADVANCE does anything now. `flags`
-    are those of the trial that runs, `contacts` what is touched now and `contacts_begun` how often
-    that began in it (None where nothing was touched). `frame` is what the last frame brought and
-    `shown` what stood before the participant in it: who keeps them longer copies their arrays.
-    `glance` returns a small picture of what they saw, twice a second at most, to who asks in the
-    session's own thread.
-    """
+    done: int
+    """Trials that are finished."""
+    planned: int
+    """Trials that the plan holds."""
+    skipped: int = 0
+    """Trials that the operator left out."""
+    left_s: float = 0.0
+    """How long the rest takes, in seconds."""
+
+
+@dataclass(frozen=True)
+class CalibrationStatus:
+    """How well gaze is measured, by the last validation; None before there was one."""
+
+    accuracy_deg: float | None = None
+    """Mean error of gaze."""
+    precision_deg: float | None = None
+    """Spread of gaze from sample to sample."""
+    age_s: float | None = None
+    """Seconds since it was validated."""
+    is_planned: bool = True
+    """Whether the session calibrates at all."""
+
+
+@dataclass(frozen=True)
+class SessionStatus:
+    """Everything an operator's screen shows."""
 
     state: SessionState
+    """What the session does now."""
     participant: str
+    """The participant's label."""
     trial_id: str
-    trials_done: int
-    trials_planned: int
+    """The trial that runs; "" between trials."""
+    trials: TrialCounts
+    """How far the session has come."""
     block: str
+    """The title of the block."""
     condition: str
-    trial_left_s: float | None
-    session_left_s: float
-    health: dict[str, Health]
-    accuracy_deg: float | None
-    precision_deg: float | None
-    calibration_age_s: float | None
-    faults: tuple[Fault, ...]
+    """The levels of the trial's factors; "" for an operator who is blinded."""
+    trial_left_s: float | None = None
+    """How long the trial takes yet; None where that is unknown."""
+    health: dict[str, Health] = field(default_factory=dict)
+    """How each device's stream is, by role."""
+    calibration: CalibrationStatus = CalibrationStatus()
+    """How well gaze is measured."""
+    faults: tuple[Fault, ...] = ()
+    """Faults of devices that hold now."""
     prompt: str = ""
+    """What waits for the operator."""
     waiting: str = ""
+    """What is waited for by itself: a device that is away, and for how much longer."""
     can_go_on: bool = False
-    messages: tuple[str, ...] = field(default_factory=tuple)
-    trials_skipped: int = 0
-    is_calibrated_first: bool = True
+    """Whether ADVANCE does anything now."""
+    messages: tuple[str, ...] = ()
+    """What happened lately."""
     flags: tuple[str, ...] = ()
+    """Flags of the trial that runs."""
     frame: FrameView | None = None
+    """What the last frame brought; who keeps it longer copies its arrays."""
     shown: SceneFrame | None = None
+    """What stood before the participant in it; who keeps it longer copies its arrays."""
     contacts: tuple[BodyContact, ...] = ()
+    """What is touched now."""
     contacts_begun: int | None = None
+    """How often that began in the trial; None where nothing was touched."""
     glance: Callable[[], Glance | None] = nothing_drawn
+    """Returns a small picture of what they saw, twice a second at most, to who asks in the
+    session's own thread."""
 
 
 class Operator(Protocol):

@@ -11,7 +11,14 @@ from visavis.protocol.plan.steps import FrameView
 from visavis.protocol.session.active_faults import StandingFaults
 from visavis.protocol.session.calibration_record import CalibrationInForce
 from visavis.protocol.session.frame_loop import FrameLoop
-from visavis.protocol.session.operator import Action, BodyContact, Command, SessionStatus
+from visavis.protocol.session.operator import (
+    Action,
+    BodyContact,
+    CalibrationStatus,
+    Command,
+    SessionStatus,
+    TrialCounts,
+)
 from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.session_setup import SessionSetup
 from visavis.protocol.session.stall_watch import StallWatch, as_reason
@@ -416,22 +423,26 @@ class OperatorDesk:
         verdict = calibration.verdict if calibration else None
         return SessionStatus(
             state=self._states.state,
-            participant=setup.participant_label,
+            participant=setup.name.participant,
             trial_id=trial.trial_id if trial else "",
-            trials_done=self.trials_done,
-            trials_skipped=self.trials_skipped,
-            trials_planned=total,
+            trials=TrialCounts(
+                done=self.trials_done,
+                planned=total,
+                skipped=self.trials_skipped,
+                left_s=max(total - self.trials_done - self.trials_skipped, 0) * per_trial_s,
+            ),
             block=self.block_name,
             condition=condition,
             trial_left_s=None
             if self.trial_end_ns is None or self.trial_end_ns <= t_ns
             else (self.trial_end_ns - t_ns) / NS_PER_S,
-            session_left_s=max(total - self.trials_done - self.trials_skipped, 0) * per_trial_s,
             health=self._rig.health(),
-            accuracy_deg=verdict.accuracy_deg if verdict else None,
-            is_calibrated_first=any(b.calibrate for b in setup.plan.blocks),
-            precision_deg=verdict.precision_deg if verdict else None,
-            calibration_age_s=(t_ns - calibration.t_ns) / NS_PER_S if calibration else None,
+            calibration=CalibrationStatus(
+                accuracy_deg=verdict.accuracy_deg if verdict else None,
+                precision_deg=verdict.precision_deg if verdict else None,
+                age_s=(t_ns - calibration.t_ns) / NS_PER_S if calibration else None,
+                is_planned=any(b.calibrate for b in setup.plan.blocks),
+            ),
             faults=self._faults.shown(t_ns),
             prompt=self._prompt,
             waiting=self.waiting,

@@ -61,8 +61,8 @@ class Session:
         with RunningRig(setup.rig, setup.clock, lambda r, b: deliver[0].sink(r, b)) as rig:
             for schema in rig.schemas():
                 self._recorder.declare(schema)
-            if setup.on_open is not None:
-                setup.on_open(rig.infos())
+            if setup.listeners.on_open is not None:
+                setup.listeners.on_open(rig.infos())
             loop = FrameLoop(
                 setup.experiment,
                 rig,
@@ -157,7 +157,7 @@ class Session:
         self._recorder.event(
             "session_start",
             self._loop.t_ns,
-            part=setup.part,
+            part=setup.name.part,
             resumed=setup.progress.is_resumed,
         )
         for role in sorted(self._rig.without):
@@ -252,8 +252,8 @@ class Session:
             self._participant.prepare(stretch, self._loop.t_ns)
         self._foresee(trial)
         outcome = self._runner.run(trial, self._calibration)
-        if outcome.status != "postponed" and self._setup.on_trial is not None:
-            self._setup.on_trial(
+        if outcome.status != "postponed" and self._setup.listeners.on_trial is not None:
+            self._setup.listeners.on_trial(
                 trial.trial_id, self._runner.finished, len(self._setup.plan.trials)
             )
         return outcome
@@ -425,8 +425,10 @@ class Session:
         self._recorder.event(
             "validation", self._loop.t_ns, **found, points=[dict(row) for row in verdict.rows]
         )
-        if self._setup.on_validation is not None:
-            self._setup.on_validation({"part": self._setup.part, "t_ns": self._loop.t_ns, **found})
+        if self._setup.listeners.on_validation is not None:
+            self._setup.listeners.on_validation(
+                {"part": self._setup.name.part, "t_ns": self._loop.t_ns, **found}
+            )
         return calibration
 
     def _validate_at_end(self) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from visavis.devices.contracts import DeviceInfo
+from visavis.devices.contracts import DeviceInfo, SessionName
 from visavis.lab.clock import Clock
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import Experiment, Respondent, ValidationJudge
@@ -23,33 +23,57 @@ LOST_DEVICE_S = 300.0
 
 
 @dataclass(frozen=True)
-class SessionSetup:
-    """Everything a session needs; nothing in it is created or read from disk here.
+class SessionListeners:
+    """Who hears of what happens in a session, at once and in its own thread."""
 
-    `idle_roles` are devices that are recorded though nothing of the study rests on them: what they
-    warn of flags no trial, and nobody is told that they are not calibrated.
-    """
+    on_open: Callable[[tuple[DeviceInfo, ...]], None] | None = None
+    """Hears that the devices are open, and which they are."""
+    on_validation: Callable[[Mapping[str, Any]], None] | None = None
+    """Hears what a validation of gaze found."""
+    on_trial: Callable[[str, int, int], None] | None = None
+    """Hears of every trial that is done: its name, how many of how many."""
+
+
+@dataclass(frozen=True)
+class SessionSetup:
+    """Everything a session needs; nothing in it is created or read from disk here."""
 
     experiment: Experiment
+    """The study with the parameters in force."""
     plan: SessionPlan
-    participant_label: str
-    session_number: int
-    part: int
+    """What the participant will do."""
+    name: SessionName
+    """Which part of whose session it is."""
     rig: Rig
+    """The devices."""
     stage: Stage
+    """Shows scenes."""
     recorder: Recorder
+    """Writes everything down."""
     clock: Clock
+    """The session's time."""
     operator: Operator
+    """Who runs the session."""
     respondent: Respondent
+    """Who answers questionnaires."""
     judge_validation: ValidationJudge
+    """Decides whether a validation of gaze is good enough."""
     questionnaires: tuple[Questionnaire, ...] = ()
+    """The questionnaires that blocks and the plan name."""
     participant: SimulatedParticipant | None = None
+    """Who is simulated; None where somebody is there."""
     progress: Progress = field(default_factory=Progress)
+    """What earlier parts of the session did."""
     blind: bool = False
+    """Whether the operator's screen hides the condition."""
     idle_roles: frozenset[str] = frozenset()
+    """Devices that are recorded though nothing of the study rests on them: what they warn of flags
+    no trial, and nobody is told that they are not calibrated."""
     timing: TargetTiming = field(default_factory=TargetTiming)
+    """How long targets of a calibration are shown."""
     lost_device_s: float = LOST_DEVICE_S
+    """How long a device that went away is waited for."""
     leave_out: str = LEAVE_OUT
-    on_trial: Callable[[str, int, int], None] | None = None
-    on_validation: Callable[[Mapping[str, Any]], None] | None = None
-    on_open: Callable[[tuple[DeviceInfo, ...]], None] | None = None
+    """The words with which a question is left out."""
+    listeners: SessionListeners = SessionListeners()
+    """Who hears of what happens in it."""

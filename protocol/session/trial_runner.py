@@ -134,11 +134,11 @@ class TrialRunner:
         self._note_memory(trial)
         setup.recorder.trial(
             {
-                "participant": setup.participant_label,
+                "participant": setup.name.participant,
                 "participant_index": setup.plan.participant_index,
-                "session": setup.session_number,
+                "session": setup.name.session,
                 "group": setup.plan.group,
-                "part": setup.part,
+                "part": setup.name.part,
                 "trial_id": trial.trial_id,
                 "number": trial.number,
                 "block": trial.block,

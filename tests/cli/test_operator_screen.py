@@ -5,7 +5,13 @@ from rich.console import Console
 
 from visavis.cli.operator_screen import KeyInterpreter, TerminalOperator, render
 from visavis.devices.contracts import DeviceState, Fault, Health
-from visavis.protocol.session.operator import Action, Command, SessionStatus
+from visavis.protocol.session.operator import (
+    Action,
+    CalibrationStatus,
+    Command,
+    SessionStatus,
+    TrialCounts,
+)
 from visavis.protocol.session.states import SessionState
 
 HEALTH = Health(DeviceState.STREAMING, 1200, 119.9, 2, 33.0, 4.0)
@@ -13,16 +19,12 @@ STATUS = SessionStatus(
     state=SessionState.TRIAL,
     participant="07K",
     trial_id="T05",
-    trials_done=5,
-    trials_planned=73,
+    trials=TrialCounts(done=5, planned=73, left_s=1200),
     block="Block 1",
     condition="AD, place left_far",
     trial_left_s=9.2,
-    session_left_s=1200,
     health={"eye_tracker": HEALTH, "responses": replace(HEALTH, received=0)},
-    accuracy_deg=0.8,
-    precision_deg=0.1,
-    calibration_age_s=130,
+    calibration=CalibrationStatus(accuracy_deg=0.8, precision_deg=0.1, age_s=130),
     faults=(Fault("eye_tracker", "blocking", "disconnected", "check the cable"),),
     prompt="",
     messages=("noted in T05: sneezed",),
@@ -72,13 +74,15 @@ def test_a_trial_whose_time_is_up_claims_no_seconds_and_one_that_runs_at_least_o
 
 
 def test_a_study_without_calibration_lacks_none() -> None:
-    status = replace(STATUS, accuracy_deg=None, precision_deg=None)
+    status = replace(STATUS, calibration=CalibrationStatus())
     assert "calibration  none yet" in drawn(status)
-    assert "calibration  not needed" in drawn(replace(status, is_calibrated_first=False))
+    assert "calibration  not needed" in drawn(
+        replace(STATUS, calibration=CalibrationStatus(is_planned=False))
+    )
 
 
 def test_skipped_trials_are_not_counted_as_done() -> None:
-    assert "5/73, 2 skipped" in drawn(replace(STATUS, trials_skipped=2))
+    assert "5/73, 2 skipped" in drawn(replace(STATUS, trials=replace(STATUS.trials, skipped=2)))
     assert "skipped" not in drawn(STATUS)
 
 

@@ -191,9 +191,9 @@ def test_a_stricter_alpha_finds_less(study: KitPower, folder: Path) -> None:
 def test_scaling_the_effect_moves_only_what_contact_does() -> None:
     assert DEFAULT_POPULATION == scaled_population(DEFAULT_POPULATION, 1.0)
     half = scaled_population(DEFAULT_POPULATION, 0.5)
-    assert half.hold_s == pytest.approx(DEFAULT_POPULATION.hold_s / 2)
-    assert half.return_gain == pytest.approx(DEFAULT_POPULATION.return_gain**0.5)
-    assert half.head_visit_s == DEFAULT_POPULATION.head_visit_s
+    assert half.contact.hold_s == pytest.approx(DEFAULT_POPULATION.contact.hold_s / 2)
+    assert half.contact.return_gain == pytest.approx(DEFAULT_POPULATION.contact.return_gain**0.5)
+    assert half.visits.head_visit_s == DEFAULT_POPULATION.visits.head_visit_s
     with pytest.raises(UsageError, match="from 0 to 2"):
         scaled_population(DEFAULT_POPULATION, 2.5)
 

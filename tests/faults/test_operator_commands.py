@@ -130,8 +130,8 @@ def test_a_skipped_trial_keeps_its_reason_and_is_not_done_again(
     recording = operated(tmp_path, operator)
 
     last = operator.seen[-1]
-    assert (6, 1, 7) == (last.trials_done, last.trials_skipped, last.trials_planned)
-    assert 0 == last.session_left_s
+    assert (6, 1, 7) == (last.trials.done, last.trials.skipped, last.trials.planned)
+    assert 0 == last.trials.left_s
     row = trial_table(recording).loc[("T02", 1)]
     assert ("skipped", "participant coughed") == (row["status"], row["reason"])
     assert ["P1", *TRIALS] == order(recording)

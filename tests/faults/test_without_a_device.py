@@ -91,7 +91,8 @@ def test_a_device_on_which_nothing_rests_may_stay_away(role: str, tmp_path: Path
 
 def test_the_report_says_how_many_trials_lacked_a_device(tmp_path: Path) -> None:
     whole = Recording(perform_new(asking(tmp_path)))
-    lacking = replace(asking(tmp_path), participant_label="S02", without=("responses",))
+    asked = asking(tmp_path)
+    lacking = replace(asked, person=replace(asked.person, label="S02"), without=("responses",))
     study = opened("asking")
     taken = [study.measure(r) for r in (whole, Recording(perform_new(lacking)))]
     page = study.analyse(

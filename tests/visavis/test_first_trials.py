@@ -132,7 +132,9 @@ def test_what_a_trial_shows_first_is_foreseen(reference: str, tmp_path: Path) ->
     request = replace(request, timing=TIMING, stage_for=stage_for, on_trial=ended, on="lab")
     with pytest.raises(Performed):
         perform.perform_new(request)
-    trials = request.experiment.plan(request.participant_index, request.seed, request.group).trials
+    trials = request.experiment.plan(
+        request.person.index, request.seed, request.person.group
+    ).trials
     for trial, shown in zip(trials, made[0].lit[:2], strict=False):
         foreseen = request.experiment.first_lit(trial)
         assert foreseen is not None

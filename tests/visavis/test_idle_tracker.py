@@ -29,7 +29,7 @@ def test_a_study_without_gaze_is_green_though_its_tracker_was_never_calibrated(
 
 def test_the_operator_of_a_study_that_calibrates_nothing_is_told_so(session: Recording) -> None:
     assert session.trials().size
-    assert {False} == {status.is_calibrated_first for status in OPERATOR.seen}
+    assert {False} == {status.calibration.is_planned for status in OPERATOR.seen}
     assert "calibration  not needed" in drawn(OPERATOR.seen[-1])
 
 

@@ -242,7 +242,7 @@ class CrowdParticipant(PressesNothing):
 
     def form(self, stretch: int) -> Vector:
         """Return how the person is on a walk, (4,), standard normal between two of its turns."""
-        turn, share = divmod(stretch / self.population.form_walks, 1.0)
+        turn, share = divmod(stretch / self.population.form.form_walks, 1.0)
         one, other = (self._rng(_N_FORM, int(turn) + k).standard_normal(4) for k in (0, 1))
         between: Vector = np.cos(share * np.pi / 2) * one + np.sin(share * np.pi / 2) * other
         return between
@@ -329,9 +329,9 @@ class CrowdParticipant(PressesNothing):
         for start, goal in ((mark, board), (board, mark)):
             habit = own.standard_normal(len(graph.free_m))
             mood = self._rng_walk.standard_normal(len(graph.free_m))
-            taste = np.exp(q.taste_person * habit + q.taste_trial * mood)
+            taste = np.exp(q.routes.taste_person * habit + q.routes.taste_trial * mood)
             gaps = choose_gaps(
-                graph, start, goal, taste, squeeze=q.squeeze, easy_gap_m=q.easy_gap_m
+                graph, start, goal, taste, squeeze=q.routes.squeeze, easy_gap_m=q.routes.easy_gap_m
             )
             way = way_through(crowd, gaps, start, goal)
             ways.append((way, self._sides(way)))

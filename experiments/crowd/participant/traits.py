@@ -9,89 +9,157 @@ from visavis.lab.geometry import Vector
 
 
 @dataclass(frozen=True)
+class Walking:
+    """How people walk where nothing is felt."""
+
+    free_speed_m_s: float = 0.51
+    """Speed in a dense crowd seen in a headset, in m/s (Berton et al. 2020 report 0.43 inside
+    it)."""
+    free_speed_spread: float = 0.18
+    """Its spread between people (log scale)."""
+    turn_slowing: float = 0.25
+    """Share of speed lost at a full quarter turn."""
+    narrow_slowing: float = 0.20
+    """Share of speed lost where it is narrow."""
+    stride_m: float = 0.68
+    """Length of two steps at that speed."""
+    shoulder_width_m: float = 0.46
+    """Width of the shoulders of somebody 1.75 m tall; assumed."""
+    body_depth_m: float = 0.26
+    """Depth of the same body; assumed."""
+    margin_m: float = 0.018
+    """Free space on either side for which the shoulders turn (a constant margin: Higuchi 2012;
+    below 1.3 shoulder widths: Warren and Whang 1987)."""
+    margin_spread_m: float = 0.036
+    """Its spread between people."""
+    turn_limit_deg: float = 78.0
+    """How far the shoulders turn at most; assumed."""
+    turn_s: float = 0.28
+    """Time constant of a turn; assumed."""
+    wander_m: float = 0.046
+    """How far the body strays from its way."""
+    wander_s: float = 1.2
+    """Over which time it does; assumed."""
+    reading_s: float = 2.2
+    """How long reading the board takes; assumed."""
+    reaction_s: float = 0.7
+    """How long people take to start; assumed."""
+
+
+@dataclass(frozen=True)
+class Routes:
+    """Which way people take: cost is length plus `squeeze` for narrow gaps."""
+
+    squeeze: float = 6.0
+    """Cost of gaps below `easy_gap_m`."""
+    easy_gap_m: float = 0.80
+    """Width from which a gap costs nothing."""
+    taste_person: float = 0.30
+    """Log-normal taste, the same in every trial of a person in the same crowd."""
+    taste_trial: float = 0.20
+    """Log-normal taste, new in every trial."""
+
+
+@dataclass(frozen=True)
+class Arms:
+    """How arms hang and swing. A person's looseness, one number, makes both larger and steps
+    shorter, so that some touch many more people than others.
+    """
+
+    swing_rad: float = 0.31
+    """How far arms swing."""
+    spread_rad: float = 0.38
+    """How far they hang from the body."""
+    loose_swing: float = 0.60
+    """Effect of looseness on the swing (log scale)."""
+    loose_spread: float = 0.50
+    """Effect of looseness on the spread (log scale)."""
+    loose_stride: float = 0.29
+    """Effect of looseness on the stride (log scale)."""
+    tuck: float = 0.15
+    """Share by which arms are kept closer where it is narrow."""
+    tuck_spread: float = 0.10
+    """Its spread between people."""
+
+
+@dataclass(frozen=True)
+class Caution:
+    """What felt vibrations teach. Caution grows towards 1 while one is felt."""
+
+    caution_per_s: float = 0.014
+    """How fast caution grows."""
+    caution_forgotten_s: float = 3600.0
+    """Over which time it is forgotten."""
+    careful_margin_m: float = 0.066
+    """The margin that it leads to, in which people differ less than in their own."""
+    careful_margin_spread_m: float = 0.020
+    """Its spread between people."""
+    careful_with_own: float = 0.7
+    """How much who keeps a wide margin learns a wide one (correlation)."""
+    caution_tuck: float = 0.50
+    """Share by which it keeps arms closer."""
+    caution_tuck_spread: float = 0.35
+    """How much people differ in that: below none, arms come out, as of somebody who gets
+    careless."""
+    response_tail: float = 4.0
+    """Degrees of freedom of Student's t, by which they differ."""
+    loose_response: float = 0.60
+    """How much less arms come in, in the loose."""
+    caution_wander: float = 0.62
+    """Share by which it keeps the way truer."""
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """What a vibration does at once. Alarm grows towards 1 while one is felt."""
+
+    alarm_per_s: float = 0.5
+    """How fast alarm grows; assumed."""
+    alarm_forgotten_s: float = 12.0
+    """Over which time it is forgotten; assumed."""
+    alarm_slowing: float = 0.10
+    """Share of speed that it costs."""
+    alarm_slowing_spread: float = 0.50
+    """Its spread between people (log scale)."""
+    alarm_margin_m: float = 0.030
+    """How much it widens the margin."""
+    alarm_margin_spread_m: float = 0.060
+    """Its spread between people, normal, so that it narrows it in some."""
+    alarm_with_own: float = 0.7
+    """How much who keeps a wide margin is alarmed more (correlation)."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """How somebody is just now: it wanders round what they are, whatever is felt."""
+
+    form_walks: int = 8
+    """Over about how many walks it wanders."""
+    form_pace: float = 0.095
+    """Spread of pace (log scale)."""
+    form_loose: float = 0.27
+    """Spread of looseness, in spreads between people."""
+    form_margin_m: float = 0.008
+    """Spread of the margin."""
+    form_wander: float = 0.6
+    """Spread of sway (log scale)."""
+
+
+@dataclass(frozen=True)
 class Population:
     """Parameters of all simulated participants; spreads are between people.
 
-    Walking: `free_speed_m_s` in a dense crowd seen in a headset (Berton et al. 2020 report
-    0.43 m/s inside it), `turn_slowing` the share of speed lost at a full quarter turn,
-    `stride_m` two steps at that speed. Turning: the shoulders turn until body and `margin_m`
-    on either side fit the gap (a constant margin: Higuchi 2012; below 1.3 shoulder widths:
-    Warren and Whang 1987), at most `turn_limit_deg`. Steering: `wander_m` is how far the body
-    strays from its way, over `wander_s`. Routes: cost is length plus `squeeze` for gaps below
-    `easy_gap_m`, with log-normal tastes, `taste_person` the same in every trial of a person in
-    the same crowd, `taste_trial` new each time. Arms: they hang `spread_rad` from the body and
-    swing by `swing_rad`; a person's looseness, one number, makes both larger and steps shorter
-    (`loose_*`, log scale), so that some touch many more people than others.
-
-    Vibration: while one is felt, caution grows towards 1 by `caution_per_s` and alarm by
-    `alarm_per_s`; they are forgotten over `caution_forgotten_s` and `alarm_forgotten_s`.
-    Caution leads from a person's own margin to a learned one, `careful_margin_m`, in which
-    people differ less than in their own; it keeps arms closer by the share `caution_tuck` and
-    the way truer by the share `caution_wander`. How far arms come in differs by
-    `caution_tuck_spread`, with Student's t of `response_tail` degrees of freedom, and is less
-    in the loose (`loose_response`): below none, arms come out, as of somebody who gets
-    careless. Alarm slows by the share `alarm_slowing`, with a spread on the log scale, and widens
-    the margin by `alarm_margin_m`, with a normal one, so that it narrows it in some. Who keeps a
-    wide margin learns a wide one (`careful_with_own`) and is alarmed more (`alarm_with_own`).
-
-    Form: how somebody is just now wanders over about `form_walks` walks, whatever is felt, round
-    what they are: pace by `form_pace` and sway by `form_wander` (both log scale), looseness by
-    `form_loose`, in spreads between people, and the margin by `form_margin_m`.
-
-    Shoulder width and depth, the limits of turns and the times (`turn_s`, `wander_s`,
-    `reading_s`, `reaction_s`, `alarm_*_s`) are assumed; everything else was tuned by hand to
-    the published means and spreads, so that surfaces and capsules lie on either side of them,
-    on seeds 1, 7, 101 and 102 (see `benchmarks.crowd_participants`).
+    What is not marked as assumed was tuned by hand to the published means and spreads, so that
+    surfaces and capsules lie on either side of them, on seeds 1, 7, 101 and 102 (see
+    `benchmarks.crowd_participants`).
     """
 
-    free_speed_m_s: float = 0.51
-    free_speed_spread: float = 0.18
-    turn_slowing: float = 0.25
-    narrow_slowing: float = 0.20
-    stride_m: float = 0.68
-    shoulder_width_m: float = 0.46
-    body_depth_m: float = 0.26
-    margin_m: float = 0.018
-    margin_spread_m: float = 0.036
-    turn_limit_deg: float = 78.0
-    turn_s: float = 0.28
-    wander_m: float = 0.046
-    wander_s: float = 1.2
-    swing_rad: float = 0.31
-    spread_rad: float = 0.38
-    loose_swing: float = 0.60
-    loose_spread: float = 0.50
-    loose_stride: float = 0.29
-    tuck: float = 0.15
-    tuck_spread: float = 0.10
-    squeeze: float = 6.0
-    easy_gap_m: float = 0.80
-    taste_person: float = 0.30
-    taste_trial: float = 0.20
-    reading_s: float = 2.2
-    reaction_s: float = 0.7
-    caution_per_s: float = 0.014
-    caution_forgotten_s: float = 3600.0
-    alarm_per_s: float = 0.5
-    alarm_forgotten_s: float = 12.0
-    careful_margin_m: float = 0.066
-    careful_margin_spread_m: float = 0.020
-    careful_with_own: float = 0.7
-    caution_tuck: float = 0.50
-    caution_tuck_spread: float = 0.35
-    caution_wander: float = 0.62
-    alarm_slowing: float = 0.10
-    alarm_slowing_spread: float = 0.50
-    alarm_margin_m: float = 0.030
-    alarm_margin_spread_m: float = 0.060
-    alarm_with_own: float = 0.7
-    loose_response: float = 0.60
-    response_tail: float = 4.0
-    form_walks: int = 8
-    form_pace: float = 0.095
-    form_loose: float = 0.27
-    form_margin_m: float = 0.008
-    form_wander: float = 0.6
+    walking: Walking = Walking()
+    routes: Routes = Routes()
+    arms: Arms = Arms()
+    caution: Caution = Caution()
+    alarm: Alarm = Alarm()
+    form: Form = Form()
 
 
 DEFAULT_POPULATION: Final = Population()
@@ -155,44 +223,50 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     stature = float(mean + spread * np.clip(rng.standard_normal(), -2, 2))
     z = np.clip(rng.standard_normal(8), -2, 2)
     loose, shoulders, slowing, stride, alarmed = np.clip(rng.standard_normal(5), -2, 2)
-    arms = float(np.clip(rng.standard_t(q.response_tail), -3, 3))
+    arms = float(np.clip(rng.standard_t(q.caution.response_tail), -3, 3))
     traits = np.zeros(N_TRAITS)
-    traits[FREE_SPEED] = q.free_speed_m_s * np.exp(q.free_speed_spread * z[0])
-    traits[TURN_SLOWING] = q.turn_slowing
-    traits[NARROW_SLOWING] = q.narrow_slowing
-    traits[STRIDE] = q.stride_m * stature / 1.75 * np.exp(-q.loose_stride * loose + 0.08 * stride)
-    traits[WIDTH] = q.shoulder_width_m * stature / 1.75
-    traits[DEPTH] = q.body_depth_m * stature / 1.75
-    traits[MARGIN] = q.margin_m + q.margin_spread_m * z[1]
-    traits[TURN_LIMIT] = np.radians(q.turn_limit_deg)
-    traits[TURN_S] = q.turn_s
-    traits[WANDER] = q.wander_m * np.exp(0.15 * z[2])
-    traits[WANDER_S] = q.wander_s
-    traits[SWING] = min(q.swing_rad * np.exp(q.loose_swing * loose + 0.2 * z[3]), MAX_SWING_RAD)
-    traits[TUCK] = float(np.clip(q.tuck + q.tuck_spread * z[4], 0, 1))
+    traits[FREE_SPEED] = q.walking.free_speed_m_s * np.exp(q.walking.free_speed_spread * z[0])
+    traits[TURN_SLOWING] = q.walking.turn_slowing
+    traits[NARROW_SLOWING] = q.walking.narrow_slowing
+    traits[STRIDE] = (
+        q.walking.stride_m * stature / 1.75 * np.exp(-q.arms.loose_stride * loose + 0.08 * stride)
+    )
+    traits[WIDTH] = q.walking.shoulder_width_m * stature / 1.75
+    traits[DEPTH] = q.walking.body_depth_m * stature / 1.75
+    traits[MARGIN] = q.walking.margin_m + q.walking.margin_spread_m * z[1]
+    traits[TURN_LIMIT] = np.radians(q.walking.turn_limit_deg)
+    traits[TURN_S] = q.walking.turn_s
+    traits[WANDER] = q.walking.wander_m * np.exp(0.15 * z[2])
+    traits[WANDER_S] = q.walking.wander_s
+    traits[SWING] = min(
+        q.arms.swing_rad * np.exp(q.arms.loose_swing * loose + 0.2 * z[3]), MAX_SWING_RAD
+    )
+    traits[TUCK] = float(np.clip(q.arms.tuck + q.arms.tuck_spread * z[4], 0, 1))
     traits[STATURE] = stature
     responsive = float(np.exp(0.3 * z[5]))
-    traits[CAUTION_PER_S] = q.caution_per_s * responsive if feels else 0.0
-    traits[CAUTION_FORGOTTEN] = q.caution_forgotten_s
-    traits[ALARM_PER_S] = q.alarm_per_s * responsive if feels else 0.0
-    traits[ALARM_FORGOTTEN] = q.alarm_forgotten_s
-    traits[CAREFUL_MARGIN] = q.careful_margin_m + q.careful_margin_spread_m * _correlated(
-        z[1], shoulders, q.careful_with_own
+    traits[CAUTION_PER_S] = q.caution.caution_per_s * responsive if feels else 0.0
+    traits[CAUTION_FORGOTTEN] = q.caution.caution_forgotten_s
+    traits[ALARM_PER_S] = q.alarm.alarm_per_s * responsive if feels else 0.0
+    traits[ALARM_FORGOTTEN] = q.alarm.alarm_forgotten_s
+    traits[CAREFUL_MARGIN] = (
+        q.caution.careful_margin_m
+        + q.caution.careful_margin_spread_m
+        * _correlated(z[1], shoulders, q.caution.careful_with_own)
     )
-    answer = 1.0 + q.caution_tuck_spread * arms - q.loose_response * loose
-    traits[CAUTION_TUCK] = min(q.caution_tuck * answer, 1.0 - traits[TUCK])
-    traits[CAUTION_WANDER] = q.caution_wander
-    traits[ALARM_SLOWING] = q.alarm_slowing * np.exp(q.alarm_slowing_spread * slowing)
-    traits[ALARM_MARGIN] = q.alarm_margin_m + q.alarm_margin_spread_m * _correlated(
-        z[1], alarmed, q.alarm_with_own
+    answer = 1.0 + q.caution.caution_tuck_spread * arms - q.caution.loose_response * loose
+    traits[CAUTION_TUCK] = min(q.caution.caution_tuck * answer, 1.0 - traits[TUCK])
+    traits[CAUTION_WANDER] = q.caution.caution_wander
+    traits[ALARM_SLOWING] = q.alarm.alarm_slowing * np.exp(q.alarm.alarm_slowing_spread * slowing)
+    traits[ALARM_MARGIN] = q.alarm.alarm_margin_m + q.alarm.alarm_margin_spread_m * _correlated(
+        z[1], alarmed, q.alarm.alarm_with_own
     )
-    traits[SPREAD] = min(q.spread_rad * np.exp(q.loose_spread * loose), MAX_SPREAD_RAD)
+    traits[SPREAD] = min(q.arms.spread_rad * np.exp(q.arms.loose_spread * loose), MAX_SPREAD_RAD)
     return Person(
         sex=sex,
         age=int(np.clip(np.rint(26 + 6 * rng.standard_normal()), 18, 43)),
         stature_m=stature,
-        reading_s=float(q.reading_s * np.exp(0.25 * z[6])),
-        reaction_s=float(q.reaction_s * np.exp(0.25 * z[7])),
+        reading_s=float(q.walking.reading_s * np.exp(0.25 * z[6])),
+        reaction_s=float(q.walking.reaction_s * np.exp(0.25 * z[7])),
         presence=float(5.1 + 0.9 * rng.standard_normal()),
         embodiment=np.array([6.0, 3.6, 5.0]) + np.array([0.7, 1.2, 1.1]) * rng.standard_normal(3),
         traits=traits,
@@ -202,12 +276,12 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
 def in_form(person: Person, population: Population, form: Vector) -> Vector:
     """Return the traits (24,) of a walk; `form` (4,), N(0, 1): pace, looseness, margin, sway."""
     q, traits = population, person.traits.copy()
-    pace, loose = q.form_pace * form[0], q.form_loose * form[1]
+    pace, loose = q.form.form_pace * form[0], q.form.form_loose * form[1]
     traits[FREE_SPEED] *= np.exp(pace)
-    traits[STRIDE] *= np.exp(-q.loose_stride * loose)
-    traits[SWING] = min(traits[SWING] * np.exp(q.loose_swing * loose), MAX_SWING_RAD)
-    traits[SPREAD] = min(traits[SPREAD] * np.exp(q.loose_spread * loose), MAX_SPREAD_RAD)
-    traits[MARGIN] += q.form_margin_m * form[2]
-    traits[CAREFUL_MARGIN] += q.form_margin_m * form[2]
-    traits[WANDER] *= np.exp(q.form_wander * form[3])
+    traits[STRIDE] *= np.exp(-q.arms.loose_stride * loose)
+    traits[SWING] = min(traits[SWING] * np.exp(q.arms.loose_swing * loose), MAX_SWING_RAD)
+    traits[SPREAD] = min(traits[SPREAD] * np.exp(q.arms.loose_spread * loose), MAX_SPREAD_RAD)
+    traits[MARGIN] += q.form.form_margin_m * form[2]
+    traits[CAREFUL_MARGIN] += q.form.form_margin_m * form[2]
+    traits[WANDER] *= np.exp(q.form.form_wander * form[3])
     return traits

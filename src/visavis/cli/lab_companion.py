@@ -47,7 +47,7 @@ class LabCompanion:
             recorder.announce(
                 devices,
                 scope_of(request.config.sync),
-                source=f"{request.study.name}-{request.participant_label}-{request.session:03d}",
+                source=f"{request.study.name}-{request.person.label}-{request.person.session:03d}",
                 is_simulated=is_simulated,
             )
         if request.config.sync.lab_recorder:
@@ -55,8 +55,8 @@ class LabCompanion:
             part = int(part_dir.name.rpartition("-")[2])
             self._lab_recorder.start(
                 study=request.study.name,
-                participant=request.participant_label,
-                session=request.session,
+                participant=request.person.label,
+                session=request.person.session,
                 part=part,
             )
             recorder.event("lab_recorder_start", request.clock.now_ns(), part=part)

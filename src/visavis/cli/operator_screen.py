@@ -202,7 +202,7 @@ def told(status: SessionStatus) -> str:
     if status.state in (SessionState.IDLE, SessionState.INTERTRIAL) and not status.prompt:
         return ""
     what = f"trial {status.trial_id}" if status.state is SessionState.TRIAL else status.state.value
-    done = f"{status.trials_done} of {status.trials_planned} done"
+    done = f"{status.trials.done} of {status.trials.planned} done"
     waits = f"; waiting for you (space): {' '.join(status.prompt.split())}" if status.prompt else ""
     blocking = "".join(
         f"; {f.role}: {f.message} → {f.remedy}" for f in status.faults if f.severity == "blocking"
@@ -249,10 +249,10 @@ def _headline(status: SessionStatus) -> Group:
         f"trial  [b]{status.trial_id or '–'}[/b]",
     )
     grid.add_row(
-        f"done  {status.trials_done}/{status.trials_planned}"
-        + (f", {status.trials_skipped} skipped" if status.trials_skipped else ""),
+        f"done  {status.trials.done}/{status.trials.planned}"
+        + (f", {status.trials.skipped} skipped" if status.trials.skipped else ""),
         f"trial ends in  [b]{left}[/b]",
-        f"session left  ~{status.session_left_s / 60:.0f} min",
+        f"session left  ~{status.trials.left_s / 60:.0f} min",
     )
     condition = status.condition or ("(hidden)" if status.trial_id else "–")
     return Group(grid, Text(f"condition  {condition}"))
@@ -263,8 +263,8 @@ def _progress(status: SessionStatus) -> Table:
     grid.add_column(ratio=1)
     grid.add_row(
         ProgressBar(
-            total=max(status.trials_planned, 1),
-            completed=status.trials_done + status.trials_skipped,
+            total=max(status.trials.planned, 1),
+            completed=status.trials.done + status.trials.skipped,
         )
     )
     return grid
@@ -304,16 +304,16 @@ def _streams(health: dict[str, Health]) -> Table:
 
 
 def _calibration(status: SessionStatus) -> Text:
-    if status.accuracy_deg is None and not status.is_calibrated_first:
+    if status.calibration.accuracy_deg is None and not status.calibration.is_planned:
         return Text("calibration  not needed", style="dim")
-    if status.accuracy_deg is None:
+    if status.calibration.accuracy_deg is None:
         return Text("calibration  none yet", style="yellow")
-    age = (status.calibration_age_s or 0) / 60
+    age = (status.calibration.age_s or 0) / 60
     text = (
-        f"calibration  accuracy {status.accuracy_deg:.2f}°  "
-        f"precision {status.precision_deg or float('nan'):.2f}°  {age:.0f} min old"
+        f"calibration  accuracy {status.calibration.accuracy_deg:.2f}°  "
+        f"precision {status.calibration.precision_deg or float('nan'):.2f}°  {age:.0f} min old"
     )
-    return Text(text, style="green" if status.accuracy_deg <= 1.5 else "red")
+    return Text(text, style="green" if status.calibration.accuracy_deg <= 1.5 else "red")
 
 
 def _faults(status: SessionStatus) -> Text:

@@ -329,7 +329,11 @@ def test_who_waits_at_the_terminal_is_waited_for(link: SessionLink) -> None:
 
 
 def test_what_is_not_known_is_nothing_never_a_number() -> None:
-    unknown = replace(STATUS, trial_left_s=math.nan, accuracy_deg=None)
+    unknown = replace(
+        STATUS,
+        trial_left_s=math.nan,
+        calibration=replace(STATUS.calibration, accuracy_deg=None),
+    )
     found = json.loads(line_of(told(1, unknown, Looking())))
     assert (None, None) == (found["trial_left_s"], found["accuracy_deg"])
     assert None is found["above"]

@@ -252,7 +252,13 @@ def test_a_session_on_a_participants_page_is_shown_and_not_commanded(
     address: str, browser: Any, tmp_path: Path
 ) -> None:
     about = About("films", "S07H", 1, str(tmp_path), is_simulated=True, is_blind=False, commands=())
-    told = replace(STATUS, health={}, faults=(), accuracy_deg=None, session_left_s=0.0)
+    told = replace(
+        STATUS,
+        health={},
+        faults=(),
+        calibration=replace(STATUS.calibration, accuracy_deg=None),
+        trials=replace(STATUS.trials, left_s=0.0),
+    )
     with SessionLink(UnattendedOperator(), about, tmp_path) as link:
         link.show(told)
         page = opened(browser, address)

@@ -81,7 +81,7 @@ def test_form_changes_a_walk_round_what_the_person_is():
     )
     assert person.traits.tolist() == in_form(person, DEFAULT_POPULATION, np.zeros(4)).tolist()
     pace = np.log(walks[:, FREE_SPEED] / person.traits[FREE_SPEED])
-    assert DEFAULT_POPULATION.form_pace == pytest.approx(pace.std(), rel=0.1)
+    assert DEFAULT_POPULATION.form.form_pace == pytest.approx(pace.std(), rel=0.1)
     assert pace.mean() == pytest.approx(0.0, abs=0.02)
     assert walks[:, SPREAD].max() <= MAX_SPREAD_RAD
 
@@ -142,7 +142,9 @@ def test_arms_of_the_loose_come_in_least():
 
 
 def test_without_spread_everybody_answers_alike():
-    same = replace(DEFAULT_POPULATION, caution_tuck_spread=0.0, loose_response=0.0, tuck_spread=0.0)
+    alike = replace(DEFAULT_POPULATION.caution, caution_tuck_spread=0.0, loose_response=0.0)
+    arms = replace(DEFAULT_POPULATION.arms, tuck_spread=0.0)
+    same = replace(DEFAULT_POPULATION, caution=alike, arms=arms)
     assert np.ptp(traits_of(50, same)[:, CAUTION_TUCK]) == 0.0
 
 

@@ -34,8 +34,8 @@ def test_as_many_people_avert_their_eyes_as_normal_differences_imply() -> None:
 def test_nobody_is_held_so_long_that_differences_are_skewed() -> None:
     rng = np.random.default_rng(1)
     held = [draw_temperament(DEFAULT_POPULATION, rng).constants[0]["hold_s"] for _ in range(3000)]
-    assert np.mean(held) == pytest.approx(DEFAULT_POPULATION.hold_s, rel=0.05)
-    sd = DEFAULT_POPULATION.hold_s * DEFAULT_POPULATION.hold_between_share
+    assert np.mean(held) == pytest.approx(DEFAULT_POPULATION.contact.hold_s, rel=0.05)
+    sd = DEFAULT_POPULATION.contact.hold_s * DEFAULT_POPULATION.contact.hold_between_share
     assert sd == pytest.approx(np.std(held), rel=0.05)
     assert max(held) < np.mean(held) + 2.5 * sd < np.mean(held) - min(held) + np.mean(held)
 

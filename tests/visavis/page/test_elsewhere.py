@@ -27,7 +27,7 @@ from visavis.running.film_store import FilmStore, film_store
 from visavis.running.page.other_hosts.bundle import steps_of_place, write_bundle
 from visavis.running.page.other_hosts.results import import_runs, read_runs
 from visavis.running.page.spoken_digits import heard, spoken_digits
-from visavis.running.sessions.session_request import Request
+from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
 
 PATIENCE_S = 60.0
@@ -86,10 +86,7 @@ class Host:
             study=study,
             experiment=experiment,
             config=config(root),
-            participant_label="",
-            participant_index=0,
-            group="",
-            session=1,
+            person=SessionPerson("", 0),
             seed=7,
             clock=SystemClock(),
             operator=UnattendedOperator(),

@@ -27,7 +27,7 @@ from visavis.running.page.reception import IDLE_NS, Brake, Reception, Rules
 from visavis.running.page.server import KEY, PageServer
 from visavis.running.page.steps import PageError, PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
-from visavis.running.sessions.session_request import Request
+from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
 
 
@@ -59,10 +59,7 @@ class Place:
             study=study(),
             experiment=experiment(),
             config=self.lab,
-            participant_label="",
-            participant_index=0,
-            group="",
-            session=1,
+            person=SessionPerson("", 0),
             seed=SEED,
             clock=self.clock,
             operator=UnattendedOperator(),

@@ -32,7 +32,7 @@ from visavis.running.film_store import FilmStore, film_store
 from visavis.running.page.arrivals import check_completion
 from visavis.running.page.board import STATES, board_of
 from visavis.running.sessions.data_root import require_space
-from visavis.running.sessions.session_request import Request
+from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
 
 EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
@@ -124,10 +124,7 @@ def page_study(
         study=chosen,
         experiment=experiment,
         config=lab,
-        participant_label="",
-        participant_index=0,
-        group="",
-        session=1,
+        person=SessionPerson("", 0),
         seed=settings.seed,
         clock=SystemClock(),
         operator=UnattendedOperator(),

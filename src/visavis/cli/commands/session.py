@@ -66,7 +66,7 @@ from visavis.running.sessions.recorded_design import (
     design_of_session,
     in_words,
 )
-from visavis.running.sessions.session_request import PageAddress, Request
+from visavis.running.sessions.session_request import PageAddress, Request, SessionPerson
 from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
     StudySettings,
@@ -520,25 +520,27 @@ def _perform(
             experiment=experiment,
             config=here.lab,
             on_trial=stack.enter_context(_performing(here.study.name)) if fast else None,
-            participant_label=entry.label,
-            participant_index=entry.index,
-            group=entry.group,
-            session=session,
+            person=SessionPerson(
+                entry.label,
+                entry.index,
+                entry.group,
+                session,
+                consent_version=entry.consent_version,
+                body=own.body,
+                stature_m=own.stature_m,
+            ),
             seed=settings.seed,
             clock=SimClock() if fast else SystemClock(),
             operator=operator,
             respondent=respondent,
             effect=settings.effect,
             blind=blind,
-            consent_version=entry.consent_version,
             companion=LabCompanion(
                 lambda said: errors.print(f"[yellow]{verbatim(said)}[/]"), station
             ),
             without=tuple(dict.fromkeys(without or ())),
             on=on,
             page=PageAddress(port, _tell_address),
-            body=own.body,
-            stature_m=own.stature_m,
         )
         try:
             if resume_from is None:

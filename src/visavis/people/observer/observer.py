@@ -73,7 +73,7 @@ class Observer(PressesNothing):
         self._seat = np.array(seat_m, dtype=np.float64)
         self._person = self.temperament.constants.copy()
         self._person["seat_x"], self._person["seat_y"], self._person["seat_z"] = self._seat
-        self._cos_contact = float(np.cos(np.radians(self._population.contact_deg)))
+        self._cos_contact = float(np.cos(np.radians(self._population.noticing.contact_deg)))
         self._mind = np.zeros(1, dtype=state.MIND_DTYPE)
         self._segments = np.zeros(state.N_SEGMENTS, dtype=state.SEGMENT_DTYPE)
         self._targets = np.zeros(1, dtype=state.TARGET_DTYPE)
@@ -265,16 +265,17 @@ class Observer(PressesNothing):
         q, who = self._population, self.temperament
         by_kind = np.array(
             [
-                q.head_appeal * who.head_appeal,
-                q.body_appeal * who.head_appeal,
-                q.room_appeal,
-                q.speaker_appeal,
+                q.attraction.head_appeal * who.head_appeal,
+                q.attraction.body_appeal * who.head_appeal,
+                q.attraction.room_appeal,
+                q.attraction.speaker_appeal,
             ]
         )
         worth = by_kind[what.targets["kind"]]
         of_people = what.targets["kind"] <= state.BODY
-        placed = what.size**q.size_power * np.exp(
-            who.left_bias * what.leftward_deg / 20 - (what.eccentric_deg / q.centre_deg) ** 2 / 2
+        placed = what.size**q.attraction.size_power * np.exp(
+            who.left_bias * what.leftward_deg / 20
+            - (what.eccentric_deg / q.attraction.centre_deg) ** 2 / 2
         )
         appeal: npt.NDArray[np.float64] = np.where(of_people, worth * placed, worth)
         return appeal

@@ -25,8 +25,8 @@ COMMENTS_TENSE = (
 
 def _graded(who: Temperament, population: Population, rng: np.random.Generator, top: int) -> int:
     """Answer an item on a scale 0..top so that totals follow the trait."""
-    middle = population.lsas_mean / LSAS_ITEMS
-    slope = population.lsas_sd / LSAS_ITEMS
+    middle = population.anxiety.lsas_mean / LSAS_ITEMS
+    slope = population.anxiety.lsas_sd / LSAS_ITEMS
     noise = ITEM_SD * np.sqrt(1 - ITEM_LOADING**2) * rng.standard_normal()
     latent = middle + slope * who.anxiety + noise
     return int(np.clip(round(latent * top / 3), 0, top))

@@ -16,18 +16,9 @@ MIN_RECHECK_GAIN = -0.9
 
 
 @dataclass(frozen=True)
-class Population:
-    """Every constant of the model, with its role and where its value comes from.
+class Attraction:
+    """What attracts gaze: relative weights, of which only ratios matter."""
 
-    F: fitted by hand so that studies of 30 reproduce the published means, spreads and verdicts
-    (`python -m benchmarks.stare_participants`). L: an ordinary value of the eye movement
-    literature, not fitted. C: a choice, plausible but without a figure to hold it against, made
-    before fitting and kept. `*_sd` are between-person
-    standard deviations (of the logarithm where the name says log); within-person spreads are
-    `*_log_sd` of visits and fixations.
-    """
-
-    # ---- what attracts (relative weights; only ratios matter) ----
     head_appeal: float = 1.0
     """C: unit of the weights, a head of average size in the middle of the view."""
     body_appeal: float = 0.5
@@ -62,7 +53,11 @@ class Population:
     amplitude_deg: float = 14.0
     """L: near targets before far ones, exponential in saccade size (Tatler et al. 2006)."""
 
-    # ---- how long visits and fixations last ----
+
+@dataclass(frozen=True)
+class Visits:
+    """How long visits and fixations last."""
+
     head_visit_s: float = 0.262
     """F: mean visit to a head without contact (one or more fixations on it)."""
     head_visit_log_sd: float = 0.45
@@ -80,7 +75,11 @@ class Population:
     onset_latency_s: float = 0.25
     """L: from the appearance of a scene or an instruction to the first saccade."""
 
-    # ---- gaze contact ----
+
+@dataclass(frozen=True)
+class Noticing:
+    """When gaze contact is noticed."""
+
     contact_deg: float = 5.0
     """L: gaze within about this angle of one's eyes is felt as contact (Gamer & Hecht 2007)."""
     notice_p: float = 0.95
@@ -91,6 +90,22 @@ class Population:
     """C: mean time to notice that the agent looked at begins or ends contact."""
     notice_log_sd: float = 0.35
     """C: log spread of both."""
+    parafovea_p: float = 0.10
+    """C: probability per fixation to notice contact just beside the point looked at, ..."""
+    parafovea_deg: float = 6.0
+    """C: ... falling with eccentricity as a Gaussian of this width (Palanica & Itier 2011)."""
+    onset_p: float = 0.46
+    """F: the same for the first impression of a scene just appeared, taken from its middle, ..."""
+    onset_deg: float = 9.0
+    """F: ... falling with the horizontal angle from there (published: the centre's effect)."""
+    capture_gain: float = 4.0
+    """F: extra attraction of an agent whose contact was noticed beside the point looked at."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What gaze contact does to looking."""
+
     hold_s: float = 0.30
     """F: mean prolongation of a visit by contact."""
     hold_log_sd: float = 0.60
@@ -125,18 +140,12 @@ class Population:
     """F: its between-person spread, a share of the mean; below zero it is avoided."""
     recheck_s: float = 5.0
     """F: ... and the time constant with which it fades."""
-    parafovea_p: float = 0.10
-    """C: probability per fixation to notice contact just beside the point looked at, ..."""
-    parafovea_deg: float = 6.0
-    """C: ... falling with eccentricity as a Gaussian of this width (Palanica & Itier 2011)."""
-    onset_p: float = 0.46
-    """F: the same for the first impression of a scene just appeared, taken from its middle, ..."""
-    onset_deg: float = 9.0
-    """F: ... falling with the horizontal angle from there (published: the centre's effect)."""
-    capture_gain: float = 4.0
-    """F: extra attraction of an agent whose contact was noticed beside the point looked at."""
 
-    # ---- social anxiety ----
+
+@dataclass(frozen=True)
+class Anxiety:
+    """Social anxiety, what it does to looking, and how its questionnaire is answered."""
+
     anxiety_on_hold: float = -0.35
     """F: correlation of the trait with the log of `hold_s` (published: dwell rs -.37 to -.57)."""
     anxiety_on_return: float = -0.45
@@ -145,8 +154,16 @@ class Population:
     """F: correlation of the trait with the log of `head_visit_s` (published: A rs -.40)."""
     hold_with_return: float = 0.9
     """F: correlation of the two gains through what is not anxiety."""
+    lsas_mean: float = 46.0
+    """C: mean total of the social anxiety scale in a volunteer sample (range 0-144)."""
+    lsas_sd: float = 21.0
+    """C: its between-person spread."""
 
-    # ---- eye movements ----
+
+@dataclass(frozen=True)
+class EyeMovement:
+    """Movements of the eyes and the head."""
+
     saccade_s: float = 0.021
     """L: main sequence, duration at amplitude zero (Carpenter 1988)."""
     saccade_s_per_deg: float = 0.0022
@@ -172,7 +189,11 @@ class Population:
     eye_range_deg: float = 28.0
     """L: the head takes over what would leave the eyes further out than this."""
 
-    # ---- blinks, pupil, build ----
+
+@dataclass(frozen=True)
+class Body:
+    """Blinks, pupils and build."""
+
     blinks_per_min: float = 15.0
     """L: mean rate (Bentivoglio et al. 1997)."""
     blinks_log_sd: float = 0.35
@@ -198,11 +219,26 @@ class Population:
     neck_up_m: float = 0.08
     """C: ... and this far below them."""
 
-    # ---- the questionnaire ----
-    lsas_mean: float = 46.0
-    """C: mean total of the social anxiety scale in a volunteer sample (range 0-144)."""
-    lsas_sd: float = 21.0
-    """C: its between-person spread."""
+
+@dataclass(frozen=True)
+class Population:
+    """Every constant of the model, with its role and where its value comes from.
+
+    F: fitted by hand so that studies of 30 reproduce the published means, spreads and verdicts
+    (`python -m benchmarks.stare_participants`). L: an ordinary value of the eye movement
+    literature, not fitted. C: a choice, plausible but without a figure to hold it against, made
+    before fitting and kept. `*_sd` are between-person
+    standard deviations (of the logarithm where the name says log); within-person spreads are
+    `*_log_sd` of visits and fixations.
+    """
+
+    attraction: Attraction = Attraction()
+    visits: Visits = Visits()
+    noticing: Noticing = Noticing()
+    contact: Contact = Contact()
+    anxiety: Anxiety = Anxiety()
+    movement: EyeMovement = EyeMovement()
+    body: Body = Body()
 
 
 DEFAULT_POPULATION = Population()
@@ -244,73 +280,77 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
     q = population
     z = rng.standard_normal(16)
     anxiety = float(z[0])
-    hold = _correlated(anxiety, z[1], q.anxiety_on_hold)
-    rest = _correlated(z[1], z[2], q.hold_with_return)
-    come_back = _correlated(anxiety, rest, q.anxiety_on_return)
-    visit = _correlated(anxiety, z[3], q.anxiety_on_visit)
-    held, drawn = _levelled(hold, q.hold_levels), _levelled(come_back, q.return_levels)
+    hold = _correlated(anxiety, z[1], q.anxiety.anxiety_on_hold)
+    rest = _correlated(z[1], z[2], q.anxiety.hold_with_return)
+    come_back = _correlated(anxiety, rest, q.anxiety.anxiety_on_return)
+    visit = _correlated(anxiety, z[3], q.anxiety.anxiety_on_visit)
+    held, drawn = (
+        _levelled(hold, q.contact.hold_levels),
+        _levelled(come_back, q.contact.return_levels),
+    )
     values = {
-        "head_visit_s": q.head_visit_s * np.exp(q.head_visit_between_log_sd * visit),
-        "head_visit_log_sd": q.head_visit_log_sd,
-        "other_visit_s": q.other_visit_s * np.exp(0.10 * z[4]),
-        "other_visit_log_sd": q.other_visit_log_sd,
-        "hold_s": q.hold_s * (1 + q.hold_between_share * held),
-        "hold_log_sd": q.hold_log_sd,
-        "startle_s": q.startle_s * (1 + q.startle_between_share * held),
-        "hold_growth": q.hold_growth,
-        "caught_hold": q.caught_hold,
-        "caught_return": q.caught_return,
+        "head_visit_s": q.visits.head_visit_s * np.exp(q.visits.head_visit_between_log_sd * visit),
+        "head_visit_log_sd": q.visits.head_visit_log_sd,
+        "other_visit_s": q.visits.other_visit_s * np.exp(0.10 * z[4]),
+        "other_visit_log_sd": q.visits.other_visit_log_sd,
+        "hold_s": q.contact.hold_s * (1 + q.contact.hold_between_share * held),
+        "hold_log_sd": q.contact.hold_log_sd,
+        "startle_s": q.contact.startle_s * (1 + q.contact.startle_between_share * held),
+        "hold_growth": q.contact.hold_growth,
+        "caught_hold": q.contact.caught_hold,
+        "caught_return": q.contact.caught_return,
         "return_gain": np.clip(
-            q.return_gain * np.exp(q.return_between_log_sd * drawn),
+            q.contact.return_gain * np.exp(q.contact.return_between_log_sd * drawn),
             MIN_RETURN_GAIN,
             MAX_RETURN_GAIN,
         ),
-        "return_habituation": q.return_habituation,
+        "return_habituation": q.contact.return_habituation,
         "recheck_gain": max(
-            MIN_RECHECK_GAIN, q.recheck_gain * (1 + q.recheck_between_share * come_back)
+            MIN_RECHECK_GAIN,
+            q.contact.recheck_gain * (1 + q.contact.recheck_between_share * come_back),
         ),
-        "recheck_s": q.recheck_s,
-        "novelty_gain": q.novelty_gain,
-        "recovery_s": q.recovery_s,
-        "familiar_share": q.familiar_share,
-        "second_look_gain": q.second_look_gain,
-        "second_look_s": q.second_look_s,
-        "early_gain": q.early_gain,
-        "early_s": q.early_s,
-        "notice_s": q.notice_s,
-        "change_notice_s": q.change_notice_s,
-        "notice_log_sd": q.notice_log_sd,
-        "notice_p": q.notice_p,
-        "parafovea_p": q.parafovea_p,
-        "parafovea_rad": np.radians(q.parafovea_deg),
-        "onset_p": q.onset_p,
-        "onset_rad": np.radians(q.onset_deg),
-        "capture_gain": q.capture_gain,
-        "amplitude_rad": np.radians(q.amplitude_deg),
-        "scatter_share": q.scatter_share,
-        "fixation_s": q.fixation_s * np.exp(0.08 * z[5]),
-        "fixation_log_sd": q.fixation_log_sd,
-        "onset_latency_s": q.onset_latency_s * np.exp(0.12 * z[6]),
-        "undershoot_share": q.undershoot_share,
-        "undershoot_p": q.undershoot_p,
-        "correction_s": q.correction_s,
-        "saccade_s": q.saccade_s,
-        "saccade_s_per_rad": np.degrees(q.saccade_s_per_deg) * np.exp(0.06 * z[7]),
-        "drift_rad": np.radians(q.drift_deg) * np.exp(0.2 * z[8]),
-        "tremor_rad": np.radians(q.tremor_deg),
-        "head_gain": np.clip(q.head_gain + q.head_gain_sd * z[9], 0.05, 0.8),
-        "head_rate": q.head_rate_per_s * np.exp(0.1 * z[10]),
-        "eye_range_rad": np.radians(q.eye_range_deg),
-        "blink_interval_s": 60.0 / (q.blinks_per_min * np.exp(q.blinks_log_sd * z[11])),
-        "blink_s": q.blink_s,
-        "pupil_dark_mm": q.pupil_dark_mm + q.pupil_sd_mm * z[12],
-        "pupil_bright_mm": q.pupil_bright_mm + 0.7 * q.pupil_sd_mm * z[12],
-        "pupil_arousal_mm": q.pupil_arousal_mm,
-        "pupil_s": q.pupil_s,
-        "sway_m": q.sway_m * np.exp(0.3 * z[13]),
-        "ipd_m": q.ipd_m + 0.0035 * z[14],
-        "neck_back_m": q.neck_back_m,
-        "neck_up_m": q.neck_up_m,
+        "recheck_s": q.contact.recheck_s,
+        "novelty_gain": q.attraction.novelty_gain,
+        "recovery_s": q.attraction.recovery_s,
+        "familiar_share": q.attraction.familiar_share,
+        "second_look_gain": q.attraction.second_look_gain,
+        "second_look_s": q.attraction.second_look_s,
+        "early_gain": q.attraction.early_gain,
+        "early_s": q.attraction.early_s,
+        "notice_s": q.noticing.notice_s,
+        "change_notice_s": q.noticing.change_notice_s,
+        "notice_log_sd": q.noticing.notice_log_sd,
+        "notice_p": q.noticing.notice_p,
+        "parafovea_p": q.noticing.parafovea_p,
+        "parafovea_rad": np.radians(q.noticing.parafovea_deg),
+        "onset_p": q.noticing.onset_p,
+        "onset_rad": np.radians(q.noticing.onset_deg),
+        "capture_gain": q.noticing.capture_gain,
+        "amplitude_rad": np.radians(q.attraction.amplitude_deg),
+        "scatter_share": q.movement.scatter_share,
+        "fixation_s": q.visits.fixation_s * np.exp(0.08 * z[5]),
+        "fixation_log_sd": q.visits.fixation_log_sd,
+        "onset_latency_s": q.visits.onset_latency_s * np.exp(0.12 * z[6]),
+        "undershoot_share": q.movement.undershoot_share,
+        "undershoot_p": q.movement.undershoot_p,
+        "correction_s": q.movement.correction_s,
+        "saccade_s": q.movement.saccade_s,
+        "saccade_s_per_rad": np.degrees(q.movement.saccade_s_per_deg) * np.exp(0.06 * z[7]),
+        "drift_rad": np.radians(q.movement.drift_deg) * np.exp(0.2 * z[8]),
+        "tremor_rad": np.radians(q.movement.tremor_deg),
+        "head_gain": np.clip(q.movement.head_gain + q.movement.head_gain_sd * z[9], 0.05, 0.8),
+        "head_rate": q.movement.head_rate_per_s * np.exp(0.1 * z[10]),
+        "eye_range_rad": np.radians(q.movement.eye_range_deg),
+        "blink_interval_s": 60.0 / (q.body.blinks_per_min * np.exp(q.body.blinks_log_sd * z[11])),
+        "blink_s": q.body.blink_s,
+        "pupil_dark_mm": q.body.pupil_dark_mm + q.body.pupil_sd_mm * z[12],
+        "pupil_bright_mm": q.body.pupil_bright_mm + 0.7 * q.body.pupil_sd_mm * z[12],
+        "pupil_arousal_mm": q.body.pupil_arousal_mm,
+        "pupil_s": q.body.pupil_s,
+        "sway_m": q.body.sway_m * np.exp(0.3 * z[13]),
+        "ipd_m": q.body.ipd_m + 0.0035 * z[14],
+        "neck_back_m": q.body.neck_back_m,
+        "neck_up_m": q.body.neck_up_m,
     }
     constants = np.zeros(1, dtype=PERSON_DTYPE)
     for name, value in values.items():
@@ -318,8 +358,8 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
     return Temperament(
         constants=constants,
         anxiety=anxiety,
-        head_appeal=float(np.exp(q.head_appeal_log_sd * z[15])),
-        left_bias=float(q.left_bias + 0.1 * rng.standard_normal()),
+        head_appeal=float(np.exp(q.attraction.head_appeal_log_sd * z[15])),
+        left_bias=float(q.attraction.left_bias + 0.1 * rng.standard_normal()),
         age_years=int(np.clip(round(22 + rng.gamma(1.0, 8.5)), 18, 65)),
         is_female=bool(rng.random() < 8 / 30),
         vr_experience=int(np.clip(round(3.4 + 1.4 * rng.standard_normal()), 1, 5)),
@@ -342,16 +382,17 @@ def scaled_population(population: Population, effect: float) -> Population:
     p = population
     if effect in (0, 1):
         return p
-    return replace(
-        p,
-        hold_s=p.hold_s * effect,
-        startle_s=p.startle_s * effect,
-        recheck_gain=p.recheck_gain * effect,
-        capture_gain=p.capture_gain * effect,
-        hold_growth=p.hold_growth**effect,
-        caught_hold=p.caught_hold**effect,
-        caught_return=p.caught_return**effect,
-        return_gain=p.return_gain**effect,
-        return_between_log_sd=p.return_between_log_sd * effect,
-        return_habituation=p.return_habituation**effect,
+    contact = replace(
+        p.contact,
+        hold_s=p.contact.hold_s * effect,
+        startle_s=p.contact.startle_s * effect,
+        recheck_gain=p.contact.recheck_gain * effect,
+        hold_growth=p.contact.hold_growth**effect,
+        caught_hold=p.contact.caught_hold**effect,
+        caught_return=p.contact.caught_return**effect,
+        return_gain=p.contact.return_gain**effect,
+        return_between_log_sd=p.contact.return_between_log_sd * effect,
+        return_habituation=p.contact.return_habituation**effect,
     )
+    noticing = replace(p.noticing, capture_gain=p.noticing.capture_gain * effect)
+    return replace(p, contact=contact, noticing=noticing)

@@ -9,7 +9,7 @@ from typing import Any, Final
 from visavis.lab.errors import ConfigError, SessionAborted
 from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.plan.experiment import untold
-from visavis.protocol.session.operator import SessionStatus
+from visavis.protocol.session.operator import SessionStatus, TrialCounts
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
 from visavis.recording.manifest import Manifest
@@ -70,14 +70,14 @@ def perform_new(request: Request) -> Path:
 def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
     """Return the manifest with which a session on a page begins."""
     cast = use_cast_of(request.config)
-    plan = experiment.plan(request.participant_index, request.seed, request.group)
+    plan = experiment.plan(request.person.index, request.seed, request.person.group)
     simulated = is_simulated(request.config)
     consent = consent_of(experiment, plan)
     folder = study_dir(request.config.data_root, request.study.name, is_simulated=simulated)
     return Manifest(
         study=request.study.name,
-        participant=request.participant_label,
-        session=request.session,
+        participant=request.person.label,
+        session=request.person.session,
         is_simulated=simulated,
         plan=plan,
         seed=request.seed,
@@ -94,7 +94,7 @@ def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
         devices=(),
         consent_version=consent[1]
         if consent
-        else request.consent_version or request.config.privacy.consent_version,
+        else request.person.consent_version or request.config.privacy.consent_version,
         created_wall_iso=request.clock.wall_iso(),
         provenance=provenance(),
     )
@@ -112,7 +112,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     folder, _ = open_session(session_path)
     with folder:
         recording = Recording(session_path)
-        plan = experiment.plan(request.participant_index, request.seed, request.group)
+        plan = experiment.plan(request.person.index, request.seed, request.person.group)
         refuse_other_plan(recording, plan)
         port = port_before(recording)
         _perform_part(request, experiment, store, folder, past_of(recording), port)
@@ -165,7 +165,7 @@ def simulated_visitor(request: Request, experiment: StudyExperiment, store: Film
         ConfigError: the study's own simulated person looks at no page.
     """
     person = request.study.participant(
-        request.participant_index,
+        request.person.index,
         behaviour_seed(request),
         effect=request.effect,
         experiment=experiment,
@@ -189,7 +189,7 @@ def key_of(request: Request) -> str:
     """
     config = request.config
     kept = KeyFile(config.key_root, request.study.name, [config.data_root])
-    return kept.page_key(request.participant_label, request.session)
+    return kept.page_key(request.person.label, request.person.session)
 
 
 def port_before(recording: Recording) -> int:
@@ -219,12 +219,12 @@ def held_of(
     config = request.config.model_copy(update={"language": experiment.language})
     notes = Notes()
     told = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
-    plan = experiment.plan(request.participant_index, request.seed, request.group)
+    plan = experiment.plan(request.person.index, request.seed, request.person.group)
     visit_of = Visit(
         experiment,
         plan,
-        request.participant_label,
-        request.session,
+        request.person.label,
+        request.person.session,
         folder.manifest.parts[-1].number,
         study.questionnaires(config),
         told,
@@ -259,7 +259,7 @@ def _perform_part(
         if outcome in ENDINGS:
             todo = (
                 f"; do it now: visavis participant withdraw {request.study.name} "
-                f"{request.participant_label}"
+                f"{request.person.label}"
             )
             raise SessionAborted(ENDINGS[outcome] + (todo if outcome == WITHDRAWN else ""))
 
@@ -282,7 +282,7 @@ async def _served(
         key = "simulated" if virtual else key_of(request)
         held = held_of(request, experiment, store, folder, recorder, past, key)
         desk = held.desk
-        plan = experiment.plan(request.participant_index, request.seed, request.group)
+        plan = experiment.plan(request.person.index, request.seed, request.person.group)
         desk.on_trial = lambda: _tell(request, desk, len(plan.trials))
         server.add(held)
         if virtual:
@@ -311,19 +311,11 @@ def _tell(request: Request, desk: PageDesk, planned: int) -> None:
         request.operator.show(
             SessionStatus(
                 SessionState.TRIAL,
-                request.participant_label,
+                request.person.label,
                 desk.trial_id,
-                desk.trials_done,
-                planned,
-                "",
-                "",
-                None,
-                0.0,
-                {},
-                None,
-                None,
-                None,
-                (),
+                TrialCounts(desk.trials_done, planned),
+                block="",
+                condition="",
             )
         )
 

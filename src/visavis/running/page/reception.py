@@ -41,7 +41,7 @@ from visavis.running.page.server import Ended, Held, PageServer
 from visavis.running.page.steps import PageError
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.recorded_part import end_part, recorder_of, refuse_other_plan
-from visavis.running.sessions.session_request import Request
+from visavis.running.sessions.session_request import Request, SessionPerson
 
 IDLE_NS: Final = 30 * 60 * NS_PER_S
 """A page that was not heard for so long was left; its place is filled again, its session kept."""
@@ -354,10 +354,9 @@ class Reception:
     def _request(self, entry: Participant) -> Request:
         return replace(
             self._base,
-            participant_label=entry.label,
-            participant_index=entry.index,
-            group=entry.group,
-            consent_version=entry.consent_version,
+            person=SessionPerson(
+                entry.label, entry.index, entry.group, consent_version=entry.consent_version
+            ),
         )
 
     def _part(

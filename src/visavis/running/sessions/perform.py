@@ -24,7 +24,7 @@ from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.session.progress import Progress, progress_of_recording
 from visavis.protocol.session.rig import Rig
 from visavis.protocol.session.session import Session
-from visavis.protocol.session.session_setup import SessionSetup
+from visavis.protocol.session.session_setup import SessionListeners, SessionSetup
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
 from visavis.recording.manifest import Manifest
 from visavis.recording.provenance import provenance
@@ -67,14 +67,14 @@ def perform_new(request: Request) -> Path:
         made: Path = _pages().perform_new(request)
         return made
     cast = use_cast_of(request.config)
-    plan = request.experiment.plan(request.participant_index, request.seed, request.group)
+    plan = request.experiment.plan(request.person.index, request.seed, request.person.group)
     config = devices_for(request.config, request.experiment, request.without)
     request = replace(request, config=config)
     check_room(config, request.experiment)
     manifest = Manifest(
         study=request.study.name,
-        participant=request.participant_label,
-        session=request.session,
+        participant=request.person.label,
+        session=request.person.session,
         is_simulated=is_simulated(config),
         plan=plan,
         seed=request.seed,
@@ -90,7 +90,7 @@ def perform_new(request: Request) -> Path:
             **cast,
         },
         devices=(),
-        consent_version=request.consent_version or config.privacy.consent_version,
+        consent_version=request.person.consent_version or config.privacy.consent_version,
         created_wall_iso=request.clock.wall_iso(),
         provenance=provenance(),
     )
@@ -119,7 +119,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         folder, _ = open_session(session_path)
         stack.enter_context(folder)
         recording = Recording(session_path)
-        plan = request.experiment.plan(request.participant_index, request.seed, request.group)
+        plan = request.experiment.plan(request.person.index, request.seed, request.person.group)
         refuse_other_plan(recording, plan)
         _perform_part(request, devices, folder, plan, progress_of_recording(recording))
         return folder.path
@@ -269,7 +269,7 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
     require_fine_clock(request.clock)
     if respondent is None:
         raise ConfigError("nobody is there to answer the questionnaires; run it in a terminal")
-    seed = device_seed(behaviour_seed(request), request.participant_index)
+    seed = device_seed(behaviour_seed(request), request.person.index)
     if not request.clock.is_virtual:
         get_ready(request.study, request.experiment, request.config)
         stack.enter_context(request.experiment.settings.beside.in_process())
@@ -339,9 +339,7 @@ def _setup(
     return SessionSetup(
         experiment=request.experiment,
         plan=plan,
-        participant_label=request.participant_label,
-        session_number=request.session,
-        part=folder.manifest.parts[-1].number,
+        name=_name_of(request, folder),
         rig=devices.rig,
         stage=_stage(request, devices),
         recorder=recorder,
@@ -357,12 +355,20 @@ def _setup(
         idle_roles=frozenset() if request.experiment.rests_on_gaze else frozenset({"eye_tracker"}),
         timing=request.timing,
         lost_device_s=request.lost_device_s,
-        on_trial=request.on_trial,
-        on_open=lambda infos: _describe(request, devices, folder, recorder, infos),
-        on_validation=lambda found: folder.describe(
-            calibrations=[*folder.manifest.calibrations, found]
+        listeners=SessionListeners(
+            on_open=lambda infos: _describe(request, devices, folder, recorder, infos),
+            on_validation=lambda found: folder.describe(
+                calibrations=[*folder.manifest.calibrations, found]
+            ),
+            on_trial=request.on_trial,
         ),
     )
+
+
+def _name_of(request: Request, folder: SessionFolder) -> SessionName:
+    """Return which part of whose session is performed."""
+    who, part = request.person, folder.manifest.parts[-1]
+    return SessionName(request.study.name, who.label, who.session, part.number)
 
 
 def _describe(
@@ -378,10 +384,9 @@ def _describe(
         return
     if (body := body_of(request)) != "none":
         t_ns = request.clock.now_ns()
-        recorder.event("own_body", t_ns, body=body, stature_told_m=request.stature_m)
-    part = folder.manifest.parts[-1]
-    part_dir = folder.path / part.folder
-    name = SessionName(request.study.name, request.participant_label, request.session, part.number)
+        recorder.event("own_body", t_ns, body=body, stature_told_m=request.person.stature_m)
+    part_dir = folder.path / folder.manifest.parts[-1].folder
+    name = _name_of(request, folder)
     for device in devices.rig.by_role().values():
         if isinstance(device, OwnRecording):
             device.begin_recording(name, part_dir)
@@ -430,7 +435,7 @@ def _simulated_participant(request: Request) -> SimulatedParticipant | None:
     if not is_simulated(request.config):
         return None
     participant = request.study.participant(
-        request.participant_index,
+        request.person.index,
         behaviour_seed(request),
         effect=request.effect,
         experiment=request.experiment,

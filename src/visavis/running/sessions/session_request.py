@@ -22,45 +22,71 @@ from visavis.study.experiment import StudyExperiment
 
 
 @dataclass(frozen=True)
-class Request:
-    """What to perform: whom, which study, on what, with which clock and operator.
+class SessionPerson:
+    """Whose session it is."""
 
-    `without` are roles of devices that the operator goes on without. `on` is "lab" or "browser",
-    left out where the study says it; a `page` is served at its address. `body` ("female" or
-    "male") is the one that participants see as their own in a study that wants it, `stature_m` how
-    tall they say they are.
-    """
+    label: str
+    """The label under which the ledger has them."""
+    index: int
+    """Their place in the design, from 0."""
+    group: str = ""
+    """Their group, "" where the design has none."""
+    session: int = 1
+    """The number of the session, from 1."""
+    consent_version: str = ""
+    """What they agreed to; "": what the lab's configuration names."""
+    body: str = ""
+    """The body ("female" or "male") that they see as their own in a study that wants it."""
+    stature_m: float | None = None
+    """How tall they say they are."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to perform: with whom, which study, on what, with which clock and operator."""
 
     study: OpenedStudy
+    """The study."""
     experiment: StudyExperiment
+    """The study with the parameters in force."""
     config: LabConfig
-    participant_label: str
-    participant_index: int
-    group: str
-    session: int
+    """The lab with its devices, and where data go."""
+    person: SessionPerson
+    """Whose session it is."""
     seed: int
+    """The seed of the plan and of what is simulated."""
     clock: Clock
+    """Real time, or a virtual clock for simulations."""
     operator: Operator
+    """Who runs the session."""
     respondent: Respondent | None = None
+    """Who answers questionnaires; None: the simulated participant."""
     effect: bool = True
+    """Whether what is shown makes a difference to simulated people."""
     blind: bool = False
-    consent_version: str = ""
+    """Whether the operator's screen hides the condition."""
     on_trial: Callable[[str, int, int], None] | None = None
+    """Hears of every trial that is done: its name, how many of how many."""
     timing: TargetTiming = field(default_factory=TargetTiming)
+    """How long targets of a calibration are shown."""
     lost_device_s: float = LOST_DEVICE_S
+    """How long a device that went away is waited for."""
     stage_for: Callable[[Sequence[Viewer]], Stage] | None = None
+    """Makes the stage instead of the configuration."""
     companion: "Companion | None" = None
+    """What goes along with the session in real time."""
     without: tuple[str, ...] = ()
+    """Roles of devices that the operator goes on without."""
     on: str = ""
+    """"lab" or "browser"; "" where the study says it."""
     page: "PageAddress | None" = None
-    body: str = ""
-    stature_m: float | None = None
+    """Where a page is served."""
 
     @property
     def is_on_page(self) -> bool:
         """Whether it is performed on a page in a browser; the study says so, or whoever asks."""
-        study = self.study.study if isinstance(self.study, OpenedStudy) else None
-        return (self.on or getattr(study, "on", "lab")) == "browser"
+        usual = self.study.study.procedure.on if isinstance(self.study, OpenedStudy) else "lab"
+        return (self.on or usual) == "browser"
 
 
 @dataclass(frozen=True)
@@ -100,7 +126,7 @@ class Companion(Protocol):
 
 def behaviour_seed(request: "Request") -> int:
     """Return the seed of what is simulated: another one in every further session of a person."""
-    return request.seed + 1_000_003 * (request.session - 1)
+    return request.seed + 1_000_003 * (request.person.session - 1)
 
 
 def device_seed(seed: int, participant_index: int) -> int:
@@ -125,10 +151,7 @@ def simulated_request(
         study=study,
         experiment=experiment,
         config=config,
-        participant_label=label,
-        participant_index=index,
-        group=group,
-        session=1,
+        person=SessionPerson(label, index, group),
         seed=seed,
         clock=SimClock(),
         operator=UnattendedOperator(),
@@ -147,6 +170,6 @@ def body_of(request: Request) -> str:
         return request.config.display.own_body
     if not demands_of(request.experiment).own_body:
         return "none"
-    if request.body or not is_simulated(request.config):
-        return request.body or "none"
-    return ("female", "male")[request.participant_index % 2]
+    if request.person.body or not is_simulated(request.config):
+        return request.person.body or "none"
+    return ("female", "male")[request.person.index % 2]

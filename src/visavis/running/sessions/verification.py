@@ -37,7 +37,7 @@ from visavis.recording.stream_file import Columns
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.sessions.perform import of_no_session, perform_new, perform_rest
 from visavis.running.sessions.reevaluation import TARGETS, targets_again
-from visavis.running.sessions.session_request import Request
+from visavis.running.sessions.session_request import Request, SessionPerson
 
 DRAWN: Final = ("drawn", "drawn_gpu", "drawn_views", "mirror")
 """Streams of what was drawn: nothing is drawn when a session is performed again."""
@@ -167,10 +167,12 @@ def perform_again(
         study=study,
         experiment=experiment,
         config=config,
-        participant_label=manifest.participant,
-        participant_index=int(plan["participant_index"]),
-        group=str(plan.get("group") or ""),
-        session=manifest.session,
+        person=SessionPerson(
+            manifest.participant,
+            int(plan["participant_index"]),
+            str(plan.get("group") or ""),
+            manifest.session,
+        ),
         seed=manifest.seed,
         clock=clock,
         operator=_operator_of(recording, part, clock),

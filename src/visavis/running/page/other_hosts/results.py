@@ -32,7 +32,7 @@ from visavis.running.page.reception import LEFT
 from visavis.running.page.steps import PageError, PageStep, count, mapping, number
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.recorded_part import end_part
-from visavis.running.sessions.session_request import Request
+from visavis.running.sessions.session_request import Request, SessionPerson
 
 IMPORTED: Final = "imported"
 """Where a session's configuration says which run of which bundle it was."""
@@ -332,10 +332,12 @@ def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
         manifest = folder.manifest
         request = replace(
             base,
-            participant_label=manifest.participant,
-            participant_index=one.run.place,
-            group=experiment_of(base).plan(one.run.place, base.seed).group,
-            consent_version=manifest.consent_version,
+            person=SessionPerson(
+                manifest.participant,
+                one.run.place,
+                experiment_of(base).plan(one.run.place, base.seed).group,
+                consent_version=manifest.consent_version,
+            ),
             clock=clock,
         )
         _record(request, store, folder, replace(one.run, lines=lines), past, one.outcome)
@@ -434,10 +436,7 @@ def _import(
         identify(entry.label, one.arrival.identity)
     request = replace(
         base,
-        participant_label=entry.label,
-        participant_index=run.place,
-        group=group,
-        consent_version=entry.consent_version,
+        person=SessionPerson(entry.label, run.place, group, consent_version=entry.consent_version),
         clock=clock,
     )
     manifest = manifest_of(request, experiment)
