@@ -1,10 +1,15 @@
-"""Write the pages of `docs/reference` from the code: columns of tables, settings of drivers.
+"""Write the pages of `docs/reference` from the code: columns, keywords of a study, drivers.
 
 `python -m tools.reference_pages` writes them; a test holds the pages that are there to the code.
 """
 
+import ast
+import dataclasses
+import inspect
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,9 +25,12 @@ from visavis.results.opened_study import find_study
 from visavis.results.quality import QUALITY_TABLE
 from visavis.results.tables.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns
 from visavis.study.catalogue import SHIPPED
+from visavis.study.declaration import PARTS
 
 FOLDER: Final = Path(__file__).parents[1] / "docs" / "reference"
 WRITTEN: Final = "Written from the code by `python -m tools.reference_pages`; do not edit."
+SET_BY_OTHERS: Final = ("makers", "path", "plan_folder")
+"""Fields of a study that its decorators set, and what reads or derives it."""
 WIRING: Final = {
     "eye tracker": "eye-trackers.md",
     "headset": "headsets.md",
@@ -42,6 +50,7 @@ def pages() -> dict[str, str]:
     """Return every page's text by its path below `docs/reference`."""
     found = {f"data/{name}.md": _data_page(name) for name in SHIPPED}
     found["data/statistics.md"] = _statistics_page()
+    found["study.md"] = _study_page()
     specs = [spec for _, spec in sorted(built_in().items())]
     found |= {f"devices/{spec.name}.md": _device_page(spec) for spec in specs}
     found["README.md"] = _index(specs)
@@ -52,7 +61,8 @@ def _index(specs: Iterable[AnySpec]) -> str:
     kinds: dict[str, list[AnySpec]] = {}
     for spec in specs:
         kinds.setdefault(spec.kind, []).append(spec)
-    lines = ["# Reference", "", WRITTEN, "", "## Tables of each study", ""]
+    lines = ["# Reference", "", WRITTEN, "", "- [Keywords of a study](study.md)", ""]
+    lines += ["## Tables of each study", ""]
     lines += [f"- [{find_study(name).study.title}](data/{name}.md)" for name in SHIPPED]
     lines += ["- [statistics and contrasts of all of them](data/statistics.md)", ""]
     lines += ["## Drivers and their settings", ""]
@@ -63,6 +73,62 @@ def _index(specs: Iterable[AnySpec]) -> str:
             "",
         ]
     return "\n".join(lines)
+
+
+# ---- studies -------------------------------------------------------------------------------------
+
+
+def _study_page() -> str:
+    """Return the keywords of `Study`, part by part; those that nobody writes are left out."""
+    lines = [
+        "# Keywords of a study",
+        "",
+        WRITTEN,
+        "",
+        'Beside its name, title, question and `version="1"` a `Study` takes what follows, each',
+        'by its name: `Study("duel", factors=[…], repetitions=5)`. The headings are the parts',
+        "from which a script reads it: `study.design.repetitions`.",
+        "",
+    ]
+    for part, kind in PARTS.items():
+        keywords = [
+            f
+            for f in dataclasses.fields(kind)
+            if not f.name.endswith("_of") and f.name not in SET_BY_OTHERS
+        ]
+        if not keywords:
+            continue
+        explained = docs_below(kind)
+        lines += [f"## {part}", "", str(inspect.getdoc(kind)), ""]
+        lines += ["| keyword | default | what it is |", "| --- | --- | --- |"]
+        lines += [
+            f"| `{f.name}` | {_default_of(f)} | {_cell(explained[f.name])} |" for f in keywords
+        ]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def docs_below(kind: type) -> dict[str, str]:
+    """Return what stands below each field of a class in its source."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(kind)))
+    body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
+    return {
+        field.target.id: below.value.value
+        for field, below in pairwise(body)
+        if isinstance(field, ast.AnnAssign)
+        and isinstance(field.target, ast.Name)
+        and isinstance(below, ast.Expr)
+        and isinstance(below.value, ast.Constant)
+        and isinstance(below.value.value, str)
+    }
+
+
+def _default_of(field: "dataclasses.Field[Any]") -> str:
+    if field.name == "exclusions":
+        return "`STANDARD_RULES`"
+    if field.default is dataclasses.MISSING or field.default in (None, ()):
+        return ""
+    return f"`{field.default!r}`"
 
 
 # ---- tables --------------------------------------------------------------------------------------

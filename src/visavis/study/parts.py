@@ -78,14 +78,17 @@ class StudyDesign:
     blocks: int = 1
     """Number of equal blocks, for each level of `blocked_by` where there is one."""
     order: TrialOrder = "random"
-    """Order of trials within a block, see `visavis.protocol.plan.design.Design`."""
+    """Order of trials: "fixed", as listed; "random", over the whole session; "balanced_blocks",
+    random within blocks that hold equally many of every level; "latin_square" or "williams", a row
+    of the square over the combinations for every repetition."""
     balanced: Sequence[str] = ()
     """Factors of which "balanced_blocks" puts equally many of every level into a block; all that
     divide, where none is named."""
     blocked_by: str | None = None
     """The factor that changes between blocks alone."""
     block_order: BlockOrder = "fixed"
-    """In which order, over participants, the levels of `blocked_by` come."""
+    """In which order, over participants, the levels of `blocked_by` come: "fixed", "random",
+    "latin_square" or "williams"."""
     constraints: Sequence[Constraint] = ()
     """Rules about neighbours in a random order."""
     derived: Mapping[str, Callable[[Mapping[str, Any]], Scalar]] = field(default_factory=dict)
