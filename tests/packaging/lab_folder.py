@@ -30,6 +30,7 @@ import visavis
 
 data = visavis.open_study(3)
 reveal_type(data.path)
+visavis.Study("mood", factors=[visavis.Factor("eyes", ["a", "b"])], practise=1)
 """
 
 

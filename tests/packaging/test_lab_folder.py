@@ -60,4 +60,5 @@ def test_type_checker_in_a_users_folder_knows_what_visavis_takes(folder: Path) -
     )
     assert 'incompatible type "int"; expected "str | Path"' in done.stdout, done.stdout
     assert 'Revealed type is "pathlib.Path"' in done.stdout
-    assert 1 == done.stdout.count("error:")
+    assert 'argument "practise" for "Study"; did you mean "practice"?' in done.stdout
+    assert 2 == done.stdout.count("error:")
