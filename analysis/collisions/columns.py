@@ -129,7 +129,8 @@ def columns_in_both(
 
     The box (2, 3) as (u, v in columns, w) holds all that the bodies can share, surfaces that cross
     between columns included; it is inverted when they can share nothing.
-    Column number is row * n_u + i. Where more crossings than `room` are met, all is cast once more.
+    Column number is row * n_u + i. When there are more crossings than `room`, the buffers grow and
+    everything is cast again.
     """
     cells = n_u * n_v
     across = tiles_across(n_u)
@@ -142,8 +143,8 @@ def columns_in_both(
     low_b, high_b = spread(low_b, across, -1.0), spread(high_b, across, 1.0)
     far_a = np.zeros(vertices_a.shape[0], np.uint8)
     far_b = np.zeros(vertices_b.shape[0], np.uint8)
-    met_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a, far_a)
-    met_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b, far_b)
+    candidates_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a, far_a)
+    candidates_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b, far_b)
     live = np.empty((2, 3))
     live[0], live[1] = np.inf, -np.inf
     for k in range(tiles):  # both bodies can only be between these heights
@@ -171,7 +172,7 @@ def columns_in_both(
             place_a,
             first_a,
             faces_a,
-            met_a,
+            candidates_a,
             over_a,
             n_u,
             n_v,
@@ -189,7 +190,7 @@ def columns_in_both(
             place_b,
             first_b,
             faces_b,
-            met_b,
+            candidates_b,
             over_b,
             n_u,
             n_v,
@@ -215,15 +216,15 @@ def columns_in_both(
         longest = max(longest, count[k])
     begin[cells] = total
     order = np.empty(total, np.int32)
-    filled = begin[:cells].copy()
+    next_place = begin[:cells].copy()
     for i in range(n):
         at = np.uint32(column[i])
-        order[filled[at]] = i
-        filled[at] += 1
+        order[next_place[at]] = i
+        next_place[at] += 1
     intervals = np.empty((longest + 1, 2))
-    found_column = np.empty(total + cells, np.int32)
-    found = np.empty((total + cells, 2))
-    n_found = 0
+    columns = np.empty(total + cells, np.int32)
+    stretches = np.empty((total + cells, 2))
+    n_stretches = 0
     for k in range(cells):
         if count[k] == 0 and (below_a[k] <= 0 or below_b[k] <= 0):
             continue
@@ -241,7 +242,7 @@ def columns_in_both(
             intervals,
         )
         for i in range(m):
-            found_column[n_found] = k
-            found[n_found, 0], found[n_found, 1] = intervals[i, 0], intervals[i, 1]
-            n_found += 1
-    return found_column[:n_found], found[:n_found], live
+            columns[n_stretches] = k
+            stretches[n_stretches, 0], stretches[n_stretches, 1] = intervals[i, 0], intervals[i, 1]
+            n_stretches += 1
+    return columns[:n_stretches], stretches[:n_stretches], live

@@ -36,12 +36,12 @@ def crossing_box(
         size[k] = extent / shape[k]
     boxes, spans = _boxes(vertices_b, faces_b, near_b, low_m, high_m, size, shape)
     mine, reach = _boxes(vertices_a, faces_a, near_a, low_m, high_m, size, shape)
-    marked = np.zeros(shape[0] * shape[1] * shape[2], np.uint8)
-    _mark(spans, shape, marked, 1)
-    if not _mark(reach, shape, marked, 2):
+    marks = np.zeros(shape[0] * shape[1] * shape[2], np.uint8)
+    _mark(spans, shape, marks, 1)
+    if not _mark(reach, shape, marks, 2):
         return 0, np.full((2, 3), np.nan)
-    head = np.full(marked.size, -1, np.int32)
-    entries = _entries(spans, shape, marked)
+    head = np.full(marks.size, -1, np.int32)
+    entries = _entries(spans, shape, marks)
     after = np.empty(entries, np.int32)
     owner = np.empty(entries, np.int32)
     n = 0
@@ -50,14 +50,14 @@ def crossing_box(
             for y in range(spans[j, 1], spans[j, 4]):
                 for z in range(spans[j, 2], spans[j, 5]):
                     bucket = (x * shape[1] + y) * shape[2] + z
-                    if marked[bucket] != 3:
+                    if marks[bucket] != 3:
                         continue
                     after[n], owner[n] = head[bucket], j
                     head[bucket] = n
                     n += 1
-    found = np.empty((2, 3))
-    found[0], found[1] = np.inf, -np.inf
-    met = 0
+    box = np.empty((2, 3))
+    box[0], box[1] = np.inf, -np.inf
+    n_meetings = 0
     for i in range(near_a.shape[0]):
         for x in range(reach[i, 0], reach[i, 3]):
             for y in range(reach[i, 1], reach[i, 4]):
@@ -76,36 +76,40 @@ def crossing_box(
                         ):
                             continue
                         f, g = near_a[i], near_b[j]
-                        met += edges_through(vertices_a, faces_a, f, vertices_b, faces_b, g, found)
-                        met += edges_through(vertices_b, faces_b, g, vertices_a, faces_a, f, found)
-    return met, found
+                        n_meetings += edges_through(
+                            vertices_a, faces_a, f, vertices_b, faces_b, g, box
+                        )
+                        n_meetings += edges_through(
+                            vertices_b, faces_b, g, vertices_a, faces_a, f, box
+                        )
+    return n_meetings, box
 
 
 @compiled
 def _mark(
-    spans: Crossings, shape: npt.NDArray[np.int64], marked: npt.NDArray[np.uint8], bit: int
+    spans: Crossings, shape: npt.NDArray[np.int64], marks: npt.NDArray[np.uint8], bit: int
 ) -> bool:
     """Set a bit in all buckets reached; tell whether one of them had another bit already."""
-    shared = False
+    any_overlap = False
     for j in range(spans.shape[0]):
         for x in range(spans[j, 0], spans[j, 3]):
             for y in range(spans[j, 1], spans[j, 4]):
                 for z in range(spans[j, 2], spans[j, 5]):
                     bucket = (x * shape[1] + y) * shape[2] + z
-                    marked[bucket] |= bit
-                    shared |= marked[bucket] != bit
-    return shared
+                    marks[bucket] |= bit
+                    any_overlap |= marks[bucket] != bit
+    return any_overlap
 
 
 @compiled
-def _entries(spans: Crossings, shape: npt.NDArray[np.int64], marked: npt.NDArray[np.uint8]) -> int:
+def _entries(spans: Crossings, shape: npt.NDArray[np.int64], marks: npt.NDArray[np.uint8]) -> int:
     """Count the buckets that both surfaces reach, each as often as it is reached."""
     n = 0
     for j in range(spans.shape[0]):
         for x in range(spans[j, 0], spans[j, 3]):
             for y in range(spans[j, 1], spans[j, 4]):
                 for z in range(spans[j, 2], spans[j, 5]):
-                    n += marked[(x * shape[1] + y) * shape[2] + z] == 3
+                    n += marks[(x * shape[1] + y) * shape[2] + z] == 3
     return n
 
 
@@ -149,9 +153,9 @@ def edges_through(
     vertices_b: Vector,
     faces_b: Faces,
     g: int,
-    found: Vector,
+    box: Vector,
 ) -> int:
-    """Count edges of face f that meet face g, touching included; widen `found` by the points."""
+    """Count edges of face f that meet face g, touching included; widen `box` by the points."""
     g0, g1, g2 = faces_b[g, 0], faces_b[g, 1], faces_b[g, 2]
     ox, oy, oz = vertices_b[g0, 0], vertices_b[g0, 1], vertices_b[g0, 2]
     px, py, pz = vertices_b[g1, 0] - ox, vertices_b[g1, 1] - oy, vertices_b[g1, 2] - oz
@@ -160,7 +164,7 @@ def edges_through(
     area = nx * nx + ny * ny + nz * nz
     if area == 0.0:
         return 0
-    met = 0
+    n_meetings = 0
     for k in range(3):
         i, j = faces_a[f, k], faces_a[f, (k + 1) % 3]
         ax, ay, az = vertices_a[i, 0] - ox, vertices_a[i, 1] - oy, vertices_a[i, 2] - oz
@@ -176,8 +180,8 @@ def edges_through(
         slack = _SLACK * area
         if along_q < -slack or along_p < -slack or along_q + along_p > area + slack:
             continue
-        met += 1
-        found[0, 0], found[1, 0] = min(found[0, 0], x + ox), max(found[1, 0], x + ox)
-        found[0, 1], found[1, 1] = min(found[0, 1], y + oy), max(found[1, 1], y + oy)
-        found[0, 2], found[1, 2] = min(found[0, 2], z + oz), max(found[1, 2], z + oz)
-    return met
+        n_meetings += 1
+        box[0, 0], box[1, 0] = min(box[0, 0], x + ox), max(box[1, 0], x + ox)
+        box[0, 1], box[1, 1] = min(box[0, 1], y + oy), max(box[1, 1], y + oy)
+        box[0, 2], box[1, 2] = min(box[0, 2], z + oz), max(box[1, 2], z + oz)
+    return n_meetings

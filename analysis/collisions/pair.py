@@ -1,4 +1,4 @@
-"""Measure what two surfaces have in common, coarsely first and again where that is small."""
+"""Measure the common volume of two surfaces: coarsely first, finely again where it is small."""
 
 import numpy as np
 
@@ -64,18 +64,18 @@ def measure_within(
     own_b, shape_b = in_shadow(vertices_b, faces_b, axis, low, high)
     if shape_a.shape[0] == 0 or shape_b.shape[0] == 0:
         return 0.0, nothing, cell_m, 0, 0
-    volume, centre, n, active, shared = measure_box(
+    volume, centre, n, active, common_box = measure_box(
         own_a, shape_a, own_b, shape_b, axis, low, high, cell_m
     )
     if volume >= refine_below_m3:
         return volume, centre, cell_m, n, -1
-    if shared[0, axis] > shared[1, axis]:
+    if common_box[0, axis] > common_box[1, axis]:
         return 0.0, nothing, cell_m, 0, 0
-    low, high = np.maximum(low, shared[0]), np.minimum(high, shared[1])
+    low, high = np.maximum(low, common_box[0]), np.minimum(high, common_box[1])
     near_a = faces_near(shape_a, sides_of(own_a, low, high))
     near_b = faces_near(shape_b, sides_of(own_b, low, high))
-    met, crossing = crossing_box(own_a, shape_a, near_a, own_b, shape_b, near_b, low, high)
-    if met == 0:
+    n_meetings, crossing = crossing_box(own_a, shape_a, near_a, own_b, shape_b, near_b, low, high)
+    if n_meetings == 0:
         return volume, centre, cell_m, n, 0
     if n > 0:
         for k in range(3):
@@ -91,20 +91,20 @@ def measure_within(
     fine_m = min(cell_m / 2, np.sqrt(footprint / columns_wanted))
     own_a, shape_a = in_shadow(own_a, shape_a, axis, fine_low, fine_high)
     own_b, shape_b = in_shadow(own_b, shape_b, axis, fine_low, fine_high)
-    volume, centre, n, active, shared = measure_box(
+    volume, centre, n, active, common_box = measure_box(
         own_a, shape_a, own_b, shape_b, axis, fine_low, fine_high, fine_m
     )
     closer = 1.0
     if volume < refine_below_m3 * _LITTLE and fine_m > cell_m * _WIDE:
-        closer = 4.0  # little, in places far from each other: a long box, and columns far apart
+        closer = 4.0  # a little volume in scattered places: a long box, so columns lie far apart
     elif volume < refine_below_m3 * _LEAST:
         closer = 2.0
     if closer > 1.0:
         fine_m /= closer
-        volume, centre, n, active, shared = measure_box(
+        volume, centre, n, active, common_box = measure_box(
             own_a, shape_a, own_b, shape_b, axis, fine_low, fine_high, fine_m
         )
-    return volume, centre, fine_m, n, met
+    return volume, centre, fine_m, n, n_meetings
 
 
 @compiled
@@ -159,9 +159,9 @@ def measure_box(
     centre = np.full(3, np.nan)
     if length > 0.0:
         centre = moment / length
-    shared = np.empty((2, 3))
+    common_box = np.empty((2, 3))
     for k in range(2):
-        shared[k, iu] = low_m[iu] + (live[k, 0] + 0.5) * step[iu]
-        shared[k, iv] = low_m[iv] + (live[k, 1] + 0.5) * step[iv]
-        shared[k, axis] = live[k, 2]
-    return length * step[iu] * step[iv], centre, column.shape[0], box, shared
+        common_box[k, iu] = low_m[iu] + (live[k, 0] + 0.5) * step[iu]
+        common_box[k, iv] = low_m[iv] + (live[k, 1] + 0.5) * step[iv]
+        common_box[k, axis] = live[k, 2]
+    return length * step[iu] * step[iv], centre, column.shape[0], box, common_box

@@ -1,4 +1,4 @@
-"""Keep of a surface what stands over or under a box: all that columns through it can meet."""
+"""Keep the part of a surface above or below a box: all that columns through the box can meet."""
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ def in_shadow(
     n = near.shape[0]
     number = np.full(vertices_m.shape[0], -1, np.int32)
     corners = np.empty((min(3 * n, vertices_m.shape[0]), 3))
-    kept = np.empty((n, 3), np.int32)
+    faces_near_box = np.empty((n, 3), np.int32)
     m = 0
     for i in range(n):
         for k in range(3):
@@ -32,8 +32,8 @@ def in_shadow(
                 corners[m, 0], corners[m, 1] = vertices_m[v, 0], vertices_m[v, 1]
                 corners[m, 2] = vertices_m[v, 2]
                 m += 1
-            kept[i, k] = number[v]
-    return corners[:m], kept
+            faces_near_box[i, k] = number[v]
+    return corners[:m], faces_near_box
 
 
 @compiled

@@ -3,7 +3,7 @@
 Linear blend skinning. A cheap and strict test comes before any volume: every piece of a surface
 (the vertices that one joint moves most) lies in the box of its images by the joints that move it,
 because a blended vertex lies between its images. Where no boxes meet, nothing is shared. Once
-posed, the boxes of the faces of each slice of a piece are tighter and are asked again.
+posed, the boxes of the faces of each slice of a piece are tighter and are tested again.
 """
 
 from collections.abc import Sequence
@@ -23,8 +23,8 @@ Bones = npt.NDArray[np.int16]
 Index = npt.NDArray[np.int64]
 
 SLICE_M = 0.08
-"""Pieces are cut into slices so thick across their longest side at rest; each is a ring or a cap of
-the surface, so its box holds what lies inside, too."""
+"""Thickness of the slices into which a piece is cut along its longest side at rest. Each is a ring
+or a cap of the surface, so its box holds what lies inside, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,9 @@ class SkinnedBody:
                 f"weights of vertex {row} sum to {self.weights[row].sum():g}; make them sum to 1"
             )
 
-    def posed(self, position_m: Vector, orientation_wxyz: Vector, scale: float = 1.0) -> ClosedMesh:
+    def mesh_at(
+        self, position_m: Vector, orientation_wxyz: Vector, scale: float = 1.0
+    ) -> ClosedMesh:
         """Return the surface at joints (j, 3) and (j, 4) in world, at `scale` times its size."""
         vertices = np.empty_like(self.rest_m)
         moves = np.empty((len(self.joints_m), 3, 4))
@@ -149,10 +151,10 @@ def _pieces(body: SkinnedBody) -> tuple[Index, Index, Vector, Vector]:
     groups, joints, centres, halves = [], [], [], []
     for number, bone in enumerate(np.unique(strongest).tolist()):
         members = np.flatnonzero(strongest == bone)
-        moved = body.bones[members]
-        weighted = body.weights[members] > 0
-        for joint in np.unique(moved[weighted]).tolist():
-            own = members[((moved == joint) & weighted).any(axis=1)]
+        joints_of_members = body.bones[members]
+        has_weight = body.weights[members] > 0
+        for joint in np.unique(joints_of_members[has_weight]).tolist():
+            own = members[((joints_of_members == joint) & has_weight).any(axis=1)]
             low, high = body.rest_m[own].min(axis=0), body.rest_m[own].max(axis=0)
             groups.append(number)
             joints.append(joint)

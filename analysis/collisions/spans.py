@@ -5,8 +5,8 @@ from its lower end, so both triangles at an edge find the same number bit for bi
 belong half-open to what lies between two edges: every column crosses a closed surface in
 balanced signs, also through vertices and along edges.
 
-Three loops in place of one, each over what the one before has kept: what a row costs is mostly
-branches that a processor cannot foresee, and these have none.
+Three loops in place of one, each over the output of the one before: most of a row's cost is
+branches that the processor mispredicts, and these loops have none.
 """
 
 import numpy as np
@@ -40,10 +40,10 @@ _ENDS = _edges_across()
 
 
 @compiled
-def rows_met(
+def rows_of_faces(
     first: npt.NDArray[np.int16],
     faces: Faces,
-    met: Crossings,
+    candidates: Crossings,
     start: int,
     above: npt.NDArray[np.uint8],
     n_v: int,
@@ -51,28 +51,28 @@ def rows_met(
     row: Crossings,
 ) -> tuple[int, int]:
     """Write faces and the rows they meet until the buffers are full; return how many, and the
-    place in `met` to go on from.
+    place in `candidates` to go on from.
 
     Faces whose corners all lie `above` are left out. Buffers hold four rows more than there are.
     """
     room = face.shape[0] - 4
     n = 0
-    for i in range(start, met.shape[0]):
-        f = met[i]
+    for i in range(start, candidates.shape[0]):
+        f = candidates[i]
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         ra, rb, rc = int(first[a, 1]), int(first[b, 1]), int(first[c, 1])
         low = max(min(ra, rb, rc), 0)
         k = (min(max(ra, rb, rc), n_v) - low) * (1 - int(above[a] & above[b] & above[c]))
         if n + k > room:
             return n, i
-        for j in range(4):  # most triangles meet no more, and four are written without asking
+        for j in range(4):  # most triangles meet no more rows; writing four always saves a branch
             face[n + j] = f
             row[n + j] = low + j
         for j in range(4, k):
             face[n + j] = f
             row[n + j] = low + j
         n += k
-    return n, met.shape[0]
+    return n, candidates.shape[0]
 
 
 @compiled
@@ -123,7 +123,7 @@ def cast(
     place: Vector,
     first: npt.NDArray[np.int16],
     faces: Faces,
-    met: Crossings,
+    candidates: Crossings,
     above: npt.NDArray[np.uint8],
     n_u: int,
     n_v: int,
@@ -134,7 +134,7 @@ def cast(
     column: Crossings,
     height: Vector,
     change: npt.NDArray[np.int8],
-    n_found: int,
+    n_crossings: int,
     body: int,
 ) -> int:
     """Append the crossings of one surface with the columns; return their number so far.
@@ -147,13 +147,25 @@ def cast(
     face, row = np.empty(most, np.int32), np.empty(most, np.int32)
     span, ends = np.empty((most, 3), np.int32), np.empty((most, 4))
     start = 0
-    while start < met.shape[0]:
-        n, start = rows_met(first, faces, met, start, above, n_v, face, row)
+    while start < candidates.shape[0]:
+        n, start = rows_of_faces(first, faces, candidates, start, above, n_v, face, row)
         n = spans_of(place, first, faces, face, row, n, n_u, span, ends)
-        n_found = cross(
-            span, ends, n, n_u, low_w, high_w, below, count, column, height, change, n_found, body
+        n_crossings = cross(
+            span,
+            ends,
+            n,
+            n_u,
+            low_w,
+            high_w,
+            below,
+            count,
+            column,
+            height,
+            change,
+            n_crossings,
+            body,
         )
-    return n_found
+    return n_crossings
 
 
 @compiled
@@ -169,7 +181,7 @@ def cross(
     column: Crossings,
     height: Vector,
     change: npt.NDArray[np.int8],
-    n_found: int,
+    n_crossings: int,
     body: int,
 ) -> int:
     """Append the crossings of columns in some spans; return their number so far."""
@@ -194,10 +206,10 @@ def cross(
             if w < low_w[tile]:
                 below[cell] += sign
                 continue
-            if n_found < room:
-                column[n_found] = cell
-                height[n_found] = w
-                change[n_found] = sign * (body + 1)
+            if n_crossings < room:
+                column[n_crossings] = cell
+                height[n_crossings] = w
+                change[n_crossings] = sign * (body + 1)
                 count[cell] += 1
-            n_found += 1
-    return n_found
+            n_crossings += 1
+    return n_crossings

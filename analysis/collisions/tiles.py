@@ -109,7 +109,7 @@ def reach(
     A face no longer than a tile lies within the tiles next to each of its corners; longer ones
     are entered here, after heights were spread to neighbours, and their corners marked in `far`.
     """
-    met = np.empty(faces.shape[0] + 1, np.int32)
+    candidates = np.empty(faces.shape[0] + 1, np.int32)
     across = tiles_across(n_u)
     n = 0
     for f in range(faces.shape[0]):
@@ -120,7 +120,7 @@ def reach(
         begin, end = min(ca, cb, cc), max(ca, cb, cc)
         near = (past_row >= 0) & (row <= n_v) & (end >= 0) & (begin <= n_u)
         hit = near & (row < past_row) & (begin < end)
-        met[n] = f
+        candidates[n] = f
         n += hit
         if near and (past_row - row >= MARGIN or end - begin >= MARGIN):
             low = min(place[a, 2], place[b, 2], place[c, 2])
@@ -131,7 +131,7 @@ def reach(
                     tile = tile_of(u, v, across)
                     low_w[tile] = min(low_w[tile], low)
                     high_w[tile] = max(high_w[tile], high)
-    return met[:n]
+    return candidates[:n]
 
 
 @compiled

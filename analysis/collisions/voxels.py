@@ -68,19 +68,19 @@ def cubes_touching(
     cell_m: float,
 ) -> tuple[int, Vector]:
     """Return how many open cubes touch both bodies, and the sum (3,) of their centres."""
-    touched = np.zeros((shape[0], shape[1], shape[2]), np.uint8)
+    cubes = np.zeros((shape[0], shape[1], shape[2]), np.uint8)
     # bit 4: the other body may touch the cube; few cubes are then looked at closely
-    _fill(vertices_b, faces_b, first, shape, cell_m, touched, 2 | 4)
-    _touch(vertices_b, faces_b, first, cell_m, touched, 4, 0, False)
-    _fill(vertices_a, faces_a, first, shape, cell_m, touched, 1)
-    _touch(vertices_a, faces_a, first, cell_m, touched, 1, 4, True)
-    _touch(vertices_b, faces_b, first, cell_m, touched, 2, 1, True)
+    _fill(vertices_b, faces_b, first, shape, cell_m, cubes, 2 | 4)
+    _touch(vertices_b, faces_b, first, cell_m, cubes, 4, 0, False)
+    _fill(vertices_a, faces_a, first, shape, cell_m, cubes, 1)
+    _touch(vertices_a, faces_a, first, cell_m, cubes, 1, 4, True)
+    _touch(vertices_b, faces_b, first, cell_m, cubes, 2, 1, True)
     count = 0
     total = np.zeros(3)
     for i in range(shape[0]):
         for j in range(shape[1]):
             for k in range(shape[2]):
-                if touched[i, j, k] & 3 == 3:
+                if cubes[i, j, k] & 3 == 3:
                     count += 1
                     total[0] += (first[0] + i + 0.5) * cell_m
                     total[1] += (first[1] + j + 0.5) * cell_m
@@ -95,7 +95,7 @@ def _fill(
     first: npt.NDArray[np.int64],
     shape: npt.NDArray[np.int64],
     cell_m: float,
-    touched: npt.NDArray[np.uint8],
+    cubes: npt.NDArray[np.uint8],
     bit: int,
 ) -> None:
     """Mark cubes whose centre lies in a body."""
@@ -111,7 +111,7 @@ def _fill(
         begin = int(np.ceil(stretch[k, 0] / cell_m - 0.5)) - first[1]
         end = int(np.ceil(stretch[k, 1] / cell_m - 0.5)) - first[1]
         for y in range(max(begin, 0), min(end, shape[1])):
-            touched[x, y, z] |= bit
+            cubes[x, y, z] |= bit
 
 
 @compiled
@@ -120,7 +120,7 @@ def _touch(
     faces: Faces,
     first: npt.NDArray[np.int64],
     cell_m: float,
-    touched: npt.NDArray[np.uint8],
+    cubes: npt.NDArray[np.uint8],
     bit: int,
     where: int,
     closely: bool,
@@ -129,7 +129,7 @@ def _touch(
     bit `where`; all cubes in the boxes of its faces unless `closely`.
     """
     low = first.astype(np.float64) * cell_m
-    high = low + np.array(touched.shape).astype(np.float64) * cell_m
+    high = low + np.array(cubes.shape).astype(np.float64) * cell_m
     near = faces_near(faces, sides_of(vertices_m, low, high))
     begin, end = np.empty(3, np.int64), np.empty(3, np.int64)
     p = np.empty((3, 3))
@@ -140,15 +140,15 @@ def _touch(
         for k in range(3):
             least, most = min(p[0, k], p[1, k], p[2, k]), max(p[0, k], p[1, k], p[2, k])
             begin[k] = max(0, int(np.floor(least)))
-            end[k] = min(touched.shape[k], int(np.floor(most)) + 1)
+            end[k] = min(cubes.shape[k], int(np.floor(most)) + 1)
         for i in range(begin[0], end[0]):
             for j in range(begin[1], end[1]):
                 for k in range(begin[2], end[2]):
-                    here = touched[i, j, k]
+                    here = cubes[i, j, k]
                     if here & bit or here & where != where:
                         continue
                     if not closely or _passes(p, i, j, k):
-                        touched[i, j, k] = here | bit
+                        cubes[i, j, k] = here | bit
 
 
 @compiled

@@ -191,7 +191,7 @@ class _Poser:
         if step != self._step:
             walk = self._walk
             self._step = step
-            self._mesh = self._own.posed(
+            self._mesh = self._own.mesh_at(
                 walk.position_m[step], walk.orientation_wxyz[step], self._scale
             )
         return self._mesh
@@ -208,4 +208,4 @@ class _Poser:
             self._world,
         )
         surface = person_surface(int(self._walk.crowd.character[person]), self._surface)
-        return surface.posed(self._position[0], self._world[0])
+        return surface.mesh_at(self._position[0], self._world[0])
