@@ -59,7 +59,7 @@ FIT_SEED, FRESH_SEED, CHECK_SEED = 20_230_000, 30_000_000, 50_000
 """Of studies searched over, of those a find is held against, and of those of the test."""
 PEOPLE, STUDIES, CHECK_STUDIES, FRESH_STUDIES = 16, 300, 200, 600
 TERMS = ("technique", "direction", "technique:direction")
-PRINTED = KitPower("waving", tracker_of).printed["is_right:technique"]
+PRINTED = KitPower("waving", tracker_of).printed_tests["is_right:technique"]
 PRINTED_DZ = PRINTED.dz
 """Mean over SD of people's differences between techniques, as the printed F implies."""
 CANDIDATES, STEP = 12, 0.15

@@ -68,7 +68,7 @@ def study_rows(
                 key = (finding.compare.dv, term.name)
                 hits[key] = hits.get(key, 0) + int(term.is_significant)
     rows: list[dict[str, object]] = []
-    printed = KitPower("waving", tracker_of).printed
+    printed = KitPower("waving", tracker_of).printed_tests
     for name, values in means.items():
         row: dict[str, object] = {"name": name, "value": float(np.mean(values))}
         row |= {"spread": float(np.std(values))}

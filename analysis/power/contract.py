@@ -14,7 +14,7 @@ Source: TypeAlias = Literal["studies", "simulated pool", "study folder"]
 
 
 @dataclass(frozen=True)
-class Found:
+class PlannedTestResult:
     """What one planned test found in one simulated study.
 
     `is_significant` is None when the test could not be made; it then counts as not found.
@@ -27,7 +27,7 @@ class Found:
     standardised: float = float("nan")
 
 
-Verdicts: TypeAlias = Mapping[str, Found]
+Verdicts: TypeAlias = Mapping[str, PlannedTestResult]
 """By name of the planned test."""
 
 
@@ -83,7 +83,7 @@ class PowerStudy(Protocol):
         ...
 
     @property
-    def printed(self) -> Mapping[str, PrintedTest]:
+    def printed_tests(self) -> Mapping[str, PrintedTest]:
         """What a source printed of these tests, by their names; those it does not print lack."""
         ...
 
@@ -105,10 +105,10 @@ class PowerStudy(Protocol):
         """Return what the multiplier did to the data, in words."""
         ...
 
-    def prepare(self, told: Callable[[int, int], None]) -> None:
+    def prepare(self, on_progress: Callable[[int, int], None]) -> None:
         """Compute and keep what every process would have to find for itself.
 
-        `told` hears how many steps of how many are done.
+        `on_progress` hears how many steps of how many are done.
         """
         ...
 

@@ -2,7 +2,8 @@
 
 Every function takes arrays or a tidy frame (pandas, or a mapping of columns), raises a named
 error for data it cannot accept, and returns a frozen dataclass with `sentence()`, `row()` and
-`provenance`. NumPy and SciPy only; nothing here imports pandas or statsmodels.
+`provenance`. Mixed models and estimating equations import statsmodels when they run; everything
+else needs NumPy and SciPy alone.
 """
 
 from visavis.analysis.statistics.adjust import adjust_p, bonferroni_thresholds, stars

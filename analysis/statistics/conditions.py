@@ -103,9 +103,9 @@ def compare_conditions(
         anova = anova_of_design(design, subject=subject)
         test = anova.effects[0]
         p, provenance = test.p_used, anova.provenance
-        corrected = test.correction if test.correction != "none" else "no correction"
+        correction = test.correction if test.correction != "none" else "no correction"
         steps.append(
-            Step("Is the error spherical (Mauchly, α = .05)", str(test.sphericity), corrected)
+            Step("Is the error spherical (Mauchly, α = .05)", str(test.sphericity), correction)
         )
     else:
         test = friedman(frame, dv, subject=subject, within=within, levels=levels)
@@ -153,11 +153,11 @@ def compare_conditions(
 def _normality_step(
     normality: Sequence[tuple[str, ShapiroWilk | None]], alpha: float, is_normal: bool
 ) -> Step:
-    shown = "; ".join(
+    results = "; ".join(
         f"{level}: " + ("does not vary" if s is None else s.sentence()) for level, s in normality
     )
     return Step(
         f"Are all conditions normal (Shapiro-Wilk, α = {threshold_text(alpha)})",
-        shown,
+        results,
         "yes, repeated-measures ANOVA" if is_normal else "no, Friedman",
     )

@@ -1,4 +1,4 @@
-"""Compare the levels of a within factor after a repeated-measures test, each way by its name."""
+"""Compare the levels of a within factor after a repeated-measures test, by a named error."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -56,11 +56,11 @@ def posthoc(
         dfs = np.full(L.shape[0], float(df))
         term = "differences of the two levels"
     else:
-        tested = strata.test(design.table(design.y), (factor,))
+        stratum = strata.test(design.table(design.y), (factor,))
         rows_per_level = design.table(design.y)[0].size / the.k
-        spread = np.full(L.shape[0], 2 * tested.ss_error / tested.df2 / rows_per_level)
-        dfs = np.full(L.shape[0], float(tested.df2))
-        term = tested.error_term + ", pooled over levels"
+        spread = np.full(L.shape[0], 2 * stratum.ss_error / stratum.df2 / rows_per_level)
+        dfs = np.full(L.shape[0], float(stratum.df2))
+        term = stratum.error_term + ", pooled over levels"
     labels = [str(v) for v in the.levels]
     for i, (a, b) in enumerate(combinations(labels, 2)):
         if spread[i] <= 1e-24 * float(np.abs(means).max()) ** 2:

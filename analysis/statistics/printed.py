@@ -56,13 +56,13 @@ class PublishedCheck(Result):
 
     def sentence(self) -> str:
         """Return the verdict as a sentence."""
-        given = ", ".join(f"{k} = {v}" for k, v in self.inputs.items())
+        inputs = ", ".join(f"{k} = {v}" for k, v in self.inputs.items())
         parts = []
         for name, verdict in self.verdicts.items():
-            found = "" if verdict.computed is None else f" (computed {verdict.computed:.4g})"
+            value = "" if verdict.computed is None else f" (computed {verdict.computed:.4g})"
             agree = "fits" if verdict.is_consistent else verdict.remark or "does not fit"
-            parts.append(f"{name} printed {verdict.printed!r}{found}: {agree}")
-        return f"{self.what}, {given}: " + ("; ".join(parts) or "nothing to compare")
+            parts.append(f"{name} printed {verdict.printed!r}{value}: {agree}")
+        return f"{self.what}, {inputs}: " + ("; ".join(parts) or "nothing to compare")
 
     def row(self) -> Row:
         """Return the check as one flat table row."""

@@ -55,8 +55,8 @@ class SignedRank(Result):
 
     def sentence(self) -> str:
         """Return the result as an APA sentence."""
-        dropped = self.n_pairs - self.n_nonzero
-        zeros = f" ({dropped} zero)" if dropped else ""
+        n_zero = self.n_pairs - self.n_nonzero
+        zeros = f" ({n_zero} zero)" if n_zero else ""
         return (
             f"V = {number(self.V, 1)}, z = {number(self.z)}, {p_text(self.p)} ({self.method}), "
             f"{self.effect}, n = {self.n_pairs}{zeros}"
@@ -186,15 +186,15 @@ def _exact_p(positive: float, ranks: Array) -> float:
 
     Ranks are doubled so that average ranks are whole numbers.
     """
-    doubled = np.rint(2 * ranks).astype(np.int64)
-    total = int(doubled.sum())
+    double_ranks = np.rint(2 * ranks).astype(np.int64)
+    total = int(double_ranks.sum())
     mass = np.zeros(total + 1)
     mass[0] = 1.0
-    reached = 0
-    for rank in doubled:
-        shifted = mass[: reached + 1].copy()
-        mass[rank : reached + rank + 1] += shifted
-        mass[: reached + rank + 1] /= 2
-        reached += int(rank)
+    largest_sum = 0
+    for rank in double_ranks:
+        before = mass[: largest_sum + 1].copy()
+        mass[rank : largest_sum + rank + 1] += before
+        mass[: largest_sum + rank + 1] /= 2
+        largest_sum += int(rank)
     place = round(2 * positive)
     return float(min(1.0, 2 * min(mass[: place + 1].sum(), mass[place:].sum())))

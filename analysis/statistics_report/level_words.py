@@ -14,13 +14,13 @@ _MARK = re.compile("\ue000(\\d+)\ue001")
 
 
 @dataclass(frozen=True)
-class Called:
+class LevelWords:
     """The levels of a question that have words of their own, in the order of their marks."""
 
     names: tuple[str, ...]
     words: tuple[str, ...]
 
-    def marked(self, table: DataTable, question: Question) -> tuple[DataTable, Question]:
+    def with_marks(self, table: DataTable, question: Question) -> tuple[DataTable, Question]:
         """Return table and question with marks in place of these levels."""
         marks = {name: f"\ue000{i}\ue001" for i, name in enumerate(self.names)}
         cells = table.cells.copy()
@@ -29,55 +29,62 @@ class Called:
         levels = {f: tuple(marks.get(v, v) for v in of) for f, of in question.levels.items()}
         return replace(table, cells=cells), replace(question, levels=levels)
 
-    def told(self, outcome: Outcome, question: Question) -> Outcome:
+    def with_words(self, outcome: Outcome, question: Question) -> Outcome:
         """Return an outcome to `question` with words in its sentences, else the levels' names."""
         data = outcome.data
         if data is not None:
-            kept = {f: data[f].cat.rename_categories(self._named) for f in question.levels}
-            data = data.assign(**kept)
+            renamed_columns = {
+                f: data[f].cat.rename_categories(self._in_names) for f in question.levels
+            }
+            data = data.assign(**renamed_columns)
         return replace(
             outcome,
             question=question,
             data=data,
             **{
-                name: self._each(getattr(outcome, name), self._worded)
+                name: self._each(getattr(outcome, name), self._in_words)
                 for name in ("title", "sentences", "path", "contrast_sentences", "notes")
             },
             **{
-                name: self._each(getattr(outcome, name), self._named)
+                name: self._each(getattr(outcome, name), self._in_names)
                 for name in ("rows", "contrasts", "cells")
             },
             samples=tuple(
-                replace(s, name=self._named(s.name), title=self._worded(s.title), conditions=kept)
+                replace(
+                    s,
+                    name=self._in_names(s.name),
+                    title=self._in_words(s.title),
+                    conditions=renamed_columns,
+                )
                 for s in outcome.samples
-                for kept in [{self._named(k): v for k, v in s.conditions.items()}]
+                for renamed_columns in [{self._in_names(k): v for k, v in s.conditions.items()}]
             ),
         )
 
-    def worded(self, error: LabError) -> None:
+    def put_words_in(self, error: LabError) -> None:
         """Put words in place of the marks in what an error says."""
-        error.args = self._each(error.args, self._worded)
+        error.args = self._each(error.args, self._in_words)
 
-    def _each(self, said: Any, put: Callable[[str], str]) -> Any:
-        if isinstance(said, str):
-            return put(said)
-        if isinstance(said, tuple):
-            return tuple(self._each(one, put) for one in said)
-        if isinstance(said, Mapping):
-            return {put(k): self._each(v, put) for k, v in said.items()}
-        return said
+    def _each(self, content: Any, put: Callable[[str], str]) -> Any:
+        if isinstance(content, str):
+            return put(content)
+        if isinstance(content, tuple):
+            return tuple(self._each(one, put) for one in content)
+        if isinstance(content, Mapping):
+            return {put(k): self._each(v, put) for k, v in content.items()}
+        return content
 
-    def _worded(self, text: str) -> str:
+    def _in_words(self, text: str) -> str:
         return _MARK.sub(lambda mark: self.words[int(mark[1])], text)
 
-    def _named(self, text: str) -> str:
+    def _in_names(self, text: str) -> str:
         return _MARK.sub(lambda mark: self.names[int(mark[1])], text)
 
 
-def called_of(question: Question) -> Called | None:
+def level_words_of(question: Question) -> LevelWords | None:
     """Return the levels of a question that are called by other words; None where none is."""
     levels = dict.fromkeys(level for of in question.levels.values() for level in of)
-    other = [level for level in levels if question.called.get(level, level) != level]
+    other = [level for level in levels if question.level_words.get(level, level) != level]
     if not other:
         return None
-    return Called(tuple(other), tuple(question.called[level] for level in other))
+    return LevelWords(tuple(other), tuple(question.level_words[level] for level in other))

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from visavis.analysis.plots import BLUE, GREEN, GREY, VERMILION, Drawn, draw, new_figure
+from visavis.analysis.plots import BLUE, GREEN, GREY, VERMILION, ReportFigure, draw, new_figure
 from visavis.analysis.plots.panels import no_data
 from visavis.analysis.plots.style import BLACK
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
@@ -29,7 +29,9 @@ BODY_PARTS = (
 )
 
 
-def collision_figures(analysis: StudyAnalysis, group: GroupPaths) -> tuple[Drawn, Drawn]:
+def collision_figures(
+    analysis: StudyAnalysis, group: GroupPaths
+) -> tuple[ReportFigure, ReportFigure]:
     """Return collisions by body part, volume and duration; shoulders by the width of gaps."""
     return (
         draw(

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from visavis.analysis.cells import Triangulation
 from visavis.analysis.cells.triangulation import Cell, as_cell
-from visavis.analysis.plots import BLUE, GREY, VERMILION, Drawn, draw, new_figure
+from visavis.analysis.plots import BLUE, GREY, VERMILION, ReportFigure, draw, new_figure
 from visavis.analysis.plots.panels import no_data
 from visavis.analysis.plots.style import BLACK
 from visavis.experiments.crowd import published
@@ -36,7 +36,7 @@ _UPRIGHT = np.array([1.0, -1.0])
 """Seen from above, −z is up the page, so that right stays right."""
 
 
-def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[Drawn]:
+def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[ReportFigure]:
     """Return a figure of similarities and one of paths per configuration that was walked."""
     simulated = analysis.is_simulated
     figures = [

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from visavis.analysis.gait import resampled
+from visavis.analysis.gait import resample
 from visavis.devices.segment_watch import SegmentWatch
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
@@ -194,7 +194,7 @@ def load_walk(recording: Recording, record: WalkRecord, *, step_ns: int = STEP_N
     position[parts], turn[parts] = np.nan, np.nan
     within = (t_ns >= start_ns) & (t_ns < end_ns)
     grid = steps_within(start_ns, end_ns, step_ns, t_ns)
-    at, orientation = resampled(t_ns, position, turn, grid)
+    at, orientation = resample(t_ns, position, turn, grid)
     stature_m = stature_of_arms(position)
     lasted_ns = durations_ns(t_ns, parts & within[:, None])
     return Walk(str(row["trial_id"]), row, crowd, grid, at, orientation, stature_m, lasted_ns)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from visavis.analysis.report.blocks import Status
-from visavis.analysis.report.notation import counted, fraction
+from visavis.analysis.report.notation import count_of, fraction
 from visavis.experiments.stare.comparisons import DWELL, FIXATION_COUNT
 from visavis.results.analysis import Conclusion
 from visavis.study.pairs import CorrelationTest, PairTest, find_test
@@ -101,7 +101,7 @@ def _anxiety(correlations: Sequence[CorrelationTest]) -> Conclusion:
         answer = f"{word} ({_listed([*falling, *rising])})"
         return Conclusion("not_found", question, answer, evidence)
     if falling:
-        of_all = f"{len(falling)} of {counted(len(dwell), 'condition')}"
+        of_all = f"{len(falling)} of {count_of(len(dwell), 'condition')}"
         answer = f"found in {of_all} ({_listed(falling)})"
         status: Status = "found" if len(falling) == len(dwell) else "partly"
         return Conclusion(status, question, answer, evidence)

@@ -7,7 +7,7 @@ import pandas as pd
 
 from visavis.analysis.plots import draw
 from visavis.analysis.report import Block, Bullets, Fold, Paragraph, Section
-from visavis.analysis.report.notation import counted, percentage
+from visavis.analysis.report.notation import count_of, percentage
 from visavis.experiments.stare import published
 from visavis.experiments.stare.design import DYNAMIC_CONDITIONS
 from visavis.experiments.stare.figures_places import place_figure
@@ -69,7 +69,7 @@ class GazeChanges:
         if not total:
             return "No trial with a change of the agent's gaze was analysed."
         text = (
-            f"In {self.by_look} of {counted(total, 'trial')} with averted-then-directed or "
+            f"In {self.by_look} of {count_of(total, 'trial')} with averted-then-directed or "
             "directed-then-averted gaze a look caused the change"
         )
         if not self.by_look:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from visavis.analysis.report import Block, Column, Paragraph, Section, Table
-from visavis.analysis.report.notation import counted, decimal, fraction, percentage
+from visavis.analysis.report.notation import count_of, decimal, fraction, percentage
 from visavis.experiments.waving.clips import TECHNIQUES
 from visavis.experiments.waving.study import DIRECTIONS, PLACES
 from visavis.results.analysis import StudyAnalysis
@@ -98,7 +98,7 @@ def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
             Paragraph(
                 f"Waves at the participant were corrected for the tracked head "
                 f"{decimal(rate_hz, 0)} times a second (median of trials); "
-                f"{counted(late, 'correction')} came too late to be shown."
+                f"{count_of(late, 'correction')} came too late to be shown."
             )
         )
     return blocks

@@ -2,7 +2,7 @@
 
 Own implementation of Hessels, Niehorster, Kemner & Hooge (2017), Behavior Research Methods 49:
 a moving window is split into two clusters again and again; rows where the split often falls
-weigh much, because gaze moved there.
+get a high weight, because gaze moved there.
 """
 
 import numpy as np
@@ -73,7 +73,7 @@ def _split(x: Vector, y: Vector, width: int, every: int, cluster: npt.NDArray[np
     one_x, one_y, two_x, two_y = x[one], y[one], x[two], y[two]
     changes = 0
     for turn in range(MAX_ROUNDS):
-        changed = turn == 0
+        any_change = turn == 0
         sum_x = 0.0
         sum_y = 0.0
         second = 0
@@ -83,7 +83,7 @@ def _split(x: Vector, y: Vector, width: int, every: int, cluster: npt.NDArray[np
             is_two = (x[j] - two_x) ** 2 + (y[j] - two_y) ** 2 < (x[j] - one_x) ** 2 + (
                 y[j] - one_y
             ) ** 2
-            changed |= is_two != cluster[j]
+            any_change |= is_two != cluster[j]
             cluster[j] = is_two
             if j > 0 and is_two != before:
                 changes += 1
@@ -92,7 +92,7 @@ def _split(x: Vector, y: Vector, width: int, every: int, cluster: npt.NDArray[np
                 sum_x += x[j]
                 sum_y += y[j]
                 second += 1
-        if not changed or second == 0 or second == count:
+        if not any_change or second == 0 or second == count:
             break
         two_x = sum_x / second
         two_y = sum_y / second
@@ -123,7 +123,7 @@ def clustering_weights(
     x = np.empty(n)
     y = np.empty(n)
     cluster = np.zeros(n, np.bool_)
-    added = np.zeros(n)
+    window_weight = np.zeros(n)
     first = 0
     while first < n:
         if stretch[first] < 0:
@@ -141,7 +141,7 @@ def clustering_weights(
         if width >= 4:
             good = True
             for j in range(width):
-                added[j] = 0.0
+                window_weight[j] = 0.0
             _flatten(v, first, last, x, y)
             for thinning in thinnings:
                 if width < 3 * thinning + 1:
@@ -153,10 +153,10 @@ def clustering_weights(
                 for j in range(thinning, width, thinning):
                     if changes > 0 and cluster[j] != cluster[j - thinning]:
                         for i in range(j - thinning + 1, j + 1):
-                            added[i] += 1.0 / changes / thinning
+                            window_weight[i] += 1.0 / changes / thinning
             for j in range(width):
                 if good:
-                    total[first + j] += added[j]
+                    total[first + j] += window_weight[j]
                 times[first + j] += 1.0
         if is_full:
             begin = t_ns[first]
@@ -173,12 +173,12 @@ def clustering_weights(
 
 @compiled
 def trim_borders(v: Vector, runs: Rows, spreads: float) -> int:
-    """Take rows off both ends of runs (k, 2), in place; return how many runs are left.
+    """Trim both ends of runs (k, 2) in place; return how many runs are left.
 
-    Off go rows further from the run's mean than the median distance plus `spreads` times the
-    median deviation from it.
+    A row at an end is removed when it lies further from the run's mean than the median distance
+    plus `spreads` times the median deviation from it.
     """
-    kept = 0
+    n_runs = 0
     for r in range(runs.shape[0]):
         first = runs[r, 0]
         last = runs[r, 1]
@@ -200,7 +200,7 @@ def trim_borders(v: Vector, runs: Rows, spreads: float) -> int:
         while last >= first and distance[last - start] > limit:
             last -= 1
         if first <= last:
-            runs[kept, 0] = first
-            runs[kept, 1] = last
-            kept += 1
-    return kept
+            runs[n_runs, 0] = first
+            runs[n_runs, 1] = last
+            n_runs += 1
+    return n_runs

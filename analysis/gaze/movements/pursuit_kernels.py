@@ -9,7 +9,7 @@ from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
 NEIGHBOUR_NS = 150_000_000
-"""Runs further apart than this say nothing of each other."""
+"""Runs further apart than this are not used to describe each other."""
 SLOWEST_DEG_S = 0.5
 
 

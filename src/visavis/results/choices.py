@@ -86,7 +86,7 @@ def _told(
     experiment: "StudyExperiment",
 ) -> "Iterator[Block]":
     from visavis.analysis.report import Column, Fold, Paragraph, Table
-    from visavis.analysis.report.notation import counted, percentage
+    from visavis.analysis.report.notation import count_of, percentage
 
     texts, factors = experiment.texts, list(analysis.cells)
     words = dict(zip(map(str, response.options), response.options, strict=True))
@@ -125,7 +125,7 @@ def _told(
     if prompt:
         yield Paragraph(f"Asked: {prompt}")
     long = len(listed) > MAX_OPEN_ROWS
-    yield Fold(f"{asked}: {counted(len(listed), 'row')}", (table,)) if long else table
+    yield Fold(f"{asked}: {count_of(len(listed), 'row')}", (table,)) if long else table
     missing = int(analysis.selection.counted[response.name].isna().sum())
     if missing:
-        yield Paragraph(f"{counted(missing, 'trial')} without an answer are left out.")
+        yield Paragraph(f"{count_of(missing, 'trial')} without an answer are left out.")

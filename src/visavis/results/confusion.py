@@ -44,7 +44,7 @@ class Confusion:
         """Return the section, its figure and its table."""
         from visavis.analysis.plots import draw
         from visavis.analysis.report import Paragraph, Section
-        from visavis.analysis.report.notation import counted, fraction
+        from visavis.analysis.report.notation import count_of, fraction
         from visavis.results.report.study_report import picture_of
 
         trials = analysis.selection.counted
@@ -57,7 +57,7 @@ class Confusion:
             title=self.title,
             caption="Rows: what was right; columns: the answer. Shades and numbers: share of the "
             "answers in a row; counts below.",
-            alternative=f"{counted(len(each), 'confusion matrix', 'confusion matrices')} of "
+            alternative=f"{count_of(len(each), 'confusion matrix', 'confusion matrices')} of "
             f"{len(options)} options.",
             is_simulated=analysis.is_simulated,
         )
@@ -66,11 +66,11 @@ class Confusion:
         told = f"No answer is known to {label_of(experiment.texts, self.answered)}."
         if total:
             told = (
-                f"{fraction(int(every.trace()) / total)} of {counted(total, 'answer')} were right, "
-                f"among {len(options)} options."
+                f"{fraction(int(every.trace()) / total)} of {count_of(total, 'answer')} were "
+                f"right, among {len(options)} options."
             )
         if len(trials) > total:
-            told += f" {counted(len(trials) - total, 'trial')} without an answer are left out."
+            told += f" {count_of(len(trials) - total, 'trial')} without an answer are left out."
         section = Section(self.name, self.title, (picture_of(drawn), Paragraph(told)))
         columns = tuple(Described(str(o), "1", f"answers that named {o}") for o in options)
         return Extra(section, (drawn,), {self.name: self.table(each, options)}, columns)
