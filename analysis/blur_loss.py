@@ -16,10 +16,10 @@ KEY: Final = ["trial_id", "attempt"]
 
 
 def motion_of(recording: Recording) -> dict[str, float]:
-    """Return how high, fast and quick in turning the head was, and the body's hands apart.
+    """Return height, speed and turning speed of the head and of the body's hips.
 
-    Medians of speed and turning between samples and of height, in units as named; what was not
-    recorded is left out.
+    Medians over samples, and over pairs of samples for speeds, in units as named; streams that were
+    not recorded are left out.
     """
     medians: dict[str, float] = {}
     for name in recording.stream_names:

@@ -1,7 +1,7 @@
 """Judge recordings made elsewhere by their times alone: XDF files and BIDS data sets.
 
-What LabRecorder and others do not name: streams without clock offsets, stamps that go back, gaps,
-rates off the nominal, streams that began or ended apart from the others.
+Reports what LabRecorder and others do not: streams without clock offsets, stamps that go back,
+gaps, rates off the nominal, streams that began or ended apart from the others.
 """
 
 import struct
@@ -23,7 +23,7 @@ GAP_PERIODS = 1.5
 LONG_GAP_S = 1.0
 RATE_AMBER_01, RATE_RED_01 = 0.01, 0.05
 APART_S = 5.0
-"""Streams that begin or end further from the others than this are told."""
+"""Streams that begin or end further from the others than this are reported."""
 MAX_HEADER_BYTES = 16 * 1024 * 1024
 _HEADER, _SAMPLES, _OFFSET, _FOOTER = 2, 3, 4, 6
 _SIZES = {"int8": 1, "int16": 2, "int32": 4, "float32": 4, "int64": 8, "double64": 8}

@@ -75,6 +75,7 @@ def interpolate_rows(
         t = grid_ns[i]
         while j < n - 2 and t_ns[j + 1] <= t:
             j += 1
+        # At the very time of a sample its neighbour must not turn it into NaN.
         at_sample = n > 0 and t == t_ns[j]
         k = j if at_sample else j + 1
         if not at_sample and (
@@ -90,6 +91,7 @@ def interpolate_rows(
             dot = 0.0
             for c in range(4):
                 dot += orientation[j, s, c] * orientation[k, s, c]
+            # q and −q are one rotation; the nearer sign gives the shorter way.
             sign = -1.0 if dot < 0 else 1.0
             size = 0.0
             for c in range(4):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from visavis.analysis.plots import ReportFigure
 
 MAX_CURVES: Final = 12
-"""Columns of one stream that are drawn; an amplifier's others look like them."""
+"""Most columns drawn of one stream; an amplifier's further ones look alike."""
 BINS: Final = 400
 """Points along a curve; each is drawn with the range of what lies in it."""
 OF_VISAVIS: Final = frozenset({*ROLES, *TAKEN_STREAMS})
@@ -34,7 +34,7 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class OwnColumn:
-    """One column; NaN where nothing is known. `curve` is its course over the session.
+    """One column; NaN where it has no values. `curve` is its course over the session.
 
     `curve` has shape (n, 4): seconds, lowest, middle, highest of the samples around.
     """

@@ -1,4 +1,4 @@
-"""Can they leave? Compare what a session planned with what its recording holds.
+"""Check a session before the participant leaves: compare its plan with its recording.
 
 Every threshold is an argument with a default; gaze loss and calibration limits follow gaze.md
 section 5 (trial out above 30 % loss, validation accepted up to 1.5°).
@@ -70,7 +70,7 @@ def _check(recording: Recording, limits: CheckLimits) -> SessionCheck:
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, rows, recording),
     ]
-    if recording.status == "running":  # nothing of it is to be done again yet
+    if recording.status == "running":  # there is nothing to redo yet
         findings = [f if f.subject == "recording" else replace(f, redo="") for f in findings]
     return SessionCheck(
         level=max((f.level for f in findings), default=Level.GREEN),
@@ -260,7 +260,7 @@ def _check_streams(recording: Recording, limits: CheckLimits) -> list[StreamChec
 
 
 def stream_findings(streams: Sequence[StreamCheck]) -> list[Finding]:
-    """Return what streams lack; those that lack the same, as all of one busy computer do, once."""
+    """Return what streams lack; streams that lack the same (one busy computer) share a finding."""
     findings = []
     alike: dict[tuple[Level, str], list[str]] = {}
     for stream in streams:
@@ -348,7 +348,7 @@ def _drift_finding(
 
 
 def drift_words(start_deg: float | None, end_deg: float) -> str:
-    """Return what became of the accuracy since the last block began; nothing where none is known.
+    """Return how accuracy changed since the last block began; empty where that is unknown.
 
     Gaze that got worse has drifted; one that got better was measured at a better moment.
     """
@@ -487,6 +487,6 @@ def _because(reason: object) -> str:
 
 
 def _once_calibrated(events: Events) -> Events:
-    """Leave out what stands before the first calibration: a tracker that wants one is no fault."""
+    """Leave out events before the first calibration: a tracker that asks for one is no fault."""
     first = next((i for i, (name, _) in enumerate(events) if name == "calibration"), 0)
     return events[first:]

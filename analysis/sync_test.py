@@ -176,9 +176,9 @@ def delays(
 
 
 def offsets_ms(all_delays: Sequence[Delays]) -> dict[str, float]:
-    """Return the delay of each source that analysis should apply: what its stamps are early by.
+    """Return the delay of each source that analysis should apply: how early its stamps are.
 
-    Left out is what too few stimuli answered. The key is the modality, with the role of a band:
+    Sources that answered too few stimuli are left out. The key is the modality, with a band's role:
     "picture_delay_ms", "sound_delay_ms", "vibration_delay_ms.armband_left".
     """
     return {

@@ -23,7 +23,7 @@ from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.waving.clips import TECHNIQUES
 from visavis.experiments.waving.judgement import DEFAULT_POPULATION, Population
 from visavis.experiments.waving.quick_study import STIMULI, evidence_for
-from visavis.experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY
+from visavis.experiments.waving.study import COMPARISON, DIRECTIONS, MEAN_ACCURACY
 from visavis.lab.clock import cpu_time_s
 from visavis.lab.config_files import EXAMPLE
 from visavis.results.power import KitPower
@@ -91,7 +91,7 @@ def study_rows(
                 holds = share >= limit if word == "at least" else share <= limit
                 row |= {"beside": f"{word} {limit}", "holds": holds}
             if f"{measure}:{term}" in printed:
-                closed = printed[f"{measure}:{term}"].power(participants, COMPARED.alpha)
+                closed = printed[f"{measure}:{term}"].power(participants, COMPARISON.alpha)
                 row["beside"] = f"{row.get('beside', '')} (printed F alone: {closed:.2f})".strip()
             rows.append(row)
     return rows

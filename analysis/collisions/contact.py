@@ -28,6 +28,7 @@ def crossing_box(
     Only faces that reach into the box `low_m`..`high_m` are looked at. Zero meetings mean that
     the surfaces are apart or one encloses the other.
     """
+    # Divide the box into buckets of about 3 cm, so that a face is compared with near ones alone.
     size = np.empty(3)
     shape = np.empty(3, np.int64)
     for k in range(3):
@@ -36,10 +37,12 @@ def crossing_box(
         size[k] = extent / shape[k]
     boxes, spans = _boxes(vertices_b, faces_b, near_b, low_m, high_m, size, shape)
     mine, reach = _boxes(vertices_a, faces_a, near_a, low_m, high_m, size, shape)
+    # Bit 1: surface b reaches the bucket, bit 2: a does. Without a common bucket nothing crosses.
     marks = np.zeros(shape[0] * shape[1] * shape[2], np.uint8)
     _mark(spans, shape, marks, 1)
     if not _mark(reach, shape, marks, 2):
         return 0, np.full((2, 3), np.nan)
+    # Faces of b as linked lists, one for each bucket that both surfaces reach.
     head = np.full(marks.size, -1, np.int32)
     entries = _entries(spans, shape, marks)
     after = np.empty(entries, np.int32)
@@ -55,6 +58,7 @@ def crossing_box(
                     after[n], owner[n] = head[bucket], j
                     head[bucket] = n
                     n += 1
+    # A pair that shares several buckets is met in each; only zero or not matters to callers.
     box = np.empty((2, 3))
     box[0], box[1] = np.inf, -np.inf
     n_meetings = 0
@@ -141,6 +145,7 @@ def _boxes(
             end = int(min(max((most - low_m[k]) / size[k], 0.0), shape[k] - 1.0)) + 1
             spans[i, k], spans[i, k + 3] = begin, end
         if apart:
+            # an empty range along x: the face reaches no bucket
             spans[i, 3] = spans[i, 0] = 0
     return boxes, spans
 
@@ -156,6 +161,7 @@ def edges_through(
     box: Vector,
 ) -> int:
     """Count edges of face f that meet face g, touching included; widen `box` by the points."""
+    # Coordinates from a corner of face g, which keeps digits far from the origin.
     g0, g1, g2 = faces_b[g, 0], faces_b[g, 1], faces_b[g, 2]
     ox, oy, oz = vertices_b[g0, 0], vertices_b[g0, 1], vertices_b[g0, 2]
     px, py, pz = vertices_b[g1, 0] - ox, vertices_b[g1, 1] - oy, vertices_b[g1, 2] - oz
@@ -169,12 +175,14 @@ def edges_through(
         i, j = faces_a[f, k], faces_a[f, (k + 1) % 3]
         ax, ay, az = vertices_a[i, 0] - ox, vertices_a[i, 1] - oy, vertices_a[i, 2] - oz
         bx, by, bz = vertices_a[j, 0] - ox, vertices_a[j, 1] - oy, vertices_a[j, 2] - oz
+        # Signed distances from the plane of g, times twice its area.
         da = nx * ax + ny * ay + nz * az
         db = nx * bx + ny * by + nz * bz
         if (da > 0.0 and db > 0.0) or (da < 0.0 and db < 0.0) or da == db:
             continue
         t = da / (da - db)
         x, y, z = ax + t * (bx - ax), ay + t * (by - ay), az + t * (bz - az)
+        # Barycentric coordinates of the piercing point, times the squared normal.
         along_q = nx * (py * z - pz * y) + ny * (pz * x - px * z) + nz * (px * y - py * x)
         along_p = nx * (y * qz - z * qy) + ny * (z * qx - x * qz) + nz * (x * qy - y * qx)
         slack = _SLACK * area

@@ -46,6 +46,7 @@ def exact_volume(
     for i in range(n):
         begins[i] = min(corners[i, 0, 0], corners[i, 1, 0], corners[i, 2, 0])
         ends[i] = max(corners[i, 0, 0], corners[i, 1, 0], corners[i, 2, 0])
+    # Sweep along x: `active` are the faces that reach across the slab between two events.
     order = np.argsort(begins)
     active = np.empty(n, np.int64)
     n_active, following = 0, 0
@@ -65,6 +66,7 @@ def exact_volume(
                 active[n_kept] = active[i]
                 n_kept += 1
         n_active = n_kept
+        # The area is quadratic within a slab, so two Gauss points integrate it exactly.
         for side in (-_GAUSS, _GAUSS):
             x = middle + side * width
             area, area_z, area_y = _section(corners, active[:n_active], n_a, x, low[2], high[2])
@@ -94,6 +96,7 @@ def _events(corners: Vector, low_x: float, high_x: float) -> Vector:
             if low_x < corners[i, k, 0] < high_x:
                 places[n_places] = corners[i, k, 0]
                 n_places += 1
+    # Faces in order of their lowest x, so that a face is compared only with those that overlap it.
     order = np.argsort(boxes[:, 0])
     span = np.empty((2, 3))
     for one in range(n):
@@ -114,6 +117,7 @@ def _events(corners: Vector, low_x: float, high_x: float) -> Vector:
             n_meetings += edges_through(vertices, faces, j, vertices, faces, i, span)
             if n_meetings == 0:
                 continue
+            # Two crossing faces share a segment; the cross-section changes at both of its ends.
             if n_places + 2 > places.size:
                 places = np.append(places, np.empty(places.size))
             places[n_places], places[n_places + 1] = span[0, 0], span[1, 0]
@@ -136,6 +140,7 @@ def _section(
     k = 0
     for m in range(n):
         f = active[m]
+        # The face cuts the plane in a segment; its direction says on which side of it inside lies.
         z_up = z_down = y_up = y_down = 0.0
         for c in range(3):
             p, q = corners[f, c], corners[f, (c + 1) % 3]
@@ -160,6 +165,7 @@ def _section(
         places[n_places], places[n_places + 1] = ends[k, 0], ends[k, 2]
         n_places += 2
         k += 1
+    # Where two segments cross, the order of heights changes: another place along z.
     order = np.argsort(ends[:k, 0])
     for one in range(k):
         i = order[one]
@@ -179,6 +185,7 @@ def _section(
                 places[n_places] = z
                 n_places += 1
     places = np.sort(places[:n_places])
+    # Sweep along z. Heights are kept sorted by insertion: the order hardly changes between places.
     area = area_z = area_y = 0.0
     active_here = np.empty(k, np.int64)
     heights = np.empty(k)
@@ -208,6 +215,7 @@ def _section(
             heights[j + 1], steps[j + 1] = y, step[s]
             n_kept += 1
         n_here = n_kept
+        # Upwards along y the winding numbers tell which stretches lie inside both bodies.
         in_a = in_b = 0
         for i in range(n_here - 1):
             if steps[i] == 1 or steps[i] == -1:

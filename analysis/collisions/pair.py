@@ -35,6 +35,7 @@ def measure_pair(
     farther apart than an eighth of `cell_m`, four times as close. The centre is NaN where nothing
     is common.
     """
+    # Nothing is common outside the common box.
     box_a, box_b = bounds(vertices_a), bounds(vertices_b)
     low, high = np.maximum(box_a[0], box_b[0]), np.minimum(box_a[1], box_b[1])
     return measure_within(
@@ -64,6 +65,7 @@ def measure_within(
     own_b, shape_b = in_shadow(vertices_b, faces_b, axis, low, high)
     if shape_a.shape[0] == 0 or shape_b.shape[0] == 0:
         return 0.0, nothing, cell_m, 0, 0
+    # Coarse pass over the whole box.
     volume, centre, n, active, common_box = measure_box(
         own_a, shape_a, own_b, shape_b, axis, low, high, cell_m
     )
@@ -71,6 +73,8 @@ def measure_within(
         return volume, centre, cell_m, n, -1
     if common_box[0, axis] > common_box[1, axis]:
         return 0.0, nothing, cell_m, 0, 0
+    # Small or zero: the surfaces must cross if they share anything that columns have missed, so
+    # look again where they do.
     low, high = np.maximum(low, common_box[0]), np.minimum(high, common_box[1])
     near_a = faces_near(shape_a, sides_of(own_a, low, high))
     near_b = faces_near(shape_b, sides_of(own_b, low, high))
@@ -86,6 +90,7 @@ def measure_within(
         np.maximum(low, crossing[0] - slack),
         np.minimum(high, crossing[1] + slack),
     )
+    # So close that about `columns_wanted` columns cover the footprint.
     sides = fine_high - fine_low
     footprint = sides[(axis + 1) % 3] * sides[(axis + 2) % 3]
     fine_m = min(cell_m / 2, np.sqrt(footprint / columns_wanted))
@@ -131,6 +136,7 @@ def measure_box(
     """Return volume, centre (3,), stretches inside both, and the box (2, 3) they may fill,
     and the box that holds all the bodies can share.
     """
+    # Columns run along `axis` (w); u and v are the two other axes in cyclic order.
     iu, iv = (axis + 1) % 3, (axis + 2) % 3
     n_u = min(_MAX_PIECES, max(1, int(np.ceil((high_m[iu] - low_m[iu]) / cell_m))))
     n_v = min(_MAX_PIECES, max(1, int(np.ceil((high_m[iv] - low_m[iv]) / cell_m))))
@@ -145,6 +151,7 @@ def measure_box(
     moment = np.zeros(3)
     box = np.empty((2, 3))
     box[0], box[1] = np.inf, -np.inf
+    # Midpoint rule: a column stands for a cell of step_u × step_v round it.
     for k in range(column.shape[0]):
         begin, end = stretch[k, 0], stretch[k, 1]
         u = low_m[iu] + (column[k] % n_u + 0.5) * step[iu]

@@ -24,6 +24,7 @@ def in_shadow(
     corners = np.empty((min(3 * n, vertices_m.shape[0]), 3))
     faces_near_box = np.empty((n, 3), np.int32)
     m = 0
+    # Renumber corners in the order in which faces name them.
     for i in range(n):
         for k in range(3):
             v = faces[near[i], k]

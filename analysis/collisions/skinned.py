@@ -168,6 +168,7 @@ def joint_moves(
     position: Vector, world: Vector, joints_m: Vector, scale: float, moves: Vector
 ) -> None:
     """Write what takes points at rest to world, (j, 3, 4), from joints (j, 3) and (j, 4)."""
+    # x ↦ s·R·(x − joint at rest) + joint now, as one 3 × 4 matrix.
     for j in range(position.shape[0]):
         m = moves[j]
         write_matrix((world[j, 0], world[j, 1], world[j, 2], world[j, 3]), m)
@@ -182,6 +183,7 @@ def joint_moves(
 @compiled
 def skin_vertices(rest: Vector, bones: Bones, weights: Vector, moves: Vector, out: Vector) -> None:
     """Write vertices (v, 3) moved by the blend of their four joints."""
+    # Linear blend skinning: Σ weight · move(vertex) over the four joints.
     for v in range(rest.shape[0]):
         x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
         px = py = pz = 0.0
@@ -214,6 +216,7 @@ def group_boxes(
     for q in range(group.shape[0]):
         g, m = group[q], moves[joint[q]]
         for r in range(3):
+            # The box of a turned box: |R| · half sides round the moved centre.
             at = m[r, 3]
             reach = 0.0
             for c in range(3):
@@ -275,6 +278,7 @@ def box_of_meetings(a: Vector, n_a: int, b: Vector, n_b: int, whole_b: Vector, b
         for j in range(n_b):
             if not boxes_meet(a[i], b[j]):
                 continue
+            # Union of the pairwise intersections; `box` stays inverted where no pair meets.
             for k in range(3):
                 box[0, k] = min(box[0, k], max(a[i, k], b[j, k]))
                 box[1, k] = max(box[1, k], min(a[i, k + 3], b[j, k + 3]))

@@ -96,6 +96,7 @@ def spans_of(
     most_u = float(n_u)
     for k in range(n):
         f, r = np.uint32(face[k]), row[k]
+        # One bit per corner at or below the row picks the two edges across it without a branch.
         lower = np.uint32(
             int(first[np.uint32(faces[f, 0]), 1] <= r)
             + 2 * int(first[np.uint32(faces[f, 1]), 1] <= r)
@@ -108,12 +109,14 @@ def spans_of(
         down = (v - place[c, 1]) / (place[d, 1] - place[c, 1])
         u_up = place[a, 0] + up * (place[b, 0] - place[a, 0])
         u_down = place[c, 0] + down * (place[d, 0] - place[c, 0])
+        # Half-open, [begin, end): neighbours that share an edge never both take its column.
         begin = np.int32(np.ceil(max(min(u_up, u_down), 0.0)))
         end = np.int32(np.ceil(min(max(u_up, u_down), most_u)))
         ends[m, 0], ends[m, 1] = u_up, u_down
         ends[m, 2] = place[a, 2] + up * (place[b, 2] - place[a, 2])
         ends[m, 3] = place[c, 2] + down * (place[d, 2] - place[c, 2])
         span[m, 0], span[m, 1], span[m, 2] = r, begin, end
+        # Spans without a column are overwritten by the next one.
         m += int(begin < end)
     return m
 
@@ -143,6 +146,7 @@ def cast(
     When the number returned exceeds the buffers, what did not fit was not stored. `change` is ±1
     for body 0, ±2 for body 1.
     """
+    # In batches that fit the cache; a face may need all rows, and `rows_of_faces` writes 4 ahead.
     most = max(_BATCH, n_v) + 4
     face, row = np.empty(most, np.int32), np.empty(most, np.int32)
     span, ends = np.empty((most, 3), np.int32), np.empty((most, 4))
@@ -190,6 +194,7 @@ def cross(
     for k in range(n):
         r, begin, end = span[k, 0], span[k, 1], span[k, 2]
         u_up, u_down, w_up, w_down = ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3]
+        # Which edge is on the left gives the side: upwards, +1 enters the body and −1 leaves it.
         upward = u_up < u_down
         left = min(u_up, u_down)
         w_left = w_up if upward else w_down
@@ -200,12 +205,14 @@ def cross(
         for i in range(begin, end):
             w = w_left + (i - left) * slope
             tile = np.uint32(tiles + ((i + MARGIN) >> TILE))
+            # Above the tile nothing matters; below it only the winding number at its floor does.
             if w >= high_w[tile]:
                 continue
             cell = np.uint32(at + i)
             if w < low_w[tile]:
                 below[cell] += sign
                 continue
+            # Counted even without room: the caller casts again with buffers of that size.
             if n_crossings < room:
                 column[n_crossings] = cell
                 height[n_crossings] = w

@@ -48,6 +48,7 @@ def cubes_centred_in(
     count = 0
     total = np.zeros(3)
     for k in range(column.size):
+        # Centres lie at (n + 1/2) · cell; those from `begin` up to `end` are within the stretch.
         begin = int(np.ceil(stretch[k, 0] / cell_m - 0.5))
         end = int(np.ceil(stretch[k, 1] / cell_m - 0.5))
         count += end - begin
@@ -106,6 +107,7 @@ def _fill(
     column, stretch, _ = columns_in_both(
         vertices_m, faces, vertices_m, faces, 1, low, step, nz, nx, low[1], top, _ROOM
     )
+    # The body against itself: the columns' stretches are those inside it.
     for k in range(column.size):
         z, x = column[k] % shape[2], column[k] // shape[2]
         begin = int(np.ceil(stretch[k, 0] / cell_m - 0.5)) - first[1]
@@ -141,6 +143,7 @@ def _touch(
             least, most = min(p[0, k], p[1, k], p[2, k]), max(p[0, k], p[1, k], p[2, k])
             begin[k] = max(0, int(np.floor(least)))
             end[k] = min(cubes.shape[k], int(np.floor(most)) + 1)
+        # Only cubes in the face's box, and of these only those the other body may touch.
         for i in range(begin[0], end[0]):
             for j in range(begin[1], end[1]):
                 for k in range(begin[2], end[2]):
@@ -157,13 +160,16 @@ def _passes(p: Vector, i: int, j: int, k: int) -> bool:
     q = np.empty((3, 3))
     for c in range(3):
         q[c, 0], q[c, 1], q[c, 2] = p[c, 0] - i - 0.5, p[c, 1] - j - 0.5, p[c, 2] - k - 0.5
+    # Separating axes of a box and a triangle (Akenine-Möller 2001): the three sides of the cube,
     for d in range(3):
         if min(q[0, d], q[1, d], q[2, d]) >= 0.5 or max(q[0, d], q[1, d], q[2, d]) <= -0.5:
             return False
+    # the triangle's normal,
     e, g = q[1] - q[0], q[2] - q[0]
     nx, ny, nz = e[1] * g[2] - e[2] * g[1], e[2] * g[0] - e[0] * g[2], e[0] * g[1] - e[1] * g[0]
     if abs(nx * q[0, 0] + ny * q[0, 1] + nz * q[0, 2]) >= 0.5 * (abs(nx) + abs(ny) + abs(nz)):
         return False
+    # and the nine cross products of edges; touching from outside is not passing.
     for c in range(3):
         edge = q[(c + 1) % 3] - q[c]
         for d in range(3):

@@ -37,6 +37,7 @@ def _decide(
             continue
         best, best_ratio, any_head_located = NONE, np.inf, m == 0
         for j in range(m):
+            # The recording holds float32, so the online decision uses the same rounded values.
             angle = np.float64(np.float32(angle_deg[i, j]))
             radius = np.float64(np.float32(radius_deg[i, j]))
             if not np.isfinite(angle):
@@ -48,6 +49,7 @@ def _decide(
             pad = max(0.0, min(pad_deg, limit))
             if not angle <= radius + pad:
                 continue
+            # Within the radius the ray meets something else first: the head is hidden there.
             if angle < radius * (1.0 - _RIM_SHARE) and hit[i] != j:
                 continue
             ratio = angle / radius

@@ -173,6 +173,7 @@ def _runs(
         begin = max(t_ns[i], start_ns)
         if begin >= end_ns:
             break
+        # A sample holds until the next one, at most `hold_ns`.
         until = min(t_ns[i] + hold_ns, end_ns)
         if i + 1 < n:
             until = min(until, t_ns[i + 1])
@@ -185,6 +186,7 @@ def _runs(
             on_ns += until - begin
             if first_valid and begin - start_ns <= hold_ns:
                 on_at_onset = True
+            # A short loss is bridged: it counts in the look's duration, not in its dwell.
             if is_open and begin - out[k - 1, 1] <= bridge_ns:
                 out[k - 1, 1] = until
                 out[k - 1, 2] += until - begin
@@ -215,6 +217,7 @@ def _sums(
         if until <= begin or aoi[i] == LOST:
             continue
         place = aoi[i] if aoi[i] >= 0 else out.shape[0] - 2
+        # `out[-1]` starts as the whole duration; what a sample covers is not lost.
         out[place] += until - begin
         out[-1] -= until - begin
 

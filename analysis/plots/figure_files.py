@@ -47,7 +47,7 @@ def draw(
 
 
 def svg_text(figure: ReportFigure, *, names_people: bool = False) -> str:
-    """Return the figure as a whole SVG file; in a file of its own nobody is named."""
+    """Return the figure as a whole SVG file; a file of its own names no participant."""
     buffer = io.StringIO()
     with figure_style():
         FigureCanvasSVG(figure.figure)

@@ -14,11 +14,11 @@ from visavis.analysis.plots.style import BLACK, GREY
 
 Values = npt.NDArray[np.float64]
 WHO: Final = "who."
-"""How the identifier of what belongs to a participant begins."""
+"""Prefix of the identifiers of drawings that belong to one participant."""
 OUT: Final = "out."
-"""The same of a participant who does not count."""
+"""The same for a participant who was left out."""
 ALL: Final = "all."
-"""The same of what a participant would have with the trials that were left out."""
+"""The same for the values a participant would have with the trials that were left out."""
 _LOOK_UNTIL_SHOWN: Final = {OUT: ("x--", 5.0), ALL: ("o:", 3.5)}
 """Line and size of what is hidden until a page shows it."""
 
@@ -113,7 +113,7 @@ def draw_mean(
 
 
 def dots(axes: Axes, x: Values, y: Values, people: Sequence[str], **look: Any) -> None:
-    """Draw dots, each named after whose it is where that is known."""
+    """Draw dots, each marked with its participant where that is known."""
     if not any(people):
         axes.scatter(x, y, **look)
         return
@@ -122,7 +122,7 @@ def dots(axes: Axes, x: Values, y: Values, people: Sequence[str], **look: Any) -
 
 
 def name_after(person: str, *artists: Artist, kind: str = WHO) -> None:
-    """Say whose drawing this is, for pages; hidden but for what counts (`WHO`)."""
+    """Mark drawings as one person's, for pages; all kinds but `WHO` are hidden at first."""
     for artist in artists:
         if person:
             artist.set_gid(f"{kind}{person}")
@@ -174,7 +174,7 @@ def differences(
 
 
 def in_lines(words: str, characters: int = 26) -> str:
-    """Return words of a measure in lines that a panel of three inches has room for."""
+    """Wrap the words of a measure into lines that fit a panel of three inches."""
     return fill(words, characters, break_long_words=False)
 
 

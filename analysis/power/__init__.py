@@ -1,4 +1,4 @@
-"""Power by simulation: whole studies run again and again through the analysis that is planned.
+"""Power by simulation: whole studies run again and again through the planned analysis.
 
 A study takes part by offering a `PowerStudy`; nothing here knows which study it is. A replicate
 is one study of the largest number of participants; its first n participants are the study of n.

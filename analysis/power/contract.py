@@ -47,7 +47,7 @@ class PrintedTest:
     n_tests: int = 1
 
     def power(self, n: int, alpha: float) -> float:
-        """Return the power of n people to whom the effect is as printed.
+        """Return the power with n people if the true effect is as printed.
 
         Noncentrality df1·F·n/n₀ takes the printed effect for the true one.
         """
@@ -84,7 +84,7 @@ class PowerStudy(Protocol):
 
     @property
     def printed_tests(self) -> Mapping[str, PrintedTest]:
-        """What a source printed of these tests, by their names; those it does not print lack."""
+        """Tests as a source printed them, by name; those it does not print are left out."""
         ...
 
     @property
@@ -106,9 +106,9 @@ class PowerStudy(Protocol):
         ...
 
     def prepare(self, on_progress: Callable[[int, int], None]) -> None:
-        """Compute and keep what every process would have to find for itself.
+        """Compute and store what every process would otherwise have to compute.
 
-        `on_progress` hears how many steps of how many are done.
+        `on_progress` receives the number of steps done and of all steps.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""Split a power simulation into jobs that give the same answer wherever and in any order."""
+"""Split a power simulation into jobs that give the same answer anywhere and in any order."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Numbers as a journal prints them; whatever is missing prints as a dash."""
+"""Numbers as a journal prints them; missing values print as a dash."""
 
 import math
 

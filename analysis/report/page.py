@@ -34,7 +34,7 @@ _ANSWER = {
 _STYLE = Path(__file__).with_name("page.css")
 _SCRIPT = Path(__file__).with_name("page.js")
 WIDE_PT = 480.0
-"""Figures wider than this keep their size on a phone and are moved sideways."""
+"""Figures wider than this keep their size on a phone and scroll sideways."""
 
 
 _VIEW_BOX = re.compile(r'<svg[^>]*\bviewBox="\S+ \S+ ([\d.]+) ')

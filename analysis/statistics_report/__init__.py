@@ -69,7 +69,7 @@ def with_error_rates(
     *,
     n_studies: int = 500,
 ) -> Outcome:
-    """Return an outcome with its test's error rates in data like these, and notes where they leak.
+    """Return an outcome with its test's error rates in data like these, and notes if they are off.
 
     One effect after the other is taken away from simulated studies with the cell sizes, ties,
     bounds and skew of the data; see `error_rate.error_rates`.

@@ -1,4 +1,4 @@
-"""A figure of what a test takes for granted: residuals that are normal and spread alike."""
+"""A figure of a test's assumptions: residuals that are normal and spread alike."""
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,7 @@ from visavis.analysis.statistics.results import Array, number
 from visavis.analysis.statistics_report.outcome import Outcome
 
 NORMAL_TESTS = ("rm", "mixed", "lmm", "anova", "welch", "t", "tost", "paired", "conditions")
-"""Tests whose residuals are taken for normal (of `paired` and `conditions` on the way)."""
+"""Tests that assume normal residuals (`paired` and `conditions` on their way to a rank test)."""
 MIN_RESIDUALS = 5
 MAX_CELLS_NAMED = 12
 

@@ -19,7 +19,7 @@ from visavis.analysis.statistics_report.table_file import DataTable
 from visavis.lab.errors import DataError, UsageError
 
 PAIR_SIGN = "|"
-"""Parts the two items of a pair that one column names: "orbit|follow"."""
+"""Separates the two items of a pair that one column names: "orbit|follow"."""
 
 
 def _bradley_terry(table: DataTable, q: Question) -> Outcome:

@@ -52,7 +52,7 @@ def rows_where(table: DataTable, conditions: Sequence[str]) -> DataTable:
     """Return the rows that fulfil every condition, with a note about each.
 
     A condition is COLUMN=LEVEL (also several: COLUMN=ONE,OTHER), COLUMN!=LEVEL, or a number behind
-    <, <=, > or >=. Rows without a value fulfil none but !=.
+    <, <=, > or >=. Rows without a value fulfil != alone.
 
     Raises:
         UsageError: a condition has another form, or names a level that is not there.

@@ -21,7 +21,7 @@ from visavis.lab.errors import UsageError
 NOMINAL = (0.6, 1.4)
 """Range of rates, in units of α, that counts as holding the level (.03 to .07 at .05)."""
 MIN_GROUP = 3
-"""Complete people that every group needs, so that their spread can be told."""
+"""Fewest people with all cells in every group, so that their spread can be estimated."""
 TRIAL_TESTS = ("lmm", "gee", "clmm")
 """Tests that take several rows per subject and cell as they are."""
 NOT_OF_MEASURES = ("bradleyterry", "icc", "krippendorff", "kappa")
@@ -39,7 +39,7 @@ def error_rates(
     interactions it is part of are removed, all others stay. Returns one row per effect: `rate` of
     studies with p below α and its interval, `expected` α, `holds`, and studies refused.
 
-    Raises UsageError for tests without factors, and where people are too few to tell their spread.
+    Raises UsageError for tests without factors, and for too few people to estimate their spread.
     """
     if not question.within and not question.between:
         raise UsageError("error rates are simulated for tests with a within or between factor")

@@ -1,4 +1,4 @@
-"""Levels that sentences call by other words than the data do."""
+"""Words for levels in sentences, where these differ from the names in the data."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -10,7 +10,7 @@ from visavis.analysis.statistics_report.table_file import DataTable
 from visavis.lab.errors import LabError
 
 _MARK = re.compile("\ue000(\\d+)\ue001")
-"""Stands for a level while a test runs: characters of Unicode's private use, in nobody's data."""
+"""Stands for a level while a test runs: characters of Unicode's private use, which no data hold."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class LevelWords:
 
 
 def level_words_of(question: Question) -> LevelWords | None:
-    """Return the levels of a question that are called by other words; None where none is."""
+    """Return the levels of a question that have words of their own; None where none has."""
     levels = dict.fromkeys(level for of in question.levels.values() for level in of)
     other = [level for level in levels if question.level_words.get(level, level) != level]
     if not other:

@@ -107,7 +107,7 @@ class Question:
         return self.between[0]
 
     def adjustment(self, default: str, choices: Sequence[str]) -> str:
-        """Return how post-hoc tests are adjusted; UsageError for a way this test has not."""
+        """Return how post-hoc tests are adjusted; UsageError for a way this test does not offer."""
         choice = self.posthoc or default
         if choice not in (*choices, "none"):
             raise UsageError(

@@ -107,7 +107,7 @@ def outcome_of(
 
 
 def left_out(design: Design) -> tuple[str, ...]:
-    """Return what a design does without, as notes."""
+    """Return what a design left out, as notes."""
     return tuple(f"left out: {what}" for what in design.dropped)
 
 

@@ -22,7 +22,7 @@ from visavis.lab.errors import DataError, UsageError
 
 SIMULATED_COLUMN = "is_simulated"
 MISSING_WORDS = frozenset({"", "na", "nan", "n/a", "null", "none", "#n/a", "."})
-"""What stands for nothing among numbers, in any case; a label is missing only when empty."""
+"""Texts that mean a missing number, in any case; a label is missing only when empty."""
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
 _WITH_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+")

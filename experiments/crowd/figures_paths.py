@@ -85,8 +85,8 @@ def _similarity(group: GroupPaths) -> Figure:
     for x, pair in enumerate(pairs):
         values = paths.pair(pair).by_configuration
         left.scatter(np.full(len(values), x), values, s=22, color=BLUE, alpha=0.7)
-        printed = published.DICE_BETWEEN_ALL[pair]
-        _diamond(left, x + 0.22, printed.mean, printed.sd)
+        published_dice = published.DICE_BETWEEN_ALL[pair]
+        _diamond(left, x + 0.22, published_dice.mean, published_dice.sd)
     offset = np.linspace(-0.18, 0.18, within.size)
     left.scatter(len(pairs) + offset, within, s=10, color=GREY, alpha=0.6)
     _diamond(left, len(pairs) + 0.3, published.DICE_WITHIN.mean, published.DICE_WITHIN.sd)
@@ -136,7 +136,7 @@ def _paths(group: GroupPaths, rows: pd.DataFrame, configuration: int) -> Figure:
     figure = new_figure(9.6, 3.75)
     blocks = group.paths.blocks
     panels = figure.subplots(1, len(blocks), sharex=True, sharey=True, squeeze=False)[0]
-    density = group.kept.get("crowd_density_per_m2", pd.Series([DENSITY_PER_M2])).iloc[0]
+    density = group.counted_walks.get("crowd_density_per_m2", pd.Series([DENSITY_PER_M2])).iloc[0]
     cells = crowd_cells(station_crowd(configuration, float(density)))
     visits = {c: Counter[Cell]() for c in blocks}
     lines: dict[str, list[Vector]] = {c: [] for c in blocks}

@@ -83,8 +83,8 @@ def begin_s(name: str) -> float:
         return 0.0 if name == "crouch" else BEGIN_S
     clip = _source(name)
     t_s = BEGIN_S + np.arange(0.0, period_s(name), 1.0 / SOURCE_HZ)
-    placed = placed_joints(clip, t_s).position_m
-    ahead = placed[:, clip.skeleton.index("left_foot"), 2] - placed[:, 0, 2]
+    joints_m = placed_joints(clip, t_s).position_m
+    ahead = joints_m[:, clip.skeleton.index("left_foot"), 2] - joints_m[:, 0, 2]
     return float(t_s[int(np.argmin(ahead))])
 
 
@@ -107,15 +107,15 @@ def key_frame_clip(name: str, flaws: Flaws) -> Clip:
 def hybrid_clip(name: str, increment: int, controls: Controls, flaws: Flaws) -> KeyPoses | Sprung:
     """Return the hybrid of a motion, from poses of the clip as it is played."""
     round_s = period_s(name)
-    flawed = key_frame_clip(name, flaws)
+    clip = key_frame_clip(name, flaws)
     if name == "crouch":
-        down = sampled(flawed, 0.0, flawed.frame_s, len(flawed.root_m) // 2)
-        lowest = float(np.argmin(down.root_m[:, 1])) * flawed.frame_s
+        down = sampled(clip, 0.0, clip.frame_s, len(clip.root_m) // 2)
+        lowest = float(np.argmin(down.root_m[:, 1])) * clip.frame_s
         return hybrid(
-            name, authored_poses(name, flawed, 0.0, lowest, increment), round_s, controls=controls
+            name, authored_poses(name, clip, 0.0, lowest, increment), round_s, controls=controls
         )
     return hybrid(
-        name, authored_poses(name, flawed, 0.0, round_s / 2, increment), round_s, controls=controls
+        name, authored_poses(name, clip, 0.0, round_s / 2, increment), round_s, controls=controls
     )
 
 

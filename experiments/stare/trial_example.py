@@ -50,8 +50,8 @@ def example_of(
 ) -> TrialExample | None:
     """Return the trial in which a look made the agent look back and then lasted longest.
 
-    Of finished main trials under averted-then-directed gaze; None without one that changed by a
-    look. The first of several equals is taken.
+    Looks through finished main trials under averted-then-directed gaze; None if no look caused a
+    change. Among equals the first is taken.
     """
     best, longest_ms = None, -1.0
     gaze = SessionGaze(recording)

@@ -122,17 +122,17 @@ def _seen_and_free(clerk: str, poses: Frames, view: Outlook) -> Iterator[npt.NDA
 
 
 def _pixels(clerk: str, poses: Frames, view: Outlook) -> list[Vector]:
-    counted = []
+    counts = []
     for ids in _seen_and_free(clerk, poses, view):
         by_part = np.bincount(ids.ravel(), minlength=len(PARTS)) / LOOKS
-        counted.append(np.array([by_part[mask_of(p)[: len(by_part)]].sum() for p in CUE_PARTS]))
-    return counted
+        counts.append(np.array([by_part[mask_of(p)[: len(by_part)]].sum() for p in CUE_PARTS]))
+    return counts
 
 
 def _reach(clerk: str, poses: Frames, view: Outlook) -> float:
     mask = mask_of(REACH_PARTS)
-    seen, free = (float(mask[ids].sum()) for ids in _seen_and_free(clerk, poses, view))
-    return seen / max(free, 1.0)
+    seen_px, free_px = (float(mask[ids].sum()) for ids in _seen_and_free(clerk, poses, view))
+    return seen_px / max(free_px, 1.0)
 
 
 def _bearing_deg(way: Vector) -> float:

@@ -73,13 +73,13 @@ def evidence_for(stimulus: Stimulus, making: Making = DEFAULT_MAKING) -> Evidenc
     target = neighbour(place, direction).name
     wave = study_wave(clerk, target, technique, making)
     key = digest_of(said=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
-    kept = read_kept(KEPT_AS, key)
-    if kept is not None:
-        return Evidence(**kept)
+    file_arrays = read_kept(KEPT_AS, key)
+    if file_arrays is not None:
+        return Evidence(**file_arrays)
     gaze = gaze_of(wave.waving, place, target)
-    found = evidence_of(wave.waving, place, eye_at(place), gaze)
-    keep(KEPT_AS, key, vars(found))
-    return found
+    evidence = evidence_of(wave.waving, place, eye_at(place), gaze)
+    keep(KEPT_AS, key, vars(evidence))
+    return evidence
 
 
 def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector:

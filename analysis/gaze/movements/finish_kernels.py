@@ -46,6 +46,7 @@ def mark_fast_runs(
             last += 1
             if _square(velocity, last) > _square(velocity, peak):
                 peak = last
+        # The saccade ends where velocity turns against its peak; what follows is looked at anew.
         end = peak
         while end < last and _dot(velocity, end + 1, velocity[peak]) > 0.0:
             end += 1
@@ -141,6 +142,7 @@ def drop_short(
     for r in range(runs.shape[0]):
         i = runs[r, 0]
         while i <= runs[r, 1]:
+            # A part of the run in which pursuit does not change.
             last = i
             while last < runs[r, 1] and pursues[last + 1] == pursues[i]:
                 last += 1
@@ -171,6 +173,7 @@ def describe_events(v: Vector, speed: Vector, first: Rows, last: Rows) -> tuple[
                 x += v[i, 0]
                 y += v[i, 1]
                 z += v[i, 2]
+            # written so that the first speed replaces NaN
             if np.isfinite(speed[i]) and not speed[i] <= peak[e]:
                 peak[e] = speed[i]
         length = np.sqrt(x * x + y * y + z * z)

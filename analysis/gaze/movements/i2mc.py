@@ -22,6 +22,7 @@ def _flatten(v: Vector, first: int, last: int, x: Vector, y: Vector) -> None:
     ax = v[first, 0]
     ay = v[first, 1]
     az = v[first, 2]
+    # Two axes across the first row, from whichever world axis is not along it.
     if abs(ay) < 0.9:
         ux = -az
         uy = 0.0
@@ -57,6 +58,7 @@ def _split(x: Vector, y: Vector, width: int, every: int, cluster: npt.NDArray[np
         count += 1
     from_x = mean_x / count
     from_y = mean_y / count
+    # Start from two far points, so that the result does not depend on chance.
     one = 0
     two = 0
     for turn in range(2):
@@ -71,6 +73,7 @@ def _split(x: Vector, y: Vector, width: int, every: int, cluster: npt.NDArray[np
         from_x = x[two]
         from_y = y[two]
     one_x, one_y, two_x, two_y = x[one], y[one], x[two], y[two]
+    # Lloyd's rounds: assign to the nearer centre, move the centres, until nothing changes.
     changes = 0
     for turn in range(MAX_ROUNDS):
         any_change = turn == 0
@@ -129,6 +132,7 @@ def clustering_weights(
         if stretch[first] < 0:
             first += 1
             continue
+        # One window: rows of a stretch within `window_ns` of the first.
         last = first
         while (
             last < n - 1
@@ -150,6 +154,7 @@ def clustering_weights(
                 if changes > max_changes:
                     good = False
                     break
+                # A change weighs 1 / (number of changes), shared by the rows it lies between.
                 for j in range(thinning, width, thinning):
                     if changes > 0 and cluster[j] != cluster[j - thinning]:
                         for i in range(j - thinning + 1, j + 1):
@@ -158,6 +163,7 @@ def clustering_weights(
                 if good:
                     total[first + j] += window_weight[j]
                 times[first + j] += 1.0
+        # Move on by `advance_ns`; a window cut by the stretch's end is its last one.
         if is_full:
             begin = t_ns[first]
             i = first
@@ -192,6 +198,7 @@ def trim_borders(v: Vector, runs: Rows, spreads: float) -> int:
             for k in range(3):
                 square += (v[i, k] - mean[k]) ** 2
             distance[i - first] = np.sqrt(square)
+        # Limits from the run as it was, so that the order of trimming does not matter.
         middle = np.median(distance)
         limit = middle + spreads * np.median(np.abs(distance - middle)) + 1e-12
         start = first

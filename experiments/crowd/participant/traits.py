@@ -28,11 +28,11 @@ class Population:
     Caution leads from a person's own margin to a learned one, `careful_margin_m`, in which
     people differ less than in their own; it keeps arms closer by the share `caution_tuck` and
     the way truer by the share `caution_wander`. How far arms come in differs by
-    `caution_tuck_spread`, with Student's t of `response_tail` degrees of freedom, and is less
-    in the loose (`loose_response`): below none, arms come out, as of somebody who gets
+    `caution_tuck_spread`, with Student's t of `response_tail` degrees of freedom, and is smaller
+    in loose people (`loose_response`); below zero the arms come out, as in somebody who gets
     careless. Alarm slows by the share `alarm_slowing`, with a spread on the log scale, and widens
-    the margin by `alarm_margin_m`, with a normal one, so that it narrows it in some. Who keeps a
-    wide margin learns a wide one (`careful_with_own`) and is alarmed more (`alarm_with_own`).
+    the margin by `alarm_margin_m`, with a normal spread, so that it narrows it in some. People with
+    a wide margin learn a wide one (`careful_with_own`) and are alarmed more (`alarm_with_own`).
 
     Form: how somebody is just now wanders over about `form_walks` walks, whatever is felt, round
     what they are: pace by `form_pace` and sway by `form_wander` (both log scale), looseness by
@@ -142,19 +142,19 @@ class Person:
     traits: Vector
 
 
-def _correlated(z: float, fresh: float, r: float) -> float:
+def _correlated_normal(z: float, fresh: float, r: float) -> float:
     """Return a standard normal with correlation `r` to `z`."""
     return float(r * z + np.sqrt(1 - r * r) * fresh)
 
 
 def draw_person(population: Population, rng: np.random.Generator, *, feels: bool) -> Person:
-    """Draw a person; who does not feel is blind to vibration, everything else alike."""
+    """Draw a person; without `feels` vibration changes nothing, everything else is the same."""
     q = population
     sex = "woman" if rng.random() < 8 / 23 else "man"
     mean, spread = (1.65, 0.06) if sex == "woman" else (1.78, 0.065)
     stature = float(mean + spread * np.clip(rng.standard_normal(), -2, 2))
     z = np.clip(rng.standard_normal(8), -2, 2)
-    loose, shoulders, slowing, stride, alarmed = np.clip(rng.standard_normal(5), -2, 2)
+    loose, shoulders, slowing, stride, alarm = np.clip(rng.standard_normal(5), -2, 2)
     arms = float(np.clip(rng.standard_t(q.response_tail), -3, 3))
     traits = np.zeros(N_TRAITS)
     traits[FREE_SPEED] = q.free_speed_m_s * np.exp(q.free_speed_spread * z[0])
@@ -176,15 +176,15 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     traits[CAUTION_FORGOTTEN] = q.caution_forgotten_s
     traits[ALARM_PER_S] = q.alarm_per_s * responsive if feels else 0.0
     traits[ALARM_FORGOTTEN] = q.alarm_forgotten_s
-    traits[CAREFUL_MARGIN] = q.careful_margin_m + q.careful_margin_spread_m * _correlated(
+    traits[CAREFUL_MARGIN] = q.careful_margin_m + q.careful_margin_spread_m * _correlated_normal(
         z[1], shoulders, q.careful_with_own
     )
     answer = 1.0 + q.caution_tuck_spread * arms - q.loose_response * loose
     traits[CAUTION_TUCK] = min(q.caution_tuck * answer, 1.0 - traits[TUCK])
     traits[CAUTION_WANDER] = q.caution_wander
     traits[ALARM_SLOWING] = q.alarm_slowing * np.exp(q.alarm_slowing_spread * slowing)
-    traits[ALARM_MARGIN] = q.alarm_margin_m + q.alarm_margin_spread_m * _correlated(
-        z[1], alarmed, q.alarm_with_own
+    traits[ALARM_MARGIN] = q.alarm_margin_m + q.alarm_margin_spread_m * _correlated_normal(
+        z[1], alarm, q.alarm_with_own
     )
     traits[SPREAD] = min(q.spread_rad * np.exp(q.loose_spread * loose), MAX_SPREAD_RAD)
     return Person(

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from visavis.experiments.waving.clips import UNITS, Making, StudyWave, base_clip, study_wave
-from visavis.experiments.waving.study import SCENE_SEED, study, told_of, track_shown, wave_record
+from visavis.experiments.waving.study import (
+    SCENE_SEED,
+    study,
+    track_shown,
+    warp_columns,
+    wave_record,
+)
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, angle_deg, rotate, turn_towards, unit
 from visavis.protocol.plan.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
@@ -176,15 +182,15 @@ def test_eye_height_is_kept_beside_the_one_the_waves_were_made_for():
 
 
 def test_a_row_tells_what_the_warp_of_its_wave_wanted_reached_and_could_reach():
-    assert {None} == set(told_of(None).values())
+    assert {None} == set(warp_columns(None).values())
     expected = {
         "coverage_wanted": 1.25,
         "coverage_reached": 1.11,
         "target_met_01": 0.05,
         "target_reachable_01": 0.5,
     }
-    assert expected == told_of(Reached(1.25, 1.11, 0.05, 0.5))
-    unseen = told_of(Reached(np.nan, np.nan, 0.0))
+    assert expected == warp_columns(Reached(1.25, 1.11, 0.05, 0.5))
+    unseen = warp_columns(Reached(np.nan, np.nan, 0.0))
     assert (None, 0.0) == (unseen["coverage_wanted"], unseen["target_met_01"])
 
 
