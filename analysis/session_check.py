@@ -414,6 +414,7 @@ def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> lis
     if repeats:
         message = f"repeated on the operator's request: {_name_list(repeats)}"
         findings.append(Finding(Level.AMBER, "trials", message))
+    # A fault that repeats with other numbers is one finding with the range of its numbers.
     faults: dict[tuple[str, str], list[str]] = {}
     for p in _payloads(_once_calibrated(events), "fault"):
         message = str(p["message"])
@@ -434,6 +435,7 @@ def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> lis
         Finding(Level.AMBER, role, "the operator went on without it; trials are flagged")
         for role in dict.fromkeys(str(p["role"]) for p in _payloads(events, "device_done_without"))
     ]
+    # Of calibrations that failed the last message is the one to act on.
     failures = [p["message"] for p in _payloads(events, "calibration") if not p["succeeded"]]
     if failures:
         findings.append(

@@ -338,7 +338,7 @@ def _within_and_between(
         within = pairs(rows_a, rows_a) + pairs(rows_b, rows_b)
         between = pairs(rows_a, rows_b) + pairs(rows_b, rows_a)
     else:
-        a, b = visits.exchanged(swap)
+        a, b = visits.with_exchange(swap)
         sums = [_visit_shares(half, block, variant) for half in (one, other) for block in (a, b)]
         a_one, b_one, a_other, b_other = sums
         within = _dice_rows(a_one, a_other) + _dice_rows(b_one, b_other)

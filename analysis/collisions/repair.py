@@ -43,8 +43,8 @@ def _with_equal_corners_joined(vertices_m: Vector, faces: Faces, repairs: list[s
     if n_joined == 0:
         return faces
     repairs.append(f"joined {n_joined} vertices at equal places")
-    renumbered: Faces = keep[faces].astype(np.int32)
-    return renumbered
+    with_shared_corners: Faces = keep[faces].astype(np.int32)
+    return with_shared_corners
 
 
 def _without_collapsed(faces: Faces, name: str, repairs: list[str]) -> Faces:

@@ -310,6 +310,7 @@ def report(
 
     Files are named after the recording; a report that is already there is refused.
     """
+    # Fixations by every fixed detector, and by the adaptive one that suits rate and noise.
     gaze = prepare(recording, params=params)
     movements = movements_of(gaze)
     fixations = detect_fixations(gaze) | {
@@ -334,6 +335,7 @@ def report(
             for (name, space), f in fixations.items()
         ]
     )
+    # One CSV per table; `parameters` makes the report repeatable.
     tables = {
         "quality": quality_table(gaze, params),
         "detectors": summary,
@@ -354,6 +356,7 @@ def report(
         ),
     }
     files = _write(recording.name, folder, tables)
+    # The figure shows gaze in world where there is a head pose: only there is rest a fixation.
     space = "world" if "world" in gaze.direction else recording.space
     figure = folder / f"{recording.name}_gaze.png"
     draw_import(

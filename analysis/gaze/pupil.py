@@ -99,14 +99,14 @@ def prepared_pupil(
     with np.errstate(invalid="ignore"):
         in_range = (size >= params.min_mm) & (size <= params.max_mm)
     measured_01 = float(in_range.mean()) if n else np.nan
-    trusted = _without_blink_edges(t_ns, size, in_range, params)
+    is_trusted = _without_blink_edges(t_ns, size, in_range, params)
     if gaze_in_head is not None:
         size = size / np.sqrt(foreshortening(gaze_in_head, params.camera))
-        trusted = trusted & np.isfinite(size)
-    is_bridged = _bridgeable(t_ns, trusted, params)
-    if trusted.any():
-        size = np.where(is_bridged, np.interp(t_ns, t_ns[trusted], size[trusted]), size)
-    size = np.where(trusted | is_bridged, size, np.nan)
+        is_trusted = is_trusted & np.isfinite(size)
+    is_bridged = _bridgeable(t_ns, is_trusted, params)
+    if is_trusted.any():
+        size = np.where(is_bridged, np.interp(t_ns, t_ns[is_trusted], size[is_trusted]), size)
+    size = np.where(is_trusted | is_bridged, size, np.nan)
     starts = int(np.count_nonzero(np.diff(is_bridged.astype(np.int8), prepend=np.int8(0)) == 1))
     return Pupil(size, is_bridged, measured_01, float(is_bridged.mean()) if n else np.nan, starts)
 
@@ -134,14 +134,14 @@ def _without_blink_edges(
         np.abs(t_ns - at[np.clip(after - 1, 0, len(at) - 1)]),
         np.abs(t_ns - at[np.clip(after, 0, len(at) - 1)]),
     )
-    trusted: Mask = nearest > round(params.pad_ms * NS_PER_MS)
-    return trusted
+    is_trusted: Mask = nearest > round(params.pad_ms * NS_PER_MS)
+    return is_trusted
 
 
-def _bridgeable(t_ns: Times, trusted: Mask, params: PupilParameters) -> Mask:
+def _bridgeable(t_ns: Times, is_trusted: Mask, params: PupilParameters) -> Mask:
     """Return rows not kept that lie between two kept rows near enough in time."""
-    is_bridged = np.zeros(len(trusted), np.bool_)
-    rows = np.flatnonzero(trusted)
+    is_bridged = np.zeros(len(is_trusted), np.bool_)
+    rows = np.flatnonzero(is_trusted)
     longest_ns = round(params.max_bridge_ms * NS_PER_MS) + typical_step_ns(t_ns)
     for first, last in itertools.pairwise(rows):
         if last > first + 1 and t_ns[last] - t_ns[first] <= longest_ns:

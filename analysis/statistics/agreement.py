@@ -143,17 +143,17 @@ def icc(ratings: npt.ArrayLike, *, level: float = 0.95, above: float = 0.0) -> t
 
 
 def _above(
-    kind: str, bound: float, squares: tuple[float, float, float], F: float, n: int, k: int
+    kind: str, limit: float, squares: tuple[float, float, float], F: float, n: int, k: int
 ) -> tuple[float, float]:
-    """Return F against a correlation of at most `bound`, and its second df where that differs.
+    """Return F against a correlation of at most `limit`, and its second df where that differs.
 
     McGraw and Wong (1996), table 8; `squares` are mean squares of things, raters and error.
     """
     of_mean = kind.endswith("k")
     if not kind.startswith("ICC2"):
-        return F * (1 - bound) / (1 if of_mean else 1 + (k - 1) * bound), 0.0
+        return F * (1 - limit) / (1 if of_mean else 1 + (k - 1) * limit), 0.0
     between, raters, error = squares
-    times = bound / (n * (1 - bound)) * (1 if of_mean else k)
+    times = limit / (n * (1 - limit)) * (1 if of_mean else k)
     of_raters, of_error = times * raters, (1 + times * (n - 1)) * error
     if of_raters + of_error <= 0:
         return float("inf"), 0.0

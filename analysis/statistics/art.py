@@ -111,13 +111,16 @@ def art_anova(
     if error == "mixed" and not within:
         raise UnknownMethod("without within factors there is no random subject; use error='strata'")
     name = subject or "row"
+    # Align and rank for every effect by itself (Wobbrock et al. 2011) ...
     columns = aligned_columns(design)
     ranks = {term: aligned_ranks(column) for term, column in columns.items()}
+    # ... and, as the second opinion, take normal scores of the plain ranks for all effects alike.
     scores = normal_scores(design.y)
     plain = dict.fromkeys(columns, scores)
     own_columns, other = (ranks, plain) if transform == "art" else (plain, ranks)
     effects = _effects(design, own_columns, name, error, correction, ddf, random)
     second = _p_values(design, other, name, error, correction, ddf, random)
+    # Reasons not to trust the result: leaks of alignment, skew, a verdict that depends on ranks.
     check = alignment_check(design, columns)
     skew = residual_skewness(design)
     notes = _notes(design, effects, second, check, skew, transform, alpha)

@@ -290,6 +290,7 @@ def bradley_terry(
     Raises a `StatisticsError` naming the row, or `NotConverged` where an item, or a set of them,
     was never preferred to the others.
     """
+    # 1. Rows that can be used: a vote, and two different items.
     firsts, seconds = (_labels(frame, name) for name in (first, second))
     people = _labels(frame, subject)
     vote = numbers(column_of(frame, dv), name=dv, allow_missing=missing != "error")
@@ -307,6 +308,7 @@ def bradley_terry(
             f"{dv} holds no number below 0: write 1 where {first} was preferred, {-1} where "
             f"{second} was, and 0 for a tie"
         )
+    # 2. Items in their order; those that nobody compared have no ability.
     names = tuple(items) or tuple(dict.fromkeys(_in_natural_order({*firsts, *seconds})))
     compared_items = {firsts[i] for i in rows} | {seconds[i] for i in rows}
     absent = sorted(compared_items - set(names))
@@ -323,6 +325,7 @@ def bradley_terry(
     _refuse_two_groups(person, kind, persons, subject, between)
     if persons.size <= kinds.size:
         raise TooFewSubjects(f"{persons.size} people; a group needs more than one")
+    # 3. Without a way from every item to every other the likelihood has no peak (Ford 1957).
     for j, group in enumerate(kinds):
         _refuse_unbeaten(
             names,
@@ -331,6 +334,8 @@ def bradley_terry(
             sign[kind == j],
             f" in {between} {group}" if between else "",
         )
+    # 4. Log odds of a row: ability of the first minus that of the second item; the first item of
+    # all is the reference. Places and groups (sum-coded) are further columns.
     k = len(names)
     D = np.zeros((rows.size, k))
     D[np.arange(rows.size), a] += 1
@@ -351,6 +356,7 @@ def bradley_terry(
             f"quadrature over {k} items takes too long ({MAX_QUADRATURE + 1} at most); leave nodes "
             "out (Laplace)"
         )
+    # 5. Fit, and test the items, and the groups' difference in them, by Hotelling's T².
     has_ties = bool((sign == 0).any())
     votes = _Votes(np.hstack(columns), sign, person, has_ties, Z, random == "alike", nodes)
     model = _model(votes, persons.size, kinds.size)
@@ -363,6 +369,7 @@ def bradley_terry(
     effects = tuple(
         _effect(term, list(at), votes, model, pairs[term]) for term, at in terms.items()
     )
+    # 6. What a reader must know.
     notes = [f"{rows.size} choices of {persons.size} people between {k} items"]
     if votes.has_ties:
         share = float((sign == 0).mean())

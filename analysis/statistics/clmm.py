@@ -136,10 +136,12 @@ def clmm(
         between=between,
         levels=levels,
         missing=missing,
-        repeated=bool(subject),
+        allow_repeats=bool(subject),
     )
+    # Categories are the answers that occur, in order; thresholds lie between neighbours.
     categories, category = np.unique(design.y, return_inverse=True)
     _refuse_answers(design, categories)
+    # Thresholds take the place of the intercept, so its column is left out of the fit.
     X, place = design_matrix(design)
     groups = design.group_sizes.size
     if design.n <= groups:
@@ -157,6 +159,8 @@ def clmm(
         fewer = "fewer factors" if not slopes else "random=intercept, fewer factors"
         raise NotConverged(f"{dv}: {error}; take {fewer}, or join categories") from error
     model = _model(fit, design.n, groups)
+    # Two tests per term: Hotelling's T² with robust errors, and the likelihood ratio of the model
+    # without the term's columns.
     effects = []
     for term, columns in place.items():
         if not term:
@@ -175,6 +179,7 @@ def clmm(
     if Z.size:
         notes.append(f"SD of people's thresholds {number(fit.sigma)} (logit scale)")
     notes += _people_differ(design, slopes, fit)
+    # Thresholds next to a rare answer are hardly determined; say so.
     rare = categories[np.bincount(category) < MIN_ANSWERS]
     if rare.size:
         notes.append(

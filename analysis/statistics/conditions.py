@@ -95,6 +95,7 @@ def compare_conditions(
         (str(level), None if is_constant(column) else shapiro_wilk(column, name=f"{dv} {level}"))
         for level, column in zip(factor.levels, table.T, strict=True)
     )
+    # 1. The branch: a condition that does not vary counts as not normal.
     is_normal = all(s is not None and s.p > normality_alpha for _, s in normality)
     steps = [_normality_step(normality, normality_alpha, is_normal)]
     test: AnovaEffect | Friedman
@@ -111,6 +112,7 @@ def compare_conditions(
         test = friedman(frame, dv, subject=subject, within=within, levels=levels)
         p, provenance = test.p, test.provenance
     steps.append(Step("Test", test.sentence(), p_text(p)))
+    # 2. The verdict.
     significant = bool(np.less(p, alpha))
     steps.append(
         Step(
@@ -119,6 +121,7 @@ def compare_conditions(
             "yes" if significant else "no",
         )
     )
+    # 3. Post-hocs of the same kind as the test: paired t, or signed ranks.
     pairs: Contrasts | tuple[SignedRankPair, ...] = ()
     if significant or always_posthoc:
         if anova is not None:

@@ -156,15 +156,15 @@ def read_design(
     between: Sequence[str] = (),
     levels: Levels | None = None,
     missing: Missing = "error",
-    repeated: bool = False,
+    allow_repeats: bool = False,
 ) -> Design:
     """Check a tidy frame and return it as a `Design`.
 
     `subject` may be None for purely between designs (every row another subject). Levels are
     taken from `levels`, a pandas categorical, or sorted. `missing`: "error" names every missing
-    cell, "listwise" drops incomplete subjects, "mixed" keeps the rows that are there. `repeated`
-    allows several rows in a cell, for models of single trials; a cell is then missing when none
-    of its rows has a response.
+    cell, "listwise" drops incomplete subjects, "mixed" keeps the rows that are there.
+    `allow_repeats` allows several rows in a cell, for models of single trials; a cell is then
+    missing when none of its rows has a response.
     """
     if missing not in get_args(Missing):
         raise UnknownMethod(
@@ -198,7 +198,7 @@ def read_design(
             only = factor.levels[0] if factor.levels else "nothing"
             raise TooFewLevels(f"factor {factor.name} has one level only ({only}); it needs two")
     y = _response(columns[dv], dv, ids, codes, factors)
-    return _complete_design(dv, y, codes, ids, factors, missing, repeated)
+    return _complete_design(dv, y, codes, ids, factors, missing, allow_repeats)
 
 
 def column_of(frame: Frame, name: str) -> Any:
@@ -271,20 +271,22 @@ def _complete_design(
     ids: tuple[object, ...],
     factors: tuple[Factor, ...],
     missing: Missing,
-    repeated: bool,
+    allow_repeats: bool,
 ) -> Design:
     _refuse_two_groups(codes, ids, [f for f in factors if not f.is_within])
+    # Number the cells of subject × within factors; every one of them needs a response.
     within = [f for f in factors if f.is_within]
     shape = (len(ids), *(f.k for f in within))
     cell = np.ravel_multi_index((codes, *(f.codes for f in within)), shape)
     counts = np.bincount(cell, minlength=int(np.prod(shape)))
-    if (counts > 1).any() and not repeated:
+    if (counts > 1).any() and not allow_repeats:
         rows = np.flatnonzero(cell == int(np.argmax(counts > 1)))
         raise DuplicateCell(
             f"{_where(int(rows[0]), ids, codes, tuple(within))} has {len(rows)} rows "
             f"({', '.join(str(int(r) + 1) for r in rows[:5])}); average repetitions first "
             "(statistics.cell_means)"
         )
+    # A cell is empty when none of its rows has a response, or it has no row.
     is_missing_row = np.isnan(y)
     responses_per_cell = np.bincount(cell[~is_missing_row], minlength=counts.size)
     is_empty_cell = responses_per_cell.reshape(len(ids), -1) == 0
@@ -320,6 +322,7 @@ def _complete_design(
                 + "; repair them, or pass missing='mixed' to use the rows that are there"
             )
         exclusions = (*exclusions, f"{int(is_extra_gap.sum())} rows without {dv}")
+    # Renumber the subjects that are left.
     kept_rows = np.flatnonzero(keep)
     left, new_codes = np.unique(codes[kept_rows], return_inverse=True)
     design = Design(

@@ -184,7 +184,7 @@ def gee(
         between=between,
         levels=levels,
         missing=missing,
-        repeated=True,
+        allow_repeats=True,
     )
     _refuse_responses(design, family)
     X, place = design_matrix(design)

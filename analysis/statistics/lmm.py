@@ -87,8 +87,10 @@ def linear_mixed(
         between=between,
         levels=levels,
         missing=missing,
-        repeated=True,
+        allow_repeats=True,
     )
+    # First the maximal model; where it cannot be estimated, one variance per effect, which always
+    # can, and a note that says so.
     X, place = design_matrix(design)
     steps: list[str] = []
     model = None

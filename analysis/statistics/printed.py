@@ -128,8 +128,8 @@ def judge(
     fits = low - slack <= figure.value <= high + slack
     unit = 2 * figure.half_unit
     cut = {np.trunc(v / unit + np.sign(v) * 1e-9) * unit for v in (low, computed, high)}
-    truncated = any(abs(c - figure.value) < unit * 1e-6 for c in cut)
-    if not fits and truncated:
+    is_cut_off = any(abs(c - figure.value) < unit * 1e-6 for c in cut)
+    if not fits and is_cut_off:
         return Verdict(
             str(printed), computed, interval, allow_truncation, "cut off instead of rounded"
         )

@@ -32,6 +32,7 @@ def _bradley_terry(table: DataTable, q: Question) -> Outcome:
     adjust = q.adjustment("holm", CONTRAST_WAYS)
     labels = {name: table.labels(name) for name in (q.subject, *q.within, *q.between)}
     frame = pd.DataFrame({**labels, q.dv: table.numbers(q.dv)})
+    # One column may name both items of a pair: "A|B".
     first, second = q.within if len(q.within) == 2 else ("first", "second")
     items: list[str] = []
     if len(q.within) == 1:
@@ -57,6 +58,7 @@ def _bradley_terry(table: DataTable, q: Question) -> Outcome:
     if len(q.within) == 1:
         effects = [replace(e, term=(*q.within, *e.term[2:])) for e in model.effects]
         model = replace(model, effects=tuple(effects))
+    # Comparisons: all items two by two, and the odds of the first place.
     families = {"items": model.contrasts(adjust=cast(ContrastAdjustment, adjust))}
     place_contrasts = model.place()
     if place_contrasts is not None:

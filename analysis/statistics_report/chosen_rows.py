@@ -87,8 +87,8 @@ def _above_or_below(table: DataTable, column: str, sign: str, value: str) -> npt
 def _of_levels(table: DataTable, column: str, value: str) -> npt.NDArray[np.bool_]:
     cells = np.array(table.texts(column), dtype=object)
     there = set(cells)
-    requested = [value] if value in there else [v.strip() for v in value.split(",")]
-    absent = [v for v in requested if v not in there]
+    names = [value] if value in there else [v.strip() for v in value.split(",")]
+    absent = [v for v in names if v not in there]
     if absent:
         levels = natural_order([str(v) for v in there if v])
         level_list = ", ".join(levels[:MAX_LEVELS_NAMED])
@@ -96,7 +96,7 @@ def _of_levels(table: DataTable, column: str, value: str) -> npt.NDArray[np.bool
         raise UsageError(
             f"{table.name} holds no {column} {absent[0]!r}; there are {level_list}{more}"
         )
-    return np.isin(cells.astype(str), requested)
+    return np.isin(cells.astype(str), names)
 
 
 def _rows_kept(table: DataTable, keep: npt.NDArray[np.bool_], note: str) -> DataTable:

@@ -68,6 +68,7 @@ def error_rates(
         levels={f.name: [str(v) for v in f.levels] for f in design.factors},
         missing="listwise" if question.missing == "error" else question.missing,  # none is missing
     )
+    # For every term: simulate studies without it and count how often the test finds it.
     people = _People(design, question.subject)
     rows: list[Row] = []
     for term in _tested_terms(design, test, table, complete_question):

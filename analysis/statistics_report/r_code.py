@@ -102,7 +102,7 @@ def _wilcoxon(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return _two(outcome, names, call, V), ("coin",)
 
 
-def _paired(outcome: Outcome, names: Mapping[str, str]) -> Body:
+def _paired_tests(outcome: Outcome, names: Mapping[str, str]) -> Body:
     """Repeat the test that the decision path took for each pair."""
     lines, ranks = ["d <- d[order(d$s), ]"], False
     for (a, b), row in zip(_pairs(outcome), outcome.rows, strict=True):
@@ -555,7 +555,7 @@ _BODIES: Mapping[str, Callable[[Outcome, Mapping[str, str]], Body]] = {
     "friedman": _friedman,
     "conditions": _conditions,
     "kruskal": _kruskal,
-    "paired": _paired,
+    "paired": _paired_tests,
     "t": _t,
     "wilcoxon": _wilcoxon,
     "mannwhitney": _mann_whitney,

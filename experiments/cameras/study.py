@@ -53,7 +53,7 @@ RATE_HZ: Final = 30
 
 # The simulated viewer, not fitted to people: what a film loses on the scale of votes, where 1
 # separates "slightly" from "much".
-UNSEEN: Final = 3.0
+LOSS_UNSEEN: Final = 3.0
 """For a whole film in which the walker cannot be seen."""
 JERK: Final = 0.35
 """For ten times the jerk."""
@@ -192,7 +192,7 @@ def faults(film: FilmSeen) -> float:
     sheet = film.sheet
     cuts_per_min = 60.0 * (sheet.shots - 1) / sheet.seconds
     return (
-        UNSEEN * (1.0 - float(film.seen.mean()))
+        LOSS_UNSEEN * (1.0 - float(film.seen.mean()))
         + JERK * float(np.log10(1.0 + (sheet.jerk_mps3 or 0.0)))
         + CUTS * cuts_per_min
         + SIZE * float(np.log2(sheet.size_off_by or 1.0))

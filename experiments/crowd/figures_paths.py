@@ -38,7 +38,7 @@ _UPRIGHT = np.array([1.0, -1.0])
 
 def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[ReportFigure]:
     """Return a figure of similarities and one of paths per configuration that was walked."""
-    simulated = analysis.is_simulated
+    is_simulated = analysis.is_simulated
     figures = [
         draw(
             "similarity",
@@ -51,7 +51,7 @@ def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[ReportFigur
             "with different people on both sides, within a block and between blocks, in three "
             "variants of Dice, each for the same three pairs of blocks; p by permutation.",
             alternative="Dice between blocks and within blocks, as published and compared fairly.",
-            is_simulated=simulated,
+            is_simulated=is_simulated,
         )
     ]
     rows = group.rows_of(analysis.tables["cells"])
@@ -64,7 +64,7 @@ def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[ReportFigur
             "participants walked through the triangle between three people. Dots: people. Square: "
             "start. Arc: where the board can be read.",
             alternative=f"Three maps of configuration {configuration}, one per block.",
-            is_simulated=simulated,
+            is_simulated=is_simulated,
         )
         for configuration in group.paths.configurations
     ]

@@ -94,6 +94,7 @@ def measure_walk(
     row["frozen_segments_measured"] = named_durations(walk.frozen_ns)
     if walk.frozen_ns:
         flags.append("segment_frozen")
+    # A body that was never tracked has no measures at all.
     place = walk.place_m[np.isfinite(walk.place_m).all(axis=1)]
     if len(walk.t_ns) < 3 or not len(place):
         row["flags"] = ";".join([*flags, "not_measured_body_never_tracked"])
@@ -102,6 +103,7 @@ def measure_walk(
         flags.append("measured_with_gaps")
     if not in_room(place).all():
         flags.append("left_room")
+    # Crowds with people at one place have no Delaunay cells; everything else is still measured.
     try:
         triangulation, path = cells_of(walk)
     except CellError as problem:
@@ -109,6 +111,7 @@ def measure_walk(
         row["cells_problem"] = str(problem)
         triangulation, path = None, CellPath((), (), (0,), 0)
     row["flags"] = ";".join(dict.fromkeys(flags))
+    # Collisions from common volumes, crossings from the exact walk through the cells.
     volumes = walk_volumes(walk, rule=params.rule, surface=params.surface, sex=sex)
     collisions = collision_rows(walk, volumes)
     counted_collisions = [c for c in collisions if c["counted"]]
@@ -120,6 +123,7 @@ def measure_walk(
             walk.joint("left_upper_arm")[:, [0, 2]],
             walk.joint("right_upper_arm")[:, [0, 2]],
         )
+    # Crossings of an edge of the hull from outside to outside are no gaps.
     inner = np.array([c.before is not None or c.after is not None for c in path.crossings], bool)
     crossings: list[dict[str, Any]] = [
         {

@@ -96,12 +96,14 @@ def quick_walk(
     n_touching = 0
     head = np.array(START_M)
     has_read = came_back = False
+    # In steps of `LOOK_NS`: show the crowd, move, feel what touched in that time.
     while not came_back and t_ns < limit_ns:
         reads = can_read(*head.tolist())
         has_read |= reads
         track_read = "1" if reads else None
         participant.see(station_frame(scene, t_ns, t_ns - start_ns, track_read), t_ns)
         at, turn = participant.segments(BODY_JOINTS, t_ns + offsets)
+        # The walk ends at the first step back within reach of the mark.
         if has_read:
             home_m = np.hypot(*(at[:, _HEAD][:, _FLOOR] - START_M).T)
             back = np.flatnonzero(home_m <= params.home_within_m)
