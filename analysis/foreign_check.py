@@ -47,7 +47,7 @@ class ForeignStream:
 
 @dataclass(frozen=True)
 class StreamVerdict:
-    """What is wrong with one stream, and what to do about it, pair by pair."""
+    """Verdict on one stream; `findings` are pairs of a problem and its remedy."""
 
     name: str
     samples: int

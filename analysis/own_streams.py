@@ -1,4 +1,4 @@
-"""What devices of the lab's own recorded: every column described and drawn, whatever it is.
+"""Streams of the lab's own devices: every column described and drawn.
 
 Such a stream (a belt, an amplifier) is known by nothing but its columns and their units.
 """

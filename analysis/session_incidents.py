@@ -1,4 +1,4 @@
-"""What happened in a session besides its trials: pauses and their reasons, ends before the end."""
+"""Incidents between the trials of a session: pauses with their reasons, flags, early ends."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -241,7 +241,7 @@ def _mean_of_known(values: Vector, axis: int) -> Vector:
 
 
 class Visits:
-    """Who visited which cell in two blocks of one crowd: `first`, `second` (people, cells) 0 or 1.
+    """Cells visited in two blocks of one crowd: `first`, `second` (people, cells) hold 0 or 1.
 
     `present` (people,) tells who walked in both blocks; rows of others are empty.
     """

@@ -46,7 +46,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class CommonVolume:
-    """What two bodies have in common.
+    """The common volume of two bodies.
 
     `volume_m3` by `rule`; `centre_m` (3,) its centroid, NaN where there is none; `cell_m` the
     distance of columns or side of cubes that gave it, 0 where it was integrated exactly;

@@ -52,7 +52,7 @@ DETECTORS: Mapping[str, IvtParameters | IdtParameters] = {
     "I-VT 100°/s": IVT_MOVING_HEAD,
     "I-DT 1.0° 250 ms": IDT_HEADSET,
 }
-"""What the report runs, in head and, with a head pose, in world; all parameters are reported."""
+"""Detectors of the report, run in head and, with a head pose, in world, with parameters."""
 
 ADAPTIVE = "adaptive"
 """Runs as well, with the detector that suits rate and noise; `chosen` and `why` name it."""
@@ -78,7 +78,7 @@ class PreparedGaze:
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What an imported recording says about itself.
+    """The tables and files of a report about an imported recording.
 
     `quality` has one row per eye, `detectors` one per detector and frame, `fixations` one per
     fixation, `movements` one per fixation, saccade, oscillation, pursuit and blink found by

@@ -75,7 +75,7 @@ class Fixation:
 
 @dataclass(frozen=True, slots=True)
 class LookMeasures:
-    """What one trial (or one part of it) says about one target.
+    """Look measures of one trial (or one part of it) for one target.
 
     Exact in nanoseconds: dwell + excluded + off + lost = duration. `off_ns` is valid gaze
     elsewhere, other heads included. `on_at_onset`: the first sample was on the target;

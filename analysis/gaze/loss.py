@@ -105,7 +105,7 @@ def combined_direction(
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """What is missing from a stretch of samples; shares 0..1, NaN when undefined.
+    """Counts of missing samples in a stretch of time; shares 0..1, NaN when undefined.
 
     `invalid_rows_01` = unusable rows / rows. `lost_01` = 1 - usable / (duration × nominal rate),
     which also sees rows that never came: report this one. `rate_hz` comes from the first and

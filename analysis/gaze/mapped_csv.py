@@ -92,7 +92,7 @@ class HeadColumns(_Strict):
 
 
 class GazeMapping(_Strict):
-    """What a table of gaze holds; the content of a `--mapping` file."""
+    """Columns of a table of gaze and their meaning; the content of a `--mapping` file."""
 
     time: TimeColumn
     space: Literal["head", "world"]

@@ -173,7 +173,7 @@ def _moving_std_deg(t_ns: Times, direction: Vector, window_ms: float = 200.0) ->
     v = direction[is_known].astype(np.float64)
     count = np.diff(np.append(first, len(v)))
     sums = np.add.reduceat(v, first, axis=0)
-    # of unit vectors, mean squared distance from the mean is 1 − |mean|²
+    # the mean squared distance of unit vectors from their mean is 1 − |mean|²
     spread = np.sqrt(np.maximum(0.0, 1.0 - ((sums / count[:, None]) ** 2).sum(axis=1)))
     full = count >= max(3, np.max(count) / 2)
     return float(np.degrees(np.median(spread[full]))) if full.any() else np.nan

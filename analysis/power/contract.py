@@ -1,4 +1,4 @@
-"""What a study offers so that its power can be simulated."""
+"""The protocol of a study whose power can be simulated."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,7 @@ Source: TypeAlias = Literal["studies", "simulated pool", "study folder"]
 
 @dataclass(frozen=True)
 class PlannedTestResult:
-    """What one planned test found in one simulated study.
+    """Result of one planned test in one simulated study.
 
     `is_significant` is None when the test could not be made; it then counts as not found.
     `difference` is in the units of the measure, `standardised` in standard deviations of the

@@ -12,7 +12,7 @@ from visavis.lab.errors import UsageError
 
 @dataclass(frozen=True)
 class PowerRequest:
-    """What is to be simulated; `numbers` of participants rise."""
+    """A power simulation to run; `numbers` of participants rise."""
 
     numbers: tuple[int, ...]
     tests: tuple[str, ...]

@@ -37,7 +37,7 @@ ALIGNED_DECIMALS = 8
 
 @dataclass(frozen=True)
 class AlignmentCheck:
-    """What alignment should leave: column sums of 0 and F = 0 for every other effect.
+    """Check of an alignment, which should leave column sums of 0 and F = 0 for other effects.
 
     `column_sums` by term; `largest_other_f` is the largest F of any other effect on an aligned
     column: 0 when the design is balanced, otherwise a measure of how far alignment is off.

@@ -126,7 +126,7 @@ class BradleyTerry(Result):
 
     `effects` holds the test that all items are alike and, with groups, that groups judge them
     alike; `tie` and `first_place` are log odds (None where not fitted): of a tie between equals,
-    and of whatever stands first. `fit` is None with groups, places, or no pair to spare.
+    and of the item in first place. `fit` is None with groups, places, or no pair to spare.
     """
 
     effects: tuple[ClmmEffect, ...]
@@ -139,7 +139,7 @@ class BradleyTerry(Result):
 
     @property
     def items(self) -> tuple[str, ...]:
-        """What was compared, in its order."""
+        """The items compared, in their order."""
         return tuple(a.item for a in self.abilities)
 
     def contrasts(self, *, adjust: ContrastAdjustment = "holm") -> Contrasts:
@@ -276,8 +276,8 @@ def bradley_terry(
     `first` and `second` are columns of the items compared, `dv` is above 0 where the first was
     preferred, below where the second was, 0 for a tie. P(first) is proportional to π₁, P(second)
     to π₂ and P(tie) to ν√(π₁π₂) (Davidson 1970); without ties it is Bradley and Terry's (1952).
-    `side` adds the odds of whatever stands first (Davidson and Beaver 1977). Rows of two equal
-    items say nothing of the items and are left out.
+    `side` adds the odds of the item in first place (Davidson and Beaver 1977). Rows of two equal
+    items carry no information on the items and are left out.
 
     People differ in what they like, so one person's choices are not independent: tests are
     Hotelling's T² of people's scores (robust errors); the likelihood ratio reported with them

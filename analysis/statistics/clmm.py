@@ -59,7 +59,7 @@ class ClmmModel:
 
 @dataclass(frozen=True)
 class ClmmEffect(GeeEffect):
-    """The test of one term, beside the likelihood ratio.
+    """The test of one term, with its likelihood ratio.
 
     The ratio assumes that people differ only in the effects that vary in the model.
     """
@@ -121,8 +121,9 @@ def clmm(
     each, of three at most.
 
     Terms are tested by Hotelling's T² with robust errors of subjects, which holds its level where
-    people differ in the effect; the likelihood ratio beside it does so only where that effect
-    varies in the model. Raises a `StatisticsError` naming the row or cell, or `NotConverged`.
+    people differ in the effect; the likelihood ratio reported with it does so only where that
+    effect varies in the model. Raises a `StatisticsError` naming the row or cell, or
+    `NotConverged`.
     """
     if not within and not between:
         raise UnknownColumn("a cumulative link model needs a within or a between factor")

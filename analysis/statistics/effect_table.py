@@ -1,4 +1,4 @@
-"""What every test of a factorial design gives: one effect per term, with design and provenance."""
+"""The result of every factorial test: one effect per term, with design and provenance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

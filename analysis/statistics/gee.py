@@ -35,7 +35,7 @@ from visavis.analysis.statistics.results import (
 Family: TypeAlias = Literal["gaussian", "binomial", "poisson"]
 LINK = {"gaussian": "identity", "binomial": "logit", "poisson": "log"}
 RATIO = {"gaussian": "", "binomial": "odds ratio", "poisson": "rate ratio"}
-"""What the exponential of a contrast is called; empty where the contrast speaks for itself."""
+"""Name of the exponential of a contrast; empty where contrasts are not on a log scale."""
 
 MAX_ITERATIONS = 200
 PARAMETER_TOLERANCE = 1e-10

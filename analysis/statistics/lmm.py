@@ -33,7 +33,7 @@ OPTIMISER_GRADIENT = 1e-9
 
 @dataclass(frozen=True)
 class LinearMixed(Anova):
-    """F tests of a linear mixed model; `steps` tell which random effects were tried and kept."""
+    """F tests of a linear mixed model; `steps` list the random effects that were tried."""
 
     model: LinearMixedModel | None = None
     random: RandomEffects = "maximal"
@@ -153,7 +153,7 @@ def _maximal(design: Design, X: Array) -> tuple[LinearMixedModel | None, str]:
     unit = float(design.y.std())
     y = (design.y - design.y.mean()) / unit
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what they say is judged below
+        warnings.simplefilter("ignore")  # the fit itself is checked below
         try:
             fit = MixedLM(y, X, design.subject, exog_re=Z).fit(
                 reml=True, method=["bfgs", "lbfgs"], gtol=OPTIMISER_GRADIENT

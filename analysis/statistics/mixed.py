@@ -20,7 +20,7 @@ from visavis.analysis.statistics.results import Array, Provenance
 
 Ddf: TypeAlias = Literal["kenward-roger", "satterthwaite"]
 RandomPart: TypeAlias = Literal["slopes", "intercept"]
-"""What differs between people: every within effect, or their level alone (one pooled error)."""
+"""Random part: people differ in every within effect, or in level alone (one pooled error)."""
 
 SINGULAR_SD_RATIO = 1e-4
 """Ratio of the intercepts' SD to the residual SD below which a fit is called singular."""

@@ -28,7 +28,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether one printed number follows from the others; `remark` says how it fails."""
+    """Verdict on whether one printed number follows from the others; `remark` says how it fails."""
 
     printed: str
     computed: float | None
@@ -39,7 +39,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class PublishedCheck(Result):
-    """What follows from printed numbers, and whether the other printed numbers agree.
+    """Values that follow from printed numbers, with verdicts on the other printed numbers.
 
     `values` are computed from the inputs as printed; `verdicts` has one entry per number checked.
     """

@@ -33,7 +33,7 @@ class _Batch:
 
 @dataclass(frozen=True)
 class _State:
-    """What follows from one value of θ."""
+    """Estimates, score and information at one value of θ."""
 
     beta: Array
     cov: Array
@@ -185,7 +185,7 @@ def slope_terms(design: Design) -> tuple[tuple[str, ...], ...]:
     """Return the within effects in which differences between people can be estimated.
 
     All of them where some subject has several rows in a cell; otherwise the interaction of all
-    within factors is left out, for it is the residual.
+    within factors is left out, because it is the residual.
     """
     names = [f.name for f in design.within]
     terms = [t for size in range(1, len(names) + 1) for t in combinations(names, size)]

@@ -1,4 +1,4 @@
-"""What every statistical result can do, and the APA notation it is printed in."""
+"""The base of all statistical results, and the APA notation in which they are printed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

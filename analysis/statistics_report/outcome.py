@@ -1,4 +1,4 @@
-"""What is asked of a table, and what a test answered."""
+"""Questions about a table, and the outcomes of tests that answer them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -34,7 +34,7 @@ OWN_FILES = (
     "assumptions.svg",
     "assumptions.png",
 )
-"""What an outcome writes; none of it may be mistaken for part of the next one."""
+"""Files that an outcome writes; old ones are removed, so that none passes for the next one's."""
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:

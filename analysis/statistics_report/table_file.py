@@ -169,7 +169,7 @@ def read_table(path: Path) -> DataTable:
 def _from_parquet(path: Path) -> DataTable:
     try:
         frame = pd.read_parquet(path)
-    except Exception as error:  # what pandas' notes in a damaged file lead to is any of them
+    except Exception as error:  # pandas' metadata in a damaged file can raise anything
         raise DataError(f"{path} cannot be read as Parquet ({error})") from error
     return table_of(frame, name=path.name)
 

@@ -42,8 +42,8 @@ CAMERAS: Final[Mapping[str, Moving]] = {
         ((-6.6, 2.6, 4.6), (6.6, 2.6, 4.6), (6.6, 2.6, -4.6), (-6.6, 2.6, -4.6), (1.5, 2.6, -4.7))
     ),
 }
-"""What films: the director on tracks, over the shoulder, the director between scattered places,
-and five cameras under the ceiling that take turns.
+"""Cameras: the director on tracks, over the shoulder, the director between scattered places, and
+five cameras under the ceiling that take turns.
 """
 PAIRS: Final = tuple(f"{a}|{b}" for i, a in enumerate(CAMERAS) for b in tuple(CAMERAS)[i + 1 :])
 VOTES: Final = ("left_much", "left_some", "equal", "right_some", "right_much")

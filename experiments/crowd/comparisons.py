@@ -1,4 +1,4 @@
-"""What the study measures and compares: the source's measures first, with what it prints."""
+"""Measures and comparisons of the study: the source's first, with the numbers it prints."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -48,7 +48,7 @@ MODULATION_HZ: Final = Within(0.1, 50.0)
 
 @dataclass(frozen=True)
 class CrowdParameters:
-    """What can be set in the study; the defaults are those of the source where it says them.
+    """Parameters of the study; the defaults are those of the source where it gives them.
 
     `density_per_m2` is how many people stand on a square metre of every crowd.
     `pattern` names a vibration pattern of `visavis.experiments.crowd.patterns`; `pattern_low_hz`,

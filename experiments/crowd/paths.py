@@ -66,7 +66,7 @@ class PairSimilarity:
 
 @dataclass(frozen=True)
 class PathEquivalence:
-    """Whether people's own paths are the same in two blocks, person by person.
+    """Test of whether people's own paths are the same in two blocks, person by person.
 
     `excess` (people,) how much more each path resembles others' in its own block than in the
     other one; `test` whether its mean lies within the bounds, by the scatter of jackknife values

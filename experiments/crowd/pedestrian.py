@@ -1,4 +1,4 @@
-"""What a pedestrian laboratory measures of a walk, through PedPy; and files PedPy reads.
+"""Measures of pedestrian laboratories for a walk, by PedPy, and files for PedPy.
 
 Ground plane for PedPy: x to the right, y away from the start (our −z), metres.
 """

@@ -14,7 +14,7 @@ from visavis.stimuli.scenes.station_crowd import Crowd
 
 
 class ContactReflex:
-    """What the bands do about contact in one walk, and an account of it for the recording.
+    """The bands' answers to contact in one walk, and an account of them for the recording.
 
     `moved` holds the segments seen to move so far in the session and is added to at the end of the
     walk: one that is dead from a walk's first sample on is then known to be dead.

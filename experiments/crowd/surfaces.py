@@ -27,7 +27,7 @@ Surface: TypeAlias = Literal["characters", "fine", "light", "capsules"]
 MeshSurface: TypeAlias = Literal["characters", "fine", "light"]
 
 AVATARS: Final = {"woman": "female_01", "man": "male_01"}
-"""Who embodies a participant; people of neither or unknown sex the one nearer in stature."""
+"""Avatars of participants; people of neither or unknown sex get the one nearer in stature."""
 ROUNDNESS: Final[dict[str, tuple[int, int]]] = {"fine": (28, 7), "light": (14, 3)}
 """Segments round and rings per half: about 15,000 triangles, or 3,000 for quick looks."""
 _MIN_M3: Final = 1e-3

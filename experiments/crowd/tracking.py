@@ -22,7 +22,7 @@ _OUTSIDE: Final = 4
 
 @dataclass
 class TrackingWatch:
-    """What went wrong with the body's tracking in a walk; times of loss in ns.
+    """Record of failures of the body's tracking in a walk; times of loss in ns.
 
     After `quiet_ns` without a sample, or with samples that repeat bit for bit, the tracker is not
     believed; a single segment that repeats while the others move on is ignored. `moved_segments`

@@ -97,7 +97,7 @@ def crowd_from_record(configuration: int, people: str) -> Crowd:
 
 @dataclass(frozen=True, eq=False)
 class WalkRecord:
-    """What a session recorded of one finished walk, before its body is read."""
+    """The record of one finished walk in a session, before its body stream is read."""
 
     row: Mapping[str, Any]
     crowd: Crowd

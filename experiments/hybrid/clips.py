@@ -37,7 +37,7 @@ SWING: Final = 1.0
 
 @dataclass(frozen=True)
 class Flaws:
-    """What the source's clips had wrong with them: 0 nothing, 1 as much as there."""
+    """Flaws of the source's clips: 0 for none, 1 for as much as there."""
 
     limp: float = 1.0
     excess_hips: float = 1.0

@@ -197,7 +197,7 @@ def answer(seen: Seen, response: Response, rng: np.random.Generator) -> str:
 
 @dataclass(frozen=True)
 class Looks:
-    """What is seen of a figure that moves: faults, and how the body's mean speed goes.
+    """Visible properties of a moving figure: faults, and the course of the body's mean speed.
 
     Whether stepping feet slide cannot be seen, because figures walk and run in place.
     """
@@ -213,7 +213,7 @@ class Looks:
 
     @property
     def cost(self) -> float:
-        """What the simulated rater thinks of it: more is worse."""
+        """Cost in the simulated rater's eyes; more is worse."""
         return (
             FEET_BELOW * self.below_cm
             + LAME * self.lame_cm

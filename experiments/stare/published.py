@@ -1,4 +1,4 @@
-"""What the source of the stare study printed, number by number.
+"""Numbers that the source of the stare study printed.
 
 Source: A. Jovane, *Modeling of reactive movement and non-verbal behaviors for the creation of
 digital agents for virtual reality*, thesis, Université de Rennes, 2023 (NNT 2023URENS005),

@@ -74,7 +74,7 @@ FADE_S: Final = 0.5
 
 @dataclass(frozen=True)
 class Making:
-    """What waves are made from: the wave lasts `wave_s` from `before_s` after the onset on.
+    """Parameters of all waves: a wave lasts `wave_s` from `before_s` after the onset on.
 
     `increment` is how much more coverage of head and hand the warped wave shall have, `warp_from`
     what it starts from: the wave to the "front" as it was captured, or one "oriented", whole body,

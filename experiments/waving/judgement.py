@@ -17,7 +17,7 @@ from visavis.lab.geometry import Vector
 
 @dataclass(frozen=True)
 class Population:
-    """What simulated participants have in common and how they differ (SD between people).
+    """Parameters of all simulated participants, and their SDs between people.
 
     A cue of n pixels is read with an error of `blur_deg` (`pixels` / n) ^ `sharpness` and
     `looseness_deg` together (per cue: eyes, face, torso, hand), times a factor of the person whose
@@ -113,7 +113,7 @@ def worth_of(
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What somebody makes of a wave: probabilities (5,) of the places, answers, times taken."""
+    """One judgement of a wave: probabilities (5,) of the places, answers, times taken."""
 
     probability: Vector
     place: int

@@ -40,7 +40,7 @@ _PERSON, _TRIAL, _BODY, _ANSWER = range(4)
 EYE_HEIGHT_SD_M: Final = 0.06
 HAND_AT_M: Final = (0.26, 1.12, -0.30)
 HAND_REST: Final = (0.30, 0.75, -1.0)
-"""What the hand points to before a question."""
+"""Point to which the hand points before a question."""
 AHEAD_M: Final = (0.0, 1.35, -5.0)
 EYES_ONLY: Final = "I looked at the eyes."
 STRATEGIES: Final = (

@@ -1,4 +1,4 @@
-"""What somebody in the line can see of a wave: pixels of eyes, head, torso and hand, rendered.
+"""Rendered view of a wave from the line of customers: pixels of eyes, head, torso and hand.
 
 The raster of visual motion warping draws the clerk at the resolution of a headset, past
 furniture and people, from the observer's eyes. Bearings are horizontal angles at the clerk,
@@ -32,7 +32,7 @@ from visavis.stimuli.scenes import office as places
 from visavis.stimuli.scenes.office import Waving
 
 PIXELS_PER_DEG: Final = 12.0
-"""Of a headset of the source's time (1080 pixels over about 90°)."""
+"""Resolution of a headset of the source's time (1080 pixels over about 90°)."""
 LOOKS: Final = 6
 """Moments of a wave that are looked at."""
 REACH_PX: Final = 96
@@ -42,7 +42,7 @@ REACH_PARTS: Final = ("face", "eyes", "right_hand")
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What an observer can see of one wave.
+    """Everything an observer can see of one wave.
 
     `pixels` (4,) visible of eyes, head, torso and hand, mean over the looks; `free` (4,) the same
     with nothing in between; `pointing_deg` (4,) the bearing each points to; `bearing_deg` (5,) of

@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from visavis.running.quick import TrackerModel
 
 DIRECTIONS: Final = ("self", "left", "right")
-"""Who is waved at: the participant, the customer to the left, the customer to the right."""
+"""Addressees: the participant, the customer to the left, the customer to the right."""
 CLERK_NAMES: Final = [c.name for c in CLERKS]
 PLACES: Final = tuple(c.name for c in CUSTOMERS)
 MEAN_ACCURACY: Final = {"orientation": (0.59, 0.25), "warping": (0.67, 0.20)}
