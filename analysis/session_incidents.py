@@ -74,7 +74,7 @@ def _of_part(
         return ": ".join(filter(None, (code and words(str(code)), text and str(text))))
 
     incidents: list[Incident] = []
-    open_incident, began_ns = -1, 0  # which of those found the next reason is about
+    open_incident, began_ns = -1, 0  # the incident that the next reason is about
     for t_ns, name, payload in events:
         action = payload.get("action") if name == "operator" else None
         within = any(t.start_ns <= t_ns <= t.end_ns for t in trials)
