@@ -121,7 +121,7 @@ def study_wave(
         waving, planned = _planned(waving, target_place, eye_m, making.increment)
     omega = np.zeros(0) if waving.warp is None else waving.warp.omega_rad
     poses = (clip.root_m, clip.orientation_wxyz, omega)
-    return StudyWave(waving, digest_of(*poses, said=f"turned by {heading:.6f} degrees"), planned)
+    return StudyWave(waving, digest_of(*poses, text=f"turned by {heading:.6f} degrees"), planned)
 
 
 def wave_of(factors: Mapping[str, Any], making: Making, eye_height_m: float) -> StudyWave:
@@ -198,7 +198,7 @@ def _planned(
     seen = (view.eye, view.behind, view.lamps, view.maps)
     key = digest_of(
         *(clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, *seen),
-        said=f"{asked} {FADE_S} {clerk} {digest_of_code(visavis.stimuli.motion.warping)}",
+        text=f"{asked} {FADE_S} {clerk} {digest_of_code(visavis.stimuli.motion.warping)}",
     )
     kept = read_kept(KEPT_AS, key)
     if kept is None:

@@ -72,7 +72,7 @@ def evidence_for(stimulus: Stimulus, making: Making = DEFAULT_MAKING) -> Evidenc
     technique, direction, clerk, place = stimulus
     target = neighbour(place, direction).name
     wave = study_wave(clerk, target, technique, making)
-    key = digest_of(said=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
+    key = digest_of(text=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
     kept = read_kept(KEPT_AS, key)
     if kept is not None:
         return Evidence(**kept)
@@ -103,5 +103,5 @@ def surroundings_sha256() -> str:
         *(part for v in views for part in (v.eye, v.behind, v.lamps, v.maps, v.map_eyes)),
         *(m.vertices_m for m in meshes),
         *(part for b in bodies for part in (b.rest, b.joints, b.weights, b.triangles, b.labels)),
-        said=" ".join((*code, *(f"{v.ambient} {v.least_light}" for v in views))),
+        text=" ".join((*code, *(f"{v.ambient} {v.least_light}" for v in views))),
     )

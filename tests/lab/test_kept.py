@@ -28,9 +28,9 @@ def test_a_damaged_file_is_as_none(temporary):
 
 
 def test_the_hash_tells_arrays_and_words_apart():
-    same = [digest_of(np.arange(3), said="a") for _ in range(2)]
+    same = [digest_of(np.arange(3), text="a") for _ in range(2)]
     assert same[0] == same[1]
-    assert 3 == len({same[0], digest_of(np.arange(4), said="a"), digest_of(np.arange(3))})
+    assert 3 == len({same[0], digest_of(np.arange(4), text="a"), digest_of(np.arange(3))})
 
 
 def test_what_was_used_last_is_kept_when_there_is_too_much(temporary, monkeypatch):

@@ -100,7 +100,7 @@ class SimClock:
         return SIMULATED_EPOCH_ISO
 
 
-class ToldClock:
+class StampClock:
     """A clock that goes by what others' stamps tell, for what was recorded elsewhere; never back.
 
     Session time is the time since 1970 that the stamps give.
@@ -125,8 +125,8 @@ class ToldClock:
 
     def wall_iso(self) -> str:
         """Return the time told last, in UTC."""
-        told = datetime.fromtimestamp(self._now_ns / NS_PER_S, tz=UTC)
-        return told.isoformat(timespec="milliseconds")
+        wall_time = datetime.fromtimestamp(self._now_ns / NS_PER_S, tz=UTC)
+        return wall_time.isoformat(timespec="milliseconds")
 
 
 def clock_step_ns(clock: Clock) -> int:
@@ -137,12 +137,12 @@ def clock_step_ns(clock: Clock) -> int:
     if clock.is_virtual:
         return 0
     first_ns = last_ns = clock.now_ns()
-    least_ns, seen = MAX_LOOK_NS, 0
+    least_ns, n_steps = MAX_LOOK_NS, 0
     for _ in range(MAX_LOOKS):
         now_ns = clock.now_ns()
         if now_ns != last_ns:
-            least_ns, last_ns, seen = min(least_ns, now_ns - last_ns), now_ns, seen + 1
-        if seen == STEPS_LOOKED_AT or now_ns - first_ns > MAX_LOOK_NS:
+            least_ns, last_ns, n_steps = min(least_ns, now_ns - last_ns), now_ns, n_steps + 1
+        if n_steps == STEPS_LOOKED_AT or now_ns - first_ns > MAX_LOOK_NS:
             break
     return least_ns
 

@@ -60,11 +60,13 @@ class ClockFit:
 
     def to_host_ns(self, t_device_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Map device times (n,) to the host's clock."""
-        elapsed = t_device_ns - self.reference_device_ns
-        moved: npt.NDArray[np.int64] = (
-            t_device_ns + self.offset_ns + np.rint(elapsed * (self.drift_ppm * 1e-6)).astype("i8")
+        elapsed_ns = t_device_ns - self.reference_device_ns
+        t_host_ns: npt.NDArray[np.int64] = (
+            t_device_ns
+            + self.offset_ns
+            + np.rint(elapsed_ns * (self.drift_ppm * 1e-6)).astype("i8")
         )
-        return moved
+        return t_host_ns
 
 
 def fit_clock(pairs: Sequence[TimeExchange], *, share: float = LOWEST_ROUND_TRIPS) -> ClockFit:

@@ -37,14 +37,14 @@ def _put_off_scipy() -> None:
     """
     ensure: Any = getattr(linalg, "ensure_blas", None)
 
-    def found() -> None:
+    def find_blas() -> None:
         linalg.ensure_blas = ensure  # only the first to ask asks in vain
         if find_spec("scipy") is None:
             ensure()
 
     # numba asks as it loads this module, before the first kernel runs.
     if ensure is not None and "numba.np.arraymath" not in sys.modules:
-        linalg.ensure_blas = found
+        linalg.ensure_blas = find_blas
 
 
 _put_off_scipy()
@@ -62,7 +62,7 @@ def compiled(function: F) -> F:
     file: Any = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
     if not hasattr(file, "_source_stamp"):
         return cast(F, numba.njit(nogil=True)(function))
-    stamp = (file._source_stamp, _imported(function.__globals__))  # noqa: SLF001 - as above
+    stamp = (file._source_stamp, _digest_of_imports(function.__globals__))  # noqa: SLF001 - as above
     file._source_stamp = stamp  # noqa: SLF001 - as above
     setattr(kernel, _STAMP, stamp)
     return cast(F, kernel)
@@ -71,25 +71,25 @@ def compiled(function: F) -> F:
 class _FirstCompilation(Listener):
     """Hears of every compilation, and tells of the first alone."""
 
-    def __init__(self, told: Callable[[], None]) -> None:
-        self._told: Callable[[], None] | None = told
+    def __init__(self, on_first: Callable[[], None]) -> None:
+        self._on_first: Callable[[], None] | None = on_first
 
     def on_start(self, event: object) -> None:
         """Tell once; machine code that was kept is loaded without any event."""
-        told, self._told = self._told, None
-        if told is not None:
-            told()
+        on_first, self._on_first = self._on_first, None
+        if on_first is not None:
+            on_first()
 
     def on_end(self, event: object) -> None:
         """Let it pass."""
 
 
-def tell_of_compiling(told: Callable[[], None]) -> None:
-    """Have `told` called once, as the first kernel begins to be compiled: none of it was kept.
+def announce_compiling(on_first: Callable[[], None]) -> None:
+    """Have `on_first` called once, as the first kernel begins to be compiled: none of it was kept.
 
     That takes seconds for one kernel, and a minute or two for all of them.
     """
-    register("numba:compile", _FirstCompilation(told))  # type: ignore[no-untyped-call]  # numba's
+    register("numba:compile", _FirstCompilation(on_first))  # type: ignore[no-untyped-call]  # numba's
 
 
 def forget_old_kernels(folder: Path = KERNELS, max_bytes: int = MAX_KERNEL_BYTES) -> None:
@@ -97,22 +97,22 @@ def forget_old_kernels(folder: Path = KERNELS, max_bytes: int = MAX_KERNEL_BYTES
 
     That of one module goes together, as numba's index and its files belong to each other.
     """
-    kept: list[tuple[int, int, list[Path]]] = []
+    kernels: list[tuple[int, int, list[Path]]] = []
     for module in folder.glob("*/*"):
         with suppress(OSError):  # another process deletes it, too
             files = [path for path in module.iterdir() if path.suffix in (".nbi", ".nbc")]
-            found = [path.stat() for path in files]
-            newest_ns = max((one.st_mtime_ns for one in found), default=0)
-            kept.append((newest_ns, sum(one.st_size for one in found), files))
+            sizes = [path.stat() for path in files]
+            newest_ns = max((one.st_mtime_ns for one in sizes), default=0)
+            kernels.append((newest_ns, sum(one.st_size for one in sizes), files))
     total_bytes = 0
-    for _, size_bytes, files in sorted(kept, key=lambda one: one[0], reverse=True):
+    for _, size_bytes, files in sorted(kernels, key=lambda one: one[0], reverse=True):
         total_bytes += size_bytes
         for path in files if total_bytes > max_bytes else ():
             with suppress(OSError):
                 path.unlink()
 
 
-def _imported(names: dict[str, Any]) -> str:
+def _digest_of_imports(names: dict[str, Any]) -> str:
     """Return a digest of everything compiled code of a module may have taken in from others."""
     digest = hashlib.sha256()
     for line in sorted(_taken_in(names)):

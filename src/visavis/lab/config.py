@@ -293,15 +293,15 @@ class _File(_Part):
 
     @field_validator("incidents")
     @classmethod
-    def _are_codes(cls, found: dict[str, str]) -> dict[str, str]:
-        for code, words in found.items():
+    def _are_codes(cls, texts: dict[str, str]) -> dict[str, str]:
+        for code, words in texts.items():
             if not INCIDENT.fullmatch(code):
                 raise ValueError(
                     f"{code!r} is no code: small letters, digits and _, such as participant_late"
                 )
             if not words.strip():
                 raise ValueError(f"{code} says nothing; write in words what it stands for")
-        return found
+        return texts
 
 
 def load_config(path: Path, option_models: OptionModels | None = None) -> LabConfig:
@@ -309,7 +309,7 @@ def load_config(path: Path, option_models: OptionModels | None = None) -> LabCon
 
     Raises `visavis.lab.yaml_lines.ProblemsError` (a ConfigError) with everything that is wrong.
     """
-    return _validated(read_document(path), option_models)
+    return _validate(read_document(path), option_models)
 
 
 def parse_config(
@@ -323,7 +323,7 @@ def parse_config(
 
     Relative paths in it are relative to `folder`, the folder of `path` when left out.
     """
-    return _validated(parse_document(text, path), option_models, folder)
+    return _validate(parse_document(text, path), option_models, folder)
 
 
 def with_devices(config: LabConfig, kind: Literal["sim", "real"]) -> LabConfig:
@@ -335,7 +335,7 @@ def with_devices(config: LabConfig, kind: Literal["sim", "real"]) -> LabConfig:
     return config.model_copy(update={"devices": devices})
 
 
-def _validated(
+def _validate(
     document: Document, option_models: OptionModels | None, folder: Path | None = None
 ) -> LabConfig:
     folder = folder or document.path.absolute().parent
@@ -350,9 +350,9 @@ def _validated(
     entries: dict[str, DeviceConfig] = {}
     if isinstance(devices, dict):
         for role, entry in devices.items():
-            checked = _device(document, role, entry, option_models, problems, screen)
-            if checked is not None:
-                entries[checked.role] = checked
+            device = _device(document, role, entry, option_models, problems, screen)
+            if device is not None:
+                entries[device.role] = device
     paths = {
         key: _absolute(folder, str(raw[key])) for key in ("data_root", "key_root") if raw.get(key)
     }
@@ -425,14 +425,14 @@ def _device(
         problems.append(document.problem(at, "expects settings such as {driver: NAME}"))
         return None
     options = {str(k): v for k, v in entry.items() if k not in ("driver", "simulated")}
-    simulated = entry.get("simulated", False)
-    if not isinstance(simulated, bool):
-        problems.append(document.problem((*at, "simulated"), f"is {simulated!r}; true or false"))
+    is_simulated = entry.get("simulated", False)
+    if not isinstance(is_simulated, bool):
+        problems.append(document.problem((*at, "simulated"), f"is {is_simulated!r}; true or false"))
     driver = entry.get("driver")
     if not isinstance(driver, str):
-        said = "is missing" if "driver" not in entry else f"is {driver!r}"
+        state = "is missing" if "driver" not in entry else f"is {driver!r}"
         near = did_you_mean("", option_models or ())
-        problems.append(document.problem((*at, "driver"), f"{said}; name the driver{near}"))
+        problems.append(document.problem((*at, "driver"), f"{state}; name the driver{near}"))
         return None
     if option_models is not None and driver not in option_models:
         hint = did_you_mean(driver, option_models)
@@ -448,11 +448,15 @@ def _device(
         model = option_models[driver]
         if screen is not None:
             problems += _taken_from_screen(document, at, model, options, screen)
-        found = model_problems(document, model, options, at, also_known=("driver", "simulated"))
-        problems += found
-        if not found:
+        option_problems = model_problems(
+            document, model, options, at, also_known=("driver", "simulated")
+        )
+        problems += option_problems
+        if not option_problems:
             options = {**options, **model.model_validate(options).model_dump()}
-    return DeviceConfig(role=str(role), driver=driver, simulated=simulated is True, options=options)
+    return DeviceConfig(
+        role=str(role), driver=driver, simulated=is_simulated is True, options=options
+    )
 
 
 def _taken_from_screen(

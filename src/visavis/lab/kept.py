@@ -22,22 +22,22 @@ from visavis.lab.plain_files import read_arrays
 MAX_KEPT_BYTES = 200_000_000
 
 
-def digest_of(*arrays: npt.NDArray[Any], said: str = "") -> str:
+def digest_of(*arrays: npt.NDArray[Any], text: str = "") -> str:
     """Return the SHA-256 of arrays and words."""
-    found = hashlib.sha256(said.encode())
+    digest = hashlib.sha256(text.encode())
     for array in arrays:
-        found.update(np.ascontiguousarray(array).tobytes())
-    return found.hexdigest()
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 @cache
 def digest_of_code(package: ModuleType) -> str:
     """Return the SHA-256 of a package's code, for what another version would find otherwise."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for folder in package.__path__:
         for path in sorted(Path(folder).glob("*.py")):
-            found.update(path.read_bytes())
-    return found.hexdigest()
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def read_kept(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
@@ -47,12 +47,12 @@ def read_kept(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
     """
     path = _folder(name) / f"{key}.npz"
     try:
-        found = read_arrays(path)
+        arrays = read_arrays(path)
     except (OSError, ValueError):
         return None
     with suppress(OSError):
         path.touch()  # used last
-    return found
+    return arrays
 
 
 def keep(name: str, key: str, what: dict[str, npt.NDArray[Any]]) -> None:
@@ -70,9 +70,9 @@ def keep(name: str, key: str, what: dict[str, npt.NDArray[Any]]) -> None:
 
 
 def _forget_oldest(folder: Path) -> None:
-    found = [(path, path.stat()) for path in folder.glob("*.npz")]
+    files = [(path, path.stat()) for path in folder.glob("*.npz")]
     kept_bytes = 0
-    for path, is_there in sorted(found, key=lambda f: f[1].st_mtime_ns, reverse=True):
+    for path, is_there in sorted(files, key=lambda f: f[1].st_mtime_ns, reverse=True):
         kept_bytes += is_there.st_size
         if kept_bytes > MAX_KEPT_BYTES:
             path.unlink(missing_ok=True)

@@ -49,9 +49,9 @@ def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
 
     Raises OSError, also when it is cut or damaged, or unpacks to more than `max_bytes`.
     """
-    with open_plain(path) as file, gzip.GzipFile(fileobj=file) as packed:
+    with open_plain(path) as file, gzip.GzipFile(fileobj=file) as stream:
         try:
-            data = _at_most(packed, max_bytes + 1, PIECE_BYTES)
+            data = _at_most(stream, max_bytes + 1, PIECE_BYTES)
         except (EOFError, zlib.error) as error:
             raise OSError(errno.EIO, f"it is no whole gzip file ({error})", str(path)) from error
     if len(data) > max_bytes:
@@ -82,7 +82,7 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """
     try:
         with open_plain(path) as file, zipfile.ZipFile(file) as archive:
-            found = {
+            arrays = {
                 name.removesuffix(".npy"): _array(archive.read(name)) for name in archive.namelist()
             }
     except (
@@ -102,10 +102,10 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     ) as error:
         # zipfile and NumPy's header parser let through whatever a damaged byte leads them to.
         raise ValueError(f"no whole .npz file: {error or type(error).__name__}") from error
-    for name, array in found.items():
+    for name, array in arrays.items():
         if array.dtype.kind == "c":
             raise ValueError(f"array {name!r} holds complex numbers")
-    return found
+    return arrays
 
 
 def _array(member: bytes) -> npt.NDArray[Any]:

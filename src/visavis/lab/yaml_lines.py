@@ -64,10 +64,10 @@ class Document:
 
     def problem(self, key_path: Sequence[str | int], message: str) -> Problem:
         """Return a problem at a key."""
-        return Problem(self.line_of(key_path), dotted(key_path), message)
+        return Problem(self.line_of(key_path), key_text(key_path), message)
 
 
-def dotted(key_path: Sequence[str | int]) -> str:
+def key_text(key_path: Sequence[str | int]) -> str:
     """Write a key path as an operator would: `items[3].text`."""
     text = ""
     for part in key_path:
@@ -78,9 +78,9 @@ def dotted(key_path: Sequence[str | int]) -> str:
     return text
 
 
-def did_you_mean(word: object, known: Iterable[str]) -> str:
+def did_you_mean(word: object, choices: Iterable[str]) -> str:
     """Return "; did you mean 'x'?" or, when nothing is near, "; known: ..."."""
-    names = sorted(known)
+    names = sorted(choices)
     near = difflib.get_close_matches(str(word), names, n=1, cutoff=0.6)
     if near:
         return f"; did you mean {near[0]!r}?"
@@ -196,7 +196,7 @@ def _walk(
                 problems.append(
                     Problem(
                         line,
-                        dotted((*path, key)),
+                        key_text((*path, key)),
                         f"given twice, first on line {first_line[key]}; keep one",
                     )
                 )

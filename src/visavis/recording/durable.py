@@ -119,12 +119,12 @@ def make_folder(folder: Path, *, exist_ok: bool = False) -> None:
         modes = modes_in(missing[present])
         if present == 0:
             folder.mkdir(exist_ok=exist_ok)
-        for created in reversed(missing[:present]):
-            created.mkdir(mode=modes.folder, exist_ok=exist_ok or created != folder)
+        for new in reversed(missing[:present]):
+            new.mkdir(mode=modes.folder, exist_ok=exist_ok or new != folder)
             if os.name != "nt":
-                created.chmod(modes.folder)
-        for changed in missing[1 : present + 1]:
-            sync_folder(changed)
+                new.chmod(modes.folder)
+        for parent in missing[1 : present + 1]:
+            sync_folder(parent)
     except FileExistsError as error:
         raise RecordingError(f"{folder} exists already; nothing was overwritten") from error
     except OSError as error:
@@ -179,7 +179,7 @@ class AppendOnlyFile:
         self.path = path
         self.size = 0
         self._hash = hashlib.sha256()
-        self._unsynced = False
+        self._needs_sync = False
         self._fd: int | None = None
         try:
             self._fd = open_private(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
@@ -200,21 +200,21 @@ class AppendOnlyFile:
             raise write_failure(self.path, error) from error
         self._hash.update(view)
         self.size += view.nbytes
-        self._unsynced = True
+        self._needs_sync = True
 
     def sync(self) -> None:
         """Return once everything written is on the disk and the file still has its name."""
-        if not self._unsynced:
+        if not self._needs_sync:
             return
         fd = self._open_fd()
         try:
             _sync_data(fd)
-            vanished = os.fstat(fd).st_nlink == 0
+            is_deleted = os.fstat(fd).st_nlink == 0
         except OSError as error:
             raise write_failure(self.path, error) from error
-        if vanished:
+        if is_deleted:
             raise write_failure(self.path, FileNotFoundError(errno.ENOENT, "it was deleted"))
-        self._unsynced = False
+        self._needs_sync = False
 
     def close(self) -> None:
         """Close and make the file read-only; idempotent."""

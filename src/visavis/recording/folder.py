@@ -92,7 +92,7 @@ class SessionFolder(Closing):
             outcome: PartStatus = status or "crashed"
         else:
             outcome = status or ("crashed" if summary.failure else summary.status)
-        ended = replace(
+        finished_part = replace(
             running,
             status=outcome,
             ended_ns=clock.now_ns(),
@@ -102,7 +102,7 @@ class SessionFolder(Closing):
             journal=summary.journal if summary else None,
             others=other_files(self.path / running.folder),
         )
-        self._write(self.manifest.with_part(ended))
+        self._write(self.manifest.with_part(finished_part))
 
     def describe(
         self,

@@ -84,8 +84,8 @@ def is_entry(entry: Mapping[str, Any]) -> bool:
 
     A trial's name may not be a path: files are named after it.
     """
-    needed = _ENTRIES.get(str(entry.get("kind")), {"kind": str})
-    if not all(isinstance(entry.get(name), kind) for name, kind in needed.items()):
+    kind_of_field = _ENTRIES.get(str(entry.get("kind")), {"kind": str})
+    if not all(isinstance(entry.get(name), kind) for name, kind in kind_of_field.items()):
         return False
     return entry["kind"] != "trial" or can_name_files(entry["row"].get("trial_id"))
 

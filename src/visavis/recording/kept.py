@@ -22,14 +22,14 @@ class KeptRecording(Recording):
         super().__init__(path)
         self._arrays: dict[tuple[str, int | None], Columns] = {}
         self._tables: dict[tuple[str, int | None], pd.DataFrame] = {}
-        self._made: dict[Hashable, Any] = {}
+        self._products: dict[Hashable, Any] = {}
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` returns, made once for a key."""
-        if key not in self._made:
-            self._made[key] = make()
-        made: T = self._made[key]
-        return made
+        if key not in self._products:
+            self._products[key] = make()
+        product: T = self._products[key]
+        return product
 
     def stream_arrays(
         self,

@@ -133,7 +133,7 @@ def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
     path = session_dir / MANIFEST_NAME
     refuse_links(session_dir)
     try:
-        found = read_sealed(path)
+        file = read_sealed(path)
     except FileNotFoundError as error:
         if copy_path(path).exists():
             raise RecordingError(f"{path} is gone; {_repair(session_dir)}") from error
@@ -143,7 +143,7 @@ def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
         ) from error
     except (OSError, ValueError) as error:
         raise RecordingError(f"{path} cannot be read ({error}); {_repair(session_dir)}") from error
-    raw = found.content
+    raw = file.content
     version = raw.get("format_version")
     if not isinstance(version, int) or version < 1:
         raise RecordingError(f"{path} states no format version; it is not a Visavis manifest")
@@ -152,7 +152,7 @@ def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
             f"{path} has format version {version}, this Visavis reads up to {MANIFEST_VERSION}; "
             "install a newer Visavis"
         )
-    if version >= SEALED_SINCE and not found.is_sealed:
+    if version >= SEALED_SINCE and not file.is_sealed:
         raise RecordingError(f"{path} lost its checksum; {_repair(session_dir)}")
     try:
         manifest = _manifest_of(raw)
@@ -160,7 +160,7 @@ def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
         raise RecordingError(
             f"{path} lacks or misstates a field ({error}); {_repair(session_dir)}"
         ) from error
-    return manifest, found.is_sealed
+    return manifest, file.is_sealed
 
 
 def _repair(session_dir: Path) -> str:

@@ -25,13 +25,13 @@ def holds_numbers(table: pd.DataFrame) -> bool:
 def tsv_of_numbers(table: pd.DataFrame, *, na_rep: str) -> bytes:
     """Return rows of a table that `holds_numbers`, without its header; NaN is `na_rep`."""
     columns = [_texts(table.iloc[:, i].to_numpy(), na_rep) for i in range(table.shape[1])]
-    written = pa.BufferOutputStream()
+    buffer = pa.BufferOutputStream()
     csv.write_csv(
         pa.table(columns, names=[str(i) for i in range(len(columns))]),
-        written,
+        buffer,
         csv.WriteOptions(include_header=False, delimiter="\t", quoting_style="none"),
     )
-    data: bytes = written.getvalue().to_pybytes()
+    data: bytes = buffer.getvalue().to_pybytes()
     return data
 
 

@@ -129,7 +129,7 @@ def export_xdf(recording: Recording, target: Path) -> tuple[Path, ...]:
     """
     make_folder(target, exist_ok=True)
     manifest = recording.manifest
-    written = []
+    paths = []
     for part in manifest.parts:
         name = f"{manifest.participant}_ses-{manifest.session:03d}_{part.folder}.xdf"
         path = target / name
@@ -140,8 +140,8 @@ def export_xdf(recording: Recording, target: Path) -> tuple[Path, ...]:
             raise RecordingError(f"{path} exists already; export into an empty folder") from error
         except OSError as error:
             raise write_failure(path, error) from error
-        written.append(path)
-    return tuple(written)
+        paths.append(path)
+    return tuple(paths)
 
 
 def _write_part(recording: Recording, part: int, writer: XdfWriter) -> None:
@@ -211,11 +211,11 @@ def _write_part(recording: Recording, part: int, writer: XdfWriter) -> None:
 
 
 def _exchanges(payloads: Iterable[dict[str, Any]]) -> dict[str, list[list[int]]]:
-    found: dict[str, list[list[int]]] = {}
+    exchanges: dict[str, list[list[int]]] = {}
     for payload in payloads:
         stream = STREAM_OF_ROLE.get(str(payload.get("role")), str(payload.get("role")))
-        found.setdefault(stream, []).extend(payload.get("send_device_receive_ns", ()))
-    return found
+        exchanges.setdefault(stream, []).extend(payload.get("send_device_receive_ns", ()))
+    return exchanges
 
 
 def _text(row: dict[str, Any]) -> str:

@@ -277,7 +277,7 @@ def _look_of(person: Character) -> str:
     arrays = [a for mesh in person.levels for a in vars(mesh).values()]
     arrays += [m.texture_srgb for m in person.materials]
     arrays += [a for m in person.materials if m.maps for a in vars(m.maps).values()]
-    return digest_of(*(a for a in arrays if isinstance(a, np.ndarray)), said=person.name)
+    return digest_of(*(a for a in arrays if isinstance(a, np.ndarray)), text=person.name)
 
 
 def cache_folder() -> Path:

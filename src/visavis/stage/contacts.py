@@ -19,9 +19,9 @@ class Contacts:
     """
 
     def __init__(
-        self, context: moderngl.Context, *, in_light: bool, with_maps: bool, apart: bool
+        self, context: moderngl.Context, *, in_light: bool, with_maps: bool, is_separate: bool
     ) -> None:
-        self._context, self._apart = context, apart
+        self._context, self._is_separate = context, is_separate
         self._defines = (
             *(("IN_LIGHT",) if in_light else ()),
             *(() if with_maps else ("NO_MAPS",)),
@@ -45,7 +45,7 @@ class Contacts:
         # Shades overlap: each takes its share of what the others leave, and none hides another.
         context.blend_func = moderngl.DST_COLOR, moderngl.ZERO
         context.fbo.depth_mask = False
-        if self._apart:
+        if self._is_separate:
             self._draw(soles, 0, first_texel)
             self._draw(0, blocks, first_texel)
         else:

@@ -20,7 +20,7 @@ from visavis.stage.card.targets import EyeTarget
 from visavis.stage.card.timer import CardTimer
 from visavis.stage.contracts import Glance, Viewer
 from visavis.stage.errors import StageError
-from visavis.stage.fades import Fades, FadeTimes, dimmed, fading_out
+from visavis.stage.fades import Fades, FadeTimes, fading_out, with_brightness
 from visavis.stage.frame_truth import (
     DRAWN_GPU,
     DRAWN_VIEWS,
@@ -141,7 +141,7 @@ class DrawnStage:
         self._timer: CardTimer | None = None
         self._retry_ns = 0
         self._trouble: StageError | None = None
-        self._beside = ThreadPoolExecutor(1, "dress")
+        self._dressing_thread = ThreadPoolExecutor(1, "dress")
         self._coming: Future[Picture | None] | None = None
         self._pieces: Iterator[None] | None = None
         self._has_drawn = False
@@ -156,8 +156,8 @@ class DrawnStage:
 
         On the virtual clock a card's time would be the one thing that no seed repeats.
         """
-        timed = () if self._clock.is_virtual else (DRAWN_GPU,)
-        return (self._schema, DRAWN_VIEWS, *timed)
+        gpu_schemas = () if self._clock.is_virtual else (DRAWN_GPU,)
+        return (self._schema, DRAWN_VIEWS, *gpu_schemas)
 
     def start(self, sink: Callable[[SampleBatch], None]) -> None:
         """Log what is drawn from now on."""
@@ -173,13 +173,13 @@ class DrawnStage:
         A piece a frame; at the first frame of all, before anybody looks, everything at once.
         """
 
-        def dressed() -> Picture | None:
+        def dress_coming() -> Picture | None:
             view = coming()
             return None if view is None else self._picture(view)
 
         if self._coming is not None:
             self._coming.cancel()
-        self._pieces, self._coming = None, self._beside.submit(dressed)
+        self._pieces, self._coming = None, self._dressing_thread.submit(dress_coming)
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[moderngl.Texture]:
         """Draw both eyes and return their textures, left first; none while the driver fails.
@@ -195,7 +195,7 @@ class DrawnStage:
         if self._trouble is not None and now_ns < self._retry_ns:
             return ()
         view = as_drawn(view, frame.predicted_display_ns)
-        picture = self._fades.faded(self._picture(view))
+        picture = self._fades.apply(self._picture(view))
         is_calm = picture.brightness_01 <= 0.0 or not picture.cast
         late: Callable[[], Sequence[Camera]] | None = None
         try:
@@ -210,20 +210,20 @@ class DrawnStage:
                     return [eye_camera(head, eye) for eye in self._views]
 
             if self._own_body is not None:
-                picture = self._own_body.worn(picture, head)
+                picture = self._own_body.add_to(picture, head)
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
-            with nullcontext() if self._timer is None else self._timer.timed(frame):
-                drawn = renderer.draw(picture, cameras, self._targets, late=late)
+            with nullcontext() if self._timer is None else self._timer.time_frame(frame):
+                result = renderer.draw(picture, cameras, self._targets, late=late)
             self._drawn_from = head
             if is_calm or not self._has_drawn:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
             self._fail(problem, now_ns)
-            self._log(view, frame, head, picture, np.zeros(0, np.int64), failed=True)
+            self._log(view, frame, head, picture, np.zeros(0, np.int64), is_failed=True)
             return ()
         self._trouble = None
-        self._log(view, frame, head, picture, drawn.level)
+        self._log(view, frame, head, picture, result.level)
         if not self._display.hands_over:
             return ()
         return [target.texture for target in self._targets]
@@ -271,7 +271,7 @@ class DrawnStage:
         pictures = (
             picture
             for bare in self._pictures(views, row, lit)
-            for picture in (bare, *(body.worn(bare, head) for body in bodies))
+            for picture in (bare, *(body.add_to(bare, head) for body in bodies))
         )
         same = (p for p in pictures if picture_crc32(p) == int(row["picture_crc32"]))
         picture = next(same, None)
@@ -298,11 +298,11 @@ class DrawnStage:
 
     def close(self) -> None:
         """Release textures, renderer and mirror; idempotent."""
-        self._beside.shutdown(cancel_futures=True)
+        self._dressing_thread.shutdown(cancel_futures=True)
         self._drop()
-        for shown in (self._mirror, self._window):
-            if shown is not None:
-                shown.close()
+        for display in (self._mirror, self._window):
+            if display is not None:
+                display.close()
 
     # ---- private --------------------------------------------------------------------------
 
@@ -332,7 +332,7 @@ class DrawnStage:
             picture = self._picture(as_drawn(view, int(row["t_scene_ns"])))
             yield picture
             if 0.0 < recorded_01 < picture.brightness_01:
-                yield dimmed(picture, recorded_01)
+                yield with_brightness(picture, recorded_01)
             if picture.brightness_01 <= 0.0:
                 darkness.append(picture)
         for view in lit:
@@ -340,11 +340,11 @@ class DrawnStage:
             yield from (fading_out(before, dark, recorded_01) for dark in darkness)
 
     def _picture(self, view: SceneFrame) -> Picture:
-        picture = self._dressed(view)
+        picture = self._dress(view)
         panels = view.panels if isinstance(view, PanelFrame) else ()
         return replace(picture, panels=(*picture.panels, *panels)) if panels else picture
 
-    def _dressed(self, view: SceneFrame) -> Picture:
+    def _dress(self, view: SceneFrame) -> Picture:
         """Dress a scene; a dark or empty one needs no dressing."""
         scene = view.scene
         is_empty = type(scene) is Scene and not scene.agents
@@ -436,7 +436,7 @@ class DrawnStage:
         picture: Picture,
         level: npt.NDArray[np.int64],
         *,
-        failed: bool = False,
+        is_failed: bool = False,
     ) -> None:
         if self._sink is None:
             return
@@ -449,9 +449,9 @@ class DrawnStage:
             view.t_ns,
             self._clock.now_ns(),
         )
-        self._sink(truth_row(self._schema, self._seq, row, failed=failed))
+        self._sink(truth_row(self._schema, self._seq, row, is_failed=is_failed))
         self._seq += 1
-        told = [] if self._timer is None else self._timer.told()
-        if told:
-            self._sink(gpu_rows(self._gpu_seq, told, self._clock.now_ns()))
-            self._gpu_seq += len(told)
+        gpu_times = [] if self._timer is None else self._timer.results()
+        if gpu_times:
+            self._sink(gpu_rows(self._gpu_seq, gpu_times, self._clock.now_ns()))
+            self._gpu_seq += len(gpu_times)

@@ -36,12 +36,12 @@ def best_choice(
     """Return the first choice whose frame leaves the runtime its share, else the last, and what
     its frame costs (ms); `choices` go from the dearest to the cheapest, one at least.
     """
-    chosen, cost = CHOICES[-1], float("nan")
+    best, cost = CHOICES[-1], float("nan")
     for choice in choices:
-        chosen, cost = choice, cost_ms(choice)
+        best, cost = choice, cost_ms(choice)
         if fits(cost, rate_hz):
             break
-    return chosen, cost
+    return best, cost
 
 
 def fits(frame_ms: float, rate_hz: float) -> bool:

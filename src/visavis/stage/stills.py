@@ -23,7 +23,7 @@ def still_quality() -> tuple[int, Quality]:
     context = offscreen_context()
     try:
         if draws_on_processor(context):
-            return TIMES, Quality(samples=0, shrunk=TIMES)
+            return TIMES, Quality(samples=0, shrink_factor=TIMES)
         return 1, Quality()
     finally:
         release_offscreen(context)

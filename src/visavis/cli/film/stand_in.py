@@ -53,7 +53,7 @@ class StandIn:
             if self._own is None:
                 self._own = OwnBody(_not_in(picture), self._segments, from_outside=True)
             self._own.take_row(row)
-            worn = self._own.worn(picture, head)
+            worn = self._own.add_to(picture, head)
             if worn is not picture:
                 return worn
         return self._standing(picture, t_ns, head)

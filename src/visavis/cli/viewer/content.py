@@ -23,7 +23,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.lab.schema import Field
 from visavis.recording.kept import KeptRecording
-from visavis.recording.reader import flattened
+from visavis.recording.reader import flat_components
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import is_on_page
 from visavis.stimuli.camera.shots import ShotSize
@@ -245,7 +245,7 @@ def _stream(
         unit = field.unit
         if unit == "ns":
             values, unit = _since_arrival_ms(values, host_ns), "ms"
-        flat = [_column_name(field, told) for told, _ in flattened(field.name, values)]
+        flat = [_column_name(field, told) for told, _ in flat_components(field.name, values)]
         columns.append(
             {
                 "name": field.name,

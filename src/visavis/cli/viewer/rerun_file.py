@@ -16,7 +16,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
 from visavis.recording.kept import KeptRecording
-from visavis.recording.reader import flattened
+from visavis.recording.reader import flat_components
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import is_on_page
 from visavis.stimuli.characters.character import Character
@@ -103,7 +103,7 @@ def _columns(
             continue
         if values.dtype.kind not in "fiub":
             continue
-        for flat, column in flattened(field, values):
+        for flat, column in flat_components(field, values):
             stream.send_columns(
                 f"streams/{name}/{flat}",
                 indexes=[rr.TimeColumn(TIMELINE, duration=seconds)],

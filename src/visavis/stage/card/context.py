@@ -30,9 +30,9 @@ def offscreen_context() -> moderngl.Context:
     Raises:
         StageError: there is no EGL, or no driver behind it, that knows OpenGL 3.3.
     """
-    made = _made_offscreen()
-    _OPEN.contexts.append(weakref.ref(made))
-    return made
+    context = _make_offscreen()
+    _OPEN.contexts.append(weakref.ref(context))
+    return context
 
 
 def release_offscreen(context: moderngl.Context) -> None:
@@ -44,7 +44,7 @@ def release_offscreen(context: moderngl.Context) -> None:
         before.__enter__()  # type: ignore[no-untyped-call]  # moderngl has no types for it
 
 
-def _made_offscreen() -> moderngl.Context:
+def _make_offscreen() -> moderngl.Context:
     try:
         return moderngl.create_context(standalone=True, require=GL_VERSION, **EGL)
     except Exception as egl_problem:

@@ -97,8 +97,8 @@ class GlCalls:
 
     def query(self, name: str, *arguments: int | Told) -> None:
         """Call one of the driver's functions for timers; what it tells is written into the last."""
-        passed = [a if isinstance(a, int) else ctypes.addressof(a) for a in arguments]
-        self._functions[name](*passed)
+        addresses = [a if isinstance(a, int) else ctypes.addressof(a) for a in arguments]
+        self._functions[name](*addresses)
 
     def fill_srgb(self, array: moderngl.TextureArray, pixels: bytes) -> None:
         """Give an array of 3 or 4 channels its pixels as sRGB, which is decoded when read."""

@@ -55,7 +55,7 @@ class EyeTarget:
             )
             self._mean = context.texture(size_px, 4, internal_format=GL_SRGB8_ALPHA8)
             self._many = context.framebuffer(self._colour, self._depth)
-            self._resolved = context.framebuffer(self._mean)
+            self._mean_frame = context.framebuffer(self._mean)
             self.frame = context.framebuffer(self.texture)
         else:
             self.frame = context.framebuffer(self.texture, self._depth)
@@ -89,10 +89,10 @@ class EyeTarget:
         if self._many is None:
             return
         self._context.enable_direct(GL_FRAMEBUFFER_SRGB)
-        self._context.copy_framebuffer(self._resolved, self._many)
+        self._context.copy_framebuffer(self._mean_frame, self._many)
         # Headsets and windows take codes.
         self._context.disable_direct(GL_FRAMEBUFFER_SRGB)
-        self._context.copy_framebuffer(self.frame, self._resolved)
+        self._context.copy_framebuffer(self.frame, self._mean_frame)
 
     def read(self) -> npt.NDArray[np.uint8]:
         """Return the texture as (height, width, 3) bytes, top row first."""
@@ -109,7 +109,7 @@ class EyeTarget:
                 thing.release()
         if self._many is not None:
             self._many.release()
-            self._resolved.release()
+            self._mean_frame.release()
             self._colour.release()
             self._mean.release()
         self.frame.release()

@@ -35,7 +35,7 @@ class CardTimer:
         self._open: deque[tuple[FrameInfo, int]] = deque()
 
     @contextmanager
-    def timed(self, frame: FrameInfo) -> Iterator[None]:
+    def time_frame(self, frame: FrameInfo) -> Iterator[None]:
         """Time what is drawn in this block as the frame's work."""
         if not self._free:
             yield
@@ -48,22 +48,22 @@ class CardTimer:
             self._calls.query("glEndQuery", GL_TIME_ELAPSED)
             self._open.append((frame, name))
 
-    def told(self) -> list[tuple[FrameInfo, float]]:
+    def results(self) -> list[tuple[FrameInfo, float]]:
         """Return the frames whose time has come in since the last call, each with its time (ms)."""
-        found = []
+        results = []
         while self._open:
             frame, name = self._open[0]
-            known, elapsed_ns = ctypes.c_uint(0), ctypes.c_uint64(0)
-            self._calls.query("glGetQueryObjectuiv", name, GL_QUERY_RESULT_AVAILABLE, known)
-            if not known.value and self._free:
+            is_available, elapsed_ns = ctypes.c_uint(0), ctypes.c_uint64(0)
+            self._calls.query("glGetQueryObjectuiv", name, GL_QUERY_RESULT_AVAILABLE, is_available)
+            if not is_available.value and self._free:
                 break
             self._open.popleft()
             self._free.append(name)
-            if known.value:
+            if is_available.value:
                 self._calls.query("glGetQueryObjectui64v", name, GL_QUERY_RESULT, elapsed_ns)
             if elapsed_ns.value:
-                found.append((frame, elapsed_ns.value / NS_PER_MS))
-        return found
+                results.append((frame, elapsed_ns.value / NS_PER_MS))
+        return results
 
     def release(self) -> None:
         """Free the card's timers."""

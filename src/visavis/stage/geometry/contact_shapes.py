@@ -31,8 +31,8 @@ def soles_of(character: Character) -> Vector:
     skeleton, mesh = character.skeleton, character.levels[0]
     for k in range(0, len(SOLE_JOINTS), 2):
         foot, toes = (skeleton.index(name) for name in SOLE_JOINTS[k : k + 2])
-        moved = np.isin(mesh.joints, (foot, toes))
-        own = np.where(moved, mesh.weights, 0.0).sum(axis=1) > MIN_SHARE_OF_FOOT
+        on_foot = np.isin(mesh.joints, (foot, toes))
+        own = np.where(on_foot, mesh.weights, 0.0).sum(axis=1) > MIN_SHARE_OF_FOOT
         along = (skeleton.rest_m[toes] - skeleton.rest_m[foot])[[0, 2]]
         length = float(np.linalg.norm(along))
         if not own.any() or length == 0.0:

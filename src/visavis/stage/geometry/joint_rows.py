@@ -24,7 +24,7 @@ def _fill_rows(
     root: Vector,
     local: Vector,
     morphs: Vector,
-    watched: npt.NDArray[np.int64],
+    watched_joints: npt.NDArray[np.int64],
     sole_joints: npt.NDArray[np.int64],
     soles: Vector,
     world: Vector,
@@ -79,9 +79,9 @@ def _fill_rows(
             rows[r, at, 3] = soles[r, s, 3]
         for k in range(morphs.shape[1]):
             rows[r, 3 * joints + sole_joints.shape[0] + k // 4, k % 4] = morphs[r, k]
-        for k in range(watched.shape[0]):
+        for k in range(watched_joints.shape[0]):
             for i in range(3):
-                watched_m[r, k, i] = place[watched[k], i]
+                watched_m[r, k, i] = place[watched_joints[k], i]
 
 
 class JointRows:
@@ -110,10 +110,13 @@ class JointRows:
         self._rest = np.array([c.skeleton.rest_m for c in cast]).reshape(n, joints, 3)
         self._soles = np.array([soles_of(c) for c in cast]).reshape(n, SOLE_TEXELS, 4)
 
-        def numbered(names: tuple[str, ...]) -> npt.NDArray[np.int64]:
+        def indices_of(names: tuple[str, ...]) -> npt.NDArray[np.int64]:
             return np.array([cast[0].skeleton.index(k) if cast else 0 for k in names], np.int64)
 
-        self._watched, self._sole_joints = numbered(WATCHED_JOINTS), numbered(SOLE_JOINTS)
+        self._watched_joints, self._sole_joints = (
+            indices_of(WATCHED_JOINTS),
+            indices_of(SOLE_JOINTS),
+        )
         self._world, self._place = np.empty((joints, 4)), np.empty((joints, 3))
 
     @property
@@ -144,7 +147,7 @@ class JointRows:
             np.ascontiguousarray(people.root_m, np.float64),
             np.ascontiguousarray(people.orientation_wxyz, np.float64),
             np.ascontiguousarray(people.morphs_01, np.float64),
-            self._watched,
+            self._watched_joints,
             self._sole_joints,
             self._soles,
             self._world,
