@@ -27,7 +27,7 @@ from visavis.stimuli.dressing.office_view import (
     seen_body_of,
     view_of,
 )
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.kinds import Wave
 from visavis.stimuli.motion.people import Person
@@ -39,7 +39,7 @@ from visavis.stimuli.motion.warping.track import (
     WarpTrack,
     planned_track,
     reached_by,
-    solved,
+    solve_offsets,
 )
 from visavis.stimuli.motion.warping.units import units_named
 from visavis.stimuli.scenes import office as places
@@ -139,7 +139,7 @@ def base_clip(clerk: str, wave_s: float) -> Clip:
     person = Person(
         build_of(character_of(clerk)), Wave(hand=HAND, seat_m=places.SEAT_M), 300 + number
     )
-    return baked(person, FADE_S + wave_s, gaze=STILL)
+    return bake(person, FADE_S + wave_s, gaze=STILL)
 
 
 def situation_of(
@@ -165,7 +165,7 @@ def solved_key(
 ) -> Vector:
     """Return offsets (w,) for a key of a wave (clerk, target place, making) seen from eyes (3,)."""
     waving, place, increment = _wave_about(about)
-    return solved(situation_of(waving, place, eye_m, t_s, increment), start_rad, LOOP)
+    return solve_offsets(situation_of(waving, place, eye_m, t_s, increment), start_rad, LOOP)
 
 
 def reached_in(

@@ -356,7 +356,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
         t.row |= told_of(measured.result())
         t.row["target_reachable_01"] = planned["target_reachable_01"]
         t.row |= {
-            "warp_loop_hz": round(loop.taken / t.wave_s, 2),
+            "warp_loop_hz": round(loop.n_taken / t.wave_s, 2),
             "warp_late": loop.late,
         }
     told = t.row["who"]

@@ -17,7 +17,7 @@ from visavis.stimuli.characters.sizing import (
     LEG_BONES,
     MIN_M,
     TALLEST_M,
-    sized,
+    scale_to_stature,
     with_limbs,
 )
 from visavis.stimuli.motion.skeleton import forward
@@ -113,7 +113,7 @@ class OwnBody:
         size = total_m / usual if usual > 0.5 else 0.0
         stature_m = self._character.stature_m * size
         if MIN_M <= stature_m <= TALLEST_M:
-            body = sized(self._character, round(stature_m, 3))
+            body = scale_to_stature(self._character, round(stature_m, 3))
             arms, legs = (self._of_limbs(row, names, size) for names in (ARM_BONES, LEG_BONES))
             self._sized_character = with_limbs(body, arms, legs)
 

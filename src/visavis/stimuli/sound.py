@@ -43,9 +43,9 @@ class Sound:
             return self
         from scipy.signal import resample_poly  # it takes half a second
 
-        shared = gcd(rate_hz, self.rate_hz)
-        changed = resample_poly(self.samples, rate_hz // shared, self.rate_hz // shared, axis=0)
-        return Sound(self.name, np.clip(changed, -1, 1).astype(np.float32), rate_hz)
+        divisor = gcd(rate_hz, self.rate_hz)
+        samples = resample_poly(self.samples, rate_hz // divisor, self.rate_hz // divisor, axis=0)
+        return Sound(self.name, np.clip(samples, -1, 1).astype(np.float32), rate_hz)
 
 
 def read_sound(path: Path) -> Sound:

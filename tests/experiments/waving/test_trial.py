@@ -221,7 +221,7 @@ def test_a_wave_is_warped_again_exactly_as_the_record_says():
     record = wave_record(StudyWave(wave, "", Reached(1.0, 1.0, 1.0)), 0.25)
     keys = []
     for key in (2, 5, 6):
-        shown = shown.corrected(key, rng.normal(0.0, 0.2, len(units)))
+        shown = shown.with_key(key, rng.normal(0.0, 0.2, len(units)))
         keys.append(key_record(shown, key))
     again = track_shown(plain, *json.loads(json.dumps([record, keys])))
     assert np.array_equal(shown.omega_rad, again.warp.omega_rad)

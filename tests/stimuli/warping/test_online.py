@@ -52,7 +52,7 @@ def test_target_is_reached_while_being_watched():
         played(warp)
         state = warp.state
         assert state.is_reached
-        assert state.seen[0] == pytest.approx(state.wanted[0], rel=0.06)
+        assert state.seen[0] == pytest.approx(state.goal[0], rel=0.06)
         np.testing.assert_allclose(state.omega_rad, warp.shown_rad, atol=0.05)
 
 

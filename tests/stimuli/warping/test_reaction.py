@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.stimuli.warping.bodies import arm_raised, box_person
 from visavis.lab.geometry import unit
 from visavis.stimuli.gaze.turning import Aimed
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.build import build_of_skeleton
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.kinds import Idle, Talk, Walk, Wave
@@ -20,7 +20,7 @@ from visavis.stimuli.motion.warping.reaction import (
     WaveCues,
     WaveRule,
     WaveWatcher,
-    judged,
+    judge,
     looked_at,
     wave_cues,
 )
@@ -35,7 +35,7 @@ def clip_of(kind, gaze_deg=0.0, heading_deg=0.0):
     yaw = np.radians(gaze_deg)
     gaze = Aimed(np.array([[-np.sin(yaw), 0.0, -np.cos(yaw)]]), np.ones(1))
     person = Person(build_of_skeleton(canonical_skeleton(1.75)), kind, 5, heading_deg=heading_deg)
-    return baked(person, 1.5, gaze=gaze)
+    return bake(person, 1.5, gaze=gaze)
 
 
 def observer_at(bearing_deg, distance_m=3.0):
@@ -58,7 +58,7 @@ def seen(clip, eye, *, face=True, trunk=True, hands=(True, True)):
 
 def judgement(kind, bearing_deg, *, distance_m=3.0, gaze_deg=0.0, heading_deg=0.0, **shown):
     clip = clip_of(kind, gaze_deg, heading_deg)
-    return judged(
+    return judge(
         wave_cues(clip.skeleton, seen(clip, observer_at(bearing_deg, distance_m), **shown))
     )
 
@@ -125,7 +125,7 @@ def test_cues_are_angles_in_degrees():
 @given(gaze=st.floats(0, 90), more=st.floats(0, 90), body=st.floats(0, 180))
 def test_looking_further_away_never_raises_the_score(gaze, more, body):
     scores = [
-        judged(WaveCues("right", 0.9, 5.0, 4, 1.0, body, g)).score_01 for g in (gaze, gaze + more)
+        judge(WaveCues("right", 0.9, 5.0, 4, 1.0, body, g)).score_01 for g in (gaze, gaze + more)
     ]
     assert 0 <= scores[1] <= scores[0] <= 1
 

@@ -191,7 +191,7 @@ def _score_without_sight(
 def _seen_part(
     place: Vector,
     subject: Vector,
-    needed: float,
+    min_share: float,
     people: Vector,
     boxes: Vector,
     links: Ints,
@@ -206,7 +206,7 @@ def _seen_part(
             part += SEEN[k]
         else:
             possible -= SEEN[k]
-            if possible <= needed:
+            if possible <= min_share:
                 return 0.0
     return part
 
@@ -283,8 +283,8 @@ def move_to(
         if score[i] < 0.0 or score[i] + weights[DIRECT] <= best:
             break
         place = place_on(nodes, edges, edge_of[i], share_of[i])
-        needed = (best - score[i]) / weights[DIRECT] if weights[DIRECT] > 0.0 else -1.0
-        is_seen = _seen_part(place, points, needed, people, boxes, links, corners)
+        min_share = (best - score[i]) / weights[DIRECT] if weights[DIRECT] > 0.0 else -1.0
+        is_seen = _seen_part(place, points, min_share, people, boxes, links, corners)
         total = score[i] + weights[DIRECT] * is_seen
         score[i] = -2.0
         if (

@@ -33,7 +33,7 @@ def _divide(low: Vector, high: Vector, order: Ints, boxes: Vector, links: Ints, 
     """
     todo = np.empty((STACK, 3), np.int64)
     todo[0, 0], todo[0, 1], todo[0, 2] = 0, 0, order.shape[0]
-    waiting, made = 1, 1
+    waiting, n_nodes = 1, 1
     while waiting > 0:
         waiting -= 1
         node, first, last = todo[waiting, 0], todo[waiting, 1], todo[waiting, 2]
@@ -58,12 +58,12 @@ def _divide(low: Vector, high: Vector, order: Ints, boxes: Vector, links: Ints, 
         # All in one place, or so uneven that the tree would grow deep: halve by count.
         if min(at - first, last - at) * 16 < last - first:
             at = (first + last) // 2
-        links[node, 0], links[node, 1] = made, made + 1
-        todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = made, first, at
-        todo[waiting + 1, 0], todo[waiting + 1, 1], todo[waiting + 1, 2] = made + 1, at, last
+        links[node, 0], links[node, 1] = n_nodes, n_nodes + 1
+        todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = n_nodes, first, at
+        todo[waiting + 1, 0], todo[waiting + 1, 1], todo[waiting + 1, 2] = n_nodes + 1, at, last
         waiting += 2
-        made += 2
-    return made
+        n_nodes += 2
+    return n_nodes
 
 
 @compiled
@@ -90,7 +90,7 @@ def ray_hit_m(
     iy = 1.0 / dy if dy != 0.0 else np.inf
     iz = 1.0 / dz if dz != 0.0 else np.inf
     nearest = reach_m
-    found = False
+    has_hit = False
     stack[0] = 0
     depth = 1
     while depth > 0:
@@ -137,10 +137,10 @@ def ray_hit_m(
             t = (e2x * qx + e2y * qy + e2z * qz) / det
             if 0.0 <= t <= nearest:
                 nearest = t
-                found = True
+                has_hit = True
                 if first_will_do:
                     return float(nearest)
-    return float(nearest) if found else np.inf
+    return float(nearest) if has_hit else np.inf
 
 
 @compiled
@@ -274,7 +274,7 @@ class Obstacles:
         return cls(boxes[:n].copy(), links[:n].copy(), np.ascontiguousarray(corners))
 
     @property
-    def packed(self) -> tuple[Vector, Ints, Vector]:
+    def arrays(self) -> tuple[Vector, Ints, Vector]:
         """What compiled code takes."""
         return self.boxes, self.links, self.corners
 
@@ -282,15 +282,15 @@ class Obstacles:
         """Return how far along a unit direction (3,) the first surface is; inf when none is."""
         (x, y, z), (dx, dy, dz) = start_m, direction
         stack = np.empty(STACK, np.int64)
-        return float(ray_hit_m(x, y, z, dx, dy, dz, reach_m, False, stack, *self.packed))
+        return float(ray_hit_m(x, y, z, dx, dy, dz, reach_m, False, stack, *self.arrays))
 
     def sees(self, a_m: Vector, b_m: Vector, people: Vector = NOBODY) -> bool:
         """Tell whether nothing stands between two points (3,)."""
-        return bool(sees(a_m, b_m, people, *self.packed))
+        return bool(sees(a_m, b_m, people, *self.arrays))
 
     def is_near(self, point_m: Vector, margin_m: float) -> bool:
         """Tell whether a surface comes nearer to a point (3,) than a margin."""
-        return bool(is_near(point_m, margin_m, *self.packed))
+        return bool(is_near(point_m, margin_m, *self.arrays))
 
 
 def triangles_of(room: Room) -> Vector:

@@ -59,9 +59,11 @@ class Sheet:
 
     def sentence(self) -> str:
         """Say the most of it in one line."""
-        seen = "" if self.seen_01 is None else f"participant seen {100 * self.seen_01:.0f} %, "
+        visibility = (
+            "" if self.seen_01 is None else f"participant seen {100 * self.seen_01:.0f} %, "
+        )
         return (
-            f"{self.shots} shots of {self.median_shot_s:.1f} s (median), {seen}"
+            f"{self.shots} shots of {self.median_shot_s:.1f} s (median), {visibility}"
             f"{self.cuts_below_30_deg} cuts below 30°, {self.lines_crossed} lines crossed, "
             f"{self.collisions} collisions"
         )
@@ -76,7 +78,7 @@ class FilmLog:
     places_m: list[Vector] = field(default_factory=list)
     heads_m: list[Vector] = field(default_factory=list)
     size_off: list[float] = field(default_factory=list)
-    seen: list[tuple[int, bool]] = field(default_factory=list)
+    visibility: list[tuple[int, bool]] = field(default_factory=list)
     collisions: int = 0
     _obstacles: dict[int, tuple[Room, Obstacles]] = field(default_factory=dict)
 
@@ -103,8 +105,8 @@ class FilmLog:
         places, heads = np.array(self.places_m), np.array(self.heads_m)
         step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.04
         if cuts_ns is None:
-            moved = np.linalg.norm(np.diff(places, axis=0), axis=1)
-            cuts = np.flatnonzero(moved > CUT_FASTER_THAN_MPS * step_s) + 1
+            step_m = np.linalg.norm(np.diff(places, axis=0), axis=1)
+            cuts = np.flatnonzero(step_m > CUT_FASTER_THAN_MPS * step_s) + 1
         else:
             cuts = np.unique(np.searchsorted(self.t_ns, cuts_ns))
             cuts = cuts[(cuts > 0) & (cuts < len(t_s))]
@@ -112,30 +114,30 @@ class FilmLog:
         ends = np.concatenate([cuts, [len(t_s)]]).astype(np.int64)
         lengths = (ends - begins) * step_s
         velocity = np.gradient(heads, step_s, axis=0) if len(heads) > 1 else np.zeros_like(heads)
-        below, crossed = 0, 0
+        below, n_crossings = 0, 0
         for k in cuts.tolist():
             before, after, subject = places[k - 1], places[k], heads[k]
             below += bool(view_angle_deg(subject, before, after) < RULE_DEG)
             if np.linalg.norm(velocity[k][[0, 2]]) > MOVES_FROM_MPS:
-                crossed += not on_same_side(subject, velocity[k], before, after)
+                n_crossings += not on_same_side(subject, velocity[k], before, after)
         jerks = [
             np.linalg.norm(np.diff(places[a:b], n=3, axis=0), axis=1) / step_s**3
             for a, b in zip(begins, ends, strict=True)
             if b - a > 3
         ]
-        lost = _lost_s(self.seen)
+        lost_s = _lost_s(self.visibility)
         return Sheet(
             len(t_s),
             len(t_s) * step_s,
-            float(np.mean([s for _, s in self.seen])) if self.seen else None,
-            float(np.mean(lost)) if lost else None,
-            max(lost) if lost else None,
+            float(np.mean([s for _, s in self.visibility])) if self.visibility else None,
+            float(np.mean(lost_s)) if lost_s else None,
+            max(lost_s) if lost_s else None,
             float(2 ** np.median(self.size_off)) if self.size_off else None,
             len(lengths),
             float(lengths.mean()),
             float(np.median(lengths)),
             below,
-            crossed,
+            n_crossings,
             float(np.concatenate(jerks).mean()) if jerks else None,
             self.collisions,
         )
@@ -150,16 +152,16 @@ def _is_within(place: Vector, people: Vector = NOBODY) -> bool:
     return bool((np.linalg.norm(place - nearest, axis=1) < people[:, 6]).any())
 
 
-def _lost_s(seen: list[tuple[int, bool]]) -> list[float]:
+def _lost_s(visibility: list[tuple[int, bool]]) -> list[float]:
     """Return how long each time lasted in which the subject was not seen."""
-    found: list[float] = []
+    durations_s: list[float] = []
     since: int | None = None
-    for t_ns, is_seen in seen:
+    for t_ns, is_seen in visibility:
         if not is_seen and since is None:
             since = t_ns
         if is_seen and since is not None:
-            found.append((t_ns - since) / NS_PER_S)
+            durations_s.append((t_ns - since) / NS_PER_S)
             since = None
-    if since is not None and seen[-1][0] > since:
-        found.append((seen[-1][0] - since) / NS_PER_S)
-    return found
+    if since is not None and visibility[-1][0] > since:
+        durations_s.append((visibility[-1][0] - since) / NS_PER_S)
+    return durations_s

@@ -111,11 +111,11 @@ def _body(character: Character) -> Iterator[str]:
     low, high = VOLUME_L
     if not low <= litres <= high:
         yield f"its body holds {litres:.0f} litres; people's hold 45 to 150"
-    used = set(np.unique(character.levels[0].triangle_part).tolist())
+    parts_present = set(np.unique(character.levels[0].triangle_part).tolist())
     missing = [
         part.replace("_", " ")
         for part in PARTS
-        if part not in WORN and PART_INDEX[part] not in used
+        if part not in WORN and PART_INDEX[part] not in parts_present
     ]
     if missing:
         yield f"it has no {', '.join(missing)} that could be looked at or measured"

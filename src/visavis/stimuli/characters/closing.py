@@ -106,10 +106,10 @@ def _nets(field: Vector) -> tuple[Vector, npt.NDArray[np.int64]]:
         return values[i : i + shape[0], j : j + shape[1], k : k + shape[2]]
 
     count = sum(corner(inside, c).astype(np.int64) for c in corners)
-    mixed = (np.asarray(count) > 0) & (np.asarray(count) < 8)
+    is_mixed = (np.asarray(count) > 0) & (np.asarray(count) < 8)
     number = np.full(tuple(shape), -1, dtype=np.int64)
-    cells = np.argwhere(mixed)
-    number[mixed] = np.arange(len(cells))
+    cells = np.argwhere(is_mixed)
+    number[is_mixed] = np.arange(len(cells))
     total, weight = np.zeros((len(cells), 3)), np.zeros(len(cells))
     for a in corners:
         for axis in range(3):
@@ -118,8 +118,8 @@ def _nets(field: Vector) -> tuple[Vector, npt.NDArray[np.int64]]:
             step = [0, 0, 0]
             step[axis] = 1
             b = (a[0] + step[0], a[1] + step[1], a[2] + step[2])
-            fa = corner(field, a)[mixed].astype(np.float64)
-            fb = corner(field, b)[mixed].astype(np.float64)
+            fa = corner(field, a)[is_mixed].astype(np.float64)
+            fb = corner(field, b)[is_mixed].astype(np.float64)
             crosses = (fa > 0) != (fb > 0)
             t = np.where(crosses, fa / np.where(fa == fb, 1, fa - fb), 0)
             at = np.array(a) + t[:, None] * np.array(step)

@@ -50,7 +50,7 @@ def _stretch(a: Vector, b: Vector, r: float, x: float, z: float) -> tuple[float,
 
 
 @compiled
-def _merged(lows: Vector, highs: Vector, n: int) -> int:
+def _merge(lows: Vector, highs: Vector, n: int) -> int:
     """Merge overlapping stretches in place, rising; return how many are left."""
     for i in range(1, n):
         low, high = lows[i], highs[i]
@@ -59,14 +59,14 @@ def _merged(lows: Vector, highs: Vector, n: int) -> int:
             lows[j + 1], highs[j + 1] = lows[j], highs[j]
             j -= 1
         lows[j + 1], highs[j + 1] = low, high
-    kept = 0
+    n_merged = 0
     for i in range(n):
-        if kept and lows[i] <= highs[kept - 1]:
-            highs[kept - 1] = max(highs[kept - 1], highs[i])
+        if n_merged and lows[i] <= highs[n_merged - 1]:
+            highs[n_merged - 1] = max(highs[n_merged - 1], highs[i])
         else:
-            lows[kept], highs[kept] = lows[i], highs[i]
-            kept += 1
-    return kept
+            lows[n_merged], highs[n_merged] = lows[i], highs[i]
+            n_merged += 1
+    return n_merged
 
 
 @compiled
@@ -105,16 +105,16 @@ def capsules_in_common_m3(
             continue
         for i in range(n_a):
             ra = radii_a[i]
-            apart = False
+            is_apart = False
             for k in range(3):
                 if (
                     min(starts_a[i, k], ends_a[i, k]) - ra >= max(starts_b[j, k], ends_b[j, k]) + rb
                     or min(starts_b[j, k], ends_b[j, k]) - rb
                     >= max(starts_a[i, k], ends_a[i, k]) + ra
                 ):
-                    apart = True
+                    is_apart = True
                     break
-            if apart:
+            if is_apart:
                 continue
             square = segment_distance(starts_a[i], ends_a[i], starts_b[j], ends_b[j], point)
             if square >= (ra + rb) ** 2:
@@ -166,12 +166,12 @@ def capsules_in_common_m3(
                         nb += 1
             if nb == 0:
                 continue
-            na, nb = _merged(al, ah, na), _merged(bl, bh, nb)
+            na, nb = _merge(al, ah, na), _merge(bl, bh, nb)
             for i in range(na):
                 for j in range(nb):
-                    shared = min(ah[i], bh[j]) - max(al[i], bl[j])
-                    if shared > 0.0:
-                        length += shared
+                    overlap_m = min(ah[i], bh[j]) - max(al[i], bl[j])
+                    if overlap_m > 0.0:
+                        length += overlap_m
     return length * step_x * step_z
 
 

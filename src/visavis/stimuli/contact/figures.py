@@ -42,8 +42,8 @@ class Figures(NamedTuple):
 def crowd_figures() -> Figures:
     """Return the figures that play `CHARACTERS`, in that order."""
     cast = [default_casting(part) for part in CHARACTERS]
-    fitted = [_capsules(person) for person in cast]
-    starts, ends, radii = (np.array(rows) for rows in zip(*fitted, strict=True))
+    capsules_of_cast = [_capsules(person) for person in cast]
+    starts, ends, radii = (np.array(rows) for rows in zip(*capsules_of_cast, strict=True))
     columns = [BODY_JOINTS.index(name) for name in CAPSULE_JOINTS]
     return Figures(
         parents=bones().parents,
@@ -115,13 +115,13 @@ def _capsules(person: Character) -> tuple[Vector, Vector, Vector]:
 def _owners(person: Character) -> npt.NDArray[np.int64]:
     """Return for every vertex the body joint that moves it most; fingers count as the hand."""
     skeleton, mesh = person.skeleton, collision_mesh(person)
-    known = {skeleton.index(name): i for i, name in enumerate(BODY_JOINTS)}
+    body_joint_of = {skeleton.index(name): i for i, name in enumerate(BODY_JOINTS)}
     body = np.empty(len(skeleton.names), np.int64)
     for joint in range(len(body)):
         at = joint
-        while at not in known:
+        while at not in body_joint_of:
             at = int(skeleton.parents[at])
-        body[joint] = known[at]
+        body[joint] = body_joint_of[at]
     for side in ("left", "right"):
         body[skeleton.index(f"{side}_toes")] = BODY_JOINTS.index(f"{side}_foot")
     strongest = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]

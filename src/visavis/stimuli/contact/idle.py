@@ -67,7 +67,7 @@ def kinds_of(people: Vector) -> list[Kind]:
 
 
 @compiled
-def turned(local: Vector, joint: int, x: float, y: float, z: float) -> None:
+def set_turn(local: Vector, joint: int, x: float, y: float, z: float) -> None:
     """Set a joint's turn to a rotation about z, then x, then y (radians, fixed axes)."""
     cx, sx = np.cos(x / 2), np.sin(x / 2)
     cy, sy = np.cos(y / 2), np.sin(y / 2)
@@ -97,7 +97,7 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
     placed_rows(controls, place, heading)
     eyes, head, chest = np.empty((1, 3)), np.empty((1, 4)), np.empty((1, 4))
     look_from(controls, offsets, rows, eyes, head, chest)
-    added = np.zeros((1, 3))
+    gaze_turn = np.zeros((1, 3))
     turn_rows(
         t_s,
         np.zeros(2, np.int64),
@@ -109,11 +109,11 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
         controls[:, p.FRONT : p.ATTEND + 3].copy(),
         seeds,
         np.full(3, np.nan),
-        added,
+        gaze_turn,
     )
-    controls[0, p.TRUNK_YAW] += added[0, 0]
-    controls[0, p.HEAD_YAW] += added[0, 1]
-    controls[0, p.HEAD_PITCH] += added[0, 2]
+    controls[0, p.TRUNK_YAW] += gaze_turn[0, 0]
+    controls[0, p.HEAD_YAW] += gaze_turn[0, 1]
+    controls[0, p.HEAD_PITCH] += gaze_turn[0, 2]
     turns = np.empty((1, p.JOINTS, 4))
     pose_but_fingers(controls[0], offsets[0], turns[0])
     for k in range(3):
@@ -132,8 +132,8 @@ def hang_joint(
     Radians; `sign` 1 for the left arm, −1 for the right. The forearm joint follows the arm's.
     """
     # z first brings the arm down, x then swings it to the front
-    turned(local, arm, forward, 0.0, sign * hang)
-    turned(local, arm + 1, 0.0, -sign * bend, 0.0)
+    set_turn(local, arm, forward, 0.0, sign * hang)
+    set_turn(local, arm + 1, 0.0, -sign * bend, 0.0)
 
 
 @compiled

@@ -174,7 +174,7 @@ def find_touches(
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
     starts, ends = np.empty((n_capsules, 3)), np.empty((n_capsules, 3))
     point = np.empty(3)
-    found = 0
+    n_touches = 0
     for i in range(people.shape[0]):
         dx = max(low_x - people[i, 0], 0.0, people[i, 0] - high_x)
         dz = max(low_z - people[i, 1], 0.0, people[i, 1] - high_z)
@@ -201,7 +201,7 @@ def find_touches(
             at = -1
             for c in range(n_capsules):
                 r = part_radii[k] + radius[c]
-                apart = False
+                is_apart = False
                 for axis in range(3):
                     low = min(starts[c, axis], ends[c, axis]) - r
                     high = max(starts[c, axis], ends[c, axis]) + r
@@ -209,21 +209,21 @@ def find_touches(
                         max(part_starts[k, axis], part_ends[k, axis]) < low
                         or min(part_starts[k, axis], part_ends[k, axis]) > high
                     ):
-                        apart = True
-                if apart:
+                        is_apart = True
+                if is_apart:
                     continue
                 square = segment_distance(part_starts[k], part_ends[k], starts[c], ends[c], point)
                 if square < r * r:
                     depth = r - np.sqrt(square)
                     if depth > deepest:
                         deepest, at = depth, c
-                        if found < who.shape[0]:
-                            how[found, 1], how[found, 2], how[found, 3] = point
-            if at >= 0 and found < who.shape[0]:
-                who[found, 0], who[found, 1], who[found, 2] = k, i, at
-                how[found, 0] = deepest
-                found += 1
-    return found
+                        if n_touches < who.shape[0]:
+                            how[n_touches, 1], how[n_touches, 2], how[n_touches, 3] = point
+            if at >= 0 and n_touches < who.shape[0]:
+                who[n_touches, 0], who[n_touches, 1], who[n_touches, 2] = k, i, at
+                how[n_touches, 0] = deepest
+                n_touches += 1
+    return n_touches
 
 
 @compiled
@@ -246,10 +246,10 @@ def rows_touching(
     touching = 0
     for i in range(positions.shape[0]):
         pose_capsules(positions[i], worlds[i], columns, start_m, end_m, 1.0, starts, ends)
-        found = find_touches(
+        n_touches = find_touches(
             starts, ends, radius_m, people, crowd_t_s[i], reach_m, figures, who, how
         )
-        touching += found > 0
+        touching += n_touches > 0
     return touching
 
 

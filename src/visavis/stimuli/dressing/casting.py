@@ -69,7 +69,7 @@ def members_of(entries: Sequence[str], folder: Path, library: Path) -> tuple[Mem
         raise DesignError(
             f"cast: nobody called {', '.join(missing)} has been imported into {library}; run "
             "`visavis character import` with their files, or name a folder of figures or some of "
-            f"who is there: {', '.join([*_imported(library), *cast_names()])}"
+            f"who is there: {', '.join([*_library_names(library), *cast_names()])}"
         )
     return tuple(
         Member(name, "" if name in cast_names() else _sha256(_file(library, name)))
@@ -83,8 +83,8 @@ def use_cast(members: Sequence[Member], library: Path) -> None:
     Raises:
         DesignError: others have been cast in this process already, whose measures are kept.
     """
-    chosen = tuple(members)
-    if chosen == _in_force.members:
+    names = tuple(members)
+    if names == _in_force.members:
         if not _in_force.is_used:
             _in_force.library = library
         return
@@ -93,7 +93,7 @@ def use_cast(members: Sequence[Member], library: Path) -> None:
             "sessions with different casts cannot be shown or measured by one command; take those "
             "of each cast apart, where the lab_config.yaml in force names that cast or none"
         )
-    _in_force.members, _in_force.library = chosen, library
+    _in_force.members, _in_force.library = names, library
 
 
 @cache
@@ -112,7 +112,7 @@ def default_casting(part: str) -> Character:
     if part in cast_names():
         if not _in_force.members or part in {m.name for m in _in_force.members}:
             return load_character(part)
-        part = _numbered(part)
+        part = _number_name(part)
     gender, _, number = part.partition("_")
     if gender not in ("female", "male") or not number.isdigit() or int(number) < 1:
         raise DesignError(
@@ -128,11 +128,11 @@ def default_casting(part: str) -> Character:
     return in_other_clothes(candidates[who], outfit)
 
 
-def _numbered(name: str) -> str:
+def _number_name(name: str) -> str:
     """Return the number of somebody who comes along: "anna" is "female_01"."""
     gender = load_character(name).gender
-    alike = [c.name for c in load_cast() if c.gender == gender]
-    return f"{gender}_{alike.index(name) + 1:02d}"
+    same_gender = [c.name for c in load_cast() if c.gender == gender]
+    return f"{gender}_{same_gender.index(name) + 1:02d}"
 
 
 def _people() -> tuple[Character, ...]:
@@ -160,7 +160,7 @@ def _person(member: Member) -> Character:
     return read_character(path)
 
 
-def _imported(library: Path) -> list[str]:
+def _library_names(library: Path) -> list[str]:
     return sorted(path.stem for path in library.glob("*.npz"))
 
 

@@ -66,7 +66,7 @@ def roles_of(participant_place: str) -> tuple[str, ...]:
 def room_from(participant_place: str) -> Room:
     """Return the office as it stands round a participant in this place; the same object."""
     room, by = office(), places.shift_m(participant_place)
-    props = tuple(furniture.shifted(p, by) for p in room.props)
+    props = tuple(furniture.shift_prop(p, by) for p in room.props)
     lights = tuple(
         light if light.position_m is None else replace(light, position_m=light.position_m + by)
         for light in room.lights
@@ -139,16 +139,16 @@ def agents_of(
     participant_place: str, waving: Waving | None, seed: int, at_s: float
 ) -> tuple[Agent, ...]:
     """Return everybody as agents, with heads where they are `at_s` after the onset."""
-    dressed = _set_of(participant_place, waving, seed, default_casting)
-    n = len(dressed.cast)
-    posed = dressed.motion.at(
+    stage_set = _set_of(participant_place, waving, seed, default_casting)
+    n = len(stage_set.cast)
+    pose = stage_set.motion.at(
         at_s,
         Aimed(np.full((n, 3), np.nan), np.ones(n)),
-        changed=_warped(participant_place, waving, at_s),
+        turn_changes=_warp_of_person(participant_place, waving, at_s),
     )
     agents = []
     for i, role in enumerate(roles_of(participant_place)):
-        head, eyes, facing = look_of(dressed.cast[i], posed.root_m[i], posed.orientation_wxyz[i])
+        head, eyes, facing = look_of(stage_set.cast[i], pose.root_m[i], pose.orientation_wxyz[i])
         agents.append(Agent(role, PARTS[role], role, head, HEAD_RADIUS_M, facing, eyes))
     return tuple(agents)
 
@@ -207,7 +207,7 @@ def gaze_of(frame: SceneFrame) -> Aimed:
     )
 
 
-def _warped(
+def _warp_of_person(
     participant_place: str, waving: Waving | None, t_s: float, warp: WarpTrack | None = None
 ) -> dict[int, Callable[[Vector], Vector]]:
     """Return whose turns the wave's warp changes at a time, and how."""
@@ -251,14 +251,14 @@ def office_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> 
         )
     start_ns = frame.start_ns if isinstance(frame, OfficeFrame) else 0
     t_s = max(0.0, (frame.t_ns - start_ns) * 1e-9)
-    dressed = _set_of(scene.participant_place, scene.waving, scene.seed, casting)
+    stage_set = _set_of(scene.participant_place, scene.waving, scene.seed, casting)
     warp = frame.warp if isinstance(frame, OfficeFrame) else None
-    changed = _warped(scene.participant_place, scene.waving, t_s, warp)
+    turn_changes = _warp_of_person(scene.participant_place, scene.waving, t_s, warp)
     return Picture(
         t_ns=frame.t_ns,
         room=room_from(scene.participant_place),
-        cast=dressed.cast,
-        people=dressed.motion.at(t_s, gaze_of(frame), changed=changed),
+        cast=stage_set.cast,
+        people=stage_set.motion.at(t_s, gaze_of(frame), turn_changes=turn_changes),
         brightness_01=scene.brightness_01,
         mark_m=scene.mark_m,
     )

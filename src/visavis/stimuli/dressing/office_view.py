@@ -39,8 +39,8 @@ def character_of(role: str) -> Character:
 def heading_deg(clerk: str, target_place: str) -> float:
     """Return the turn (left of −z) of a clerk who faces a customer's place, near their front."""
     way = places.place(target_place).floor_m - places.place(clerk).floor_m
-    found = float(np.degrees(np.arctan2(-way[0], -way[2])))
-    return found % 360.0
+    turn_deg = float(np.degrees(np.arctan2(-way[0], -way[2])))
+    return turn_deg % 360.0
 
 
 def eye_at(place: str, height_m: float = places.STANDING_EYE_M) -> Vector:

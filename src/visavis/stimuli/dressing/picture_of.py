@@ -24,26 +24,26 @@ def picture_of(frame: SceneFrame) -> Picture:
     """
     scene = frame.scene
     if scene.dressed_by:
-        dressed: Picture = named_function(scene.dressed_by, "dresses this scene")(frame)
-        return dressed
+        picture: Picture = named_function(scene.dressed_by, "dresses this scene")(frame)
+        return picture
     return Picture(
         frame.t_ns, NOWHERE, (), NOBODY, brightness_01=scene.brightness_01, mark_m=scene.mark_m
     )
 
 
 @cache
-def named_function(named: str, purpose: str) -> Callable[..., Any]:
+def named_function(address: str, purpose: str) -> Callable[..., Any]:
     """Return the function that "module:function" names.
 
     Raises:
         DesignError: it cannot be imported; `purpose` says what nothing does then.
     """
-    module, _, name = named.partition(":")
+    module, _, name = address.partition(":")
     try:
-        found: Callable[..., Any] = getattr(importlib.import_module(module), name)
+        function: Callable[..., Any] = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
         raise DesignError(
-            f"nothing {purpose}: {named!r} cannot be imported ({error}); write it as "
+            f"nothing {purpose}: {address!r} cannot be imported ({error}); write it as "
             "module:function"
         ) from error
-    return found
+    return function

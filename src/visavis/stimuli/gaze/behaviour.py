@@ -80,13 +80,13 @@ def _eyes_at(
     limit_rad = np.radians(MAXIMUM_TURN_DEG)
     moving = False
     for j in range(m):
-        turned = t_ns >= turn_ns[j]
-        now = 1 if turned else 0
+        has_turned = t_ns >= turn_ns[j]
+        now = 1 if has_turned else 0
         _toward(
             eyes[j], facing[j], observer if follows[now, j] else targets[now, j], limit_rad, new
         )
         share = 1.0
-        if turned:
+        if has_turned:
             _toward(
                 eyes[j], facing[j], observer if follows[0, j] else targets[0, j], limit_rad, old
             )

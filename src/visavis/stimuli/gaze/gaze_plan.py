@@ -74,9 +74,9 @@ class GazePlan:
 
     def watched_from(self, observer_m: Vector) -> Self:
         """Return the same plan with the observer's eyes at a point (3,) in world."""
-        moved = replace(self, observer_m=np.asarray(observer_m, np.float64))
-        moved.__dict__["_table"] = self._table
-        return moved
+        plan = replace(self, observer_m=np.asarray(observer_m, np.float64))
+        plan.__dict__["_table"] = self._table
+        return plan
 
     @cached_property
     def _table(
@@ -96,7 +96,7 @@ class GazePlan:
             any(look.target == "observer" for look in flat),
         )
 
-    def _checked(self, look: Look) -> Vector:
+    def _checked_eyes(self, look: Look) -> Vector:
         if len(look.eyes_m) != len(self.looks):
             raise MotionError(
                 f"a gaze plan for {len(self.looks)} people was given {len(look.eyes_m)}"
@@ -109,7 +109,7 @@ class GazePlan:
 
     def turns_rad(self, t_s: float, look: Look) -> Vector:
         """Return what trunk and head add (n, 3)."""
-        observer = self._checked(look)
+        observer = self._checked_eyes(look)
         out = np.zeros((len(look.eyes_m), 3))
         turn_rows(
             t_s, *self._table[:4], look.eyes_m, look.head_wxyz, look.front, look.seed, observer, out
@@ -118,7 +118,7 @@ class GazePlan:
 
     def aim(self, t_s: float, look: Look) -> Aim:
         """Return where the eyes point."""
-        observer, n = self._checked(look), len(look.eyes_m)
+        observer, n = self._checked_eyes(look), len(look.eyes_m)
         direction, distance, openness = np.empty((n, 3)), np.empty(n), np.empty(n)
         gaze_rows(
             t_s,

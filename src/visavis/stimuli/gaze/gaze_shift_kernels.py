@@ -19,8 +19,8 @@ from visavis.stimuli.motion.quaternion_kernels import (
     inverse,
     minus,
     plus,
-    scaled,
-    turned,
+    rotate_vector,
+    scale_vector,
     unit_of,
 )
 from visavis.stimuli.motion.rhythm_kernels import chance, ease
@@ -196,9 +196,9 @@ def turn_rows(
         slow = 0.85 + 0.4 * chance(person, 214, 0)
         trunk, head, nod = 0.0, 0.0, 0.0
         for i in range(count):
-            seen = turned(to_head, (looks[i, 1], looks[i, 2], looks[i, 3]))
-            pitch = np.arcsin(min(1.0, max(-1.0, seen[1])))
-            goal = shares_rad(np.arctan2(-seen[0], -seen[2]), pitch, person)
+            target = rotate_vector(to_head, (looks[i, 1], looks[i, 2], looks[i, 3]))
+            pitch = np.arcsin(min(1.0, max(-1.0, target[1])))
+            goal = shares_rad(np.arctan2(-target[0], -target[2]), pitch, person)
             if i == 0:
                 trunk, head, nod = goal
                 continue
@@ -217,7 +217,10 @@ def _slerp(a: Triple, b: Triple, angle: float, share: float) -> Triple:
     if angle < 1e-7 or np.pi - angle < 1e-7:
         return b if share > 0.5 else a
     s = np.sin(angle)
-    return plus(scaled(a, np.sin((1.0 - share) * angle) / s), scaled(b, np.sin(share * angle) / s))
+    return plus(
+        scale_vector(a, np.sin((1.0 - share) * angle) / s),
+        scale_vector(b, np.sin(share * angle) / s),
+    )
 
 
 @compiled
@@ -272,8 +275,10 @@ def gaze_rows(
         lids = openness_01(t_s, person)
         for i in range(1, count):
             to = looks[i, 1], looks[i, 2], looks[i, 3]
-            apart, together = minus(to, now), plus(to, now)
-            angle = 2.0 * np.arctan2(np.sqrt(dot(apart, apart)), np.sqrt(dot(together, together)))
+            difference, together = minus(to, now), plus(to, now)
+            angle = 2.0 * np.arctan2(
+                np.sqrt(dot(difference, difference)), np.sqrt(dot(together, together))
+            )
             lasting = 1e-3 * (SACCADE_BASE_MS + SACCADE_MS_PER_DEG * np.degrees(angle))
             since = t_s - looks[i, 0]
             s = ease(since / lasting)

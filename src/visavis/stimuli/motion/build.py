@@ -116,8 +116,8 @@ def build_of_skeleton(skeleton: Skeleton) -> Build:
 
 def _of_part(mesh: SkinnedMesh, *parts: str) -> Vector:
     """Return the places (k, 3) of the vertices of some parts."""
-    kept = np.isin(mesh.triangle_part, [PART_INDEX[name] for name in parts])
-    rows = np.unique(mesh.triangles[kept])
+    of_parts = np.isin(mesh.triangle_part, [PART_INDEX[name] for name in parts])
+    rows = np.unique(mesh.triangles[of_parts])
     places: Vector = mesh.vertices_m[rows].astype(np.float64)
     return places
 
@@ -148,15 +148,15 @@ def _elbow_beside_m(trunk: Vector, arm: Vector, shoulder: Vector, elbow: Vector)
     out_m = abs(float(shoulder[0]))
     share = (shoulder[0] - arm[:, 0]) / length_m
     off_m = np.hypot(arm[:, 1] - shoulder[1], arm[:, 2] - shoulder[2])
-    found = out_m
+    elbow_m = out_m
     for along in ALONG_ARM:
-        beside = trunk[np.abs(shoulder[1] - trunk[:, 1] - 0.95 * along * length_m) < 0.025]
+        trunk_level = trunk[np.abs(shoulder[1] - trunk[:, 1] - 0.95 * along * length_m) < 0.025]
         around = off_m[np.abs(share - min(along, 0.95)) < 0.10]
-        if len(beside) and len(around):
-            side_m = float(np.quantile(np.abs(beside[:, 0]), 0.98))
+        if len(trunk_level) and len(around):
+            side_m = float(np.quantile(np.abs(trunk_level[:, 0]), 0.98))
             clear_m = side_m + float(np.quantile(around, 0.9)) + ARM_CLEAR_M
-            found = max(found, out_m + (clear_m - out_m) / along)
-    return min(found, MAX_ELBOW_BESIDE_M)
+            elbow_m = max(elbow_m, out_m + (clear_m - out_m) / along)
+    return min(elbow_m, MAX_ELBOW_BESIDE_M)
 
 
 def build_of_character(character: Character) -> Build:

@@ -236,9 +236,9 @@ def text_rows(
             a = arm_of(c, k)
             reach = 0.58 * (b[p.B_UPPER_ARM] + b[p.B_FOREARM])
             drop = 0.80 * b[p.B_UPPER_ARM]
-            apart = 0.058 if both else 0.015
+            hand_apart_m = 0.058 if both else 0.015
             hold(
-                a, p.CHEST, 1.0, -apart, b[p.B_SHOULDER_Y] - drop - 0.008 * k, -reach,
+                a, p.CHEST, 1.0, -hand_apart_m, b[p.B_SHOULDER_Y] - drop - 0.008 * k, -reach,
                 0.50 if both else 0.30, 0.30, -0.80, 0.40 if both else 0.22, 0.72, 0.50,
             )  # fmt: skip
             curl(a, 0.36, 0.44, 0.48, 0.50, 0.25)

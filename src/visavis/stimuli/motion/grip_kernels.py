@@ -6,7 +6,15 @@ import numpy.typing as npt
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.posture_kernels import finger_turns, thumb_turns
-from visavis.stimuli.motion.quaternion_kernels import Quat, Triple, dot, minus, plus, times, turned
+from visavis.stimuli.motion.quaternion_kernels import (
+    Quat,
+    Triple,
+    dot,
+    minus,
+    plus,
+    rotate_vector,
+    times,
+)
 
 THUMB, FINGER = 0, 1
 BETWEEN_M = 0.0005
@@ -36,8 +44,12 @@ def _seen_by_case(
     """Write the move (3, 4) that takes points at rest to the case's axes with a bone that is turned
     by `q` and whose joint is at `at`.
     """
-    x, y, z = turned(q, (1.0, 0.0, 0.0)), turned(q, (0.0, 1.0, 0.0)), turned(q, (0.0, 0.0, 1.0))
-    shift = minus(minus(at, turned(q, joint)), middle)
+    x, y, z = (
+        rotate_vector(q, (1.0, 0.0, 0.0)),
+        rotate_vector(q, (0.0, 1.0, 0.0)),
+        rotate_vector(q, (0.0, 0.0, 1.0)),
+    )
+    shift = minus(minus(at, rotate_vector(q, joint)), middle)
     for i in range(3):
         axis = (axes[i, 0], axes[i, 1], axes[i, 2])
         moves[row, i, 0], moves[row, i, 1] = dot(axis, x), dot(axis, y)
@@ -64,8 +76,8 @@ def _cost(
     c = (joints[2, 0], joints[2, 1], joints[2, 2])
     first = turns[0]
     second = times(first, turns[1])
-    at_b = plus(a, turned(first, minus(b, a)))
-    at_c = plus(at_b, turned(second, minus(c, b)))
+    at_b = plus(a, rotate_vector(first, minus(b, a)))
+    at_c = plus(at_b, rotate_vector(second, minus(c, b)))
     moves = np.empty((4, 3, 4))
     _seen_by_case(moves, 0, (1.0, 0.0, 0.0, 0.0), a, a, middle, axes)
     _seen_by_case(moves, 1, first, a, a, middle, axes)
@@ -73,18 +85,18 @@ def _cost(
     _seen_by_case(moves, 3, times(second, turns[2]), at_c, c, middle, axes)
     nearest = np.full(3, 1.0)
     sums, counts = np.zeros((3, 3)), np.zeros(3)
-    seen = np.empty(3)
+    point = np.empty(3)
     beyond = 0.0
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
-        seen[:] = 0.0
+        point[:] = 0.0
         for bone in range(4):
             w = weights[k, bone]
             if w > 0.0:
                 for i in range(3):
                     m = moves[bone, i]
-                    seen[i] += w * (m[0] * x + m[1] * y + m[2] * z + m[3])
-        u, v, w = abs(seen[0]) - half[0], abs(seen[1]) - half[1], abs(seen[2]) - half[2]
+                    point[i] += w * (m[0] * x + m[1] * y + m[2] * z + m[3])
+        u, v, w = abs(point[0]) - half[0], abs(point[1]) - half[1], abs(point[2]) - half[2]
         gap = min(max(u, v, w), 0.0)
         u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
         gap += np.sqrt(u * u + v * v + w * w)
@@ -92,11 +104,11 @@ def _cost(
         nearest[of] = min(nearest[of], gap)
         counts[of] += 1.0
         for i in range(3):
-            sums[of, i] += seen[i]
-        share = min(max(0.5 + 0.5 * seen[0] / half[0], 0.0), 1.0) * (room.shape[0] - 1)
+            sums[of, i] += point[i]
+        share = min(max(0.5 + 0.5 * point[0] / half[0], 0.0), 1.0) * (room.shape[0] - 1)
         below = min(int(share), room.shape[0] - 2)
         deep = room[below] + (share - below) * (room[below + 1] - room[below])
-        beyond = max(beyond, seen[2] - half[2] - deep)
+        beyond = max(beyond, point[2] - half[2] - deep)
     cost = GOES_IN * beyond * beyond
     for of in range(3):
         matters = FINGER_TOUCHES[of] if which == FINGER else THUMB_TOUCHES[of]
@@ -136,12 +148,12 @@ def best_bend(
     First `counts` (3,) of each are tried, evenly, then `rounds` times half as far about the best.
     """
     step = (most - least) / np.maximum(counts - 1, 1)
-    start, tried = least.copy(), counts.copy()
-    best, found = 1e9, least.copy()
+    start, n_steps = least.copy(), counts.copy()
+    best, best_turns = 1e9, least.copy()
     for _ in range(rounds + 1):
-        for i in range(tried[0]):
-            for j in range(tried[1]):
-                for k in range(tried[2]):
+        for i in range(n_steps[0]):
+            for j in range(n_steps[1]):
+                for k in range(n_steps[2]):
                     u = min(max(start[0] + i * step[0], least[0]), most[0])
                     v = min(max(start[1] + j * step[1], least[1]), most[1])
                     w = min(max(start[2] + k * step[2], least[2]), most[2])
@@ -156,9 +168,9 @@ def best_bend(
                     )
                     if cost < best:
                         best = cost
-                        found[0], found[1], found[2] = u, v, w
+                        best_turns[0], best_turns[1], best_turns[2] = u, v, w
         step = step / 2.0
         for k in range(3):
-            tried[k] = 3 if counts[k] > 1 else 1
-            start[k] = found[k] - step[k] if counts[k] > 1 else found[k]
-    return found
+            n_steps[k] = 3 if counts[k] > 1 else 1
+            start[k] = best_turns[k] - step[k] if counts[k] > 1 else best_turns[k]
+    return best_turns

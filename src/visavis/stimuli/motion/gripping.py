@@ -159,8 +159,8 @@ def grip_of_character(character: Character, case: Case, room_m: Vector) -> Vecto
     digit = _digit(skin, skeleton, "thumb")
     if digit is not None:
         room_m = np.full(2, ROOM_FOR_THUMB_M)
-        inward, opposed, bend = _best(
+        inward, opposition, bend = _best(
             digit, case, room_m, THUMB, 0.0, THUMB_IN_RAD, OPPOSED_RAD, THUMB_BENDS
         )
-        grip[9:] = bend, opposed, inward
+        grip[9:] = bend, opposition, inward
     return grip

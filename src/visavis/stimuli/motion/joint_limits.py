@@ -111,9 +111,9 @@ def beyond_deg(turns_wxyz: Vector) -> Vector:
     return out
 
 
-def clamped(turns_wxyz: Vector) -> Vector:
+def clamp_turns(turns_wxyz: Vector) -> Vector:
     """Return turns (..., 55, 4) held within the ranges; those within are returned as they are."""
     angles = joint_angles_deg(turns_wxyz)
-    held = turns_of_angles(np.clip(angles, LOWER_DEG, UPPER_DEG))
+    turns_within = turns_of_angles(np.clip(angles, LOWER_DEG, UPPER_DEG))
     inside = (beyond_deg(turns_wxyz) == 0.0).all(axis=-1, keepdims=True)
-    return np.where(inside, turns_wxyz, held)
+    return np.where(inside, turns_wxyz, turns_within)

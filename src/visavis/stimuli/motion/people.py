@@ -87,7 +87,7 @@ class PeopleMotion:
     """n people as a function of time; a frame can be asked for again and is the same."""
 
     people: tuple[Person, ...]
-    held: HeldHeads | None = None
+    held_heads: HeldHeads | None = None
 
     def __post_init__(self) -> None:
         for i, person in enumerate(self.people):
@@ -150,17 +150,17 @@ class PeopleMotion:
         t_s: float,
         gaze: Gaze | None = None,
         *,
-        changed: Mapping[int, Callable[[Vector], Vector]] = MappingProxyType({}),
+        turn_changes: Mapping[int, Callable[[Vector], Vector]] = MappingProxyType({}),
     ) -> PosedPeople:
         """Return everybody's pose at a time; without `gaze` people look around and blink.
 
-        `changed` makes other joint turns (55, 4) of some people's; their eyes are led after that.
+        `turn_changes` replaces the joint turns (55, 4) of some people before their eyes are aimed.
         """
         n = len(self.people)
         gaze = gaze or self._around
         controls = self.posture(t_s)
         _, offsets, skeleton_of, seeds = self._builds
-        held, held_eyes, facing = self._held
+        is_held, held_eyes, facing = self._held_arrays
         eyes, head, chest = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 4))
         look_from(controls, offsets, skeleton_of, eyes, head, chest)
         front = controls[:, p.FRONT : p.ATTEND + 3].copy()
@@ -168,15 +168,15 @@ class PeopleMotion:
         controls[:, p.TRUNK_YAW] += turns[:, 0]
         controls[:, p.HEAD_YAW] += turns[:, 1]
         controls[:, p.HEAD_PITCH] += turns[:, 2]
-        if held.any():
+        if is_held.any():
             held_eyes, facing = held_eyes.copy(), facing.copy()
             sway_rows(t_s, seeds, held_eyes, facing)
         root, joints = np.empty((n, 3)), np.empty((n, p.JOINTS, 4))
-        pose_rows(controls, offsets, skeleton_of, held, held_eyes, facing, root, joints)
-        for i, motion in self._recorded.items():
+        pose_rows(controls, offsets, skeleton_of, is_held, held_eyes, facing, root, joints)
+        for i, motion in self._recordings.items():
             frame = motion.at(t_s)
             root[i], joints[i] = frame.root_m, frame.orientation_wxyz
-        for i, change in changed.items():
+        for i, change in turn_changes.items():
             joints[i] = change(joints[i])
         morphs = np.zeros((n, len(MORPHS)))
         morphs[:, MORPHS.index("jaw_open")] = controls[:, p.JAW]
@@ -196,7 +196,7 @@ class PeopleMotion:
         return PosedPeople(root, joints, morphs)
 
     @cached_property
-    def _recorded(self) -> dict[int, Motion]:
+    def _recordings(self) -> dict[int, Motion]:
         """Return the whole motion of everybody who plays a clip at some time."""
         return {
             i: _chain(person)
@@ -209,13 +209,15 @@ class PeopleMotion:
         return GazePlan.of(len(self.people))
 
     @cached_property
-    def _held(self) -> tuple[npt.NDArray[np.bool_], Vector, Vector]:
+    def _held_arrays(self) -> tuple[npt.NDArray[np.bool_], Vector, Vector]:
         n = len(self.people)
-        if self.held is None:
+        if self.held_heads is None:
             return np.zeros(n, np.bool_), np.zeros((n, 3)), np.zeros((n, 3))
-        eyes, facing = (np.asarray(x, np.float64) for x in (self.held.eyes_m, self.held.facing))
-        held = np.asarray(np.isfinite(np.hstack([eyes, facing])).all(axis=1), np.bool_)
-        return held, eyes, facing
+        eyes, facing = (
+            np.asarray(x, np.float64) for x in (self.held_heads.eyes_m, self.held_heads.facing)
+        )
+        is_held = np.asarray(np.isfinite(np.hstack([eyes, facing])).all(axis=1), np.bool_)
+        return is_held, eyes, facing
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,9 +60,9 @@ def _kind(file: GltfFile, figure: Figure, surface: Surface) -> MaterialKind | No
     label = surface.name.lower()
     if surface.material is not None:
         label += " " + str(file.items("materials")[surface.material].get("name", "")).lower()
-    used = np.unique(surface.triangles)
-    apart = any(word in label for word in ("lash", "brow", "gland"))
-    if not apart and _on_eyes(figure, surface)[used].mean() > 0.5:
+    corners = np.unique(surface.triangles)
+    is_accessory = any(word in label for word in ("lash", "brow", "gland"))
+    if not is_accessory and _on_eyes(figure, surface)[corners].mean() > 0.5:
         return "eye"
     return next((kind for word, kind in _KINDS_BY_WORD if word in label), None)
 
@@ -125,7 +125,7 @@ def _base_texture(file: GltfFile, surface: Surface) -> int | None:
     return None if texture is None else int(texture["index"])
 
 
-def worn_apart(
+def pieces_by_kind(
     file: GltfFile,
     figure: Figure,
     rig: Rig,
@@ -144,18 +144,18 @@ def worn_apart(
     if base is None or surface.uv is None or face is None:
         return [(surface, "other", False)]
     pixels = looks.pixels(base)
-    alike = like_the_face(pixels, surface.uv, surface.triangles, face)
+    like_face = like_the_face(pixels, surface.uv, surface.triangles, face)
     lying = _lying(figure, rig, surface)
-    none = np.zeros(len(alike), dtype=bool)
+    none = np.zeros(len(like_face), dtype=bool)
     if _has_face(lying):
         # Short hair is part of the head in many files; what else is unlike the face there are lips.
         over = (lying.middle[:, 1] > 0.5) | (lying.middle[:, 2] > 1.2)
         temples = (np.abs(lying.middle[:, 0]) > 0.95) & (lying.middle[:, 1] > -0.3)
         temples &= darker_than_the_face(pixels, surface.uv, surface.triangles, face)
-        hair = lying.head & ~alike & (over | temples)
-        skin = (alike | lying.head) & ~hair
-    elif alike.mean() > MIN_BARE_SHARE:
-        hair, skin = none, alike
+        hair = lying.head & ~like_face & (over | temples)
+        skin = (like_face | lying.head) & ~hair
+    elif like_face.mean() > MIN_BARE_SHARE:
+        hair, skin = none, like_face
     else:
         return [(surface, "other", False)]
     kinds: tuple[tuple[npt.NDArray[np.bool_], MaterialKind], ...] = (
@@ -163,9 +163,9 @@ def worn_apart(
         (hair, "hair"),
         (~skin & ~hair, "cloth"),
     )
-    shared = not skin.all()
+    is_shared = not skin.all()
     return [
-        (replace(surface, triangles=surface.triangles[some]), kind, shared)
+        (replace(surface, triangles=surface.triangles[some]), kind, is_shared)
         for some, kind in kinds
         if some.any()
     ]

@@ -43,7 +43,7 @@ ViewOf = Callable[[Camera], Outlook]
 class OnlineState:
     """The newest solution: offsets (w,) to come to, made for the pose at `t_ns`.
 
-    `original`, `wanted` and `seen` (f,) are features of that pose: as it was, as asked for, and
+    `original`, `goal` and `seen` (f,) are features of that pose: as it was, as asked for, and
     under the offsets before this step. `sees` is False while the observer's eye is inside the
     body: offsets are held then. `steps` counts solutions.
     """
@@ -51,7 +51,7 @@ class OnlineState:
     t_ns: int
     omega_rad: Vector
     original: Vector
-    wanted: Vector
+    goal: Vector
     seen: Vector
     is_reached: bool
     sees: bool
@@ -171,7 +171,7 @@ class OnlineWarp(Closing):
                 moment.t_ns,
                 old.omega_rad,
                 old.original,
-                old.wanted,
+                old.goal,
                 old.seen,
                 False,
                 False,
@@ -198,7 +198,7 @@ class OnlineWarp(Closing):
             step = control_step(
                 situation, omega, wanted, scale_of(situation, original), self._settings, self._pool
             )
-            seen, ahead = step.seen, step.next_rad
+            seen, ahead = step.features, step.next_rad
         self._state = OnlineState(
             moment.t_ns,
             ahead,

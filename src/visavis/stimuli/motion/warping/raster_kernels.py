@@ -223,10 +223,10 @@ def draw(
                             map_eyes,
                         )
                         lit = 1 if light >= least_light else 0
-                seen = label if lit == 1 else np.uint8(0)
-                if near > nearness[r, c] or seen > ids[r, c]:
+                tag = label if lit == 1 else np.uint8(0)
+                if near > nearness[r, c] or tag > ids[r, c]:
                     nearness[r, c] = near
-                    ids[r, c] = seen
+                    ids[r, c] = tag
 
 
 @compiled
@@ -236,7 +236,7 @@ def perceive(
     weights: Floats,
     still_triangles: Ints,
     still_labels: Bytes,
-    moved: npt.NDArray[np.int64],
+    moving_vertices: npt.NDArray[np.int64],
     moved_triangles: Ints,
     moved_labels: Bytes,
     first: Floats,
@@ -253,7 +253,7 @@ def perceive(
 ) -> None:
     """Fill some rows of ids (n, h, w) with the perceived parts of a body in poses (n, j, 3, 4).
 
-    All these poses differ from the pose `first` (j, 3, 4) in vertices `moved` only, so the other
+    All these poses differ from the pose `first` (j, 3, 4) in `moving_vertices` only, so the other
     triangles are drawn once. `behind` (h, w) is the inverse depth of everything else in view.
     """
     height, width = behind.shape
@@ -277,8 +277,8 @@ def perceive(
     )
     nearness = np.empty_like(behind)
     for k in rows:
-        skin_some(moved, rest, joints, weights, matrices[k], points)
-        project_some(moved, points, eye, width, height, screen)
+        skin_some(moving_vertices, rest, joints, weights, matrices[k], points)
+        project_some(moving_vertices, points, eye, width, height, screen)
         nearness[:] = still_near
         ids[k][:] = still_ids
         draw(
@@ -297,18 +297,18 @@ def perceive(
 
 
 @compiled
-def measure(ids: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
+def measure(ids: Bytes, masks: npt.NDArray[np.bool_], out: Floats) -> None:
     """Measure masks of parts (f, 256) in ids (n, h, w) into out (n, f, 3).
 
     Coverage (share of all pixels), horizontal and vertical extension (share of width, height).
     """
     n, height, width = ids.shape
     for k in range(n):
-        for f in range(wanted.shape[0]):
+        for f in range(masks.shape[0]):
             count, c0, c1, r0, r1 = 0, width, -1, height, -1
             for r in range(height):
                 for c in range(width):
-                    if wanted[f, ids[k, r, c]]:
+                    if masks[f, ids[k, r, c]]:
                         count += 1
                         c0, c1 = min(c0, c), max(c1, c)
                         r0, r1 = min(r0, r), max(r1, r)
@@ -319,7 +319,7 @@ def measure(ids: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
 
 @compiled
 def fine_extension(
-    ids: Bytes, wanted: npt.NDArray[np.bool_], across: bool, least: float, out: Floats
+    ids: Bytes, mask: npt.NDArray[np.bool_], across: bool, least: float, out: Floats
 ) -> None:
     """Measure the extension of a mask of parts (256,) in ids (n, h, w) into out (n,), in pixels.
 
@@ -334,7 +334,7 @@ def fine_extension(
         profile[:] = 0
         for r in range(height):
             for c in range(width):
-                if wanted[ids[k, r, c]]:
+                if mask[ids[k, r, c]]:
                     profile[c if across else r] += 1
         if profile.sum() < 2 * least:
             out[k] = np.nan
@@ -355,18 +355,18 @@ def fine_extension(
 
 
 @compiled
-def changed(ids: Bytes, before: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
+def measure_change(ids: Bytes, before: Bytes, masks: npt.NDArray[np.bool_], out: Floats) -> None:
     """Measure the share of pixels that changed since `before` (n, h, w) and bear a wanted part
     before or after: masks (f, 256), ids (n, h, w), out (n, f).
     """
     n, height, width = ids.shape
     for k in range(n):
-        for f in range(wanted.shape[0]):
+        for f in range(masks.shape[0]):
             count = 0
             for r in range(height):
                 for c in range(width):
                     now, then = ids[k, r, c], before[k, r, c]
-                    if now != then and (wanted[f, now] or wanted[f, then]):
+                    if now != then and (masks[f, now] or masks[f, then]):
                         count += 1
             out[k, f] = count / (height * width)
 

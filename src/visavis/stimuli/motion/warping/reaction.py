@@ -19,7 +19,7 @@ from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.skeleton import Skeleton, forward
 from visavis.stimuli.motion.warping.outlook import Outlook
-from visavis.stimuli.motion.warping.perceived import SeenBody, perceived
+from visavis.stimuli.motion.warping.perceived import SeenBody, perceived_parts
 
 FRONT: Final = np.array([0.0, 0.0, -1.0])
 SIDES: Final = ("left", "right")
@@ -96,37 +96,37 @@ class Judgement:
     cues: WaveCues
 
 
-def wave_cues(skeleton: Skeleton, seen: SeenMotion) -> WaveCues:
+def wave_cues(skeleton: Skeleton, motion: SeenMotion) -> WaveCues:
     """Measure the cues of a stretch of time.
 
     Raises:
         MotionError: there are fewer than two moments.
     """
-    if len(seen.t_s) < 2:
-        raise MotionError(f"{len(seen.t_s)} moments hold no movement; look at two or more")
-    place = forward(skeleton, seen.root_m, seen.local_wxyz)
+    if len(motion.t_s) < 2:
+        raise MotionError(f"{len(motion.t_s)} moments hold no movement; look at two or more")
+    place = forward(skeleton, motion.root_m, motion.local_wxyz)
     at = {name: place.position_m[:, i] for name, i in skeleton.index_of.items()}
-    turned = {name: place.orientation_wxyz[:, i] for name, i in skeleton.index_of.items()}
-    trunk = rotate(turned["upper_chest"], FRONT)
-    to_observer = seen.eye_m - at["upper_chest"]
+    turns_of = {name: place.orientation_wxyz[:, i] for name, i in skeleton.index_of.items()}
+    trunk = rotate(turns_of["upper_chest"], FRONT)
+    to_observer = motion.eye_m - at["upper_chest"]
     body = _level_angle_deg(trunk, to_observer)
     eyes = (at["left_eye"] + at["right_eye"]) / 2
-    looks = unit(rotate(turned["left_eye"], FRONT) + rotate(turned["right_eye"], FRONT))
-    gaze = angle_deg(looks, unit(seen.eye_m - eyes))
-    swings = [_swing(skeleton, at, side, seen, k) for k, side in enumerate(SIDES)]
-    hand, amplitude, degrees, turns, raised = max(swings, key=lambda s: (s[3] >= 2, s[1]))
+    looks = unit(rotate(turns_of["left_eye"], FRONT) + rotate(turns_of["right_eye"], FRONT))
+    gaze = angle_deg(looks, unit(motion.eye_m - eyes))
+    swings = [_swing(skeleton, at, side, motion, k) for k, side in enumerate(SIDES)]
+    hand, amplitude, degrees, turns, raised_share_01 = max(swings, key=lambda s: (s[3] >= 2, s[1]))
     return WaveCues(
         hand=hand,
         amplitude_forearms=amplitude,
         amplitude_deg=degrees,
         turns=turns,
-        raised_share_01=raised,
-        body_deg=_median(body, seen.trunk),
-        gaze_deg=_median(gaze, seen.face),
+        raised_share_01=raised_share_01,
+        body_deg=_median(body, motion.trunk),
+        gaze_deg=_median(gaze, motion.face),
     )
 
 
-def judged(cues: WaveCues, rule: WaveRule | None = None) -> Judgement:
+def judge(cues: WaveCues, rule: WaveRule | None = None) -> Judgement:
     """Decide from cues whether somebody waves, and whether it is meant for the observer."""
     r = rule or WaveRule()
     waves = (
@@ -137,22 +137,22 @@ def judged(cues: WaveCues, rule: WaveRule | None = None) -> Judgement:
     )
     if not waves:
         return Judgement(False, False, float("nan"), cues)
-    found = [(r.amplitude_weight, min(1.0, cues.amplitude_forearms / r.full_forearms))]
+    evidence = [(r.amplitude_weight, min(1.0, cues.amplitude_forearms / r.full_forearms))]
     if np.isfinite(cues.gaze_deg):
-        found.append((r.gaze_weight, float(np.exp(-((cues.gaze_deg / r.gaze_width_deg) ** 2)))))
+        evidence.append((r.gaze_weight, float(np.exp(-((cues.gaze_deg / r.gaze_width_deg) ** 2)))))
     if np.isfinite(cues.body_deg):
-        found.append((r.body_weight, float(np.exp(-((cues.body_deg / r.body_width_deg) ** 2)))))
-    weight = sum(w for w, _ in found)
-    score = sum(w * value for w, value in found) / weight
+        evidence.append((r.body_weight, float(np.exp(-((cues.body_deg / r.body_width_deg) ** 2)))))
+    weight = sum(w for w, _ in evidence)
+    score = sum(w * value for w, value in evidence) / weight
     # How far a hand swings does not tell whom it is for: something must point to the observer.
-    return Judgement(True, len(found) > 1 and score >= r.least_score_01, score, cues)
+    return Judgement(True, len(evidence) > 1 and score >= r.least_score_01, score, cues)
 
 
 def looked_at(
     body: SeenBody, view: Outlook, root_m: Vector, local_wxyz: Vector, *, least_px: int = 3
 ) -> tuple[bool, bool, tuple[bool, bool]]:
     """Tell whether face, trunk and hands (left, right) of a pose can be seen in a view."""
-    ids = perceived(body, view, root_m[None], local_wxyz[None])[0]
+    ids = perceived_parts(body, view, root_m[None], local_wxyz[None])[0]
     count = np.bincount(ids.ravel(), minlength=256)
 
     def some(*parts: str) -> bool:
@@ -216,7 +216,7 @@ class WaveWatcher:
             np.array(trunks),
             np.array(both),
         )
-        return judged(wave_cues(self._skeleton, seen), self._rule)
+        return judge(wave_cues(self._skeleton, seen), self._rule)
 
     def reacts(self, t_ns: int, judgement: Judgement | None) -> bool:
         """Tell once that a wave is meant for oneself, then keep quiet for a while."""
@@ -234,32 +234,32 @@ def _level_angle_deg(direction: Vector, way: Vector) -> Vector:
     return angle_deg(unit(direction * flat), unit(way * flat))
 
 
-def _median(values: Vector, seen: Vector) -> float:
+def _median(values: Vector, is_seen: Vector) -> float:
     """Return the median over the moments seen, NaN when that is less than a third of them."""
-    kept = values[np.asarray(seen, dtype=np.bool_) & np.isfinite(values)]
-    return float(np.median(kept)) if 3 * len(kept) >= len(values) else float("nan")
+    valid = values[np.asarray(is_seen, dtype=np.bool_) & np.isfinite(values)]
+    return float(np.median(valid)) if 3 * len(valid) >= len(values) else float("nan")
 
 
 def _swing(
-    skeleton: Skeleton, at: dict[str, Vector], side: str, seen: SeenMotion, k: int
+    skeleton: Skeleton, at: dict[str, Vector], side: str, motion: SeenMotion, k: int
 ) -> tuple[str, float, float, int, float]:
     """Return a hand's swing across the line of sight while it was seen."""
-    shown = np.asarray(seen.hands[:, k], dtype=np.bool_)
-    if 2 * shown.sum() < len(shown) or shown.sum() < 3:
+    is_visible = np.asarray(motion.hands[:, k], dtype=np.bool_)
+    if 2 * is_visible.sum() < len(is_visible) or is_visible.sum() < 3:
         return side, 0.0, 0.0, 0, 0.0
     hand, elbow = at[f"{side}_hand"], at[f"{side}_lower_arm"]
     forearm = float(np.linalg.norm(skeleton.offsets_m[skeleton.index(f"{side}_hand")]))
     # The middle of the hand tells more than the wrist, which a wave from the wrist leaves still.
     knuckle = at.get(f"{side}_middle_proximal", hand)
-    way = seen.eye_m - hand
+    way = motion.eye_m - hand
     across = np.cross(way, np.array([0.0, 1.0, 0.0]))
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
-    offset = np.sum((knuckle - at["upper_chest"]) * across, axis=1)[shown]
+    offset = np.sum((knuckle - at["upper_chest"]) * across, axis=1)[is_visible]
     span = float(offset.max() - offset.min())
     distance = float(np.median(np.linalg.norm(way, axis=1)))
     degrees = float(np.degrees(2 * np.arctan2(span / 2, distance)))
-    raised = float((hand[shown, 1] > elbow[shown, 1]).mean())
-    return side, span / forearm, degrees, _turns(offset, NOISE_FOREARMS * forearm), raised
+    raised_share_01 = float((hand[is_visible, 1] > elbow[is_visible, 1]).mean())
+    return side, span / forearm, degrees, _turns(offset, NOISE_FOREARMS * forearm), raised_share_01
 
 
 def _turns(series: Vector, least: float) -> int:
