@@ -144,9 +144,9 @@ class TimedDirector(Director):
         super()._decide()
         self.update_ms.append(1e3 * (cpu_time_s() - before))
 
-    def _moved(self, t_ns: int) -> tuple[Vector, Vector, Vector, Vector]:
+    def _state_at(self, t_ns: int) -> tuple[Vector, Vector, Vector, Vector]:
         before = cpu_time_s()
-        found = super()._moved(t_ns)
+        found = super()._state_at(t_ns)
         self.step_ms.append(1e3 * (cpu_time_s() - before))
         return found
 

@@ -1,6 +1,6 @@
 """Map a device's clock to the host's from time exchanges or from one-way arrivals.
 
-Nothing here corrects anything: raw stamps and all exchanges are stored, fits beside them.
+Raw stamps and all exchanges are stored as they are; the fits are stored in addition.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
 
 LOWEST_ROUND_TRIPS = 0.30
-"""Share of exchanges a fit uses: those least disturbed by waiting in queues."""
+"""Share of exchanges that a fit uses: those with the shortest waits in queues."""
 
 SAME_CLOCK_NS = 20_000_000
 QUICK_WITHIN_NS = 20_000

@@ -1,4 +1,4 @@
-"""Read `lab_config.yaml`: one lab, its folders, its devices by role; wrong in full or right."""
+"""Read `lab_config.yaml`: a lab's folders and devices by role; all mistakes come together."""
 
 import difflib
 import hashlib
@@ -31,10 +31,10 @@ TAKEN_STREAMS = frozenset(
         "drawn_views",
     }
 )  # fmt: skip
-"""Streams and tables of Visavis: a device of the lab's own is called by another name."""
+"""Names of Visavis' own streams and tables; a lab's own device needs another name."""
 OWN_ROLE = re.compile(r"[a-z][a-z0-9_]{1,40}")
 MISSPELT_01 = 0.8
-"""A role as like one of ours as this is taken for misspelt; others are the lab's own."""
+"""Similarity from which an unknown role counts as ours, misspelt; others are the lab's own."""
 
 OptionModels: TypeAlias = Mapping[str, type[BaseModel]]
 """Option models by driver name; only these drivers are then known."""
@@ -122,7 +122,7 @@ class Screen(_Part):
         )
 
     def as_options(self) -> dict[str, float]:
-        """Return what a screen-based eye tracker is told of the screen (mm, pixels)."""
+        """Return the screen's settings for a screen-based eye tracker (mm, pixels)."""
         return {
             "screen_width_px": self.width_px,
             "screen_height_px": self.height_px,
@@ -210,7 +210,7 @@ class Privacy(_Part):
 
 
 class Publication(_Part):
-    """What data sets that leave the lab say of themselves: who, where, under which licence."""
+    """What published data sets say about themselves: authors, place and licence."""
 
     authors: tuple[str, ...] = Field(default=(), strict=False)
     licence: str = ""
@@ -390,7 +390,7 @@ def _absolute(folder: Path, text: str) -> Path:
 
 
 def _screen_of(raw: Mapping[str, Any]) -> Screen | None:
-    """Return the screen participants sit before; what is wrong with it is told elsewhere."""
+    """Return the screen in front of participants; mistakes in it are reported elsewhere."""
     try:
         return Display.model_validate(raw.get("display", {})).on_screen
     except ValidationError:
@@ -398,7 +398,7 @@ def _screen_of(raw: Mapping[str, Any]) -> Screen | None:
 
 
 def is_own_role(role: str) -> bool:
-    """Say whether the lab named the role itself: what fills it is recorded beside every study."""
+    """Return whether the lab named the role itself; such a device is recorded with every study."""
     return role not in ROLES and not ARMBAND_ROLE.fullmatch(role)
 
 
@@ -466,7 +466,7 @@ def _taken_from_screen(
     options: dict[str, Any],
     screen: Screen,
 ) -> list[Problem]:
-    """Tell a screen-based eye tracker of the lab's screen; it is described once."""
+    """Give a screen-based eye tracker the lab's screen, so that it is described only once."""
     problems = []
     for name, value in screen.as_options().items():
         if name not in model.model_fields:
@@ -483,7 +483,7 @@ def _taken_from_screen(
 
 
 def _unit_doubt(key: str, value: object) -> str | None:
-    """Doubt the unit of an option nobody has described."""
+    """Return a warning when the value of an undescribed option looks like another unit."""
     if unit_of(key) and isinstance(value, str):
         return explain_text(key, value)
     return explain_magnitude(key, value)

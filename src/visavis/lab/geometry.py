@@ -95,7 +95,7 @@ def yaw_pitch_deg_of(direction: Vector) -> tuple[Vector, Vector]:
 
 
 def turn_towards(direction: Vector) -> Vector:
-    """Return some turn (4,) that leads −z to a unit direction (3,)."""
+    """Return a rotation (4,) that turns −z to a unit direction (3,)."""
     ahead = np.array([0.0, 0.0, -1.0])
     quaternion = np.array([1.0 + float(ahead @ direction), *np.cross(ahead, direction)])
     length = float(np.linalg.norm(quaternion))

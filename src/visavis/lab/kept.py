@@ -1,8 +1,8 @@
-"""Arrays kept between runs, in the user's cache folder, under the hash of what they are.
+"""A cache of arrays in the user's cache folder, keyed by the hash of their inputs.
 
-For what takes seconds to find and follows from its inputs alone. Nothing is lost with a folder
-that is emptied, or cannot be written to, but time. Of each name the files used last are kept, up to
-`MAX_KEPT_BYTES`.
+For results that take seconds to compute and follow from their inputs alone. Emptying the folder, or
+not being able to write to it, costs time only. For each name the most recently used files are kept,
+up to `MAX_KEPT_BYTES`.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ MAX_KEPT_BYTES = 200_000_000
 
 
 def digest_of(*arrays: npt.NDArray[Any], text: str = "") -> str:
-    """Return the SHA-256 of arrays and words."""
+    """Return the SHA-256 of arrays and a text."""
     digest = hashlib.sha256(text.encode())
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -32,7 +32,7 @@ def digest_of(*arrays: npt.NDArray[Any], text: str = "") -> str:
 
 @cache
 def digest_of_code(package: ModuleType) -> str:
-    """Return the SHA-256 of a package's code, for what another version would find otherwise."""
+    """Return the SHA-256 of a package's code, for results that depend on its version."""
     digest = hashlib.sha256()
     for folder in package.__path__:
         for path in sorted(Path(folder).glob("*.py")):
@@ -41,9 +41,9 @@ def digest_of_code(package: ModuleType) -> str:
 
 
 def read_kept(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
-    """Return what was kept under a key; None when there is nothing or it cannot be read.
+    """Return the cached arrays of a key; None when there are none or they cannot be read.
 
-    `name` says whose it is.
+    `name` is the folder of the study or module that owns them.
     """
     path = _folder(name) / f"{key}.npz"
     try:
@@ -56,7 +56,7 @@ def read_kept(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
 
 
 def keep(name: str, key: str, what: dict[str, npt.NDArray[Any]]) -> None:
-    """Keep arrays under a key."""
+    """Store arrays under a key."""
     folder = _folder(name)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Say what a pydantic model finds wrong in a file as an operator wants to read it."""
+"""Turn a pydantic model's errors about a file into messages for an operator."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeGuard, get_args
@@ -94,7 +94,7 @@ def _unknown_key(document: Document, place: KeyPath, value: object, names: set[s
 
 
 def _wording(key: str, item: Mapping[str, Any]) -> str:
-    """Say a pydantic complaint to an operator."""
+    """Return a pydantic error as a message for an operator."""
     kind, value = str(item["type"]), item["input"]
     if kind == "missing":
         unit = unit_of(key)
@@ -124,7 +124,7 @@ def _magnitudes(
     at: KeyPath,
     places: set[KeyPath],
 ) -> list[Problem]:
-    """Doubt numbers that look like another unit, in this part and the parts below it."""
+    """Return warnings about numbers that look like another unit, here and in nested parts."""
     problems = []
     for name, field in model.model_fields.items():
         if name not in raw:

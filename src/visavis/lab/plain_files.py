@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 MAX_DEPTH = 64
 MAX_TEXT_BYTES = 256 * 1024 * 1024
-"""No file of text that Visavis writes comes near this."""
+"""Far more than any text file that Visavis writes."""
 MAX_UNPACKED_BYTES = 4 << 30
 PIECE_BYTES = 1 << 20
 
@@ -62,7 +62,7 @@ def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
 def _at_most(file: BufferedReader | gzip.GzipFile, most: int, piece: int) -> bytes:
     """Read a file to its end, no more than `most` bytes, `piece` at first and then more.
 
-    Python takes memory for as much as is asked for, before it looks how much there is.
+    Python allocates as much as is requested before it knows how much there is.
     """
     data = file.read(min(piece, most))
     if len(data) < piece:  # all there is, which need not be copied
@@ -111,7 +111,7 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
 def _array(member: bytes) -> npt.NDArray[Any]:
     """Return what a member of an .npz file holds; raises ValueError for all but arrays.
 
-    As NumPy reads it, but headers that are alike are parsed once: files hold many such arrays.
+    Same result as NumPy's reader, but equal headers are parsed once: files hold many such arrays.
     """
     end = 10 + int.from_bytes(member[8:10], "little")
     if member[:8] == b"\x93NUMPY\x01\x00":

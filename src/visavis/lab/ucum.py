@@ -25,7 +25,7 @@ atm [lbf_av] [in_i] [ft_i] [yd_i] [mi_i] [fth_i] [nmi_i] [kn_i] [sin_i] [sft_i] 
 [in_i'H2O] [in_i'Hg] [diop] [p'diop] %[slope] [MET] [pH] [S] [arb'U] [CFU] Ao b att [psi] circ sph
 [m/s2/Hz^(1/2)] [NTU] [FNU] bit_s
 """.split()
-"""Units that take none; customary ones of trade and of the pharmacy are left out."""
+"""Units without a prefix; customary units of trade and pharmacy are left out."""
 
 WRITTEN = {
     "microvolt": "uV", "millivolt": "mV", "volt": "V", "microsiemens": "uS", "siemens": "S",
@@ -62,7 +62,7 @@ def _component() -> re.Pattern[str]:
 
 @cache
 def is_ucum(unit: str) -> bool:
-    """Say whether a text is a unit of UCUM; the empty text is none."""
+    """Return whether a text is a UCUM unit; the empty text is not."""
     return _end_of_term(unit, 0) == len(unit)
 
 
@@ -77,7 +77,7 @@ def require_ucum(unit: str, where: str) -> None:
 
 
 def nearest(unit: str) -> str:
-    """Return the unit that was probably meant; empty when nothing is near."""
+    """Return the most likely unit; empty when none is similar."""
     if is_ucum(unit):
         return unit
     if exact := code_of(unit):

@@ -1,4 +1,4 @@
-"""Say which unit a setting wants when the one given looks wrong."""
+"""Explain which unit a setting expects when the value looks wrong."""
 
 import re
 from collections.abc import Callable, Iterable

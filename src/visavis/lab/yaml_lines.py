@@ -1,4 +1,4 @@
-"""Read YAML so that every complaint about it can name the line."""
+"""Read YAML so that every error message can name the line."""
 
 import difflib
 from collections.abc import Iterable, Sequence
@@ -68,7 +68,7 @@ class Document:
 
 
 def key_text(key_path: Sequence[str | int]) -> str:
-    """Write a key path as an operator would: `items[3].text`."""
+    """Return a key path as text: `items[3].text`."""
     text = ""
     for part in key_path:
         if isinstance(part, int):
@@ -130,7 +130,7 @@ def parse_document(text: str, path: Path) -> Document:
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads only what it is safe to walk through: not nested beyond all sense."""
+    """A loader that refuses YAML nested deeper than `MAX_DEPTH`."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)

@@ -44,7 +44,7 @@ BIDS_VERSION = "1.11.1"
 MAX_SPACING = 1.5
 """Samples farther apart than so many usual spacings have a gap between them."""
 NO_TIME = -(2**63)
-"""What stands in a stream for an unknown time: `visavis.devices.streams.NO_DEVICE_TIME`."""
+"""Value of an unknown time in a stream: `visavis.devices.streams.NO_DEVICE_TIME`."""
 NOTHING_SAID = DatasetAbout()
 MISSING = "n/a"
 GZIP_LEVEL = 1
@@ -67,10 +67,10 @@ BOOKKEEPING = frozenset(
         "pointer",
     )
 )
-"""Streams of the session itself, of use beside the session alone: what was shown and when."""
+"""Streams about the session itself (what was shown and when), which mean nothing without it."""
 
 _ARRANGEMENTS: Mapping[str, str] = {"scene": "agents", "crowd": "people"}
-"""Events that say who stood where, and the key under which they do."""
+"""Events that describe an arrangement of people, and the key that holds it."""
 
 FILES: Mapping[str, str] = {
     "beh/*_recording-eye1_physio.tsv.gz": "gaze of the left eye (eye2: right, eye3: combined)",
@@ -126,7 +126,7 @@ _PEOPLE: Mapping[str, Mapping[str, Any]] = {
 
 
 def _people(recordings: Sequence[Recording]) -> pd.DataFrame:
-    """Return a row per participant: what demographic questions were answered with."""
+    """Return a row per participant with the answers to demographic questions."""
     rows: dict[str, dict[str, Any]] = {}
     for recording in recordings:
         label = f"sub-{recording.manifest.participant}"
@@ -318,7 +318,7 @@ def _segments(recording: Recording, body: Columns | None) -> tuple[str, ...]:
 
 
 def _task_fields(recording: Recording, about: DatasetAbout) -> dict[str, Any]:
-    """Return what is said of the task: what participants did, and what they were told."""
+    """Return the task's description and instructions."""
     plan = recording.manifest.plan
     blocks = plan.get("blocks", ()) if isinstance(plan, Mapping) else ()
     instructions = [str(b.get("instruction", "")) for b in blocks if b.get("instruction")]
@@ -330,14 +330,14 @@ def _task_fields(recording: Recording, about: DatasetAbout) -> dict[str, Any]:
 
 
 def _screen(recording: Recording) -> Mapping[str, Any]:
-    """Return the screen participants sat before; empty where there was none."""
+    """Return the settings of the screen; empty when there was none."""
     configuration = recording.manifest.configuration
     screen = configuration.get("screen") if isinstance(configuration, Mapping) else None
     return screen if isinstance(screen, Mapping) else {}
 
 
 def _screen_fields(recording: Recording) -> dict[str, Any]:
-    """Return what is said of the screen: distance and size in metres, pixels right and down."""
+    """Return the fields about the screen: distance and size in metres, pixels right and down."""
     screen = _screen(recording)
     if not screen:
         return {}
@@ -352,7 +352,7 @@ def _screen_fields(recording: Recording) -> dict[str, Any]:
 
 
 def _head_system(recording: Recording) -> str:
-    """Return what followed the head; nothing does in a chin rest."""
+    """Return the name of the head tracker; empty when the head rests in a chin rest."""
     head = _screen(recording).get("head")
     return {None: "HMD", "tracked": "eyetracker"}.get(head, "")
 
@@ -587,7 +587,7 @@ def _events(recording: Recording, part: int, zero_ns: int) -> pd.DataFrame:
 
 
 def _with_stimuli(events: pd.DataFrame, files: _Files) -> pd.DataFrame:
-    """Move what events tell of an arrangement into a file of its own, and name it there."""
+    """Move each arrangement out of the events into its own file, and put the file's name there."""
     names: dict[Any, str] = {}
     for name, key in _ARRANGEMENTS.items():
         if key not in events:

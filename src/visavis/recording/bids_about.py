@@ -1,4 +1,4 @@
-"""What a data set says of itself beside its data: who made it, where, under which licence."""
+"""What a data set says about itself: authors, place and licence."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class DatasetAbout:
-    """What a data set says of itself; empty texts and lists are left out.
+    """What a data set says about itself; empty texts and lists are left out.
 
     `description` says what participants did, in a sentence; `methods` are paragraphs for the
     README.
@@ -26,7 +26,7 @@ class DatasetAbout:
     department: str = ""
 
     def description_fields(self) -> dict[str, Any]:
-        """Return what stands in `dataset_description.json`."""
+        """Return the fields of `dataset_description.json`."""
         fields: dict[str, Any] = {
             "License": self.licence,
             "Authors": list(self.authors),
@@ -38,7 +38,7 @@ class DatasetAbout:
         return {name: value for name, value in fields.items() if value}
 
     def place_fields(self) -> dict[str, str]:
-        """Return what stands beside every recording: where it was made."""
+        """Return the fields about the place, which every recording gets."""
         fields = {
             "InstitutionName": self.institution,
             "InstitutionAddress": self.institution_address,

@@ -21,7 +21,7 @@ from visavis.recording.stream_file import Columns
 from visavis.stimuli.motion.skeleton import canonical_skeleton, forward, local_of_world
 
 STATURE_M: Final = 1.70
-"""Everybody's height in what is shown."""
+"""Height that everybody gets in shared data."""
 
 STANDING_EYE_M: Final = 0.936 * STATURE_M
 """Height of the eyes of a standing person (Drillis & Contini 1966)."""
@@ -37,12 +37,12 @@ SMOOTHING_S: Final = 0.2
 OUTSIDE_STEP_DEG: Final = 0.5
 MAX_OUTSIDE_DEG: Final = 5.0
 FAR_DEG: Final = 180.0
-"""How far outside a head the gaze fell is told in steps, and not at all beyond."""
+"""Distances of gaze from a head are given in steps of this, and left out beyond the limit."""
 
 _RIM: Final = 1 - 1e-5
 
 BLURRED: Final = ("head", "body", "gaze", "gaze_targets")
-"""Kinds of streams that are shown blurred; see `kind_of`."""
+"""Kinds of streams that are blurred; see `kind_of`."""
 
 _LENGTH = re.compile(
     r"(.*_)?(height|stature|arm|leg|limb|reach|span|ipd|eye_distance)(_off|_told)?_(m|mm)"

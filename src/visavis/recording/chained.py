@@ -1,4 +1,5 @@
-"""Files of JSON lines that only grow: every line vouches for all before it, and there is a copy.
+"""Append-only files of JSON lines. Every line holds a checksum of all lines before it, and there is
+a copy.
 
 A line ends in its own CRC-32 and names that of everything before it (`after`), so that no byte of
 the file can change, and no line go or move, unseen. What a cut would take from the end is in the
@@ -30,7 +31,7 @@ class Lines:
 
 
 def read_lines(path: Path) -> Lines:
-    """Read a file of lines; none of a file that is not there.
+    """Read a file of lines; a missing file has none.
 
     Where it was cut short, what its copy has more is read from there. Raises OSError when neither
     can be read.
@@ -133,7 +134,7 @@ def _decode(data: bytes) -> Lines:
 
 
 def _decode_unchained(line: bytes) -> dict[str, Any] | None:
-    """Return a line written before lines vouched for each other; None when it is none."""
+    """Return a line in the older format without chained checksums; None when it is not one."""
     try:
         record = parse_json(line)
     except ValueError:

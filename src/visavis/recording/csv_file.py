@@ -1,4 +1,4 @@
-"""Write tables as CSV that a spreadsheet shows and never runs."""
+"""Write tables as CSV in which a spreadsheet runs no formula."""
 
 import json
 import re
@@ -34,7 +34,7 @@ def write_csv(table: pd.DataFrame, path: Path) -> tuple[str, ...]:
 
 
 def escape_formulas(table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Return a table none of whose texts is a formula, and the columns that had any."""
+    """Return a table without formulas in its texts, and the columns that had any."""
     columns, escaped_columns = {}, []
     for i, name in enumerate(table.columns):
         values = table.iloc[:, i]
@@ -52,7 +52,7 @@ def escape_formulas(table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]
 
 
 def note_escaped_columns(sidecar: Path, columns: Collection[str]) -> None:
-    """Add to a table's JSON dictionary that texts of these columns bear an apostrophe."""
+    """Note in a table's JSON dictionary that texts of these columns start with an apostrophe."""
     if not columns:
         return
     dictionary: dict[str, Any] = json.loads(sidecar.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Write files so that what was acknowledged stays: unbuffered, synced, replaced atomically."""
+"""Write files that survive a crash: unbuffered, synced, replaced atomically."""
 
 import errno
 import hashlib
@@ -46,14 +46,14 @@ def sync_folder(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class Modes:
-    """Who may enter a folder and read files in it."""
+    """Access modes of a folder and of the files in it."""
 
     folder: int
     file: int
 
     @property
     def read_only(self) -> int:
-        """The mode of a file that nobody writes to any more."""
+        """The mode of a finished, read-only file."""
         return self.file & 0o444
 
 
@@ -94,7 +94,7 @@ def share_with_group(folder: Path, group: str) -> None:
 
 
 def protect(root: Path) -> None:
-    """Take what others may do from a folder and everything in it; links are left alone."""
+    """Remove the access of others to a folder and everything in it; links are left alone."""
     if os.name == "nt":
         return
     modes = modes_in(root)
@@ -104,7 +104,7 @@ def protect(root: Path) -> None:
 
 
 def protect_files(files: Iterable[Path]) -> None:
-    """Take what others may do from files just written; links are left alone."""
+    """Remove the access of others to files just written; links are left alone."""
     for path in files if os.name != "nt" else ():
         if not path.is_symlink():
             modes = modes_in(path.parent)

@@ -84,7 +84,7 @@ class SessionFolder(Closing):
         reason: str = "",
         status: PartStatus | None = None,
     ) -> None:
-        """Write what became of the running part; `summary` None when the recorder is lost."""
+        """Record how the running part ended; `summary` is None when the recorder is lost."""
         running = next((p for p in self.manifest.parts if p.status == "running"), None)
         if running is None:
             raise UsageError(f"{self.path}: no part is being recorded")
@@ -110,7 +110,7 @@ class SessionFolder(Closing):
         devices: Sequence[Any] | None = None,
         calibrations: Sequence[Any] | None = None,
     ) -> None:
-        """Replace what the manifest says of devices or calibrations."""
+        """Replace the devices or calibrations in the manifest."""
         manifest = self.manifest
         if devices is not None:
             manifest = replace(manifest, devices=devices)
@@ -119,7 +119,7 @@ class SessionFolder(Closing):
         self._write(manifest)
 
     def close(self) -> None:
-        """Let other processes have the session; idempotent."""
+        """Release the session for other processes; idempotent."""
         self._lock.release()
 
     def _write(self, manifest: Manifest) -> None:
@@ -170,7 +170,9 @@ def _put_in_place(path: Path, manifest: Manifest) -> None:
 
 
 def open_session(path: Path) -> tuple[SessionFolder, RecoveryReport]:
-    """Hold an existing session to go on with it; parts whose process died are marked crashed."""
+    """Lock an existing session in order to continue it; parts whose process died are marked
+    crashed.
+    """
     read_manifest(path)
     lock = SessionLock(path)
     try:

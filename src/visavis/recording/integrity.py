@@ -1,4 +1,4 @@
-"""What damage a recording bears: which files, rows and trials are gone, in plain words.
+"""Find damage to a recording: which files, rows and trials are gone, in plain words.
 
 Damage is what happened to files after they were written. What a killed process leaves behind (a
 torn last batch or line, a part without its end) costs no finished trial and is none.
@@ -41,7 +41,7 @@ class StreamDamage:
     is_untrusted: bool = False
 
     def strikes(self, t_start_ns: int | None, t_end_ns: int | None) -> bool:
-        """Tell whether samples between two times may be among those lost."""
+        """Return whether samples between two times may be lost."""
         if self.is_untrusted:
             return True
         if t_start_ns is None or t_end_ns is None:
@@ -87,7 +87,7 @@ class DamageReport:
 
     @property
     def is_damaged(self) -> bool:
-        """Tell whether anything at all is wrong."""
+        """Return whether anything is wrong."""
         return bool(self.problems)
 
     def summary(self) -> tuple[str, ...]:
@@ -198,7 +198,7 @@ def analysed_trials(recording: Recording, needs: Collection[str] | None = None) 
 
 
 def planned_trials(plan: Any) -> Iterator[Mapping[str, Any]]:
-    """Yield the trials of a recorded plan in order; none of a plan that has no blocks."""
+    """Yield the trials of a recorded plan in order; nothing when the plan has no blocks."""
     for block in plan.get("blocks", ()) if isinstance(plan, Mapping) else ():
         yield from block["trials"]
 
@@ -225,7 +225,7 @@ def _planned_row(
 
 
 def _place_problems(recording: Recording) -> Iterator[str]:
-    """Yield what is wrong where a session stands in another one's folder."""
+    """Yield the problem when a session lies in another session's folder."""
     manifest, path = recording.manifest, recording.path.resolve()
     own = f"sub-{manifest.participant}/ses-{manifest.session:03d}"
     here = f"{path.parent.name}/{path.name}"
@@ -327,7 +327,7 @@ def _lost_rows(recording: Recording, part: Part) -> Iterator[TrialDamage]:
 def _without_trace(
     recording: Recording, damaged_trials: Collection[TrialDamage]
 ) -> Iterator[TrialDamage]:
-    """Yield what was planned of a finished session and left neither row nor beginning."""
+    """Yield planned trials of a finished session that have neither a row nor a start event."""
     parts = recording.manifest.parts
     if not parts or parts[-1].status != "complete":
         return

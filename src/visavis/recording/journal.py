@@ -80,7 +80,7 @@ _ENTRIES: Mapping[str, Mapping[str, type]] = {
 
 
 def is_entry(entry: Mapping[str, Any]) -> bool:
-    """Tell whether an entry has what readers count on; one of a kind to come has nothing to.
+    """Return whether an entry has the fields that readers need; unknown kinds need none.
 
     A trial's name may not be a path: files are named after it.
     """

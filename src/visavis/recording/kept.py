@@ -1,4 +1,4 @@
-"""A recording that is read once and kept, for whoever asks for it frame after frame."""
+"""A recording that is read once and kept in memory, for code that reads it frame after frame."""
 
 from collections.abc import Callable, Hashable
 from pathlib import Path

@@ -24,7 +24,7 @@ if sys.platform == "win32":
     import msvcrt
 
     def _try_lock(fd: int, *, is_shared: bool) -> bool:
-        """Lock a byte of one's own for reading, every byte for writing.
+        """Lock one byte for reading, every byte for writing.
 
         Windows has exclusive locks only, so readers keep out of each other's way.
         """
@@ -65,7 +65,7 @@ class SessionLock:
             )
 
     def release(self) -> None:
-        """Let others have the session; idempotent."""
+        """Release the session; idempotent."""
         if self._fd is not None:
             fd, self._fd = self._fd, None
             os.close(fd)

@@ -1,4 +1,4 @@
-"""The manifest of a session: what was planned, with what, and what became of every part."""
+"""The manifest of a session: its plan, its equipment, and how every part ended."""
 
 import hashlib
 import json
@@ -129,7 +129,7 @@ def refuse_links(session_dir: Path) -> None:
 
 
 def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
-    """Read a manifest, and tell whether a checksum vouches for it: before version 2 none did."""
+    """Read a manifest, and return whether it has a valid checksum (since version 2)."""
     path = session_dir / MANIFEST_NAME
     refuse_links(session_dir)
     try:
@@ -177,7 +177,7 @@ def _adapter() -> Any:
 
 
 def _manifest_of(raw: Mapping[str, Any]) -> Manifest:
-    """Return a manifest; raises ValueError, in one line, for whatever it may not hold."""
+    """Return a manifest; raises ValueError, in one line, for invalid content."""
     from pydantic import ValidationError
 
     try:
@@ -214,7 +214,7 @@ def _label_problems(manifest: Manifest) -> Iterator[str]:
 
 
 def _plan_problems(plan: Any) -> Iterator[str]:
-    """Yield what keeps a plan from being compared with what was recorded."""
+    """Yield the problems that prevent comparing a plan with the recorded trials."""
     if not isinstance(plan, dict):
         yield "plan: it is no object"
         return

@@ -11,11 +11,11 @@ from pyarrow import csv
 
 MIN_PLAIN: Final = 1e-4
 MAX_PLAIN: Final = 1e6
-"""Above one and below the other both libraries write a fraction as the same shortest decimal."""
+"""Between these limits both libraries write a fraction as the same shortest decimal."""
 
 
 def holds_numbers(table: pd.DataFrame) -> bool:
-    """Tell whether every column is of NumPy's integers or floats of 32 or 64 bits."""
+    """Return whether every column holds NumPy integers or floats of 32 or 64 bits."""
     return all(
         isinstance(dtype, np.dtype) and (dtype.kind == "i" or dtype.str in ("<f4", "<f8"))
         for dtype in table.dtypes

@@ -1,4 +1,4 @@
-"""Which versions of what recorded a session."""
+"""The versions of the software that recorded a session."""
 
 import platform
 import subprocess
@@ -53,7 +53,7 @@ def _git(*arguments: str) -> str | None:
 
 @cache
 def provenance() -> Provenance:
-    """Return the versions at work in this process."""
+    """Return the versions in this process."""
     revision = _git("rev-parse", "HEAD") or ""
     if revision and _git("status", "--porcelain", "--untracked-files=no"):
         revision += "+changes"

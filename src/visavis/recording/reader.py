@@ -32,7 +32,7 @@ class Verification:
 
     @property
     def is_intact(self) -> bool:
-        """Tell whether nothing at all is wrong."""
+        """Return whether everything is intact."""
         return not self.problems
 
 
@@ -54,7 +54,7 @@ class Recording:
 
     @property
     def is_simulated(self) -> bool:
-        """Tell whether the data come from a simulated participant or simulated devices."""
+        """Return whether the data come from a simulated participant or simulated devices."""
         return self.manifest.is_simulated
 
     @property
@@ -83,7 +83,7 @@ class Recording:
         return part.status
 
     def part_problems(self, number: int) -> tuple[str, ...]:
-        """Return everything wrong with the files of one part, hashes apart."""
+        """Return all problems with the files of one part, except for hashes."""
         part, journal = self._part(number), self._journal(number)
         problems = [*journal.problems]
         folder = self.path / part.folder
@@ -218,7 +218,7 @@ class Recording:
     def changed_files(self, number: int) -> tuple[str, ...]:
         """Return the files of a part that are not, byte for byte, what the manifest says of them.
 
-        Missing ones are no part of it, nor those of which the manifest keeps no hash.
+        Missing files and files without a hash in the manifest are not included.
         """
         part = self._part(number)
         digests = [(s.file, s.sha256) for s in part.streams]
@@ -305,7 +305,7 @@ class Recording:
 
 
 def require_one_kind(recordings: Iterable[Recording], *, allow_mixture: bool = False) -> None:
-    """Refuse recordings of which some are simulated and some real."""
+    """Raise an error when some recordings are simulated and some are real."""
     kinds: dict[bool, Path] = {}
     for recording in recordings:
         kinds.setdefault(recording.is_simulated, recording.path)
@@ -316,7 +316,7 @@ def require_one_kind(recordings: Iterable[Recording], *, allow_mixture: bool = F
 
 
 def rows_between(columns: Columns, t_start_ns: int | None, t_end_ns: int | None) -> Columns:
-    """Return the rows of a stream's columns that arrived within times, all where none is given."""
+    """Return a stream's rows that arrived between two times; all rows when no time is given."""
     if t_start_ns is None and t_end_ns is None:
         return columns
     t = columns["t_host_ns"]

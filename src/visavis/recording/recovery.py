@@ -1,4 +1,4 @@
-"""Take stock of a session whose process died, without touching its raw files."""
+"""Recover a session whose process died, without changing its raw files."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,7 +80,7 @@ def recover(session_dir: Path) -> RecoveryReport:
 
 
 def recover_held(session_dir: Path) -> RecoveryReport:
-    """Do what `recover` does for a caller who holds the session's lock."""
+    """Do the same as `recover` for a caller that already holds the session's lock."""
     refuse_links(session_dir)
     manifest, repairs = _manifest_or_copy(session_dir)
     findings = []
@@ -100,7 +100,7 @@ def recover_held(session_dir: Path) -> RecoveryReport:
 def other_files(folder: Path) -> tuple[FileSummary, ...]:
     """Return the files of a part that are neither stream nor journal, kept from others' eyes.
 
-    They were written by others: what the doctor found, a tracker's own recording.
+    Other code wrote them: the doctor's findings, a tracker's own recording.
     """
     own_suffixes = (".arrows", ".jsonl")
     paths = [

@@ -1,4 +1,4 @@
-"""A recording as others may see it: under a pseudonym, no free text, ages in bands, blurred."""
+"""A recording prepared for sharing: pseudonym, no free text, ages in bands, motion blurred."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -28,7 +28,7 @@ Tier: TypeAlias = Literal["raw", "shared", "public"]
 TIERS: Final[tuple[Tier, ...]] = ("raw", "shared", "public")
 
 TextRule: TypeAlias = Callable[[str, str], bool]
-"""Tells of a questionnaire and a question whether the answer is free text."""
+"""Returns whether the answer to a question (questionnaire, question) is free text."""
 
 AGE_BAND_YEARS: Final = 10
 TYPED: Final = ("text", "reason", "message")
@@ -180,7 +180,7 @@ class SharedRecording(Recording):
         return self.sharing.tier != "raw"
 
     def _relabel(self, value: Any) -> Any:
-        """Put the label shown in the place of the own one, wherever it stands by itself."""
+        """Replace the participant's own label by the shared one, wherever it is a whole value."""
         if isinstance(value, str):
             return self.sharing.label if value == self._own else value
         if isinstance(value, Mapping):
@@ -191,7 +191,7 @@ class SharedRecording(Recording):
 
 
 def age_band(answer: object) -> str | None:
-    """Return the ten years an age lies in ("30-39"); None for what is no age."""
+    """Return the decade of an age ("30-39"); None when the value is not an age."""
     try:
         age = int(float(str(answer)))
     except (ValueError, OverflowError):

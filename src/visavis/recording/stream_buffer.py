@@ -89,7 +89,7 @@ class OpenStream:
         self._note(batch, n, latest_ns)
 
     def join_held(self) -> Rows:
-        """Return everything held as rows, and hold nothing."""
+        """Return all waiting batches as rows, and empty the list."""
         batches, n = self.waiting_batches, self.held_rows
         if n > self.rows.capacity:
             self.rows = Rows(self.schema, n)
@@ -107,7 +107,7 @@ class OpenStream:
         return rows
 
     def summary(self, *, is_clean: bool) -> StreamSummary:
-        """Return what the manifest keeps of the file at its end."""
+        """Return the summary of the closed file for the manifest."""
         return StreamSummary(
             name=self.schema.name,
             file=self.file.path.name,

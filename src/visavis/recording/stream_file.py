@@ -30,7 +30,7 @@ Columns = dict[str, npt.NDArray[Any]]
 
 @dataclass(frozen=True)
 class Gap:
-    """Rows that a stream file holds no more, between two readable samples.
+    """Rows lost from a stream file, between two readable samples.
 
     `n_rows` is None where nothing says how many there were; `after_ns` and `before_ns` are the
     host times of the samples on both sides, None at the file's beginning and end.
@@ -64,7 +64,7 @@ class StreamContent:
 
     @property
     def tail_problem(self) -> str:
-        """Return what is wrong with the file's end alone, empty when nothing is."""
+        """Return the problem at the file's end; empty when there is none."""
         return self.problems[-1] if self.gaps and self.gaps[-1].n_rows is None else ""
 
 
@@ -249,7 +249,7 @@ def _sizes(fields: tuple[Field, ...], n: int) -> tuple[int, ...]:
 
 
 def _decode(data: memoryview, message: Message, fields: tuple[Field, ...]) -> _Batch:
-    """Return the column buffers of a message; raises Torn unless all is as written."""
+    """Return the column buffers of a message; raises Torn when it was changed or cut."""
     if message.is_schema:
         raise Torn("a second header")
     places = [(at, size) for at, size in message.buffers.tolist() if size > 0]

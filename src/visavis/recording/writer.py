@@ -210,10 +210,10 @@ class Recorder:
         }
 
     def close(self, status: CloseStatus) -> PartSummary:
-        """End every file and return what the manifest keeps of this part; idempotent.
+        """Close every file and return this part's summary for the manifest; idempotent.
 
-        Files are closed whatever happens. A failure that no earlier call has raised is raised
-        here; one that was is told in the summary.
+        Files are always closed. A failure that no earlier call has raised is raised here; one that
+        was raised before is named in the summary.
         """
         if self._summary is not None:
             return self._summary
@@ -299,7 +299,7 @@ class Recorder:
             self._guard(self._write_pending_lines)
 
     def _guard(self, action: Callable[..., None], *args: Any) -> None:
-        """Do something to the files; the first failure is kept and raised."""
+        """Run an action on the files; the first failure is stored and raised."""
         self._guard_quietly(action, *args)
         if self._failure is not None:
             self._raise_failure()
@@ -375,7 +375,7 @@ class Recorder:
             sync = ticket > self._sync_done or now_ns - self._last_sync_ns >= _SYNC_EVERY_NS
             try:
                 self._guard_quietly(self._write_all_pending, sync)
-            except Exception as error:  # the thread's top: whatever it is, the session must know
+            except Exception as error:  # top of the thread: the session must know of it
                 self._failure = RecordingError(
                     f"{self._dir}: the writer stopped ({error!r}); end the session and resume it"
                 )

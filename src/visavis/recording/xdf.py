@@ -37,7 +37,7 @@ Times = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class XdfStream:
-    """What stands in a stream header; `format` is "double64" or "string"."""
+    """The content of a stream header; `format` is "double64" or "string"."""
 
     number: int
     name: str

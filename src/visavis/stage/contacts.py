@@ -1,4 +1,4 @@
-"""Shade where people and furniture stand, which lamps' shadows are too coarse and too few for."""
+"""Contact shadows of people and furniture, for which shadow maps are too coarse and too few."""
 
 import moderngl
 import numpy as np
@@ -55,7 +55,7 @@ class Contacts:
         context.enable(moderngl.CULL_FACE)
 
     def _draw(self, soles: int, blocks: int, first_texel: int) -> None:
-        """Draw so many of either by one call."""
+        """Draw `count` soles or pieces of furniture by one call."""
         which = (*(("SOLES",) if soles else ()), *(("BLOCKS",) if blocks else ()))
         if not which:
             return
@@ -79,7 +79,7 @@ class Contacts:
         self._corners.release()
 
     def _use_blocks(self, room: Room) -> int:
-        """Bind what of a room's furniture hides light, a row each; return how many."""
+        """Bind the room's furniture that blocks light, a row each; return how many."""
         if self._room is not room:
             if self._blocks is not None:
                 self._blocks.release()

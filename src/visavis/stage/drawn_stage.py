@@ -1,4 +1,4 @@
-"""Show a study's scenes as pictures: both eyes of a headset, a window, or nobody's screen."""
+"""Show a study's scenes as pictures: in a headset, in a window, or off-screen."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -101,7 +101,7 @@ class Display:
 
 
 class DrawnStage:
-    """Draw every frame, log what was drawn, tell the viewers; a `Stage`.
+    """A `Stage` that draws and logs every frame and informs the viewers.
 
     `open_renderer` is called in the thread that draws, at the first frame, and again a second
     after the graphics driver has failed: nothing but pictures is lost then. `mirror` shows the
@@ -154,7 +154,8 @@ class DrawnStage:
     def schemas(self) -> tuple[StreamSchema, ...]:
         """The streams of drawn frames, of how they are drawn, and of what they cost the card.
 
-        On the virtual clock a card's time would be the one thing that no seed repeats.
+        There is no such stream on the virtual clock, because a card's time does not repeat with the
+        seed.
         """
         gpu_schemas = () if self._clock.is_virtual else (DRAWN_GPU,)
         return (self._schema, DRAWN_VIEWS, *gpu_schemas)
@@ -164,7 +165,7 @@ class DrawnStage:
         self._sink = sink
 
     def trouble(self) -> StageError | None:
-        """Return what keeps frames from being drawn, None while all is well."""
+        """Return the problem that prevents drawing; None when there is none."""
         return self._trouble
 
     def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
@@ -185,9 +186,9 @@ class DrawnStage:
         """Draw both eyes and return their textures, left first; none while the driver fails.
 
         People are drawn as they stand when the frame's light leaves, however long ago a plan
-        showed them. Where the head will be then is asked once more when all but the view from
-        there has been done; before, where what is done depends on it: a body below the head, a
-        processor that leaves out what no eye sees.
+        showed them. The head's prediction is requested once more at the end, when only the view
+        depends on it; or earlier, when other work depends on it, too: a body below the head, or a
+        processor that leaves out invisible parts.
         """
         for viewer in self._viewers:
             viewer.see(view, frame.predicted_display_ns)
@@ -238,7 +239,7 @@ class DrawnStage:
             self._fail(problem, self._clock.now_ns())
 
     def glance(self) -> Glance | None:
-        """Return the left eye's picture, small, as it was when this was last called."""
+        """Return a small copy of the left eye's picture, taken at the last call."""
         if self._small is None or self._drawn_from is None or self._trouble is not None:
             return None
         now_ns = self._clock.now_ns()
@@ -290,7 +291,7 @@ class DrawnStage:
         return [target.read() for target in self._targets]
 
     def watch(self, role: str, batch: SampleBatch) -> None:
-        """Take the participant's gaze for the mirror, their body for their own."""
+        """Receive the participant's gaze for the mirror and body for the avatar."""
         if role == "body_tracker" and self._own_body is not None:
             self._own_body.take(batch)
         if role == "eye_tracker" and self._mirror is not None and self._views:
@@ -314,7 +315,7 @@ class DrawnStage:
             try:
                 picture = coming.result()
             except LabError:
-                return  # the trial itself will say what is wrong
+                return  # the trial itself will report the error
             self._pieces = None if picture is None else renderer.prepare(picture, cameras)
         while self._pieces is not None:
             if next(self._pieces, self) is self:
@@ -325,7 +326,9 @@ class DrawnStage:
     def _pictures(
         self, views: Iterable[SceneFrame], row: np.void, lit: Iterable[SceneFrame]
     ) -> Iterator[Picture]:
-        """Yield what a recorded frame may have been: each view, as it came, as others went."""
+        """Yield the pictures that a recorded frame may have shown: each view, with and without
+        fades.
+        """
         recorded_01 = float(row["brightness_01"])
         darkness = []
         for view in views:
@@ -381,7 +384,7 @@ class DrawnStage:
         return self._renderer
 
     def _late_head(self, head: Pose) -> Pose:
-        """Return where the head will be as it is foreseen now, `head` where nobody tells."""
+        """Return the head's newest prediction; `head` when there is none."""
         if self._display.late_head is None:
             return head
         return self._display.late_head() or head
@@ -409,7 +412,7 @@ class DrawnStage:
         try:
             self._drop()
         except moderngl.Error as second:
-            # The context is gone with everything in it; the first failure is what matters.
+            # The context is lost with everything in it; only the first failure matters.
             problem.add_note(str(second))
             self._renderer, self._timer, self._targets = None, None, []
             self._small = self._drawn_from = self._glanced_from = None

@@ -10,7 +10,7 @@ from visavis.stimuli.picture import Picture
 
 @dataclass(frozen=True)
 class FadeTimes:
-    """How long light takes to go and to come; 0 switches at once.
+    """Durations of fading out and in; 0 switches within one frame.
 
     Light that comes slowly has no onset: leave `in_ms` at 0 where a study times from it.
     """
@@ -57,11 +57,11 @@ def with_brightness(picture: Picture, brightness_01: float) -> Picture:
 
 
 def fading_out(lit: Picture, dark: Picture, brightness_01: float) -> Picture:
-    """Return what is left of a lit picture before a dark one with its mark and panels."""
+    """Return a fading lit picture with the mark and panels of the dark one that follows."""
     still = replace(lit, t_ns=dark.t_ns, mark_m=dark.mark_m, panels=dark.panels)
     return with_brightness(still, brightness_01)
 
 
 def _share(passed_ns: int, whole_ns: int) -> float:
-    """Return how much of a fade is over; its first frame is a step already."""
+    """Return the share of a fade that is over; the first frame is a step already."""
     return 1.0 if whole_ns <= 0 else min(1.0, (passed_ns + 1) / whole_ns)

@@ -13,7 +13,7 @@ from visavis.stimuli.picture import Picture
 
 FRAMES, UNCOUNTED = 20, 3
 MAX_SHARE_01 = 0.7
-"""Of a frame's time; the rest is the runtime's, which warps and composes what it is given."""
+"""Share of a frame's time for drawing; the runtime needs the rest to warp and compose."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Choice:
 CHOICES = tuple(
     Choice(*pair) for pair in ((8, 1.0), (4, 1.0), (2, 1.0), (2, 0.8), (0, 0.8), (0, 0.6))
 )
-"""From the best to the least that is worth a look."""
+"""From the best to the lowest useful quality."""
 
 
 def best_choice(

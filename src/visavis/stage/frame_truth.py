@@ -1,4 +1,4 @@
-"""What was drawn in a frame, as rows of a recording's stream."""
+"""What a frame showed, as rows of recorded streams."""
 
 import zlib
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ DRAWN_GPU = StreamSchema(
         Field("gpu_ms", "f4", "ms", description="the card's own work on the frame's pictures"),
     ),
 )
-"""What frames cost the card, told some frames later; no row for a frame whose cost is unknown."""
+"""What frames cost the card, known some frames later; no row when the cost is unknown."""
 
 
 def drawn_schema(people_count: int, rate_hz: float) -> StreamSchema:
@@ -71,7 +71,7 @@ def drawn_schema(people_count: int, rate_hz: float) -> StreamSchema:
 
 @dataclass(frozen=True, eq=False)
 class DrawnFrame:
-    """One row: what a re-draw needs beside the scene itself."""
+    """One row: all that a re-draw needs in addition to the scene."""
 
     frame: FrameInfo
     head: Pose
@@ -83,7 +83,7 @@ class DrawnFrame:
 
 
 def picture_crc32(picture: Picture) -> int:
-    """Return a checksum of everything in a picture that can change while it is shown."""
+    """Return a checksum of everything in a picture that may change from frame to frame."""
     people = picture.people
     crc = 0
     for array in (people.root_m, people.orientation_wxyz, people.morphs_01):
@@ -135,7 +135,7 @@ def truth_row(
 def views_row(
     seq: int, views: Sequence[EyeView], size_px: tuple[int, int], quality: Quality, t_ns: int
 ) -> SampleBatch:
-    """Return the row that says how pictures are made from now on."""
+    """Return the row that describes how pictures are made from now on."""
     values = np.zeros(1, DRAWN_VIEWS.dtype)
     row = values[0]
     row["eyes"], row["size_px"] = len(views), size_px
@@ -156,7 +156,7 @@ def views_row(
 
 
 def gpu_rows(seq: int, gpu_times: Sequence[tuple[FrameInfo, float]], t_ns: int) -> SampleBatch:
-    """Return a row for every frame whose cost (ms) was told at `t_ns`."""
+    """Return a row for every frame whose cost (ms) became known at `t_ns`."""
     values = np.array([(frame.index, gpu_ms) for frame, gpu_ms in gpu_times], DRAWN_GPU.dtype)
     shown_ns = np.array([frame.predicted_display_ns for frame, _ in gpu_times], np.int64)
     told_ns = np.full(len(gpu_times), t_ns, np.int64)

@@ -145,7 +145,7 @@ class IdentityBuffer(Closing):
 
 @lru_cache(maxsize=64)
 def _measuring_cast(cast: tuple[Character, ...]) -> tuple[Character, ...]:
-    """Return the people as they are measured, the same objects for the same cast."""
+    """Return the copies of people for measuring, the same objects for the same cast."""
     return tuple(_measuring(person) for person in cast)
 
 

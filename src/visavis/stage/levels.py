@@ -15,7 +15,7 @@ BODY_RADIUS_M = 1.25
 
 
 FACE_M = 0.20
-"""From chin to hairline."""
+"""Height of a face from chin to hairline."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def choose_levels(
 
 
 def in_view(centre_m: Vector, radius_m: float, cameras: Sequence[Camera]) -> npt.NDArray[np.bool_]:
-    """Tell which spheres (n, 3) reach into the view of any camera."""
+    """Return which spheres (n, 3) reach into the view of any camera."""
     is_inside = np.zeros(len(centre_m), dtype=np.bool_)
     for camera in cameras:
         planes = _planes(camera)

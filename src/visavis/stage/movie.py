@@ -88,7 +88,7 @@ def film_program(path: Path) -> str | None:
 
 
 def _ffmpeg() -> str | None:
-    """Return the program as the extra `films` brings it, or else the system's."""
+    """Return the program installed with the extra `films`, or else the system's."""
     try:
         import imageio_ffmpeg
     except ImportError:
@@ -100,7 +100,7 @@ def _ffmpeg() -> str | None:
 
 
 class WholeMovie(Closing):
-    """A film that has its name only once it is whole; one that is given up is removed."""
+    """A film that gets its name only when complete; an abandoned one is removed."""
 
     def __init__(self, writes: Movie, unfinished_path: Path, path: Path) -> None:
         self._writes, self._unfinished_path, self._path = writes, unfinished_path, path
@@ -111,13 +111,13 @@ class WholeMovie(Closing):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Finish the file, or remove it where an error led out."""
+        """Finish the file, or remove it after an error."""
         if kind is None:
             self.close()
             return
         try:
             self._writes.close()
-        except StageError:  # of a film that is given up; what led out is the error
+        except StageError:  # of an abandoned film; the first error is raised
             pass
         finally:
             self._unfinished_path.unlink(missing_ok=True)

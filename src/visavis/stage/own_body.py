@@ -56,11 +56,11 @@ class OwnBody:
 
     @property
     def stature_m(self) -> float | None:
-        """How tall the body is made; None while nothing has been measured."""
+        """Stature of the avatar; None before it was measured."""
         return None if self._sized_character is None else self._sized_character.stature_m
 
     def take(self, batch: SampleBatch) -> None:
-        """Take the tracker's newest sample; one whose hips are lost changes nothing."""
+        """Take the tracker's newest sample; a sample with lost hips is ignored."""
         self.take_row(batch.values[-1])
 
     def take_row(self, row: np.void) -> None:
@@ -72,7 +72,7 @@ class OwnBody:
             self._measure(row)
 
     def add_to(self, picture: Picture, head: Pose) -> Picture:
-        """Return the picture with the body in it; the same while nothing is tracked or lit."""
+        """Return the picture with the body in it; unchanged while nothing is tracked or lit."""
         row, character = self._row, self._sized_character
         if row is None or character is None or picture.brightness_01 <= 0.0:
             return picture

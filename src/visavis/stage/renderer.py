@@ -38,7 +38,7 @@ LIT_STEP_M = 0.5
 UNSEEN_PX = 64, 64
 MAX_OLD_ERRORS = 8
 TEXTURED_PX_PER_M = 55.0
-"""The fast quality leaves textures out where vertices lie closer than pixels."""
+"""Below this size the fast quality omits textures, because vertices are denser than pixels."""
 GL_SAMPLE_ALPHA_TO_COVERAGE = 0x809E
 
 Shadows = Literal["maps", "area", "blobs", "none"]
@@ -75,7 +75,7 @@ time, the next in 6 thousand triangles.
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """What the last picture was made of: `level` (n,) of every person, −1 where out of view."""
+    """Levels (n,) of everybody in the last picture, −1 where out of view, and their distances."""
 
     level: npt.NDArray[np.int64]
     distance_m: Vector
@@ -131,7 +131,7 @@ class Renderer(Closing):
         )
         self._is_closed = False
 
-    # ---- what callers use ------------------------------------------------------------------
+    # ---- public ----------------------------------------------------------------------------
 
     def image(self, picture: Picture, camera: Camera, size_px: tuple[int, int]) -> Image:
         """Return the picture as (height, width, 3) sRGB bytes, top row first.
@@ -159,7 +159,7 @@ class Renderer(Closing):
         Raises:
             StageError: the graphics driver failed; what was recorded is not touched.
         """
-        # Headset runtimes, and targets released while bound, leave errors of their own behind.
+        # Headset runtimes, and targets released while bound, leave their own errors behind.
         for _ in range(MAX_OLD_ERRORS):
             if self.context.error == "GL_NO_ERROR":
                 break
@@ -181,7 +181,7 @@ class Renderer(Closing):
     def prepare(self, picture: Picture, cameras: Sequence[Camera]) -> Iterator[None]:
         """Send what a picture is drawn from to the card, piece by piece, and draw it unseen once.
 
-        What is chosen by what was drawn before is chosen as if this had not been.
+        The choice of levels for the next picture is not affected.
         """
         crowd = self._buffers.crowd(picture.cast)
         yield
@@ -295,7 +295,7 @@ class Renderer(Closing):
             level, is_in_view = np.maximum(levels, 0), levels >= 0
         level = np.minimum(level, crowd.level_count - 1)
         crowd.upload()
-        # Who is out of view may still throw a shadow into it.
+        # People out of view may still cast a shadow into it.
         crowd.choose(level, np.ones_like(is_in_view) if self._casts(picture.room) else is_in_view)
         return Drawn(np.where(is_in_view, level, -1), distance_m)
 
@@ -443,7 +443,7 @@ class Renderer(Closing):
             self.context.enable_direct(GL_FRAMEBUFFER_SRGB)
 
     def _begin_over(self, backdrop: _Backdrop, picture: Picture, target: EyeTarget) -> None:
-        """Begin with the room, in every picture: what is as far as it must not flicker."""
+        """Draw the room first in every picture, so that coplanar surfaces do not flicker."""
         backdrop.looks += 1
         if backdrop.looks == 1:
             self._begin(picture, target)

@@ -1,4 +1,4 @@
-"""Casts, rooms and things on the graphics card, kept while pictures ask for them."""
+"""Casts, rooms and things on the graphics card, kept while pictures use them."""
 
 from functools import partial
 

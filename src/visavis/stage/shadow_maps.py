@@ -1,4 +1,4 @@
-"""Shadows as maps of depth, drawn from the lamps."""
+"""Shadow maps: depth drawn from the lamps."""
 
 import moderngl
 

@@ -10,7 +10,7 @@ from visavis.stage.renderer import Quality, Renderer
 from visavis.stimuli.picture import Camera, Picture
 
 TIMES = 2
-"""How much larger, in both directions, a processor draws what is then made small."""
+"""Factor, in both directions, by which a processor draws larger before it scales down."""
 
 
 def still_quality() -> tuple[int, Quality]:
@@ -63,5 +63,5 @@ class Stills(Closing):
         return made_small(large, size_px)
 
     def close(self) -> None:
-        """Give the graphics context back."""
+        """Release the graphics context."""
         self._renderer.close()

@@ -9,7 +9,7 @@ from visavis.stage.card.context import current_context
 from visavis.stage.errors import StageError
 
 HeardKey = Callable[[str, bool], None]
-"""Takes a key's name and whether it went down, at the moment the system tells it."""
+"""Called with a key's name and whether it was pressed, when the system reports it."""
 
 
 class Window:

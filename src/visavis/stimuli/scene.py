@@ -1,4 +1,4 @@
-"""A scene as geometry: who is where, how big, what they look at, and what stands in between.
+"""A scene as geometry: people's places, sizes and gaze, and the occluders between them.
 
 The stage that draws a scene and the simulated participant that sees it both start from
 `SceneFrame`; nothing here knows a study.
@@ -59,7 +59,7 @@ class Scene:
 
     @property
     def stand_m(self) -> Vector:
-        """Where people stand who are no agents: (n, 2) x and z on the floor."""
+        """Places (n, 2) of people who are not agents: x and z on the floor."""
         return np.empty((0, 2))
 
 

@@ -162,6 +162,7 @@ def observe_rays(
             out[:, i, :] = np.nan
             hit[i] = -2
             continue
+        # Gaze samples come several to a head pose; sizes then are those of the sample before.
         same_origin = (
             i > 0 and ox == origin[i - 1, 0] and oy == origin[i - 1, 1] and oz == origin[i - 1, 2]
         )
@@ -182,6 +183,8 @@ def observe_rays(
         for j in range(m):
             angle = _angle_rad(dx, dy, dz, views[j, 0], views[j, 1], views[j, 2])
             out[0, i, j] = np.degrees(angle)
+            # Only a ray within the head's disc (1 µrad for rounding) is worth the exact
+            # intersection.
             if is_lit and angle <= views[j, 3] + 1e-6:
                 t = _sphere_entry_m(
                     ox - heads[j, 0],
@@ -195,6 +198,7 @@ def observe_rays(
                 if t < first:
                     first = t
                     which = j
+        # A body nearer than the head hides it.
         if which >= 0:
             for k in range(capsules.shape[0]):
                 if capsule_entry_m(ox, oy, oz, dx, dy, dz, capsules[k]) < first:

@@ -1,4 +1,4 @@
-"""Open the graphics library: without a screen, or in a context that something else made."""
+"""Open the graphics library: off-screen, or in a context made elsewhere."""
 
 import threading
 import weakref
@@ -36,7 +36,7 @@ def offscreen_context() -> moderngl.Context:
 
 
 def release_offscreen(context: moderngl.Context) -> None:
-    """Give an off-screen context back; of those made before, the latest is current again."""
+    """Release an off-screen context; the latest one made before it becomes current again."""
     context.release()
     _OPEN.contexts = [ref for ref in _OPEN.contexts if ref() not in (None, context)]
     before = _OPEN.contexts[-1]() if _OPEN.contexts else None
@@ -58,7 +58,7 @@ def _make_offscreen() -> moderngl.Context:
 
 
 def current_context() -> moderngl.Context:
-    """Return the context that is current in this thread: of a window or of a headset runtime.
+    """Return the current context of this thread, made by a window or a headset runtime.
 
     Raises:
         StageError: no context is current, or it knows less than OpenGL 3.3.
@@ -73,6 +73,6 @@ def current_context() -> moderngl.Context:
 
 
 def draws_on_processor(context: moderngl.Context) -> bool:
-    """Tell whether no graphics card draws, so that pictures are worth less work."""
+    """Return whether the processor draws instead of a graphics card."""
     name = str(context.info.get("GL_RENDERER", "")).lower()
     return any(word in name for word in ("llvmpipe", "softpipe", "swiftshader", "software"))

@@ -1,4 +1,4 @@
-"""The cast on the graphics card: everybody moved by one call, and drawn by one call per shader."""
+"""The cast on the graphics card: one call moves everybody, and one call per shader draws them."""
 
 from collections.abc import Callable
 
@@ -73,7 +73,7 @@ class CrowdBuffers:
             self._matrices.write(self.joints.rows)
 
     def choose(self, level: npt.NDArray[np.int64], is_drawn: npt.NDArray[np.bool_]) -> None:
-        """Say at which level each person stands and who is drawn at all."""
+        """Set each person's level of detail and who is drawn."""
         person = np.flatnonzero(is_drawn)
         model = self._first_model[person] + np.minimum(level, self.level_count - 1)[person]
         choice = person.tobytes() + model.tobytes()
@@ -137,7 +137,7 @@ class CrowdBuffers:
             thing.release()
 
     def _lay_out(self, person: Ints, model: Ints) -> None:
-        """Say which chunks are skinned, and which stretches of indices draw whom."""
+        """List the chunks to skin, and the index ranges that draw each batch."""
         table = self._models.table
         first, count = table.vertices[model].T
         chunks = -(-count // CHUNK_VERTICES)

@@ -18,7 +18,7 @@ LIGHTING_BYTES = 4 * (4 + 4 + 12 * MAX_LIGHTS + 16 * MAX_SHADOWS + 4 * MAX_SHADO
 
 @dataclass(frozen=True, eq=False)
 class ShadowView:
-    """Through which matrix (4, 4), from world, the shadow map of a lamp is drawn.
+    """The matrix (4, 4) from world through which the shadow map of a lamp is drawn.
 
     A metre spans `metre_01` of the map at one metre from the lamp, of a sun's everywhere. Depth
     goes from `near_m` to `far_m`; a sun's, which grows evenly, is counted from 0.

@@ -1,4 +1,4 @@
-"""The shaders of people and rooms, compiled for what is drawn: kind of surface, lamps, pass."""
+"""The shaders of people and rooms, compiled per kind of surface, lamps and pass."""
 
 from typing import Literal
 
@@ -115,6 +115,6 @@ class LitPrograms:
         except moderngl.Error:
             if EACH_SAMPLE not in defines:
                 raise
-        # The driver has the extensions and cannot do it all the same.
+        # The driver lists the extensions but fails to compile with them.
         defines.remove(EACH_SAMPLE)
         return compile_program(self._context, vertex, fragment, *defines, constants=lamps)

@@ -1,4 +1,4 @@
-"""Every model of people on the graphics card, in one set of buffers, so that one call draws many.
+"""All models of people on the graphics card, in one set of buffers, so that one call draws many.
 
 A model is one level of one character. Vertices lie in a texture that the skinning program reads by
 itself: whoever is to be moved is then told by a short table, not by a call each.
@@ -59,7 +59,7 @@ class ModelTable:
 
 
 class ModelsOnCard:
-    """All models that were ever asked for; `table` grows, what is in it stays where it is."""
+    """All models requested so far; `table` only grows, entries keep their place."""
 
     def __init__(self, context: moderngl.Context, meshes: CharacterMeshes, looks: Looks) -> None:
         self._context, self._meshes, self.looks = context, meshes, looks

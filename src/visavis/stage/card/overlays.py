@@ -1,4 +1,4 @@
-"""What is drawn over a scene: panels of text, the fixation mark."""
+"""Overlays on a scene: panels of text and the fixation mark."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ PANELS_KEPT = 24
 
 
 class Overlays:
-    """Panels and marks; both are drawn over everything, whatever stands before them."""
+    """Panels and marks; both are drawn over everything, even over nearer things."""
 
     def __init__(self, context: moderngl.Context, *, in_light: bool) -> None:
         self._context = context
@@ -29,7 +29,7 @@ class Overlays:
         self._programs: dict[str, moderngl.Program] = {}
 
     def draw(self, picture: Picture, camera: Camera) -> None:
-        """Draw panels and mark over what is there."""
+        """Draw panels and mark over the picture."""
         if not picture.panels and picture.mark_m is None:
             return
         context = self._context

@@ -1,4 +1,4 @@
-"""A small copy of an eye's picture for the operator, taken from the card without waiting for it."""
+"""A small copy of an eye's picture for the operator, read from the card without waiting."""
 
 import moderngl
 import numpy as np
@@ -29,7 +29,7 @@ void main() {
 class SmallPicture:
     """Own the small copy of textures of one size; used in the thread that draws.
 
-    Its program is compiled at once, not when somebody first looks.
+    Its program is compiled on construction, not at the first use.
     """
 
     def __init__(self, context: moderngl.Context, large_px: tuple[int, int]) -> None:
@@ -55,7 +55,7 @@ class SmallPicture:
         self._frame.read_into(self._pixel_buffer, components=4)
 
     def take(self) -> npt.NDArray[np.uint8]:
-        """Return what was asked for, (height, width, 3) in sRGB, top row first."""
+        """Return the copied picture, (height, width, 3) in sRGB, top row first."""
         width, height = self.size_px
         raw = np.frombuffer(self._pixel_buffer.read(), np.uint8).reshape(height, width, 4)
         return raw[::-1, :, :3]

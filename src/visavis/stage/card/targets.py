@@ -10,7 +10,7 @@ from visavis.stage.card.programs import compile_program, set_bytes
 
 GL_SRGB8_ALPHA8 = 0x8C43
 
-# At the near plane nothing that is drawn later lies before it.
+# At the near plane nothing drawn later can cover it.
 _HIDING_VERTEX = """
 in vec2 in_corner;
 void main() {
@@ -102,7 +102,7 @@ class EyeTarget:
 
     def release(self) -> None:
         """Free the card's memory."""
-        # What is bound when it is freed would be bound again after the next thing is made.
+        # moderngl would bind a freed object again after making the next one.
         self._context.detect_framebuffer(0).use()
         if self._hiding is not None:
             for thing in (self._hiding, self._corners, self._hider):

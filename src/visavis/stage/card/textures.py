@@ -47,7 +47,7 @@ class Looks:
         self._black = self._array([BLACK], is_colour=True)
 
     def add(self, runs: Iterable[Run]) -> None:
-        """Send what runs show, as far as it is not there yet."""
+        """Send the pictures of runs that are not on the card yet."""
         fresh = {_pictures(r): r for r in runs if r.texture is not None}
         runs_of_shape: dict[tuple[object, ...], list[Run]] = {}
         for ids, run in fresh.items():
@@ -60,7 +60,7 @@ class Looks:
                 self._runs.append(run)
 
     def of(self, run: Run) -> Look | None:
-        """Return what a run shows; None where it has no picture."""
+        """Return the picture of a run; None when it has none."""
         return None if run.texture is None else self._place[_pictures(run)][0]
 
     def layer(self, run: Run) -> int:
@@ -164,7 +164,7 @@ class Layers:
         self.channels = [shape[2] for shape in shapes]
 
     def place(self, picture: TextureArray) -> tuple[int, int]:
-        """Return the array a picture is in, and its layer."""
+        """Return the array that holds a picture, and its layer."""
         return self._place[id(picture)]
 
     def release(self) -> None:

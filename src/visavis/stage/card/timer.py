@@ -1,4 +1,4 @@
-"""How long the card works on each frame, as the card itself tells it, without waiting for it."""
+"""How long the card works on each frame, by the card's own timers, without waiting for them."""
 
 import ctypes
 from collections import deque
@@ -12,7 +12,7 @@ from visavis.lab.frame import FrameInfo
 from visavis.stage.card.gl_calls import GlCalls
 
 MAX_OPEN = 8
-"""Frames whose time may be outstanding; a card lies one to three frames behind."""
+"""Frames whose time may be outstanding; a card is one to three frames behind."""
 GL_TIME_ELAPSED, GL_QUERY_COUNTER_BITS = 0x88BF, 0x8864
 GL_QUERY_RESULT, GL_QUERY_RESULT_AVAILABLE = 0x8866, 0x8867
 
@@ -36,7 +36,7 @@ class CardTimer:
 
     @contextmanager
     def time_frame(self, frame: FrameInfo) -> Iterator[None]:
-        """Time what is drawn in this block as the frame's work."""
+        """Time the drawing in this block as the frame's work."""
         if not self._free:
             yield
             return

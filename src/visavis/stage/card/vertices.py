@@ -94,7 +94,7 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
         key = (shader, id(texture), materials[i].double_sided, *_identities(maps))
         looks.setdefault(key, []).append(i)
     order, runs, first = [], [], 0
-    # Whatever has a hole or a soft edge comes last, so that it is blended over the rest.
+    # Surfaces with holes or soft edges come last, so that they are blended over the rest.
     for members in sorted(looks.values(), key=lambda of: _opacity_rank(materials, of)):
         first_of = materials[members[0]]
         shader = first_of.kind if first_of.kind in SHADERS else "other"
@@ -124,7 +124,7 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
     out["surface"][:, 1] = np.round(np.clip(roughness, 0, 1) * 255)[material]
     out["surface"][:, 2] = part
     if mesh.uv is not None:
-        # Kind + 128: whoever lights vertices leaves these to the pixels.
+        # Kind + 128: vertex lighting leaves these vertices to the pixels.
         has_texture = np.array([m.texture_srgb is not None and m.kind != "eye" for m in materials])
         triangles_of_run = has_texture[material]
         out["detail"][triangles_of_run, :2] = mesh.uv[source[triangles_of_run]]

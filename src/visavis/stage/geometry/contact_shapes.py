@@ -1,4 +1,4 @@
-"""What touches a floor, as simple shapes: soles of shoes, blocks of furniture."""
+"""Simple shapes of what touches a floor: soles of shoes, blocks of furniture."""
 
 from functools import cache
 
@@ -16,9 +16,9 @@ END_SHARE_01 = 0.3
 """Share of a sole's length in which its heel, and its ball, are as wide as they get."""
 MIN_SHARE_OF_FOOT = 0.5
 REACH_IN_WIDTHS, REACH_IN_HEIGHTS = 5.0, 2.0
-"""So far from its sides a narrow or low block hides about a thirtieth of the sky."""
+"""Distance from its sides at which a narrow or low block hides about a thirtieth of the sky."""
 MAX_REACH_M = 1.2
-"""Farther away floors are lit by walls and by each other as much as they lose."""
+"""Farther away, walls and floors reflect as much light as the block hides."""
 
 
 @cache

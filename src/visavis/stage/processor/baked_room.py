@@ -35,7 +35,7 @@ class BakedRoom:
 
 
 def baked_room(laid_out: RoomVertices, room: Room) -> BakedRoom:
-    """Cut the triangles of a room where its light asks for it, and light its vertices."""
+    """Subdivide a room's triangles where the light changes, and light its vertices."""
     rows = lamp_rows(room)
     vertices, indices, runs = laid_out.vertices, [], []
     light = np.zeros((len(vertices), 3), np.float32)
@@ -98,7 +98,7 @@ def _cut(
     *,
     has_picture: bool,
 ) -> tuple[npt.NDArray[np.void], Floats, Ints, npt.NDArray[np.int32]]:
-    """Cut in two every edge whose middle is lit otherwise than its ends say.
+    """Halve every edge whose middle is lit differently from the mean of its ends.
 
     Edges at one place are cut together, whatever surface they belong to: no cracks open.
     """

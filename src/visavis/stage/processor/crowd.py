@@ -1,4 +1,4 @@
-"""The cast where a processor draws: skinned, lit and culled in compiled loops, once for all eyes.
+"""The cast when the processor draws: skinned, lit and culled in compiled loops, once for all eyes.
 
 One buffer holds everybody and a few calls draw them, nearest first, so that who stands behind is
 rejected before it is shaded.
@@ -155,7 +155,7 @@ class ProcessorCrowd:
             self._soles.write(np.ascontiguousarray(soles))
 
     def choose(self, level: npt.NDArray[np.int64], is_drawn: npt.NDArray[np.bool_]) -> None:
-        """Say at which level each person stands and who is drawn at all."""
+        """Set each person's level of detail and who is drawn."""
         levels = tuple(np.minimum(level, self.level_count - 1).tolist())
         if levels != self._levels or self._room is None:
             self._change(levels)
@@ -247,7 +247,7 @@ class ProcessorCrowd:
             )
             return count
 
-        # Those before the half of the vertices are nearer than the others.
+        # The first half of the vertices belongs to the nearer people.
         size = np.diff(vertices_of, axis=1)[:, 0]
         half = int(np.searchsorted(np.cumsum(size[people]), size[people].sum() / 2))
         others = self._second.submit(pose_and_gather, people[half:], room.farther_corners)
@@ -316,7 +316,7 @@ class ProcessorCrowd:
         return self._models[key]
 
     def _change(self, levels: tuple[int, ...]) -> None:
-        """Bring whoever is at another level than before to that level."""
+        """Move people whose level changed to rows of the new level."""
         n, room = len(self.cast), self._room
         before = self._levels if room is not None else (None,) * n
         people = [i for i in range(n) if levels[i] != before[i]]
@@ -395,7 +395,7 @@ class ProcessorCrowd:
         return 0 if self._drawing is None else int(self._drawing.first[-1])
 
     def _group_triangles(self) -> _Drawing:
-        """Say what goes into which group; from far what hides all behind it is drawn plainly."""
+        """Assign triangles to groups; opaque triangles of far people are drawn without textures."""
         models, n = self._joined_models, len(self.cast)
         groups, plain = models.groups, models.groups.index(PLAIN)
         own_group = np.arange(len(groups))
@@ -426,7 +426,7 @@ class ProcessorCrowd:
 
 
 def _stretches(first: Counts, size: Counts) -> list[tuple[int, int]]:
-    """Join stretches that lie next to each other; of nobody there are none."""
+    """Join adjacent stretches; the result is empty when nobody is drawn."""
     if not len(first):
         return []
     order = np.argsort(first)
@@ -437,7 +437,7 @@ def _stretches(first: Counts, size: Counts) -> list[tuple[int, int]]:
 
 
 def _rank(layers: Layers) -> Callable[[Group], tuple[object, ...]]:
-    """Return the order of drawing: what has holes or a soft edge comes last."""
+    """Return the order of drawing: surfaces with holes or soft edges come last."""
 
     def rank(group: Group) -> tuple[object, ...]:
         cut_out = group.array >= 0 and layers.channels[group.array] == 4

@@ -81,7 +81,7 @@ class JoinedModels:
 
 
 class FreeRows:
-    """Which of `size` rows nobody uses."""
+    """The free ones of `size` rows."""
 
     def __init__(self, size: int) -> None:
         self.stretches: list[tuple[int, int]] = [(0, size)] if size else []
@@ -97,7 +97,7 @@ class FreeRows:
         return None
 
     def give(self, start: int, count: int) -> None:
-        """Take rows back; they join the free ones beside them."""
+        """Free rows; they are merged with adjacent free ones."""
         end = start + count
         k = bisect_left(self.stretches, (start, end))
         if k < len(self.stretches) and self.stretches[k][0] == end:

@@ -68,7 +68,9 @@ class Model:
 
 
 def model(level: PersonVertices, layers: Layers) -> Model:
-    """Rearrange a level: what is used together lies together, triangles by how they are drawn."""
+    """Rearrange a level: neighbouring vertices lie together, triangles are sorted by how they are
+    drawn.
+    """
     order = _by_place(level)
     back = np.empty(len(order), np.int32)
     back[order] = np.arange(len(order), dtype=np.int32)

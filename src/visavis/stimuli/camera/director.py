@@ -112,7 +112,7 @@ class Style:
 
 
 STYLES: Final = {
-    # Without a cut to help, a camera among people must hold sight dearer than the exact size.
+    # Without cuts, a camera among people must weigh sight more than the exact size.
     "medium-no-cuts": Style(ShotSize.MEDIUM, cuts=False, weights=Weights(direct=6.0)),
     "long-cuts": Style(ShotSize.LONG),
     "extreme-long-static": Style(ShotSize.EXTREME_LONG, moves=False),
@@ -122,7 +122,7 @@ STYLES: Final = {
 
 @dataclass(frozen=True, eq=False)
 class FilmedPlace:
-    """All that is known of a place before anybody is filmed in it."""
+    """Everything precomputed about a place before filming."""
 
     obstacles: Obstacles
     graph: CameraGraph
@@ -171,8 +171,8 @@ def prepare(
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """Who is filmed and who is about: where the subject stands (3,), their height, the capsules
-    (c, 7: start, end, radius) of everybody else.
+    """The subject's position (3,) and height, and the capsules (c, 7: start, end, radius) of
+    everybody else, at one moment.
     """
 
     subject_m: Vector
@@ -251,7 +251,7 @@ class Director:
 
     @property
     def cut_ns(self) -> tuple[int, ...]:
-        """When it cut so far; the beginning is no cut."""
+        """Times of the cuts so far; the beginning does not count."""
         return tuple(cut.t_ns for cut in self.cuts[1:])
 
     @property
@@ -279,7 +279,9 @@ class Director:
         return follow(self._position, self._velocity, target, dt_s, self._style.drive, self._head)
 
     def _meet(self, moment: Moment) -> None:
-        """Take in who is where; the picture's middle is the body, or the head with room above."""
+        """Read the positions of everybody; the picture is centred on the body, or on the head with
+        room above.
+        """
         share, height_m = HEIGHT_SHARE[self._style.shot], moment.height_m
         self._moment = moment
         self._recent = [*self._recent, moment.subject_m][-VELOCITY_OVER - 1 :]

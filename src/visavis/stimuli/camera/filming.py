@@ -1,4 +1,4 @@
-"""Cameras that film somebody in a picture that moves, and whoever stands in their way.
+"""Cameras that film a moving person among other people.
 
 Beside the director, who cuts and moves by the place's own tracks, two that films are compared
 with: one that follows behind, and several placed by hand that take turns. All of them are asked
@@ -38,7 +38,7 @@ KEEPS_M: Final = 0.2
 """How far before a surface a camera behind somebody stays."""
 LOST_S: Final = 0.2
 BETTER_BY: Final = 0.3
-"""By how much another camera's score is the better one where the picture changes."""
+"""Difference in score at which the picture changes to another camera."""
 BETTER_FOR_S: Final = 1.0
 
 

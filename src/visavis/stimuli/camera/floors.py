@@ -1,4 +1,4 @@
-"""Where people can walk in a room: level floor with headroom, a body's width from what stands."""
+"""Where people can walk in a room: level floor with headroom, a body's width off obstacles."""
 
 from dataclasses import dataclass
 

@@ -1,8 +1,8 @@
-"""A camera of one kilogram, drawn to its target by a spring, kept off the subject, never jerked.
+"""A camera of one kilogram, pulled to its target by a spring and pushed away from the subject.
 
-The published system names no damping and would swing for ever; here it is critical, 2 √(k m).
-Every step is the exact solution for a target at rest, so a step may be cut anywhere: two short
-ones end where the long one does.
+The published system names no damping, so that it would swing for ever; here damping is critical, 2
+√(k m). Every step is the exact solution for a target at rest, so a step may be cut anywhere: two
+short ones end where the long one does.
 """
 
 from dataclasses import dataclass
@@ -77,6 +77,8 @@ def _drive(
     distance = np.sqrt((away * away).sum())
     goal = target.copy()
     if 0.0 < distance < keep_off_m:
+        # The push away is written as a shift of the target, so that one closed solution serves
+        # both.
         goal += push_per_pull * (keep_off_m - distance) / distance * away
     there, speed = pull(place, velocity, goal, dt_s, omega_rad_s)
     step = there - place

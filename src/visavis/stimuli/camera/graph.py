@@ -212,7 +212,7 @@ class FloorTable:
         return int(_nearest_middle(self.centre_m, place_m[0], place_m[2]))
 
     def around_01(self, within_m: float) -> npt.NDArray[np.float32]:
-        """Return the part (t, n) seen from each node of what lies round each triangle."""
+        """Return the visible share (t, n), from each node, of the area around each triangle."""
         tree = cKDTree(self.centre_m[:, [0, 2]])
         first, second = tree.query_pairs(within_m, output_type="ndarray").T
         n = len(self.triangle_m)
@@ -264,6 +264,7 @@ def _seen_shares(
         for t in range(points.shape[0]):
             x, y = nodes[i, 0] - points[t, 0, 0], nodes[i, 1] - points[t, 0, 1]
             z = nodes[i, 2] - points[t, 0, 2]
+            # Beyond `reach_m` nobody is filmed, so that no ray is spent.
             count = 0
             if x * x + y * y + z * z <= reach_m * reach_m:
                 for r in range(rays):

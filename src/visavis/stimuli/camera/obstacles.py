@@ -1,4 +1,4 @@
-"""What stands in a camera's way: the triangles of a place in a tree of boxes, people as capsules.
+"""Obstacles for a camera: the triangles of a place in a tree of boxes, people as capsules.
 
 Surfaces stop rays from both sides.
 """
@@ -18,7 +18,7 @@ from visavis.stimuli.visibility import capsule_entry_m
 LEAF_TRIANGLES: Final = 4
 STACK: Final = 96
 SHORTENED: Final = 1e-6
-"""Share by which a sight line stops short of its end, so that what is looked at hides nothing."""
+"""Share by which a sight line stops before its end, so that its target does not block it."""
 NOBODY: Final = np.empty((0, 7))
 """The capsules (c, 7) of nobody."""
 
@@ -39,6 +39,7 @@ def _divide(low: Vector, high: Vector, order: Ints, boxes: Vector, links: Ints, 
         node, first, last = todo[waiting, 0], todo[waiting, 1], todo[waiting, 2]
         axis, widest, middle = 0, -1.0, 0.0
         for k in range(3):
+            # Split where centres spread most: boxes may overlap, centres need not.
             a, b, c_low, c_high = np.inf, -np.inf, np.inf, -np.inf
             for i in range(first, last):
                 a, b = min(a, low[order[i], k]), max(b, high[order[i], k])
@@ -96,6 +97,7 @@ def ray_hit_m(
     while depth > 0:
         depth -= 1
         node = stack[depth]
+        # Slab test: the ray is inside the box between t0 and t1 on all three axes, if at all.
         t0, t1 = 0.0, nearest
         if dx != 0.0:
             a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix
@@ -120,6 +122,7 @@ def ray_hit_m(
             continue
         first = -1 - links[node, 0]
         for i in range(first, first + links[node, 1]):
+            # Möller & Trumbore (1997): solve o + t d = corner + u e1 + v e2 by Cramer's rule.
             e1x, e1y, e1z = corners[i, 3], corners[i, 4], corners[i, 5]
             e2x, e2y, e2z = corners[i, 6], corners[i, 7], corners[i, 8]
             px, py, pz = dy * e2z - dz * e2y, dz * e2x - dx * e2z, dx * e2y - dy * e2x
@@ -221,6 +224,7 @@ def is_near(point: Vector, margin_m: float, boxes: Vector, links: Ints, corners:
     while depth > 0:
         depth -= 1
         node = stack[depth]
+        # Squared distance from the point to the node's box; a box beyond the limit is skipped.
         away2 = 0.0
         for k in range(3):
             off = max(boxes[node, k] - point[k], point[k] - boxes[node, k + 3], 0.0)
@@ -248,7 +252,7 @@ class Obstacles:
 
     @classmethod
     def of_room(cls, room: Room) -> Self:
-        """Pack everything that stands in a room."""
+        """Pack all surfaces of a room."""
         return cls.of_triangles(triangles_of(room))
 
     @classmethod
@@ -275,7 +279,7 @@ class Obstacles:
 
     @property
     def arrays(self) -> tuple[Vector, Ints, Vector]:
-        """What compiled code takes."""
+        """The arrays that compiled code takes."""
         return self.boxes, self.links, self.corners
 
     def hit_m(self, start_m: Vector, direction: Vector, reach_m: float = np.inf) -> float:

@@ -1,4 +1,4 @@
-"""The objective sheet of a film: what its camera showed of somebody, and how it went about it.
+"""Objective measures of a film: how well its camera showed the subject, and how it moved.
 
 It is made from where the camera was and who stood where, whichever camera that was; whether the
 subject is seen is counted in the identity image drawn from that camera.
@@ -25,7 +25,7 @@ CUT_FASTER_THAN_MPS: Final = 15.0
 RULE_DEG: Final = 30.0
 NEAR_M: Final = 0.09
 MOVES_FROM_MPS: Final = 0.2
-"""Somebody slower gives no line that a cut could cross."""
+"""Below this speed a subject defines no line of action that a cut could cross."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Sheet:
         path.write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
 
     def sentence(self) -> str:
-        """Say the most of it in one line."""
+        """Return the main measures in one line."""
         visibility = (
             "" if self.seen_01 is None else f"participant seen {100 * self.seen_01:.0f} %, "
         )
@@ -71,7 +71,7 @@ class Sheet:
 
 @dataclass(eq=False)
 class FilmLog:
-    """What is noted of a film, picture by picture; `people` (c, 7) are upright capsules."""
+    """The log of a film, picture by picture; `people` (c, 7) are upright capsules."""
 
     shot: ShotSize | None = None
     t_ns: list[int] = field(default_factory=list)

@@ -27,12 +27,12 @@ WALL_HEIGHTS = np.array([1.0, 1.4])
 MIN_RISE = 0.2
 """Upward part of a ray from which it leads over people's heads."""
 MIN_APART_M = 1.0
-"""Nearer to the end of its ray no near place is of use."""
+"""Near places closer than this to the end of their ray are useless."""
 
 
 @dataclass(frozen=True)
 class RayRules:
-    """From where and whither cameras are looked for.
+    """Origins and directions of the rays that search for camera places.
 
     Every `every_m` of a middle line, `from_height_m` over the floor, to both sides at
     `elevations_deg` and straight up; `back_off_m` before what is hit, or at `reach_m`. Rays that

@@ -27,7 +27,7 @@ def load_cast() -> tuple[Character, ...]:
 
     Every call returns the same objects, so a renderer keeps what it has built.
     """
-    with ThreadPoolExecutor(2) as pool:  # unpacking leaves the other core free
+    with ThreadPoolExecutor(2) as pool:  # unpacking releases the GIL
         return tuple(pool.map(_read_shipped, cast_names()))
 
 

@@ -23,7 +23,7 @@ def collision_mesh(character: Character) -> SkinnedMesh:
 
 
 def is_closed(mesh: SkinnedMesh) -> bool:
-    """Tell whether every edge is passed as often one way as the other."""
+    """Return whether every edge is used equally often in both directions."""
     edges = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)]).astype(np.int64)
     n = len(mesh.vertices_m)
     there, count = np.unique(edges[:, 0] * n + edges[:, 1], return_counts=True)

@@ -1,4 +1,4 @@
-"""How much of each body part is seen from afar: what a lighter mesh must not change."""
+"""Visible area of each body part from afar, which a lighter mesh must preserve."""
 
 from dataclasses import replace
 from typing import Final
@@ -35,6 +35,7 @@ def _draw(
         high_y = min(int(np.floor(max(y[a], y[b], y[c]))), tag_image.shape[0] - 1)
         for row in range(low_y, high_y + 1):
             for column in range(low_x, high_x + 1):
+                # Barycentric coordinates of the pixel's middle; all ≥ 0 inside.
                 v = ((column - x[a]) * (y[c] - y[a]) - (x[c] - x[a]) * (row - y[a])) / area
                 w = ((x[b] - x[a]) * (row - y[a]) - (column - x[a]) * (y[b] - y[a])) / area
                 if v >= 0 and w >= 0 and v + w <= 1:

@@ -1,6 +1,6 @@
 """Figures in FBX files, by way of Blender: it reads them and writes glTF, which is imported.
 
-FBX is Autodesk's own format. No reader of it for Python is both free and kept up; Blender's is.
+FBX is Autodesk's own format. No Python reader of it is both free and maintained; Blender's is.
 """
 
 import shutil
@@ -68,7 +68,7 @@ REMEDY: Final = (
 
 
 def find_blender() -> str | None:
-    """Return what starts Blender: the one called `blender`, else the newest installed."""
+    """Return the path of Blender: the command `blender`, else the newest installation."""
     program = shutil.which("blender")
     if program is None and sys.platform in _PLACES:
         folder, pattern = _PLACES[sys.platform]
@@ -78,7 +78,7 @@ def find_blender() -> str | None:
 
 @contextmanager
 def as_glb(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
-    """Lay an FBX file for a while as a .glb of the same name, and name pictures that it lacks.
+    """Convert an FBX file to a temporary .glb of the same name, and name its missing pictures.
 
     Pictures are searched by their names in the file's folder, those below it and beside it.
 
@@ -120,7 +120,7 @@ def as_glb(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
 
 
 def _reason(output: str) -> str:
-    """Return the line of what Blender said that tells why."""
+    """Return the line of Blender's output that gives the reason."""
     lines = [line.strip() for line in output.splitlines() if line.strip()]
     errors = [line for line in lines if "Error" in line]
     return (errors or lines or ["it says nothing"])[-1]

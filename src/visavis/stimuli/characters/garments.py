@@ -25,20 +25,20 @@ Mask = npt.NDArray[np.bool_]
 Weights = npt.NDArray[np.float32]
 
 MAX_SIDE_PX: Final = 1024
-"""Pictures of other clothes are at most so large: 2 mm of cloth a pixel in a VALID figure."""
+"""Largest side of recoloured pictures: 2 mm of cloth a pixel in a VALID figure."""
 CHROMA_WITHIN: Final = 14.0
 LIGHT_WITHIN: Final = 80.0
 """How far, in 8-bit codes of Cb and Cr together and of luma, a garment reaches from its colour."""
 SURE_01: Final = 0.6
 """Up to this part of the reach a pixel is wholly of the garment."""
 MIN_SHARE_01: Final = 0.4
-"""Of what is not skin there, at least so much is of one colour, or there is no ground colour."""
+"""Least share of the non-skin pixels with one colour; below it there is no ground colour."""
 MIN_AREA_01: Final = 0.15
-"""Less of a region than this is no garment: its rest is bare."""
+"""Least share of a region that a garment covers; below it the region is bare."""
 MAX_SKIN_01: Final = 0.03
-"""Of the skin of face, neck and hands at most so much may look like a garment."""
+"""Largest share of the skin of face, neck and hands that may look like a garment."""
 SAME_GARMENT: Final = 16.0
-"""Ground colours nearer than this above and below are one garment: a suit, a dress."""
+"""Ground colours of top and bottom nearer than this are one garment: a suit, a dress."""
 BARE_CHROMA: Final = 22.0
 """Cloth whose chroma is nearer than this to that of skin may look bare."""
 WHITE: Final = 250
@@ -94,7 +94,7 @@ class Wardrobe:
 
 @cache
 def wardrobe_of(character: Character) -> tuple[Wardrobe, ...]:
-    """Return the garments that can be told with confidence, one wardrobe a picture.
+    """Return the garments that can be recognised with confidence, one wardrobe a picture.
 
     A cloth without a picture, or one that is tinted, counts where it is of one colour and no skin
     shares its picture.
@@ -109,7 +109,7 @@ def wardrobe_of(character: Character) -> tuple[Wardrobe, ...]:
 
 
 def looks_bare(wardrobe: Wardrobe, colour: Colour) -> bool:
-    """Return whether cloth of a colour could be taken for the person's skin."""
+    """Return whether cloth of a colour could look like the person's skin."""
     tone = np.array(Image.new("RGB", (1, 1), colour).convert("YCbCr").getpixel((0, 0)), float)
     difference = np.abs(wardrobe.skins - tone)
     far = np.hypot(difference[:, 1], difference[:, 2]) > BARE_CHROMA
@@ -152,7 +152,7 @@ def _wardrobe(character: Character, cloth: list[int]) -> Wardrobe | None:
         small = small.copy()
         small[..., :3] = np.round(small[..., :3] * (tint.mean(axis=0) / 255))
     parts = mesh.triangle_part.astype(np.int64)
-    # Shoes are islands of their own, and what of a trouser leg moves with the foot is none.
+    # Shoes are separate islands; the part of a trouser leg that moves with the foot is not one.
     island = _islands(mesh.triangles)
     feet = np.isin(parts, [PART_INDEX["left_foot"], PART_INDEX["right_foot"]])
     share = np.bincount(island, feet) / np.maximum(np.bincount(island), 1)
@@ -273,7 +273,7 @@ def _connected_share(
     """Leave out what hangs together with nothing where such a garment is worn (socks, nails), and
     what only looks like it between other things: stripes of a tie.
     """
-    from scipy import ndimage  # late: the first picture of other people need not wait for it
+    from scipy import ndimage  # imported here, because pictures of other people do not need it
 
     where = {"top": _TOP, "bottom": _BOTTOM, "whole": _TOP + _BOTTOM}[kind]
     is_garment = share > 0.5
@@ -330,7 +330,9 @@ def _tag_image(
     tags: npt.NDArray[np.int64],
     shape: tuple[int, int],
 ) -> npt.NDArray[np.uint8]:
-    """Return which tag lies on each pixel (h, w), a few pixels beyond seams, too; 0 on none."""
+    """Return the tag at each pixel (h, w), extended a few pixels beyond seams; 0 where there is
+    none.
+    """
     from scipy import ndimage  # late, as above
 
     height, width = shape

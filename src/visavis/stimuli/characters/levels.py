@@ -44,9 +44,9 @@ _UV_WEIGHT = 0.3
 _NOSE_TO_LIPS, _ROUND_EYES = ((-0.55, 0.55), (-1.35, 0.25)), ((0.2, 0.85), (-0.25, 0.30))
 """Where features lie from between the eyes, right and up, in distances of the eyes."""
 _NECK_SHARE = 0.5
-"""What a neck counts for, as a share of nose, lips and lids."""
+"""Weight of the neck, relative to nose, lips and lids."""
 _PLAIN_SHARE = 0.3
-"""What bends and pictures on cheek and forehead count for against those of features."""
+"""Weight of bends and pictures on cheek and forehead, relative to facial features."""
 _FEATURE_WEIGHTS = {"normal": 0.3, "colour": 0.02, "place": 6.0, "uv": 0.5}
 Indices = npt.NDArray[np.int64]
 
@@ -114,7 +114,7 @@ def _round_the_eyes(
 
 
 def lighter(mesh: SkinnedMesh, budget: LevelBudget) -> SkinnedMesh:
-    """Return the mesh as a level of detail, its face told apart from the rest and kept best.
+    """Return the mesh as a level of detail; the face is thinned separately and least.
 
     Nose, lips, lids and what they border on change last, and no vertex ever leaves the surface of
     the full mesh. Parts meet at seams that are thinned on both sides at once.

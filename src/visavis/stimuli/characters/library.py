@@ -18,7 +18,7 @@ from visavis.stimuli.characters.storage import FIGURE_FILES, write_character
 
 @dataclass(frozen=True)
 class Imported:
-    """What became of one file: the character and where it lies, or what is wrong with it.
+    """The result of importing one file: the character and its path, or the error.
 
     `odd` says what is strange about the file of somebody who can be used.
     """
@@ -32,7 +32,7 @@ class Imported:
 
 @contextmanager
 def people_in(download: Path, only: str = "*") -> Iterator[Path]:
-    """Lay the .glb files of a download, a .zip or a folder of folders, into one folder for a while.
+    """Collect the .glb files of a download (a .zip or a folder of folders) in a temporary folder.
 
     `only` is a pattern that their names, without the ending, must fit.
 

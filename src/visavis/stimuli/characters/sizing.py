@@ -53,7 +53,7 @@ def scale_to_stature(character: Character, stature_m: float) -> Character:
 ARM_BONES = ("lower_arm", "hand")
 LEG_BONES = ("lower_leg", "foot")
 MAX_STRETCH_01 = 0.15
-"""By so much, of their own length, limbs are made longer or shorter at most."""
+"""Largest change of a limb's length, as a share of it."""
 
 
 def with_limbs(character: Character, arms: float, legs: float) -> Character:

@@ -1,4 +1,4 @@
-"""The people of a crowd as contact sees them: the bones and the flesh of those who are drawn.
+"""The people of a crowd as capsules for contact, fitted to the characters that are drawn.
 
 Every character that plays a part becomes nineteen capsules on its own skeleton, fitted to its
 closed surface, so that what is seen is what touches.
@@ -78,7 +78,7 @@ _BANDS: Final = ("hips", "spine", "upper_chest")
 _TRUNK: Final = (*_BANDS, "chest")
 _ROUNDS: Final = 5
 _EVERY: Final = 4
-"""Of the surface's vertices every fourth is enough to fit nineteen capsules."""
+"""Step through the surface's vertices: every fourth is enough to fit nineteen capsules."""
 
 
 @cache

@@ -1,7 +1,7 @@
 """How idle people stand: poses as a pure function of who they are and of time.
 
-Everybody shifts weight, breathes and looks about; who waits lets the arms hang, who telephones
-holds a telephone to the ear. What touches is what is drawn: both come from the kernels of
+Everybody shifts weight, breathes and looks about; people who wait let their arms hang, people on
+the phone hold it to the ear. Contact uses the same poses as drawing: both come from the kernels of
 `visavis.stimuli.motion`, person by person here, everybody at once there.
 """
 
@@ -96,6 +96,7 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
     place[0, 0], place[0, 2] = person[0], person[1]
     placed_rows(controls, place, heading)
     eyes, head, chest = np.empty((1, 3)), np.empty((1, 4)), np.empty((1, 4))
+    # Where people look follows from where their eyes are, so the trunk is posed first.
     look_from(controls, offsets, rows, eyes, head, chest)
     gaze_turn = np.zeros((1, 3))
     turn_rows(
@@ -114,6 +115,7 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
     controls[0, p.TRUNK_YAW] += gaze_turn[0, 0]
     controls[0, p.HEAD_YAW] += gaze_turn[0, 1]
     controls[0, p.HEAD_PITCH] += gaze_turn[0, 2]
+    # Fingers are left out: no capsule hangs on them.
     turns = np.empty((1, p.JOINTS, 4))
     pose_but_fingers(controls[0], offsets[0], turns[0])
     for k in range(3):

@@ -31,13 +31,13 @@ from visavis.stimuli.scene import Agent, SceneFrame
 from visavis.stimuli.scenes import audience
 
 HABITS = 12
-"""How many ways of sitting are tried for the one that keeps the feet on the step."""
+"""Number of sitting habits tried to find one that keeps the feet on the step."""
 TUCKED_01 = (0.0, 0.3, 0.6, 1.0)
 """How far feet are drawn back, tried one after the other."""
 ATTENTIVE = Sit(lively=0.25)
-"""Who listens hardly stirs; breathing is as deep as ever."""
+"""Listeners hardly move; breathing is as deep as usual."""
 MAX_ARMS_ASIDE_M = 0.24
-"""How far elbows and wrists may be beside the middle of their own seat, for neighbours' sake."""
+"""Largest sideways distance of elbows and wrists from the seat's middle, to spare neighbours."""
 TOE_M = 0.07
 SAT_ON = tuple(PART_INDEX[name] for name in ("torso", "left_thigh", "right_thigh"))
 BELOW_HIPS_M = 0.20

@@ -30,7 +30,7 @@ class Member:
 
 @dataclass(eq=False)
 class _InForce:
-    """The cast of this process: nobody named stands for the people who come with Visavis."""
+    """The cast of this process; an empty one stands for the people who come with Visavis."""
 
     members: tuple[Member, ...] = ()
     library: Path | None = None
@@ -41,8 +41,8 @@ _in_force: Final = _InForce()
 
 
 def members_of(entries: Sequence[str], folder: Path, library: Path) -> tuple[Member, ...]:
-    """Return who is in a cast as a configuration names it: people who come with Visavis, people
-    imported into `library`, or folders (from `folder`) of figures that were.
+    """Return the members of a cast as named in a configuration: people who come with Visavis,
+    people imported into `library`, or folders (from `folder`) of figures that were.
 
     Raises:
         DesignError: somebody is not there, is named twice, or has not been imported.
@@ -78,7 +78,7 @@ def members_of(entries: Sequence[str], folder: Path, library: Path) -> tuple[Mem
 
 
 def use_cast(members: Sequence[Member], library: Path) -> None:
-    """Let these people, in this order, play the numbered parts from now on; nobody: the default.
+    """Set the people who play the numbered parts, in this order; none for the default cast.
 
     Raises:
         DesignError: others have been cast in this process already, whose measures are kept.
@@ -98,7 +98,8 @@ def use_cast(members: Sequence[Member], library: Path) -> None:
 
 @cache
 def default_casting(part: str) -> Character:
-    """Return who plays a part: a name of the cast, or the n-th woman or man of the one in force.
+    """Return the character of a part: a name of the cast, or the n-th woman or man of the active
+    cast.
 
     Where a lab has a cast of its own, its n-th woman plays the n-th of those who come along, unless
     that one is in the cast herself.
@@ -129,7 +130,7 @@ def default_casting(part: str) -> Character:
 
 
 def _number_name(name: str) -> str:
-    """Return the number of somebody who comes along: "anna" is "female_01"."""
+    """Return the number of a person who comes with Visavis: "anna" is "female_01"."""
     gender = load_character(name).gender
     same_gender = [c.name for c in load_cast() if c.gender == gender]
     return f"{gender}_{same_gender.index(name) + 1:02d}"

@@ -19,7 +19,7 @@ from visavis.stimuli.scene import Agent, SceneFrame
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
 
 AT_REST: Final = (Idle, Sit)
-"""What leaves the head in place: these heads are held exactly where areas of interest are."""
+"""A gaze that does not move the head: these heads stay exactly on their areas of interest."""
 
 
 @dataclass(frozen=True, eq=False)

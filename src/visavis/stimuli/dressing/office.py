@@ -45,7 +45,7 @@ PARTS: Final[dict[str, str]] = {
     "place_4": "jun",
     "place_5": "dai",
 }
-"""Who plays whom; the customer in the participant's place is left out."""
+"""Which character plays whom; the customer in the participant's place is left out."""
 BUSY: Final[dict[str, Kind]] = {
     "bystander_left": Talk(size=0.5, voice_01=0.4),
     "bystander_middle": Text(hand="right"),
@@ -87,7 +87,7 @@ def person_of(
     seed: int,
     casting: Casting = default_casting,
 ) -> Person:
-    """Return what somebody of the office does from the scene's onset on."""
+    """Return a person's activity from the scene's onset on."""
     where = places.place(role)
     build = build_of(casting(PARTS[role]))
     own = seed * 31 + tuple(PARTS).index(role)
@@ -117,7 +117,7 @@ def _set_of(participant_place: str, waving: Waving | None, seed: int, casting: C
 
 
 def _holding(role: str, character: Character) -> Character:
-    """Return whoever telephones or types with a telephone in the hand."""
+    """Return a character with a telephone in the hand for people who phone or type."""
     kind = BUSY.get(role)
     if isinstance(kind, Phone | Text) and kind.hand != "any":
         use: Use = "listening" if isinstance(kind, Phone) else "typing"
@@ -210,7 +210,7 @@ def gaze_of(frame: SceneFrame) -> Aimed:
 def _warp_of_person(
     participant_place: str, waving: Waving | None, t_s: float, warp: WarpTrack | None = None
 ) -> dict[int, Callable[[Vector], Vector]]:
-    """Return whose turns the wave's warp changes at a time, and how."""
+    """Return, by person, how the wave's warp changes joint turns at a time."""
     if waving is None or (track := warp or waving.warp) is None:
         return {}
     skeleton, units, omega = waving.clip.skeleton, track.units, track.at(t_s)
@@ -221,7 +221,7 @@ def _warp_of_person(
 def pose_of_waver(
     waving: Waving, t_s: float, warp: WarpTrack | None = None
 ) -> tuple[Vector, Vector]:
-    """Return root (3,) and turns (55, 4) of who waves, in the office's coordinates.
+    """Return root (3,) and turns (55, 4) of the waving person, in the office's coordinates.
 
     As drawn, but for where the eyes point. `warp` stands in place of the wave's own.
     """

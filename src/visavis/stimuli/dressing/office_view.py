@@ -1,4 +1,4 @@
-"""What somebody of the office sees of a clerk: eyes, what stands in between, and in which light.
+"""A customer's view of a clerk: eyes, occluders and light.
 
 Coordinates are the office's, in which the third customer stands at the origin.
 """
@@ -32,7 +32,7 @@ STILL: Final = Aimed(np.full((1, 3), np.nan), np.ones(1))
 
 
 def character_of(role: str) -> Character:
-    """Return who plays somebody of the office."""
+    """Return the character of a person in the office."""
     return default_casting(PARTS[role])
 
 
@@ -63,7 +63,7 @@ def body_mesh(role: str) -> StaticMesh:
 
 
 def others_in_view(clerk: str, viewer_place: str) -> tuple[StaticMesh, ...]:
-    """Return everybody who may hide a clerk from a customer's place."""
+    """Return the people who may hide a clerk from a customer's place."""
     return tuple(body_mesh(role) for role in PARTS if role not in (clerk, viewer_place))
 
 

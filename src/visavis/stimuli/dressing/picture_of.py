@@ -1,4 +1,4 @@
-"""Any scene as a picture: the scene itself names what dresses it."""
+"""Turn any scene into a picture; the scene names the function that does it."""
 
 import importlib
 from collections.abc import Callable
@@ -17,7 +17,7 @@ NOBODY: Final = PosedPeople(np.zeros((0, 3)), np.zeros((0, 55, 4)), np.zeros((0,
 
 
 def picture_of(frame: SceneFrame) -> Picture:
-    """Return what a frame looks like; a scene that nothing dresses is dark but for its mark.
+    """Return the picture of a frame; a scene without such a function is dark except for its mark.
 
     Raises:
         DesignError: what dresses the scene cannot be imported.

@@ -1,4 +1,4 @@
-"""Who meets whose eyes for how long: looks drawn in advance for conversation and for avoidance.
+"""Eye contact: looks drawn in advance for conversation and for avoidance.
 
 In conversation of two people at 2 m, somebody looks at the other for about 75 % of the time while
 listening and 40 % while talking, in glances of 3 s on average (Argyle 1988, Bodily Communication,

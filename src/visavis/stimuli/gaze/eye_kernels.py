@@ -112,6 +112,7 @@ def aim_rows(
         for side in range(2):
             eye = left if side == 0 else right
             axis = gaze
+            # Each eye points at the same near point: the eyes converge.
             if np.isfinite(distance_m[r]):
                 goal = plus(middle, scale_vector(gaze, distance_m[r]))
                 axis = unit_of(minus(goal, eye), AHEAD)
@@ -120,6 +121,7 @@ def aim_rows(
             for k in range(4):
                 turns[r, p.J_LEFT_EYE + side, k] = q[k]
             pitch += 0.5 * np.arcsin(axis[1])
+        # Upper lids go with the pitch of the eyes.
         morphs[r, LIDS_UP] = min(1.0, max(0.0, pitch / LID_FULL_RAD))
         morphs[r, LIDS_DOWN] = min(1.0, max(0.0, -pitch / LID_FULL_RAD))
         shut = min(1.0, max(0.0, 1.0 - openness_01[r]))

@@ -1,4 +1,4 @@
-"""Who looks at what from when on, as data; eyes, lids, head and trunk follow from it."""
+"""A schedule of looks, as data; eyes, lids, head and trunk follow from it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

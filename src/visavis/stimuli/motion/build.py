@@ -1,4 +1,4 @@
-"""The lengths of a person that a posture is planned with, from a skeleton or a whole character."""
+"""A person's lengths that postures are computed from, taken from a skeleton or a character."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -135,9 +135,9 @@ def _behind_thigh_m(thigh: Vector, hip: Vector, knee: Vector, first: float, last
 
 
 ARM_CLEAR_M = 0.018
-"""Between an arm that hangs and what is worn on the trunk, which leans and turns under it."""
+"""Gap between a hanging arm and the clothes on the trunk, which leans and turns."""
 MAX_ELBOW_BESIDE_M = 0.215
-"""Wider elbows would reach over the edge of a seat to who sits beside."""
+"""Wider elbows would reach beyond the seat to a neighbour."""
 ALONG_ARM = np.linspace(0.8, 1.1, 4)
 """Shares of the upper arm; above them it belongs to the shoulder, trunk and sleeve are one."""
 

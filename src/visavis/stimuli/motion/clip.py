@@ -1,4 +1,4 @@
-"""Clips: recorded or computed motion of one skeleton at even times, and what is done to them."""
+"""Clips: recorded or computed motion of one skeleton at even times, and operations on them."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -34,7 +34,7 @@ STRIDES_OF_DRIFT = 0.05
 CV_OF_DRIFT = 0.355
 """What a drift of unit size, its slowest swing in 20 strides, varies a stride's time by."""
 REACH = 0.984
-"""No leg is stretched farther than to this share of its length."""
+"""Largest length of a leg as a share of its straight length."""
 
 
 @compiled

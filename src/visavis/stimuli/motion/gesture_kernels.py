@@ -1,4 +1,4 @@
-"""What people do standing or sitting: wave, phone, text, watch a board, talk with gestures."""
+"""Activities while standing or sitting: wave, phone, text, watch a board, talk with gestures."""
 
 import numpy as np
 import numpy.typing as npt
@@ -225,10 +225,12 @@ def text_rows(
         hang_arms(c, person)
         stir(c, t, person, 0.7 * lively)
         breathe(c, t, person, 1.0)
+        # The head bows and the trunk leans towards the phone; the eyes attend 40° below.
         c[p.HEAD_PITCH] -= np.radians(15.0)
         c[p.TRUNK_LEAN] += np.radians(4.0)
         c[p.ATTEND], c[p.ATTEND + 1] = 1.0, 0.0
         c[p.ATTEND + 2] = -np.radians(40.0)
+        # Somewhat more than half of the people type with both hands.
         both = chance(person, 331, 0) < 0.55
         for k in range(2):
             if k != side and not both:
@@ -333,6 +335,7 @@ def talk_rows(
         beat = 0.0
         for side in range(2):
             beat = max(beat, _gesture(arm_of(c, side), b, t, person, side, size))
+        # The head nods with the beat of the gesture and as the jaw opens.
         c[p.HEAD_PITCH] -= np.radians(3.5) * beat + np.radians(2.5) * c[p.JAW]
         nod, own = bump(t, 3.1, 0.7, person, 351)
         c[p.HEAD_YAW] += np.radians(7.0) * (own - 0.5) * nod

@@ -23,17 +23,17 @@ OVER_M = 0.004
 """The middle of a finger's end is so far beyond the edge, if the finger is long enough."""
 FINGER_TOUCHES = (0.0, 0.1, 1.0)
 THUMB_TOUCHES = (0.0, 0.3, 1.0)
-"""How much it matters that a phalanx is not off the case, from the knuckle on. What follows is
-measured against that."""
+"""Weights of a gap between phalanx and case, from the knuckle on. The weights below are relative to
+these."""
 GOES_IN = 100.0
-"""That no phalanx is in the case, nor in the cheek."""
+"""Weight of a phalanx inside the case or the cheek."""
 HOOKS = 0.3
-"""That the end of a finger reaches over the edge."""
+"""Weight of a finger's end that does not reach over the edge."""
 LIES_M2, FLAT = 1e-4, 0.05
-"""That the thumb points along its edge, and lies at the middle of it."""
+"""Weights of a thumb that does not point along its edge or lie at its middle."""
 EASY_M2 = 1e-4
 EASY_CURL, EASY_KNUCKLE = 0.42, 0.15
-"""That a finger is bent as in a hand at ease, a knuckle less so."""
+"""Weight of a bend unlike that of a relaxed hand; knuckles count less."""
 THUMB_EASY_M2 = 4e-6
 
 
@@ -74,6 +74,7 @@ def _cost(
     a = (joints[0, 0], joints[0, 1], joints[0, 2])
     b = (joints[1, 0], joints[1, 1], joints[1, 2])
     c = (joints[2, 0], joints[2, 1], joints[2, 2])
+    # Chain the three joints, then write every bone's movement in the axes of the case.
     first = turns[0]
     second = times(first, turns[1])
     at_b = plus(a, rotate_vector(first, minus(b, a)))
@@ -96,6 +97,7 @@ def _cost(
                 for i in range(3):
                     m = moves[bone, i]
                     point[i] += w * (m[0] * x + m[1] * y + m[2] * z + m[3])
+        # Signed distance to a box: negative inside, where only the least deep axis counts.
         u, v, w = abs(point[0]) - half[0], abs(point[1]) - half[1], abs(point[2]) - half[2]
         gap = min(max(u, v, w), 0.0)
         u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
@@ -105,10 +107,12 @@ def _cost(
         counts[of] += 1.0
         for i in range(3):
             sums[of, i] += point[i]
+        # How far a finger may stand out before the case there: the face's skin leaves little room.
         share = min(max(0.5 + 0.5 * point[0] / half[0], 0.0), 1.0) * (room.shape[0] - 1)
         below = min(int(share), room.shape[0] - 2)
         deep = room[below] + (share - below) * (room[below + 1] - room[below])
         beyond = max(beyond, point[2] - half[2] - deep)
+    # All terms are squared metres: going in costs more than staying off.
     cost = GOES_IN * beyond * beyond
     for of in range(3):
         matters = FINGER_TOUCHES[of] if which == FINGER else THUMB_TOUCHES[of]
@@ -117,6 +121,7 @@ def _cost(
         for i in range(3):
             sums[of, i] /= max(counts[of], 1.0)
     if which == FINGER:
+        # Fingers hook over the edge; the thumb lies flat along the side.
         cost += HOOKS * max(half[1] + OVER_M - sums[2, 1], 0.0) ** 2
     else:
         u, v, w = sums[2, 0] - sums[1, 0], sums[2, 1] - sums[1, 1], sums[2, 2] - sums[1, 2]
@@ -147,6 +152,7 @@ def best_bend(
 
     First `counts` (3,) of each are tried, evenly, then `rounds` times half as far about the best.
     """
+    # A grid that shrinks: the cost has flat stretches on which a gradient would stop.
     step = (most - least) / np.maximum(counts - 1, 1)
     start, n_steps = least.copy(), counts.copy()
     best, best_turns = 1e9, least.copy()
@@ -158,6 +164,7 @@ def best_bend(
                     v = min(max(start[1] + j * step[1], least[1]), most[1])
                     w = min(max(start[2] + k * step[2], least[2]), most[2])
                     if which == FINGER:
+                        # The knuckle is searched relative to −1.25 times the curl.
                         turns = finger_turns(u, v - 1.25 * u, spread)
                         easy = EASY_M2 * ((u - EASY_CURL) ** 2 + 0.3 * (v - EASY_KNUCKLE) ** 2)
                     else:

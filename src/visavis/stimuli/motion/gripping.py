@@ -20,7 +20,7 @@ from visavis.stimuli.motion.skeleton import Skeleton
 FINGERS: Final = ("index", "middle", "ring", "little")
 PHALANGES: Final = ("proximal", "middle", "distal")
 MIN_POINTS: Final = 4
-"""A phalanx with fewer points of skin is none: the figure has no bones in its fingers."""
+"""Least number of skin points of a phalanx; below it the figure has no finger bones."""
 MIN_WEIGHT: Final = 0.02
 """Of a point, for it to belong to a finger."""
 SPREAD_RAD: Final = -0.10

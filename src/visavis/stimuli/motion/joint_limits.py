@@ -1,4 +1,4 @@
-"""How far joints of adults turn, and turns held within that.
+"""Joint ranges of adults, and turns limited to them.
 
 A turn is read as a twist about the bone, then a swing square to it: three angles in degrees about
 the canonical axes, written as for the left side (the right one is reflected). Ranges of trunk,

@@ -1,4 +1,4 @@
-"""Which joint of a foreign skeleton is which of ours, from its names and its tree."""
+"""Match the joints of a foreign skeleton to ours, by their names and the tree."""
 
 import re
 from collections.abc import Mapping

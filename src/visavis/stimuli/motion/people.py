@@ -1,4 +1,4 @@
-"""Everybody's motion at once: who does what from when on, posed at any time in a few calls."""
+"""The motion of everybody: their activities over time, posed at any time in a few calls."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -67,7 +67,7 @@ class Person:
 
     @property
     def plan(self) -> tuple[Doing, ...]:
-        """What is done one after the other."""
+        """The activities, one after the other."""
         return self.does if isinstance(self.does, tuple) else (Doing(self.does),)
 
 

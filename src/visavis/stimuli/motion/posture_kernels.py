@@ -99,6 +99,7 @@ def _trunk(c: Vector, offsets: Vector, turns: Vector, world: Vector, place: Vect
         c[p.HIPS + 1],
         c[p.HIPS + 2],
     )
+    # Spine, chest and upper chest share the trunk's turn; neck and head share the head's.
     above, at = hips, _vector(c, p.HIPS)
     for i in range(5):
         joint = p.J_SPINE + i
@@ -216,7 +217,7 @@ def _fingers(a: Vector, first: int, side: int, turns: Vector) -> None:
 
 @compiled
 def _softly_within(x: float, least: float, most: float) -> float:
-    """Return x, held ever more tightly towards the end of its range."""
+    """Return x, compressed smoothly towards the end of its range."""
     end = most if x >= 0.0 else -least
     share = abs(x) / end
     if share <= 0.8:
@@ -365,7 +366,7 @@ def _arm(
         within = times(inverse(whole), hand)
         full_twist = twist_about(within, along)
         twist = min(MAX_FOREARM_TWIST, max(-MAX_FOREARM_TWIST, full_twist))
-        # A palm that would have to turn farther stays short of where it should face.
+        # A palm beyond the largest twist stops before it reaches its direction.
         hand = times(whole, times(about(along, twist - full_twist), within))
     forearm = times(hinge, about(along, FOREARM_SHARE * twist))
     wrist = _possible_wrist(times(inverse(times(upper, forearm)), hand))
@@ -413,6 +414,7 @@ def _hold_head(
     right = unit_of(cross((0.0, 1.0, 0.0), back), (1.0, 0.0, 0.0))
     head = of_axes(right, cross(back, right), back)
     trunk = _quat(world, p.J_UPPER_CHEST)
+    # The neck takes its usual share of the turn from the trunk to the head.
     neck = mix_quats((1.0, 0.0, 0.0, 0.0), times(inverse(trunk), head), NECK_SHARE)
     neck_world = times(trunk, neck)
     _put(turns, p.J_NECK, neck)
@@ -421,6 +423,7 @@ def _hold_head(
     _put(world, p.J_HEAD, head)
     neck_at = _vector(place[p.J_NECK], 0)
     _set(place, p.J_HEAD, plus(neck_at, rotate_vector(neck_world, _vector(own[p.J_HEAD], 0))))
+    # Turning first, then moving the whole trunk: legs are posed later from the new hips.
     shift = minus(_vector(eyes, 0), _eyes_middle(own, world, place))
     for joint in range(p.J_HEAD + 1):
         _set(place, joint, plus(_vector(place[joint], 0), shift))
@@ -464,6 +467,7 @@ def pose_rows(
     world, place = np.empty((p.JOINTS, 4)), np.empty((p.JOINTS, 3))
     for r in range(controls.shape[0]):
         c, own, t = controls[r], offsets[skeleton_of[r]], turns[r]
+        # No turn for joints that the posture leaves alone.
         t[:, 0] = 1.0
         t[:, 1:] = 0.0
         _trunk(c, own, t, world, place)

@@ -1,4 +1,4 @@
-"""Carry a recorded motion over to the canonical skeleton, whatever the source's axes and bones.
+"""Retarget a recorded motion to the canonical skeleton, for any axes and bones of the source.
 
 Every joint follows the source joint's orientation in world. At one reference pose (all channels
 zero, or a frame of the clip) limb bones are laid along the source's bones by the smallest turn

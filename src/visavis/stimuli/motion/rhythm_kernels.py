@@ -1,4 +1,4 @@
-"""What makes a body restless: smooth noise, events at irregular times, eased steps.
+"""Rhythms of small movements: smooth noise, events at irregular times, eased steps.
 
 All of it is a function of time and of whole numbers that stand for a person and a purpose, so
 any moment can be asked for in any order and comes out the same.

@@ -1,4 +1,4 @@
-"""Where a telephone is at somebody's ear, and how a hand holds it there.
+"""The pose of a telephone at the ear, and of the hand that holds it.
 
 The telephone leans against ear and cheek, its length along the line from the ear to the corner of
 the mouth; the hollow palm is at its back, thumb at the edge behind, fingers round the edge before,

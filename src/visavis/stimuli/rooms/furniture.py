@@ -88,7 +88,7 @@ def desk(
             *(Block((x, 0, 0), 0.02, depth_m / 2 - 0.04, under) for x in (-legs_x, legs_x)),
         )
     else:
-        # Closed all round but at its foot: parts that hide the same sky would count twice.
+        # A single block, closed but for its foot: parts that hide the same sky would count twice.
         high = height_m - PANEL_ABOVE_M
         blocks = (Block((0, PANEL_ABOVE_M, 0), width_m / 2, depth_m / 2, high),)
     props = [

@@ -1,4 +1,4 @@
-"""A plain, evenly lit room for a few people before the participant, with a chair for who sits."""
+"""A plain, evenly lit room for a few people facing the participant, with chairs for sitters."""
 
 from functools import lru_cache
 from typing import Final

@@ -33,7 +33,7 @@ RED_STONE: Srgb = (136, 72, 62)
 
 @lru_cache(maxsize=1)
 def station() -> Room:
-    """Return the station; the same object each time. The board's face is apart: `board_face`."""
+    """Return the station; the same object each time. The board's face is separate: `board_face`."""
     return Room(
         name="station",
         props=(

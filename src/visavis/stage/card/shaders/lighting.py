@@ -1,4 +1,4 @@
-"""Light, shadow and tone, in GLSL: shared by everything that is lit."""
+"""Light, shadow and tone in GLSL, shared by all lit surfaces."""
 
 from collections.abc import Sequence
 

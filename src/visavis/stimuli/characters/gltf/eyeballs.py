@@ -18,9 +18,9 @@ MIN_POINTS = 24
 MAX_UNROUND = 0.03
 """Of its radius, how far half of a ball's points at most lie off the sphere."""
 MIN_BETWEEN_M, MAX_BETWEEN_M = 0.035, 0.1
-"""How far apart two eyes are."""
+"""Range of the distance between two eyes."""
 MAX_ASKEW_M = 0.005
-"""How far one eye lies off where the other one's mirror image is."""
+"""Largest distance of one eye from the mirror image of the other."""
 ROUND_ABOUT = 1.15
 """What lies within so many radii of an eyeball's centre, such as a cornea, is of that eye."""
 Indices = npt.NDArray[np.int64]
@@ -74,7 +74,7 @@ def _pieces(figure: Figure) -> Iterator[_Piece]:
 
 
 def _below(figure: Figure, top: int) -> npt.NDArray[np.bool_]:
-    """Return which nodes are one or hang from it."""
+    """Return which nodes are `top` or below it."""
     is_below = np.zeros(len(figure.names), dtype=bool)
     for node in range(len(is_below)):
         at = node

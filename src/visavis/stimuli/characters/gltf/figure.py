@@ -245,7 +245,7 @@ def _normals(vertices_m: Vector, triangles: Indices) -> Vector:
 
 
 def _vrm_joints(file: GltfFile, names: tuple[str, ...]) -> dict[str, str]:
-    """Return the bones that a VRM file (0.x or 1.0) itself says are which."""
+    """Return the joint names that a VRM file (0.x or 1.0) assigns to its bones."""
     extensions = file.tree.get("extensions", {})
     bones = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
     bone_entries = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])

@@ -156,7 +156,7 @@ class GltfFile:
             with Image.open(io.BytesIO(self._view(image["bufferView"]))) as picture:
                 kind = "RGBA" if "A" in picture.getbands() else "RGB"
                 return np.asarray(picture.convert(kind))
-        except OSError as e:  # what is no image, and what is cut short
+        except OSError as e:  # not an image, or cut short
             raise CharacterError(
                 f"{self.path}: a texture cannot be read ({e}); export again"
             ) from e

@@ -1,4 +1,4 @@
-"""What each surface of an imported figure is: skin, eye, hair, cloth and so on."""
+"""Classify each surface of an imported figure: skin, eye, hair, cloth and so on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ from visavis.stimuli.characters.tagging import parts_of_weights
 MIN_FACE_AREA = 0.8
 """Of cheeks and nose, in squared distances between the eyes: glasses before a face have less."""
 MIN_BARE_SHARE = 0.05
-"""Of a surface without a face: from here on what looks like the face is taken for skin."""
+"""For a surface without a face: share from which parts that look like the face count as skin."""
 
 
 def _on_eyes(figure: Figure, surface: Surface) -> Vector:
@@ -56,7 +56,7 @@ files mean the skin by it, others everything that is worn.
 
 
 def _kind(file: GltfFile, figure: Figure, surface: Surface) -> MaterialKind | None:
-    """Return what the names say a surface is; None where they do not."""
+    """Return the kind of a surface by its names; None when they do not tell."""
     label = surface.name.lower()
     if surface.material is not None:
         label += " " + str(file.items("materials")[surface.material].get("name", "")).lower()
@@ -133,7 +133,7 @@ def pieces_by_kind(
     looks: Looks,
     face: Vector | None,
 ) -> list[tuple[Surface, MaterialKind, bool]]:
-    """Return a surface by what it is, with whether its one material covers more than one kind.
+    """Split a surface by kind; return also whether its one material covers more than one kind.
 
     `face` is how the figure's face looks.
     """

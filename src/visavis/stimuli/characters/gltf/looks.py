@@ -1,4 +1,4 @@
-"""What a glTF file says of a surface's look: pictures, factors and how they lie on it."""
+"""Materials of a glTF file: pictures, factors and texture coordinates."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -16,7 +16,7 @@ MAX_TEXTURE_PX = 4096
 CLOTH_ROUGHNESS_01 = 0.85
 """Of clothes that share one material, and so one roughness, with skin."""
 SKIN_ROUGHNESS_01 = 0.6
-"""Of that skin: what exporters write where nobody said anything shines white at temples."""
+"""Least roughness of that skin: exporters' default shines white at the temples."""
 UNCUT_01 = 0.5
 """Where the renderer cuts: alpha is scaled so that the file's own cutoff lies there."""
 Pixels = npt.NDArray[np.uint8]
@@ -89,7 +89,7 @@ def colour_factor(file: GltfFile, material: int | None) -> Vector:
 
 
 def shine_as_roughness(file: GltfFile) -> None:
-    """Write materials that older programs tell by specular colour and glossiness as ours are told.
+    """Convert materials with specular colour and glossiness (older programs) to roughness.
 
     Such a material (KHR_materials_pbrSpecularGlossiness) is no metal, and as rough as its
     glossiness on the mean is low; one that is told in both ways stays as it is.
@@ -275,7 +275,7 @@ def linear_of(codes: Vector) -> Vector:
 
 
 def srgb_of(light: Vector) -> Vector:
-    """Return the sRGB codes from 0 to 1 of light; what is brighter than 1 is 1."""
+    """Return the sRGB codes from 0 to 1 of light, clipped at 1."""
     x = np.clip(light, 0.0, 1.0)
     codes: Vector = np.where(
         x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 1e-5) ** (1 / 2.4) - 0.055

@@ -57,7 +57,7 @@ def like_the_face(
 def darker_than_the_face(
     pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64], face: Vector
 ) -> Mask:
-    """Return which triangles (t,) are as dark against a face of the look (3,) as hair is."""
+    """Return which triangles (t,) are as much darker than the face's look (3,) as hair is."""
     darker: Mask = _looks(pixels, uv, triangles)[:, 2] < face[2] - MIN_HAIR_DARKNESS
     return darker
 

@@ -1,4 +1,4 @@
-"""Key poses of a clip: the few frames from which interpolation gives it back best, and how.
+"""Key poses of a clip: the few frames from which interpolation restores it best.
 
 Keys are chosen greedily: beginning with first and last frame, the frame is added whose pose is
 farthest from what Slerp between the keys so far gives (summed geodesic angle over the joints).

@@ -1,4 +1,4 @@
-"""Where a speaker's weight and hips go with the next phrase, learnt from annotated speech.
+"""Predict a speaker's weight shift and hip direction for the next phrase, from annotated speech.
 
 Two habits are put together: how one posture follows another (a Markov chain), and what goes with
 the gesture of a phrase (rules from its hand and its lexeme, kept when frequent and reliable).

@@ -1,4 +1,4 @@
-"""Warp a whole clip for an observer, and what became of its features."""
+"""Warp a whole clip for an observer, and measure the result's features."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -35,7 +35,7 @@ View = Outlook | Callable[[float], Outlook]
 
 @dataclass(frozen=True, eq=False)
 class WarpedClip:
-    """A warped clip and how it came about.
+    """A warped clip with the results of the control loop.
 
     At the k times `key_s` the loop ran: offsets `omega_rad` (k, w) of the result, `pose_reached`
     (k,) whether the units alone could come to the target, `steps` (k,). At the n frames `frame_s`
@@ -59,7 +59,7 @@ class WarpedClip:
 
     @property
     def summary(self) -> str:
-        """One line for whoever asked: how much was reached, and whether more was impossible."""
+        """One line: how much of the change was reached, and whether more was impossible."""
         share = float(self.is_reached.mean())
         parts = ", ".join(
             f"{t.kind} of {'+'.join(t.parts)} {a:.4f} → {r:.4f} (wanted {w:.4f})"
@@ -92,7 +92,7 @@ def warp_clip(
 
     The loop runs `rate_hz` times a second of motion, each time from the offsets found before; a
     filter of `smooth_s` joins them, and all keys are corrected together until they come to the
-    target again. Where the target is out of reach, the nearest that was found is kept.
+    target again. Where the target cannot be reached, the nearest result counts.
 
     Raises:
         MotionError: clip and body have different joints, or the observer is inside the body.

@@ -92,7 +92,7 @@ class ControlSettings:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What one pose is judged by: the body, the view, what is wanted and what may move.
+    """The inputs of the loop for one pose: body, view, targets and warping units.
 
     `root_m` (3,), `local_wxyz` (55, 4). `earlier_root_m`, `earlier_wxyz` are the same a frame
     earlier, for features of movement; both are warped alike.
@@ -122,7 +122,7 @@ class ControlStep:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Offsets (w,) found for a pose, features of the original, wanted and reached (f,)."""
+    """Offsets (w,) for a pose, and features (f,): `original`, `goal` and `final`."""
 
     omega_rad: Vector
     original: Vector
@@ -293,7 +293,7 @@ def scale_of(situation: Situation, original: Vector) -> Vector:
 def is_close(
     targets: tuple[FeatureTarget, ...], view: Outlook, goal: Vector, features: Vector
 ) -> bool:
-    """Tell whether every feature is within a pixel of what is wanted."""
+    """Return whether every feature is within a pixel of its goal."""
     pixel = np.array([pixel_of(t, view.size_px) for t in targets])
     return bool((np.abs(goal - features) < pixel).all())
 
@@ -348,7 +348,7 @@ def _length(error: Vector, within: bool) -> float:
 def tolerance_of(
     situation: Situation, original: Vector, goal: Vector, share: float = 0.1
 ) -> Vector:
-    """Return what may be left (f,): a share of the wanted change, or what the buffer can tell."""
+    """Return the tolerated error (f,): a share of the wanted change, or the buffer's resolution."""
     size = situation.view.size_px
     grain = np.array(
         [grain_of(t, float(w), size) for t, w in zip(situation.targets, goal, strict=True)]
@@ -360,6 +360,6 @@ def tolerance_of(
 def is_within(
     goal: Vector, original: Vector, features: Vector, situation: Situation, share: float = 0.1
 ) -> bool:
-    """Tell whether what is left is a tenth of the wanted change, or what the buffer can tell."""
+    """Return whether the error is at most a tenth of the wanted change or one buffer step."""
     tolerance = tolerance_of(situation, original, goal, share)
     return bool((np.abs(goal - features) <= tolerance).all())

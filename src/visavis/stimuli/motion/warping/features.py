@@ -1,4 +1,4 @@
-"""Visual features of what is perceived, and the change of them that is wanted."""
+"""Visual features of the perceived image, and the wanted changes of them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

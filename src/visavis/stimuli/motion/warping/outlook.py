@@ -1,4 +1,4 @@
-"""What an observer sees from: camera, what stands in between, which lamps burn; packed once."""
+"""An observer's view: camera, occluders and lamps, packed once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -43,6 +43,7 @@ def skin_some(
         px = py = pz = 0.0
         for k in range(4):
             w = weights[i, k]
+            # Linear blend skinning by up to four joints.
             if w == 0.0:
                 continue
             m = matrices[joints[i, k]]
@@ -70,6 +71,7 @@ def project_some(
     for n in range(which.shape[0]):
         i = which[n]
         dx, dy, dz = points[i, 0] - eye[0], points[i, 1] - eye[1], points[i, 2] - eye[2]
+        # `eye` holds place, axes in rows (right, up, back) and tangents of the view's borders.
         depth = -(eye[9] * dx + eye[10] * dy + eye[11] * dz)
         if depth < NEAR_M:
             screen[i, 2] = 0.0
@@ -116,6 +118,7 @@ def _illumination(
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
     if length == 0.0:
         return ambient
+    # Lit at the middle of the triangle, which is small against the distance of any lamp.
     mx, my, mz = (ax + bx + cx) / 3, (ay + by + cy) / 3, (az + bz + cz) / 3
     light = ambient
     for k in range(lamps.shape[0]):
@@ -125,6 +128,7 @@ def _illumination(
         facing = (nx * lx + ny * ly + nz * lz) / (length * far)
         if facing <= 0.0:
             continue
+        # Outside the lamp's cone.
         if -(lamps[k, 4] * lx + lamps[k, 5] * ly + lamps[k, 6] * lz) < lamps[k, 7] * far:
             continue
         eye, size = map_eyes[k], maps.shape[1]
@@ -139,6 +143,8 @@ def _illumination(
                 - (eye[6] * (mx - eye[0]) + eye[7] * (my - eye[1]) + eye[8] * (mz - eye[2])) / depth
             ) * size / (eye[15] - eye[14])  # fmt: skip
             inside = 0 <= column < size and 0 <= row < size
+            # Shadow map: nearer surfaces have a greater inverse depth; 0.1 % against self-
+            # shadowing.
             if inside and maps[k, int(row), int(column)] * depth > 1.001:
                 continue
         light += lamps[k, 0] * facing / (square if lamps[k, 8] > 0 else 1.0)
@@ -260,6 +266,7 @@ def perceive(
     points, screen = np.empty_like(rest), np.empty_like(rest)
     skin_points(rest, joints, weights, first, points)
     project_points(points, eye, width, height, screen)
+    # Probes move a few joints only; the rest of the body is drawn once and copied.
     still_ids = np.zeros((height, width), dtype=np.uint8)
     still_near = behind.copy()
     draw(
@@ -339,6 +346,7 @@ def fine_extension(
         if profile.sum() < 2 * least:
             out[k] = np.nan
             continue
+        # Whole pixels would make slopes 0 or infinite; the border is interpolated within its line.
         first, last, met = 0.0, 0.0, 0
         for i in range(lines):
             if met + profile[i] >= least:
@@ -392,6 +400,7 @@ def joint_matrices(
             else:
                 aw, ax, ay, az = world[p, 0], world[p, 1], world[p, 2], world[p, 3]
                 vx, vy, vz = offsets[j, 0], offsets[j, 1], offsets[j, 2]
+                # Rotate by a unit quaternion: v + w t + q × t with t = 2 q × v.
                 tx, ty, tz = (
                     2 * (ay * vz - az * vy),
                     2 * (az * vx - ax * vz),
@@ -408,6 +417,7 @@ def joint_matrices(
             m = out[r, j]
             write_matrix((w, x, y, z), m)
             for a in range(3):
+                # Translation that takes the rest place to the place now.
                 m[a, 3] = position[j, a] - (
                     m[a, 0] * rest[j, 0] + m[a, 1] * rest[j, 1] + m[a, 2] * rest[j, 2]
                 )

@@ -26,7 +26,7 @@ from visavis.stimuli.motion.warping.control import (
 )
 from visavis.stimuli.motion.warping.units import WarpingUnit, units_named
 
-if TYPE_CHECKING:  # loads SciPy's splines, which who merely shows a scene never needs
+if TYPE_CHECKING:  # loads SciPy's splines, which showing a scene does not need
     from visavis.stimuli.motion.warping.clips import WarpedClip
 
 LEAD_S: Final = 0.15
@@ -123,7 +123,7 @@ class TrackLoop:
         self._request: Future[Vector] | None = None
 
     def step(self, t_s: float, eye_m: Vector) -> int | None:
-        """Take a key that is there and ask for the next; return which was taken in this frame."""
+        """Take a finished key and request the next; return the key taken in this frame."""
         due_s = self._looks[-1][0] + LOOK_S if self._looks else self.track.start_s
         if due_s <= t_s < self.track.key_s[-1]:
             self._looks.append((t_s, eye_m))
@@ -161,7 +161,7 @@ class TrackLoop:
 
 @dataclass(frozen=True)
 class Reached:
-    """What a warp came to over a movement.
+    """The result of a warp over a movement.
 
     `wanted` and `reached` features as shares of the original (of their sums), the share of frames
     on target, and of those whose pose alone can come to it (NaN: unknown).

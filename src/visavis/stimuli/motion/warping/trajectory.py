@@ -1,4 +1,4 @@
-"""Offsets over a whole clip: as near to the wanted features as a smooth movement comes.
+"""Offsets over a whole clip: as near to the wanted features as a smooth movement can be.
 
 Poses solved one by one differ in what the target leaves free, and filtering them over time loses
 the target. Here all keys are solved together, Gauss-Newton step by step: features against their
@@ -102,7 +102,7 @@ def _solve(
     settings: ControlSettings,
 ) -> Vector:
     """Return the change (k, w) that minimises errors, bending and distance from the original."""
-    from scipy.sparse.linalg import splu  # late: who serves a study need not pay for it
+    from scipy.sparse.linalg import splu  # imported here, because serving a study does not need it
 
     keys, _, units = jacobians.shape
     stiff = settings.smoothness**2 * (bend.T @ bend)

@@ -50,6 +50,7 @@ def _limit(q: Quat, low: Vector, high: Vector, bone: int, is_right: bool) -> Qua
     """Return a turn within its limits; one that is within them as it is."""
     side = -1.0 if is_right else 1.0
     w, x, y, z = q[0], q[1], side * q[2], side * q[3]
+    # Swing and twist: split the turn into one about the bone and the rest, limit each.
     half = np.arctan2(x if bone == 0 else y, w)
     half = (half + np.pi / 2) % np.pi - np.pi / 2
     s = np.sin(half)
@@ -92,6 +93,7 @@ def turn_joints(
     """
     for n in range(omega.shape[0]):
         for m in range(joints.shape[0]):
+            # Rotation vectors of several offsets add, so that their order does not matter.
             x = y = z = 0.0
             for k in range(omega.shape[1]):
                 x += omega[n, k] * turning[k, m, 0]
