@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 import visavis.stimuli.motion.warping
+from visavis.lab.array_cache import digest_of, digest_of_code, read_cache, write_cache
 from visavis.lab.geometry import Vector
-from visavis.lab.kept import digest_of, digest_of_code, keep, read_kept
 from visavis.stimuli.dressing.casting import build_of
 from visavis.stimuli.dressing.office import PARTS, pose_of_waver
 from visavis.stimuli.dressing.office_view import (
@@ -200,7 +200,7 @@ def _planned(
         *(clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, *seen),
         text=f"{asked} {FADE_S} {clerk} {digest_of_code(visavis.stimuli.motion.warping)}",
     )
-    kept = read_kept(KEPT_AS, key)
+    kept = read_cache(KEPT_AS, key)
     if kept is None:
         found = warp_clip(drawn_clip(waving), body, view, targets, units, SETTINGS)
         track, came_to = planned_track(
@@ -216,6 +216,6 @@ def _planned(
             "gap_s": np.array(track.gap_s),
             "numbers": np.array(astuple(came_to)),
         }
-        keep(KEPT_AS, key, kept)
+        write_cache(KEPT_AS, key, kept)
     track = WarpTrack(units, waving.start_s, float(kept["gap_s"]), kept["omega_rad"], FADE_S)
     return replace(waving, warp=track), Reached(*map(float, kept["numbers"]))

@@ -15,9 +15,9 @@ import visavis.stimuli.motion.warping
 from visavis.experiments.waving.clips import DEFAULT_MAKING, KEPT_AS, TECHNIQUES, Making, study_wave
 from visavis.experiments.waving.perception import Evidence, evidence_of, reach_view
 from visavis.experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, SCENE_SEED
+from visavis.lab.array_cache import digest_of, digest_of_code, read_cache, write_cache
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Vector
-from visavis.lab.kept import digest_of, digest_of_code, keep, read_kept
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.stimuli.dressing.office import PARTS as ROLES
 from visavis.stimuli.dressing.office import office_eyes, office_scene, roles_of
@@ -73,12 +73,12 @@ def evidence_for(stimulus: Stimulus, making: Making = DEFAULT_MAKING) -> Evidenc
     target = neighbour(place, direction).name
     wave = study_wave(clerk, target, technique, making)
     key = digest_of(text=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
-    kept = read_kept(KEPT_AS, key)
+    kept = read_cache(KEPT_AS, key)
     if kept is not None:
         return Evidence(**kept)
     gaze = gaze_of(wave.waving, place, target)
     found = evidence_of(wave.waving, place, eye_at(place), gaze)
-    keep(KEPT_AS, key, vars(found))
+    write_cache(KEPT_AS, key, vars(found))
     return found
 
 

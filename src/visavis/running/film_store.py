@@ -20,10 +20,10 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
+from visavis.lab.array_cache import digest_of
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Pose
-from visavis.lab.kept import digest_of
 from visavis.lab.plain_files import parse_json, read_plain
 from visavis.lab.version import version
 from visavis.running.page.spoken_digits import spoken_digits

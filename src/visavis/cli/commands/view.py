@@ -20,7 +20,7 @@ from visavis.cli.leaving import leave, require_whole
 from visavis.cli.studies import session_of
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.cast import use_recorded_cast
 
@@ -60,7 +60,7 @@ def view(
     from visavis.cli.viewer.page import page_of
 
     session_path = session_of(session_path, config, participant)
-    recording = KeptRecording(session_path)
+    recording = CachedRecording(session_path)
     use_recorded_cast(recording)
     manifest = recording.manifest
     name = f"{manifest.study}_{manifest.participant}_ses-{manifest.session:03}.html"

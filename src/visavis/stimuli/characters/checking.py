@@ -21,7 +21,7 @@ LID_M: Final = 0.004
 """Least distance by which a closing lid moves down."""
 NEAR_EYE_M: Final = 0.03
 WORN: Final = ("none", "held_object")
-"""Parts that no body has."""
+"""Part names that no surface of the bare body bears."""
 FIRM: Final = 0.3
 """A joint whose largest weight is not above this moves no skin."""
 SIDES: Final = ("left", "right")

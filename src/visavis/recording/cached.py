@@ -12,7 +12,7 @@ from visavis.recording.stream_file import Columns
 T = TypeVar("T")
 
 
-class KeptRecording(Recording):
+class CachedRecording(Recording):
     """A session folder whose streams, events and trials stay in memory once asked for.
 
     What it returns is shared: leave it as it is.

@@ -2,7 +2,7 @@
 
 For results that take seconds to compute and follow from their inputs alone. Emptying the folder, or
 not being able to write to it, costs time only. For each name the most recently used files are kept,
-up to `MAX_KEPT_BYTES`.
+up to `MAX_CACHE_BYTES`.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from platformdirs import user_cache_path
 
 from visavis.lab.plain_files import read_arrays
 
-MAX_KEPT_BYTES = 200_000_000
+MAX_CACHE_BYTES = 200_000_000
 
 
 def digest_of(*arrays: npt.NDArray[Any], text: str = "") -> str:
@@ -40,7 +40,7 @@ def digest_of_code(package: ModuleType) -> str:
     return digest.hexdigest()
 
 
-def read_kept(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
+def read_cache(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
     """Return the cached arrays of a key; None when there are none or they cannot be read.
 
     `name` is the folder of the study or module that owns them.
@@ -55,7 +55,7 @@ def read_kept(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
     return arrays
 
 
-def keep(name: str, key: str, what: dict[str, npt.NDArray[Any]]) -> None:
+def write_cache(name: str, key: str, what: dict[str, npt.NDArray[Any]]) -> None:
     """Store arrays under a key."""
     folder = _folder(name)
     try:
@@ -74,7 +74,7 @@ def _forget_oldest(folder: Path) -> None:
     kept_bytes = 0
     for path, is_there in sorted(files, key=lambda f: f[1].st_mtime_ns, reverse=True):
         kept_bytes += is_there.st_size
-        if kept_bytes > MAX_KEPT_BYTES:
+        if kept_bytes > MAX_CACHE_BYTES:
             path.unlink(missing_ok=True)
 
 
