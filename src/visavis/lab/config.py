@@ -438,6 +438,7 @@ def _device(
         hint = did_you_mean(driver, option_models)
         problems.append(document.problem((*at, "driver"), f"unknown driver {driver!r}{hint}"))
         return None
+    # Without the drivers' models only units in option names can be checked.
     if option_models is None:
         problems += [
             document.problem((*at, key), message)
@@ -453,6 +454,7 @@ def _device(
         )
         problems += option_problems
         if not option_problems:
+            # Defaults are filled in, so that the recording shows what the driver really used.
             options = {**options, **model.model_validate(options).model_dump()}
     return DeviceConfig(
         role=str(role), driver=driver, simulated=is_simulated is True, options=options

@@ -226,6 +226,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
         body = _arrays_with(recording, part.number, _HEAD_NEEDS, bodies=True)
         head = head if _head_system(recording) else None
         notes = {**_events_notes(recording, events), **common_fields}
+        # BIDS wants events beside every kind of data; both copies are the same.
         for kind in ("beh", *(["motion"] if head is not None or body is not None else [])):
             files.tsv(f"{base}/{kind}/{stem}_{run}_events.tsv", events)
             files.json(f"{base}/{kind}/{stem}_{run}_events.json", notes)

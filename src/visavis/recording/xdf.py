@@ -175,12 +175,14 @@ def _write_part(recording: Recording, part: int, writer: XdfWriter) -> None:
         )
         pairs = exchanges.get(name, [])
         device_ns, host_ns = columns["t_device_ns"], columns["t_host_ns"]
+        # Device stamps are usable when exchanges map them, or when they are the session's clock.
         own = bool(pairs) or bool((np.abs(device_ns - host_ns) <= SAME_CLOCK_NS).all())
         clock = "device" if own else "arrival"
         writer.begin(stream, {**facts, "time_stamps": clock})
         stamps_ns = device_ns if own else host_ns
         writer.samples(number, stamps_ns / NS_PER_S, flat)
         for send, device, receive in pairs:
+            # Middle of the round trip: the usual estimate when both ways take equally long.
             offset_ns = (send + receive) // 2 - device
             writer.clock_offset(number, device / NS_PER_S, offset_ns / NS_PER_S)
         if not pairs and len(stamps_ns):  # they are on the session's clock already

@@ -180,6 +180,7 @@ class ProcessorCrowd:
         room, drawing, models = self._room, self._drawing, self._joined_models
         if room is None or drawing is None:
             return
+        # Nearest people first: the depth test then rejects most of what lies behind them.
         nearest_first = self._visible_people[
             np.argsort(distance_m[self._visible_people], kind="stable")
         ]
@@ -187,6 +188,7 @@ class ProcessorCrowd:
         people = nearest_first + np.where(is_far, len(self.cast), 0)
         a = models.arrays
         vertices_of = models.vertices_of[self._model_of]
+        # With many eyes nearly every triangle faces one, so that culling is not worth its time.
         few = len(eyes_m) <= MAX_EYES_CULLED
         eyes = np.ascontiguousarray(eyes_m if few else eyes_m[:0], np.float32)
         grid = NO_GRID if grid is None or not len(eyes) else grid

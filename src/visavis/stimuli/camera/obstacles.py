@@ -167,6 +167,7 @@ def sees_between(
         return True
     dx, dy, dz = dx / length, dy / length, dz / length
     reach = length * (1.0 - SHORTENED)
+    # People are few and cheap to test; surfaces come last.
     for j in range(people.shape[0]):
         if capsule_entry_m(ax, ay, az, dx, dy, dz, people[j]) < reach:
             return False
@@ -201,6 +202,7 @@ def _triangle_distance2(p: Vector, t: Vector) -> float:
     ux, uy, uz, vx, vy, vz = t[3], t[4], t[5], t[6], t[7], t[8]
     a, b, c = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz, vx * vx + vy * vy + vz * vz
     d, e = ux * x + uy * y + uz * z, vx * x + vy * y + vz * z
+    # Foot of the perpendicular in the triangle's own coordinates; outside, the nearest edge counts.
     det = a * c - b * b
     if det > 0.0:
         u, v = (c * d - b * e) / det, (a * e - b * d) / det

@@ -110,6 +110,7 @@ def _nets(field: Vector) -> tuple[Vector, npt.NDArray[np.int64]]:
     number = np.full(tuple(shape), -1, dtype=np.int64)
     cells = np.argwhere(is_mixed)
     number[is_mixed] = np.arange(len(cells))
+    # Surface nets: a cell's vertex is the mean of the points where its edges cross zero.
     total, weight = np.zeros((len(cells), 3)), np.zeros(len(cells))
     for a in corners:
         for axis in range(3):
@@ -131,6 +132,7 @@ def _nets(field: Vector) -> tuple[Vector, npt.NDArray[np.int64]]:
         others = [(axis + 1) % 3, (axis + 2) % 3]
         after = np.take(inside, range(1, field.shape[axis]), axis=axis)
         before = np.take(inside, range(field.shape[axis] - 1), axis=axis)
+        # Each crossed edge is shared by four cells; their vertices make a quad that faces outwards.
         for leaves in (True, False):
             edges = np.argwhere((before & ~after) if leaves else (~before & after))
             edges = edges[(edges[:, others] > 0).all(axis=1)]

@@ -152,6 +152,7 @@ def write_character(character: Character, path: Path) -> None:
         "source": character.source,
         "licence": character.licence,
     }
+    # The JSON head travels as bytes inside the .npz, so that a character is one file.
     arrays: dict[str, npt.NDArray[Any]] = {
         "head": np.frombuffer(json.dumps(head).encode(), dtype=np.uint8),
         "parents": character.skeleton.parents.astype(np.int16),

@@ -82,6 +82,7 @@ def build_of_skeleton(skeleton: Skeleton) -> Build:
     head_tip = skeleton.tips_m[skeleton.index("head")]
     crown_y = at("head")[1] + (head_tip[1] if np.isfinite(head_tip[1]) else 0.2)
     stature = float(crown_y - sole_y)
+    # Flesh is unknown here: breadths and thicknesses are those of a person of 1.75 m, scaled.
     size = stature / 1.75
     b = np.zeros(p.B_SIZE)
     b[p.B_THIGH], b[p.B_SHIN] = both("lower_leg") / 2, both("foot") / 2

@@ -272,6 +272,7 @@ def board_rows(
         arms_of(c, b, int(numbers[r, 1]), person)
         stir(c, t, person, lively)
         breathe(c, t, person, 1.0)
+        # The gaze kernels turn head and eyes to the board; here only its direction is noted.
         c[p.ATTEND], c[p.ATTEND + 1], c[p.ATTEND + 2] = 1.0, numbers[r, 2], numbers[r, 3]
 
 

@@ -162,6 +162,7 @@ class PeopleMotion:
         _, offsets, skeleton_of, seeds = self._builds
         is_held, held_eyes, facing = self._held_arrays
         eyes, head, chest = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 4))
+        # How far trunk and head turn depends on where the eyes are, which the posture gives.
         look_from(controls, offsets, skeleton_of, eyes, head, chest)
         front = controls[:, p.FRONT : p.ATTEND + 3].copy()
         turns = gaze.turns_rad(t_s, Look(eyes, head, front, seeds))
@@ -173,6 +174,7 @@ class PeopleMotion:
             sway_rows(t_s, seeds, held_eyes, facing)
         root, joints = np.empty((n, 3)), np.empty((n, p.JOINTS, 4))
         pose_rows(controls, offsets, skeleton_of, is_held, held_eyes, facing, root, joints)
+        # People who play a clip take over its whole pose; eyes and lids are still aimed below.
         for i, motion in self._recordings.items():
             frame = motion.at(t_s)
             root[i], joints[i] = frame.root_m, frame.orientation_wxyz

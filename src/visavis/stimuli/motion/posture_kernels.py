@@ -229,6 +229,7 @@ def _softly_within(x: float, least: float, most: float) -> float:
 @compiled
 def _possible_wrist(q: Quat) -> Quat:
     """Bend a wrist no farther than wrists bend."""
+    # Swing and twist: sideways and up-and-down bending have their own limits, the twist stays.
     twist = about_x(twist_about(q, (1.0, 0.0, 0.0)))
     w, x, y, z = times(q, inverse(twist))
     if w < 0.0:
@@ -264,6 +265,8 @@ def _swivel_elbow(
     """
     there = unit_of(to, DOWN)
     first, reach = np.sqrt(dot(upper, upper)), np.sqrt(dot(to, to))
+    # The elbow moves on a circle about the way from shoulder to wrist: its centre at `at`, its
+    # radius by Pythagoras.
     at = (first * first + reach * reach - dot(lower, lower)) / (2.0 * max(reach, 1e-9))
     radius = np.sqrt(max(first * first - at * at, 1e-12))
     square = minus(outward, scale_vector(there, dot(outward, there)))
@@ -297,6 +300,7 @@ def _arm(
     chest, chest_at = _quat(world, p.J_UPPER_CHEST), _vector(place[p.J_UPPER_CHEST], 0)
     if side == 1:
         chest, chest_at = mirror_quat(chest), (-chest_at[0], chest_at[1], chest_at[2])
+    # Collar bone first: it carries the shoulder joint.
     clavicle = times(about_z(-a[p.SHOULDER_UP]), about_y(-a[p.SHOULDER_FORWARD]))
     girdle = times(chest, clavicle)
     at = plus(chest_at, rotate_vector(chest, _outward(offsets, first + p.S_SHOULDER, side)))
@@ -304,6 +308,7 @@ def _arm(
     upper_bone = _outward(offsets, first + p.S_LOWER_ARM, side)
     lower_bone = _outward(offsets, first + p.S_HAND, side)
     along = unit_of(lower_bone, LEFT_X)
+    # The arm by its joint angles, as it would hang without anything held.
     bend = a[p.ELBOW]
     local = times(
         times(about_x(a[p.ARM_FLEX]), about_z(0.5 * np.pi - a[p.ARM_OUT])),
@@ -320,6 +325,8 @@ def _arm(
     for hold in range(p.HOLDS):
         hold_share += a[p.HOLD + hold * p.HOLD_SIZE]
     if hold_share > 1e-6:
+        # Blend wrist place, fingers, palm and elbow side by the holds' weights, then solve the limb
+        # once: blending joint angles instead would move the hand off the held thing.
         free = max(0.0, 1.0 - hold_share)
         elbow_at = plus(at, rotate_vector(upper, upper_bone))
         free_hand = plus(elbow_at, rotate_vector(times(upper, hinge), lower_bone))
@@ -364,6 +371,7 @@ def _arm(
         local = times(inverse(girdle), upper)
         whole = times(upper, hinge)
         within = times(inverse(whole), hand)
+        # The hand's twist about the forearm, limited to what forearms can do.
         full_twist = twist_about(within, along)
         twist = min(MAX_FOREARM_TWIST, max(-MAX_FOREARM_TWIST, full_twist))
         # A palm beyond the largest twist stops before it reaches its direction.

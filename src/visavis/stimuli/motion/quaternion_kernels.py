@@ -197,6 +197,7 @@ def bend_for(upper: Triple, lower: Triple, hinge: Triple, reach: float, most_rad
     if reach > soft:
         rest = longest - soft
         reach = soft + rest * (1.0 - np.exp(-(reach - soft) / rest))
+    # Law of cosines for two bones about the hinge.
     cosine = (reach * reach - both) / (2.0 * size)
     bend = np.arctan2(b, a) + np.arccos(min(1.0, max(-1.0, cosine)))
     return float(min(most_rad, bend))
@@ -210,6 +211,7 @@ def limb_turn(
 
     `target` leads from the limb's root; the middle joint goes to the side of `pole`.
     """
+    # Bend the limb at rest, then lead its end and hinge to the target and the pole's side.
     end = plus(upper, rotate_vector(about(hinge, bend), lower))
     rest = unit_of(end, upper)
     rest_hinge = square_to(hinge, rest, hinge)

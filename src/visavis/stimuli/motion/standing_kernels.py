@@ -110,6 +110,7 @@ def hold(
 ) -> None:
     """Bring a wrist to a place of the held thing, fingers along f, palm towards p."""
     h = a[p.HOLD + which * p.HOLD_SIZE : p.HOLD + (which + 1) * p.HOLD_SIZE]
+    # Directions are stored multiplied by the weight, so that holds can be mixed by adding.
     f, q = (
         weight / np.sqrt(fx * fx + fy * fy + fz * fz),
         weight / np.sqrt(px * px + py * py + pz * pz),

@@ -108,6 +108,7 @@ def _import_figure(
     keys: dict[tuple[int | None, str], int] = {}
     parts = []
     looks = Looks(file)
+    # One surface of a file may hold eyes, skin, hair and clothes; each piece gets its own material.
     split_surfaces = [part for whole in figure.surfaces for part in eyes_apart(figure, whole)]
     face = face_look(file, figure, rig, split_surfaces, looks)
     for surface, kind, is_shared in [
@@ -122,6 +123,7 @@ def _import_figure(
         parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes))
     mesh = join_skinned_meshes(parts)
     first = lighter(mesh, LEVELS[0])
+    # Copies for measuring are fitted to the finest level, because that is what people see.
     levels = (first, *(lighter(mesh, budget) for budget in LEVELS[1:]))
     measuring = tuple(match_areas(thin_mesh(mesh, n), first) for n in MEASURING_TRIANGLES)
     stature = float(np.ptp(points[:, 1]))
@@ -162,6 +164,7 @@ def _at_rest(
 ) -> SkinnedMesh:
     weights = canonical_weights(figure, rig, surface)
     vertices, normals = surface.vertices_m, surface.normals
+    # Eyes look straight ahead at rest, wherever the file had them look.
     if kind == "eye":
         vertices, normals = vertices.copy(), normals.copy()
         for side, eye in eyes.items():
@@ -171,6 +174,7 @@ def _at_rest(
             normals[mine] = rotate(turn, normals[mine])
     joints, heavy = heaviest(weights)
     rest, blend = to_rest(rig, vertices, joints, heavy)
+    # Directions go to rest by the inverse of the blended bone matrices, as points do.
     rest_normals = np.linalg.solve(blend, normals[..., None])[..., 0].astype(np.float64)
     rest_normals = np.nan_to_num(unit(rest_normals))
     tags = parts_of_weights(weights, surface.triangles, rig.skeleton.names)
@@ -190,6 +194,7 @@ def _at_rest(
         colour = srgb_of(light * colour_factor(file, surface.material))
     morphs = {}
     for name, delta in _morphs(surface).items():
+        # Displacements below 20 µm are rounding and would only cost memory.
         rest_delta_m = np.linalg.solve(blend, delta[..., None])[..., 0]
         moves = np.flatnonzero(np.abs(rest_delta_m).max(axis=1) > 2e-5)
         if len(moves):

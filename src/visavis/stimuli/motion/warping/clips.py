@@ -113,6 +113,7 @@ def warp_clip(
             progress(n_done, steps)
 
     with ThreadPoolExecutor(control.threads) as pool:
+        # Each key pose alone, from the offsets of the one before: neighbours need little change.
         situations = _situations(clip, body, view, targets, units, key_s)
         for k, situation in enumerate(situations):
             refuse_observer_inside(
@@ -124,6 +125,7 @@ def warp_clip(
             outcomes.append(steer(situation, control, start_rad=start, pool=pool))
             start = outcomes[-1].omega_rad
             report(k + 1)
+        # Smoothing moves the features off their goals, so that all keys are corrected together.
         offsets_rad = np.array([o.omega_rad for o in outcomes])
         omega = smooth_offsets(offsets_rad, key_s, control.smooth_s, is_loop=clip.is_loop)
         if omega.any():
@@ -135,6 +137,7 @@ def warp_clip(
     at_frames = interpolate_offsets(key_s, omega, clip.frame_times_s, is_loop=clip.is_loop)
     reach = np.radians([unit.range_deg for unit in units])
     warped_clip = _apply(clip, body, units, np.clip(at_frames, -reach, reach))
+    # The report measures the result itself, not what the loop expected.
     original, final = _seen_in(clip, warped_clip, body, view, targets)
     goal = np.array([wanted_features(targets, row) for row in original])
     still = _situations(clip, body, view, targets, units, clip.frame_times_s[:1])[0]

@@ -173,6 +173,7 @@ def perceived_parts(
     ids: Bytes = np.empty((len(matrices), height, width), dtype=np.uint8)
     if len(matrices) == 0:
         return ids
+    # Poses that move the same joints share the still rest of the body, which is drawn once.
     groups = _poses_alike(body, matrices)
 
     def work(share: Sequence[tuple[Moving, npt.NDArray[np.int64]]]) -> None:
