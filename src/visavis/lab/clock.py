@@ -154,7 +154,7 @@ def require_fine_clock(clock: Clock) -> None:
     if step_ns > MAX_STEP_NS:
         raise ConfigError(
             f"this computer's clock moves in steps of {step_ns / NS_PER_MS:g} ms, more than "
-            f"{MAX_STEP_NS / NS_PER_MS:g} ms, so no sample could be told apart within a frame; "
+            f"{MAX_STEP_NS / NS_PER_MS:g} ms, so all samples within a frame would get one time; "
             "switch the high precision event timer on in the computer's firmware, or use another "
             "computer"
         )

@@ -92,7 +92,7 @@ def explain_text(key: str, value: object) -> str | None:
     if converted_value is None:
         return f"is {value!r} but expects {NAMES[key_unit]}; for example {key}: 10"
     return (
-        f"is {value!r}; the unit stands in the name, write the number alone, "
+        f"is {value!r}; the unit is in the name; write only the number, "
         f"in {NAMES[key_unit]}: {key}: {converted_value:g}"
     )
 

@@ -117,7 +117,7 @@ def parse_document(text: str, path: Path) -> Document:
         mark = error.problem_mark or error.context_mark
         message = "; ".join(part for part in (error.context, error.problem) if part)
         if "\\t" in message:
-            message = "a tab stands where YAML wants spaces; indent with spaces"
+            message = "YAML allows no tabs for indentation; indent with spaces"
         elif "flow" in message:
             message += "; inside { } and [ ] put texts with punctuation in quotes"
         line = 1 if mark is None else mark.line + 1

@@ -20,9 +20,9 @@ _ADVICE = {
     errno.EROFS: "the disk is read-only: set data_root to a writable folder",
     errno.EACCES: "permission denied: set data_root to a folder you may write to",
     errno.EPERM: "not permitted: set data_root to a folder you may write to",
-    errno.ENOENT: "the folder is gone: reconnect the disk or set data_root anew, then resume",
+    errno.ENOENT: "the folder is gone: reconnect the disk or set another data_root, then resume",
     errno.EIO: "the disk reports a fault: save what is there and record on another disk",
-    errno.ENOTDIR: "a file stands where a folder is needed: move it or set data_root anew",
+    errno.ENOTDIR: "a file is in the place of a folder: move it or set another data_root",
     errno.ENAMETOOLONG: "the path is too long for this disk: choose a shorter data_root",
 }
 

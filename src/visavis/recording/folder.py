@@ -43,7 +43,7 @@ def session_dir(
     if not PARTICIPANT.fullmatch(participant):
         raise UsageError(
             f"participant label {participant!r} may hold only letters and digits; "
-            "take the one the ledger issued"
+            "use the one that the ledger issued"
         )
     if not 1 <= session <= MAX_SESSION:
         raise UsageError(f"session number {session} must lie between 1 and {MAX_SESSION}")

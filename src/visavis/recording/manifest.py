@@ -166,7 +166,7 @@ def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
 def _repair(session_dir: Path) -> str:
     if copy_path(session_dir / MANIFEST_NAME).exists():
         return f"`visavis recover {session_dir}` puts its copy in its place"
-    return "restore it from a copy, the streams beside it are untouched"
+    return "restore it from a copy; the streams in its folder are untouched"
 
 
 @cache

@@ -115,9 +115,7 @@ class Recording:
         kinds = {journal.is_simulated}
         kinds |= {self._state(number, n).is_simulated for n in self._names(number)}
         if (not self.is_simulated) in kinds:
-            problems.append(
-                f"{folder} mixes simulated and real data; take the files apart before analysis"
-            )
+            problems.append(f"{folder} mixes simulated and real data; separate the files first")
         return tuple(problems)
 
     @property
@@ -311,7 +309,7 @@ def require_one_kind(recordings: Iterable[Recording], *, allow_mixture: bool = F
         kinds.setdefault(recording.is_simulated, recording.path)
     if len(kinds) == 2 and not allow_mixture:
         raise RecordingError(
-            f"{kinds[True]} is simulated and {kinds[False]} is real; analyse them apart"
+            f"{kinds[True]} is simulated and {kinds[False]} is real; analyse them separately"
         )
 
 

@@ -69,7 +69,7 @@ def read_sound(path: Path) -> Sound:
             f"{path}: no WAV file that could be read ({problem}); save it as WAV, 16 bits"
         ) from problem
     except Exception as problem:  # scipy raises whatever struct and numpy do of a damaged file
-        raise DataError(f"{path}: a damaged WAV file ({problem}); save it anew") from problem
+        raise DataError(f"{path}: a damaged WAV file ({problem}); save it again") from problem
     samples = _as_float(raw if raw.ndim > 1 else raw[:, None])
     if not 1 <= samples.shape[1] <= 2:
         raise DataError(f"{path}: {samples.shape[1]} channels; a sound has one or two")
@@ -78,7 +78,7 @@ def read_sound(path: Path) -> Sound:
     if not len(samples) or len(samples) > MAX_S * rate_hz:
         raise DataError(f"{path}: {len(samples) / rate_hz:g} s; more than none, up to {MAX_S:g} s")
     if not np.isfinite(samples).all():
-        raise DataError(f"{path}: holds values that are no numbers; save it anew")
+        raise DataError(f"{path}: holds values that are no numbers; save it again")
     return Sound(path.stem, np.clip(samples, -1, 1), int(rate_hz))
 
 

@@ -52,8 +52,8 @@ def walkable_floors(room: Room, walkers: Walkers | None = None) -> tuple[Floor, 
     floors.sort(key=lambda f: -f.area.area)
     if not floors:
         raise DesignError(
-            f"room {room.name!r} has no level floor of {walkers.min_area_m2} m² on which somebody "
-            f"{walkers.height_m} m high can stand; a camera finds no place there"
+            f"room {room.name!r} has no level floor of {walkers.min_area_m2} m² on which a person "
+            f"{walkers.height_m} m high can stand; there is no place for a camera"
         )
     reachable, left = [floors[0]], floors[1:]
     while near := [f for f in left if any(_adjoin(f, g, walkers) for g in reachable)]:

@@ -120,7 +120,7 @@ def _import_file(
     odd: tuple[str, ...] = ()
     if missing_pictures:
         odd = (
-            f"lacks the pictures {', '.join(missing_pictures)}, so what they cover is plain: "
-            "lay them into the folder of the file or a folder beside it, and import it again",
+            f"lacks the pictures {', '.join(missing_pictures)}, so their surfaces are plain: "
+            "put them into the file's folder or one next to it, and import it again",
         )
     return replace(character, source=f"imported from {file.name} by way of Blender"), odd

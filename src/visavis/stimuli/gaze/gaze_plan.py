@@ -104,7 +104,7 @@ class GazePlan:
         if self.observer_m is not None:
             return self.observer_m
         if self._table[4]:
-            raise MotionError("somebody looks at the observer; say where with watched_from()")
+            raise MotionError("a look at the observer needs a place; give it with watched_from()")
         return _NOBODY
 
     def turns_rad(self, t_s: float, look: Look) -> Vector:

@@ -106,7 +106,7 @@ class _Hierarchy:
     def _demand(self, word: str) -> None:
         got = self._next(word)
         if got.upper() != word:
-            raise self._fail(f"{got[:40]!r} stands where {word} should")
+            raise self._fail(f"{got[:40]!r} instead of {word}")
 
     def _numbers(self, what: str) -> tuple[float, float, float]:
         numbers = []
@@ -160,12 +160,12 @@ class _Hierarchy:
             elif word == "}":
                 above.pop()
             else:
-                raise self._fail(f"{word[:40]!r} stands where JOINT, End Site or }} should")
+                raise self._fail(f"{word[:40]!r} instead of JOINT, End Site or }}")
         word = self._next("MOTION").upper()
         if word == "ROOT":
             raise self._fail("a second ROOT", "keep one person per file")
         if word != "MOTION":
-            raise self._fail(f"{word[:40]!r} stands where MOTION should")
+            raise self._fail(f"{word[:40]!r} instead of MOTION")
         self.motion_line = self.line
         return tuple(joints)
 
@@ -221,9 +221,7 @@ def _motion_header(name: str, lines: list[str], at: int) -> tuple[int, float, in
             raise BvhError(name, at, f"the file ends before {key!r}", "copy it again")
         words = " ".join(lines[at].split())
         if not words.lower().startswith(key):
-            raise BvhError(
-                name, at + 1, f"{words[:40]!r} stands where {key!r} should", "correct it"
-            )
+            raise BvhError(name, at + 1, f"{words[:40]!r} instead of {key!r}", "correct it")
         at += 1
         entries.append((at, words[len(key) :].strip()))
     (line, count), (time_line, time) = entries

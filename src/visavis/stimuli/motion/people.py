@@ -345,5 +345,5 @@ def _chain(person: Person) -> Motion:
         else:
             whole = CrossFade(whole, own, start_s, max(doing.fade_s, 1e-3), start_s)
     if whole is None:
-        raise MotionError("somebody has nothing to do")
+        raise MotionError("a person has no activity; give at least one")
     return whole

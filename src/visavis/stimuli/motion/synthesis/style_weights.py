@@ -63,7 +63,7 @@ class StyleWeights:
         clipped_01 = np.clip(self.raw(points), 0.0, 1.0)
         total = clipped_01.sum(axis=-1, keepdims=True)
         if not (total > 0).all():
-            raise DataError("no example reaches a point that was asked for; stay nearer to them")
+            raise DataError("no example reaches a requested point; stay nearer to them")
         weights: Vector = clipped_01 / total
         return weights
 
@@ -82,7 +82,7 @@ def fit_weights(examples: Vector) -> StyleWeights:
     reach: Vector = distance.min(axis=0)
     if not (reach > 0).all():
         row = int(np.argmin(reach))
-        raise DataError(f"example {row + 1} stands where another does; move or drop one")
+        raise DataError(f"example {row + 1} is at the same point as another; move or drop one")
     np.fill_diagonal(distance, 0.0)
     own = np.eye(len(points))
     basis = np.column_stack([np.ones(len(points)), points])

@@ -100,7 +100,7 @@ CASES: Final[dict[str, Case]] = {
     for case in (
         Case(
             "view_change",
-            "wave with both hands at an observer who stands aside",
+            "wave with both hands at an observer to the side",
             Wave(hand="both"),
             50.0,
             3.0,
@@ -128,7 +128,7 @@ CASES: Final[dict[str, Case]] = {
         ),
         Case(
             "show_tablet",
-            "show a tablet to an observer who stands aside",
+            "show a tablet to an observer to the side",
             Text(hand="right"),
             -45.0,
             2.2,
