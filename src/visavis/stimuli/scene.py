@@ -65,13 +65,13 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class SceneFrame:
-    """What stands before the participant in one frame.
+    """The scene in front of the participant in one frame.
 
     For n agents in the order of `scene.agents`: `gaze_direction` (n, 3) unit vectors in world,
     `eye_openness_01` (n,) 0 closed; `gaze_distance_m` (n,) from between the eyes to where both
-    lines of gaze meet, NaN where they are parallel, None where nobody says. `people` is how
-    everyone stands where a study decides that by itself. `scene` is the same object while nothing
-    static changes, so identity tells whether anything must be rebuilt.
+    lines of gaze meet, NaN where they are parallel, None where nobody says. `people` is everybody's
+    pose when the study computes it itself. `scene` is the same object while nothing static changes,
+    so identity tells whether anything must be rebuilt.
     """
 
     scene: Scene

@@ -1,4 +1,4 @@
-"""What a participant hears: recordings as samples, read from WAV files."""
+"""Sounds for participants, as samples read from WAV files."""
 
 import hashlib
 import warnings
@@ -33,7 +33,7 @@ class Sound:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of rate and samples: what was heard, whatever the file is called."""
+        """Hash of rate and samples, independent of the file's name."""
         head = f"{self.rate_hz} {self.samples.shape}".encode()
         return hashlib.sha256(head + self.samples.tobytes()).hexdigest()
 
@@ -68,7 +68,7 @@ def read_sound(path: Path) -> Sound:
         raise DataError(
             f"{path}: no WAV file that could be read ({problem}); save it as WAV, 16 bits"
         ) from problem
-    except Exception as problem:  # scipy raises whatever struct and numpy do of a damaged file
+    except Exception as problem:  # scipy passes on errors of struct and numpy
         raise DataError(f"{path}: a damaged WAV file ({problem}); save it again") from problem
     samples = _as_float(raw if raw.ndim > 1 else raw[:, None])
     if not 1 <= samples.shape[1] <= 2:

@@ -1,4 +1,4 @@
-"""What a gaze ray meets in a scene: angles to heads, their size as seen, the first surface hit.
+"""Geometry of a gaze ray in a scene: angles to heads, their visible size, the first surface hit.
 
 Heads are spheres, bodies and furniture capsules. The rule of the area of interest itself (which
 angle counts as a look) is analysis' business; here is only the geometry it needs.

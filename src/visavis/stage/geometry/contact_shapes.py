@@ -16,7 +16,7 @@ END_SHARE_01 = 0.3
 """Share of a sole's length in which its heel, and its ball, are as wide as they get."""
 MIN_SHARE_OF_FOOT = 0.5
 REACH_IN_WIDTHS, REACH_IN_HEIGHTS = 5.0, 2.0
-"""Distance from its sides at which a narrow or low block hides about a thirtieth of the sky."""
+"""Distance, in widths or heights, at which a narrow or low block hides a thirtieth of the sky."""
 MAX_REACH_M = 1.2
 """Farther away, walls and floors reflect as much light as the block hides."""
 

@@ -203,9 +203,8 @@ class Cut:
 
 
 class Director:
-    """Decides where the camera is; ask `view_at` for rising times.
-
-    `moment_at` tells who is where at a time (ns) and is asked thirty times a second.
+    """Decides where the camera is; call `view_at` with rising times. `moment_at` returns
+    everybody's place at a time (ns) and is called thirty times a second.
     """
 
     def __init__(

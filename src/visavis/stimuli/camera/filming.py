@@ -1,8 +1,8 @@
 """Cameras that film a moving person among other people.
 
-Beside the director, who cuts and moves by the place's own tracks, two that films are compared
-with: one that follows behind, and several placed by hand that take turns. All of them are asked
-for rising times and decide thirty times a second, whatever the rate of the film.
+The director cuts and moves along the place's own tracks. Two other cameras serve for comparison:
+one that follows behind, and several placed by hand that take turns. All of them expect rising times
+and decide thirty times a second, at any rate of the film.
 """
 
 from collections.abc import Callable

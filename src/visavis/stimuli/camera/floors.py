@@ -20,8 +20,8 @@ COARSER_M = 0.03
 @dataclass(frozen=True)
 class Walkers:
     """Who walks: `radius_m` is kept from everything higher than `step_m` and lower than
-    `height_m`. A floor smaller than `min_area_m2` is none, one more than `climb_m` higher or lower
-    than its neighbour is out of reach.
+    `height_m`. A floor smaller than `min_area_m2` does not count; one more than `climb_m` higher or
+    lower than its neighbour cannot be reached.
     """
 
     radius_m: float = 0.2

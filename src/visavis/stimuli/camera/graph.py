@@ -194,8 +194,8 @@ def _nearest_middle(middles: Vector, x: float, z: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class FloorTable:
-    """What places see of a floor: `triangle_m` (t, 3 corners, 3) and `share_01` (n, t), the part
-    of each triangle that is seen from each node, people standing on it being looked for.
+    """What places see of a floor: `triangle_m` (t, 3 corners, 3) and `share_01` (n, t), the share
+    of each triangle from each node at which a person standing there is visible.
     """
 
     triangle_m: Vector

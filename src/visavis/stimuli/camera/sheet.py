@@ -30,7 +30,7 @@ MOVES_FROM_MPS: Final = 0.2
 
 @dataclass(frozen=True)
 class Sheet:
-    """What a film is like; None is what cannot be said of it.
+    """Measures of a film; None where a measure does not apply.
 
     `seen_01` is the share of looks at the identity image in which the subject was seen, `lost_s`
     the mean and `longest_lost_s` the longest time until they were seen again, `size_off_by` by what

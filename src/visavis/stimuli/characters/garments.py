@@ -1,8 +1,8 @@
 """Find the garments painted on an imported person's picture, and paint them in other colours.
 
 One picture of such a figure often covers skin, clothes, shoes and hair at once. A garment is what
-lies on trunk or limbs in one colour that nothing of the skin has; whatever cannot be told from
-skin, and everything else (collars, ties, trims, shoes, hair), stays as it was authored.
+lies on trunk or limbs in one colour that nothing of the skin has; what looks like skin, and
+everything else (collars, ties, trims, shoes, hair), stays as authored.
 """
 
 from collections.abc import Mapping
@@ -51,8 +51,8 @@ BESIDE: Final = 64
 """Added to the part of a pixel: it is on skin; it can be of no garment."""
 HALF_WIDTH_PX: Final = 12.0
 MAX_BETWEEN_01: Final = 0.03
-"""What is narrower than twice this between other things on the cloth is one of them, as stripes of
-a tie are, unless so much is that it is the ground of a pattern."""
+"""Cloth narrower than twice this between other things is part of them, as stripes of a tie are,
+unless there is so much of it that it is the ground of a pattern."""
 _TOP: Final = ("torso", "left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm")
 _BOTTOM: Final = ("left_thigh", "right_thigh", "left_shin", "right_shin")
 _NEVER: Final = ("none", "face", "left_eye", "right_eye", "scalp", "held_object")

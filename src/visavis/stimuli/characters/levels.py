@@ -38,7 +38,7 @@ _EYE_SHARES = (0.014, 0.06)
 _KEEPS_ALL = 12000
 """Levels with fewer triangles drop what lies deep in the sockets."""
 MAX_ERROR = 0.5
-"""Of thinning, in sizes of the mesh: the number of triangles decides."""
+"""Error limit of thinning, in sizes of the mesh; so large that the number of triangles decides."""
 _LID_M = 0.006
 _UV_WEIGHT = 0.3
 _NOSE_TO_LIPS, _ROUND_EYES = ((-0.55, 0.55), (-1.35, 0.25)), ((0.2, 0.85), (-0.25, 0.30))

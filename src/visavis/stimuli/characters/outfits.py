@@ -20,7 +20,7 @@ from visavis.stimuli.characters.garments import (
 )
 
 OURS: Final = {"top", "bottom", "shoe"}
-"""Names of what the people who come with Visavis wear."""
+"""Names of the garments of the people who come with Visavis."""
 
 TOPS: Final[tuple[Colour, ...]] = (
     (46, 84, 112), (122, 48, 60), (74, 96, 62), (206, 196, 174), (52, 52, 58), (176, 124, 52),
@@ -42,7 +42,7 @@ TROUSERS_AND_SUITS: Final[tuple[Colour, ...]] = (
     (100, 96, 84),
     (158, 150, 138),
 )
-"""What people who were imported wear on their legs, or from top to bottom."""
+"""Garments of imported people on the legs, or from top to bottom."""
 UNLIKE: Final = 40.0
 """Colours nearer to each other than this (sRGB, as a distance) look alike."""
 

@@ -29,7 +29,7 @@ FIGURE_FILES = (".glb", ".vrm", ".fbx")
 """Files that figures are imported from."""
 FORMAT = 3
 _READ = (2, 3)
-"""What is read: format 2 had no maps, and one picture a material."""
+"""Formats that can be read; format 2 had no maps and one picture per material."""
 _STEP_M = 1 / 16384  # 0.06 mm; int16 reaches 2 m either way
 _MORPH_STEP_M = 1 / 262144
 _UV_STEP = 1 / 2048  # int16 reaches ±16 repeats of a cloth's texture

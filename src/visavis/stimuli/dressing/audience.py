@@ -92,8 +92,8 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
 
 
 def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
-    """Return a man who does not sit among the listeners: of another body if there is one, else in
-    other clothes, else one of them.
+    """Return a man for the speaker who is not among the listeners: of another body if there is one,
+    else in other clothes, else one of them.
     """
     men = [casting(f"male_{number:02d}") for number in range(1, MEN_TRIED + 1)]
     bodies = [listener.skeleton for listener in listeners]

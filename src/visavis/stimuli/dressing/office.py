@@ -1,5 +1,5 @@
-"""The office of the waving study as a picture: clerks at desks, customers in line, one of whom is
-the participant, and whoever stands in between.
+"""The office of the waving study as a picture: clerks at desks, customers in line (one of them is
+the participant), and bystanders in between.
 
 Everything is in coordinates of the tracked room, in which the participant stands at the origin.
 """
@@ -168,11 +168,9 @@ def office_scene(participant_place: str, waving: Waving | None, seed: int) -> Of
 def office_eyes(
     scene: OfficeScene, target_place: str, seed: int, duration_s: float, turn_s: float
 ) -> EyeBehaviour:
-    """Return what all eyes do, times from the onset.
-
-    Clerks look at their screens, others before them; the waving clerk turns the eyes to who is
-    waved at `turn_s` after the onset: to the participant wherever they are, or to the eyes of a
-    customer. `seed` draws the blinks.
+    """Return the behaviour of all eyes; times count from the onset. Clerks look at their screens,
+    others ahead; the waving clerk turns the eyes to the person waved at `turn_s` after the onset:
+    to the participant's current place, or to the eyes of a customer. `seed` draws the blinks.
     """
     by = places.shift_m(scene.participant_place)
     blinks = draw_blinks(generator(seed, 1), len(scene.agents), duration_s)

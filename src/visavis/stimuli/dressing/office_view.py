@@ -51,7 +51,7 @@ def eye_at(place: str, height_m: float = places.STANDING_EYE_M) -> Vector:
 
 @lru_cache(maxsize=16)
 def body_mesh(role: str) -> StaticMesh:
-    """Return somebody of the office who stands or sits at ease as a mesh that hides others."""
+    """Return a person of the office, standing or sitting relaxed, as a mesh that hides others."""
     person = person_of(role, "place_3", None, 0)
     pose = PeopleMotion((person,)).at(0.0, STILL)
     body = body_of(character_of(role), most_triangles=BYSTANDER_TRIANGLES)

@@ -147,7 +147,7 @@ def _distances(
 
 @dataclass(frozen=True)
 class EyeBehaviour:
-    """What the eyes of m agents do; every answer is a function of time alone.
+    """The behaviour of the eyes of m agents; every result is a function of time alone.
 
     `eye_centre_m` and `facing` (m, 3) as in the scene; `targets_m` (2, m, 3) the points looked at
     before and after each agent's turn; `follows_observer` (2, m) replaces a point by the

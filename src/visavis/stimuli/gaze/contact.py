@@ -17,7 +17,7 @@ from visavis.stimuli.motion.errors import MotionError
 LISTENING_01: Final = 0.75
 MEAN_GLANCE_S: Final = 3.0
 SHAPE: Final = 4.0
-"""Of the gamma distribution of durations; ours."""
+"""Shape of the gamma distribution of durations; our choice."""
 MIN_S: Final = 0.35
 SHYEST_GLANCE_S: Final = 0.5
 

@@ -26,11 +26,9 @@ _NOBODY = np.full(3, np.nan)
 
 @dataclass(frozen=True)
 class LookAt:
-    """From `start_s` on somebody looks at a target.
-
-    "around": whatever passes before them. "point": `where` (3,) in world. "person": `where[0]` is
-    their number. "observer": the eyes of whoever watches. "aside": `where` is yaw (left) and pitch
-    (up) in degrees from the front of the own body.
+    """A look at a target from `start_s` on. "around": anything in front of the person. "point":
+    `where` (3,) in world. "person": `where[0]` is their number. "observer": the observer's eyes.
+    "aside": `where` is yaw (left) and pitch (up) in degrees from the front of the own body.
     """
 
     start_s: float
@@ -44,7 +42,7 @@ _NEEDED = {"around": 0, "point": 3, "person": 1, "observer": 0, "aside": 2}
 
 @dataclass(frozen=True, eq=False)
 class GazePlan:
-    """Looks of n people in order of time; who has none looks around.
+    """Looks of n people in order of time; people without one look around.
 
     `observer_m` (3,) is where the observer's eyes are now; `watched_from` gives a plan with it.
     """

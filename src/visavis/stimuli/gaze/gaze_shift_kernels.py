@@ -2,8 +2,8 @@
 
 The eyes go first, by a saccade of the main sequence; the head follows after a lag and more slowly,
 and while it does, the eyes turn back in it and stay on the target. Far targets bring the trunk
-along. Every shift runs from whatever the ones before it have left, so that schedules may be as
-dense as they like.
+along. Every shift starts from the state that earlier ones have left, so that schedules may be
+dense.
 """
 
 import numpy as np
@@ -26,8 +26,8 @@ from visavis.stimuli.motion.quaternion_kernels import (
 from visavis.stimuli.motion.rhythm_kernels import chance, ease
 
 AROUND, POINT, PERSON, OBSERVER, ASIDE = 0, 1, 2, 3, 4
-"""Kinds of targets: whatever passes before one, a point, a person, the observer, a direction
-(yaw, pitch in radians from the front of the body)."""
+"""Kinds of targets: surroundings, a point, a person, the observer, a direction (yaw, pitch in
+radians from the front of the body)."""
 RECENT = 5
 """Number of earlier shifts that a body may still be completing."""
 AROUND_MEAN_S = 2.6

@@ -128,7 +128,7 @@ class CrossFade:
 
 @dataclass(frozen=True, eq=False)
 class InertialTransition:
-    """Change to another motion at once and let the difference die out.
+    """Switch to another motion at once and let the difference decay.
 
     At `at_s` the motion is that of `before` in place and velocity; from then on only `after` is
     played, plus an offset that vanishes within `duration_s`. It costs one motion, and nothing of

@@ -36,7 +36,7 @@ class Build:
 
     @cached_property
     def telephoning_m(self) -> Vector:
-        """The lengths, with the grip (`posture.B_GRIP`) that only who telephones needs."""
+        """The lengths, with the grip (`posture.B_GRIP`) that only people with a telephone need."""
         b = self.lengths_m.copy()
         if self.hand is not None:
             b[p.B_GRIP : p.B_GRIP + p.GRIP_SIZE] = grip_at_ear(self.hand)
@@ -124,7 +124,7 @@ def _of_part(mesh: SkinnedMesh, *parts: str) -> Vector:
 
 
 MAX_SAT_ON_M = 0.13
-"""Of what is behind a thigh the rest is cloth, such as the tails of a jacket, and gives way."""
+"""Largest depth of flesh behind a thigh; what is beyond is soft cloth, such as jacket tails."""
 
 
 def _behind_thigh_m(thigh: Vector, hip: Vector, knee: Vector, first: float, last: float) -> float:

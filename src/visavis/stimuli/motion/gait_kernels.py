@@ -32,7 +32,7 @@ TOE_CLEARANCE_M = 0.013
 72:45: 12.9 mm)."""
 STRIDES_OF_DRIFT = 0.05
 CV_OF_DRIFT = 0.355
-"""What a drift of unit size, its slowest swing in 20 strides, varies a stride's time by."""
+"""Variation of a stride's time under a drift of unit size, whose slowest swing takes 20 strides."""
 REACH = 0.984
 """Largest length of a leg as a share of its straight length."""
 

@@ -22,7 +22,7 @@ PHALANGES: Final = ("proximal", "middle", "distal")
 MIN_POINTS: Final = 4
 """Least number of skin points of a phalanx; below it the figure has no finger bones."""
 MIN_WEIGHT: Final = 0.02
-"""Of a point, for it to belong to a finger."""
+"""Least weight of a point that belongs to a finger."""
 SPREAD_RAD: Final = -0.10
 """Fingers that hold something lie closer together than at rest."""
 ROOM_FOR_THUMB_M: Final = 0.006

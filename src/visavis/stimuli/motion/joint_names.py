@@ -27,8 +27,8 @@ _RIG = re.compile(
     r"^(mixamorig\d*[:_]?|character\d*_|bip\d+[\s_]|cc_base_|j_(bip|adj|sec)_|def-)",
     re.IGNORECASE,
 )
-"""What a rig puts before all its names: Mixamo, HumanIK, 3ds Max's Biped, Character Creator,
-VRoid, Rigify.
+"""Prefixes of all names in a rig: Mixamo, HumanIK, 3ds Max's Biped, Character Creator, VRoid,
+Rigify.
 """
 _ESCAPED = re.compile(r"FBXASC(\d{3})")
 """How Autodesk's exporters write characters that their format has no place for: by their code."""

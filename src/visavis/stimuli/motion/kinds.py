@@ -280,7 +280,7 @@ class Recorded:
             raise MotionError("a clip for people needs the 55 canonical joints; retarget it first")
 
     def numbers(self, seed: int) -> tuple[float, ...]:
-        """Return what the kernel is given: somebody who stands still below the clip."""
+        """Return the kernel's parameters: a person who stands still below the clip."""
         return 0.0, 0.0
 
 

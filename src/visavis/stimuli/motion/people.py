@@ -39,9 +39,8 @@ Index = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Doing:
-    """What somebody does from `start_s` on, taking over within `fade_s`.
-
-    Without a place of its own it happens where the thing before has led to.
+    """An activity from `start_s` on, taking over within `fade_s`. Without a place of its own it
+    happens where the activity before has led to.
     """
 
     kind: Kind
@@ -224,7 +223,7 @@ class PeopleMotion:
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """What everybody does, one row a thing; `first` (n,) is the first row of each person."""
+    """All activities, one per row; `first` (n,) is the first row of each person."""
 
     first: Index
     start_s: Vector

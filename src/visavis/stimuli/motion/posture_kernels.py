@@ -41,9 +41,9 @@ EASY_REACH = 0.93
 MAX_FOREARM_TWIST = np.radians(80.0)
 MIN_WRIST = (np.radians(-36.0), np.radians(-70.0))
 MAX_WRIST = (np.radians(42.0), np.radians(80.0))
-"""Of a left hand: to the thumb and to the little finger, to the back and to the palm."""
+"""Limits of a left wrist: towards thumb and little finger, back and palm."""
 FOREARM_SHARE = 0.5
-"""Of the forearm's twist this much shows at the elbow end, the rest at the wrist."""
+"""Share of the forearm's twist at the elbow end; the rest is at the wrist."""
 SPINE_SHARE = (0.30, 0.35, 0.35)
 NECK_SHARE = 0.45
 LEFT_X: Triple = (-1.0, 0.0, 0.0)
@@ -228,7 +228,7 @@ def _softly_within(x: float, least: float, most: float) -> float:
 
 @compiled
 def _possible_wrist(q: Quat) -> Quat:
-    """Bend a wrist no farther than wrists bend."""
+    """Limit a wrist's bend to what wrists can do."""
     # Swing and twist: sideways and up-and-down bending have their own limits, the twist stays.
     twist = about_x(twist_about(q, (1.0, 0.0, 0.0)))
     w, x, y, z = times(q, inverse(twist))

@@ -1,7 +1,7 @@
 """Compiled spherical interpolation of many joints at many times.
 
-The kernels never change a sign: whoever calls them has put keys into one hemisphere, and control
-points of Squad keep theirs, however far apart.
+The kernels never change a sign: callers put keys into one hemisphere, and control points of Squad
+keep their signs.
 """
 
 import numpy as np

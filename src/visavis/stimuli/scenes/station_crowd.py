@@ -55,7 +55,7 @@ CHARACTERS: Final = (
 UNLIKE_WITHIN_M: Final = 3.0
 """No two people who look alike stand nearer to each other."""
 SAME_FACE_WITHIN_M: Final = 1.8
-"""Nor do two of the same face, whatever they wear, as long as there is anybody else."""
+"""No two people with the same face stand nearer to each other, as long as there are others."""
 WITHIN_STEP_M: Final = 0.05
 """Where there are fewer bodies, their least distance is sought from `UNLIKE_WITHIN_M` down in
 such steps: with eleven bodies two of one stand 2.3 m apart or more.

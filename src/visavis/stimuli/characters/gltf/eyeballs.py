@@ -16,19 +16,19 @@ from visavis.stimuli.characters.gltf.file import GltfFile
 
 MIN_POINTS = 24
 MAX_UNROUND = 0.03
-"""Of its radius, how far half of a ball's points at most lie off the sphere."""
+"""Largest median distance of a ball's points from the sphere, as a share of its radius."""
 MIN_BETWEEN_M, MAX_BETWEEN_M = 0.035, 0.1
 """Range of the distance between two eyes."""
 MAX_ASKEW_M = 0.005
 """Largest distance of one eye from the mirror image of the other."""
 ROUND_ABOUT = 1.15
-"""What lies within so many radii of an eyeball's centre, such as a cornea, is of that eye."""
+"""Within so many radii of an eyeball's centre everything, such as a cornea, belongs to that eye."""
 Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """What hangs together of a surface, by its number and its points."""
+    """A connected piece of a surface: the surface's number and the piece's points."""
 
     surface: int
     points: Indices

@@ -22,7 +22,7 @@ from visavis.stimuli.characters.rest_pose import Rig
 from visavis.stimuli.characters.tagging import parts_of_weights
 
 MIN_FACE_AREA = 0.8
-"""Of cheeks and nose, in squared distances between the eyes: glasses before a face have less."""
+"""Least area of cheeks and nose, in squared distances between the eyes; glasses have less."""
 MIN_BARE_SHARE = 0.05
 """For a surface without a face: share from which parts that look like the face count as skin."""
 

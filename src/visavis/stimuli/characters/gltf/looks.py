@@ -14,9 +14,9 @@ from visavis.stimuli.characters.gltf.file import GltfFile
 MAX_TEXTURE_PX = 4096
 """Larger pictures are halved; graphics cards of ten years ago take these."""
 CLOTH_ROUGHNESS_01 = 0.85
-"""Of clothes that share one material, and so one roughness, with skin."""
+"""Roughness of clothes that share one material with skin."""
 SKIN_ROUGHNESS_01 = 0.6
-"""Least roughness of that skin: exporters' default shines white at the temples."""
+"""Roughness of that skin; exporters' default shines white at the temples."""
 UNCUT_01 = 0.5
 """Where the renderer cuts: alpha is scaled so that the file's own cutoff lies there."""
 Pixels = npt.NDArray[np.uint8]

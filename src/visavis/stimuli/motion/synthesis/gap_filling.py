@@ -92,7 +92,7 @@ class Hold:
 
     @property
     def value(self) -> float:
-        """What is held."""
+        """The value that is held."""
         return self.end + HOLD_SPEED_01 * self.speed * QUARTER * self.gap_s
 
     @property

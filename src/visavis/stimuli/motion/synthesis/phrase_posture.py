@@ -33,7 +33,7 @@ class Phrase(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """What goes with a gesture: `by` H (its hand), L (its lexeme) or HL (both).
+    """A rule from a gesture to a posture: `by` H (its hand), L (its lexeme) or HL (both).
 
     `with_gesture` phrases have the antecedent, `with_posture` of them the posture, too.
     """
@@ -51,7 +51,7 @@ class Rule(NamedTuple):
 
 @dataclass(frozen=True)
 class Habits:
-    """What was learnt from phrases in the order they were spoken.
+    """Statistics of phrases in the order they were spoken.
 
     `beta` is the rules' share beside the chain's. Rules hold from `min_support` of all phrases and
     `min_confidence` on.

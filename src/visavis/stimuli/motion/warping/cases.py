@@ -34,7 +34,7 @@ EYE_HEIGHT_M: Final = 1.62
 SEARCHED: Final = ControlSettings(
     search=True, step_cap_deg=10.0, error_cap=0.4, wide_probe_deg=12.0
 )
-"""Of presets: nothing waits for these, and some steer past an edge or by a few pixels."""
+"""Settings of presets, which may take their time; some steer past an edge or by a few pixels."""
 EVERY_FRAME: Final = replace(SEARCHED, rate_hz=30.0)
 """Where an edge or another part passes within a frame: as many keys as the clip has frames."""
 STILL: Final = replace(SEARCHED, smoothness=0.1)

@@ -29,9 +29,9 @@ from visavis.stimuli.motion.warping.units import WarpingUnit, turned_by
 
 MIN_PX: Final = 24
 SEARCHED_DAMPING: Final = (0.0625, 0.25, 1.0, 4.0)
-"""Of a searched step: what the damping is multiplied by."""
+"""Factors of the damping that a searched step tries."""
 SEARCHED_ERROR: Final = (0.0625, 0.125, 0.25, 0.5, 1.0)
-"""Of a searched step: what the error cap is multiplied by."""
+"""Factors of the error cap that a searched step tries."""
 _FAR: Final = 1e6
 
 

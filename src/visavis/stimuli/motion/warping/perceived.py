@@ -32,8 +32,8 @@ INSIDE_TURNS: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Moving:
-    """What moves of a body when some joints do: vertices by number, triangles with their labels;
-    and the triangles that stay.
+    """The moving part of a body when some joints turn: vertices by number, triangles with their
+    labels; and the still triangles.
     """
 
     vertices: npt.NDArray[np.int64]

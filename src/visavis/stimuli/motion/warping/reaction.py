@@ -29,7 +29,7 @@ NOISE_FOREARMS: Final = 0.12
 
 @dataclass(frozen=True, eq=False)
 class SeenMotion:
-    """What an observer has seen of somebody at n moments.
+    """A person's motion as an observer has seen it, at n moments.
 
     `t_s` (n,) ascending; `root_m` (n, 3), `local_wxyz` (n, 55, 4) where they stood;
     `eye_m` (n, 3) where the observer's eyes were; `face`, `trunk` (n,) and `hands` (n, 2), left
