@@ -24,6 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.stimuli.camera.outlined import outlined_room
 from visavis.lab.clock import NS_PER_S, cpu_time_s
 from visavis.lab.geometry import Vector
 from visavis.stimuli.camera.choosing import is_free, place_on, points_of_interest
@@ -41,7 +42,6 @@ from visavis.stimuli.camera.filming import scattered_places
 from visavis.stimuli.camera.floors import walkable_floors
 from visavis.stimuli.camera.shots import view_angle_deg
 from visavis.stimuli.picture import Room
-from visavis.stimuli.rooms.outlined import outlined_room
 from visavis.stimuli.rooms.station import station
 from visavis.stimuli.scenes.station_crowd import CONFIGURATIONS, START_M, station_crowd
 

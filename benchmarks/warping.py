@@ -1,6 +1,6 @@
-"""Measure visual motion warping: renders, control steps, how soon targets are met, frame times.
+"""Measure visual motion warping: renders, control steps, how soon targets are met.
 
-    python -m benchmarks.warping [--seconds 10] [--cases NAME ...] [--clips] [--json]
+    python -m benchmarks.warping [--cases NAME ...] [--clips] [--json]
 
 A control step over all 22 units draws 45 poses at 128 × 128 and measures three features of each.
 Steps of one core are counted in CPU time, so that other work on the machine does not matter; those
@@ -8,9 +8,8 @@ of two cores in the least wall time of many. The load of 4 000 triangles is a sa
 the 6 000-triangle level of a character, the latter being given beside it. "Ratio" is limit /
 value, or value / limit where more is better. Targets of the presets are met when what is left is
 a tenth of the wanted change or within what the buffer can tell; a preset holds when nine tenths
-of its reachable poses are met in five steps; frame times are wall time of a
-loop at 90 Hz that poses twelve people, with the controller beside it and without: they mean
-something on an idle machine only.
+of its reachable poses are met in five steps. What the loop costs the frames that it runs beside is
+measured by `benchmarks.waving_loop`.
 
 `--clips` warps the presets' whole clips instead (a quarter of a minute each) and prints what is
 reached, the largest offset, by how much joint limits are exceeded, and how fast and jerkily the
@@ -28,12 +27,10 @@ from typing import Any
 
 import numpy as np
 
-from visavis.lab.clock import NS_PER_S, StopWatch, SystemClock, cpu_time_s
+from tests.stimuli.warping.smoothness import peak_turning
+from visavis.lab.clock import StopWatch, cpu_time_s
 from visavis.stimuli.characters.cast import load_character
-from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.joint_limits import beyond_deg
-from visavis.stimuli.motion.kinds import Idle, Wave
-from visavis.stimuli.motion.people import PeopleMotion, Person
 from visavis.stimuli.motion.warping.cases import CASES, StagedCase, case_named, stage_case
 from visavis.stimuli.motion.warping.clips import warp_clip
 from visavis.stimuli.motion.warping.control import (
@@ -48,10 +45,8 @@ from visavis.stimuli.motion.warping.control import (
     wanted_features,
 )
 from visavis.stimuli.motion.warping.features import FeatureTarget
-from visavis.stimuli.motion.warping.online import OnlineWarp
 from visavis.stimuli.motion.warping.outlook import outlook
 from visavis.stimuli.motion.warping.perceived import SeenBody, body_of, perceived_parts
-from visavis.stimuli.motion.warping.smoothness import peak_turning
 from visavis.stimuli.motion.warping.units import WarpingUnit, units_named
 
 Row = dict[str, Any]
@@ -275,54 +270,9 @@ def _least_share(found: Outcome) -> float:
     return float(((found.final - found.original)[changes] / wanted[changes]).min())
 
 
-def frame_times(stage: StagedCase, seconds: float) -> list[Row]:
-    """Wall time of frames at 90 Hz, with the controller beside and without."""
-    build = build_of_character(stage.character)
-    people = PeopleMotion(
-        (
-            Person(build, Wave(hand="both"), 5),
-            *(Person(build, Idle(), k, (float(k), 0.0, 2.0)) for k in range(11)),
-        )
-    )
-    rows: list[Row] = []
-    for beside in (False, True):
-        clock = SystemClock()
-        warp = OnlineWarp(
-            stage.body, TARGETS, units_named(("all",)), lambda c: outlook(c, SIZE_PX), clock=clock
-        )
-        work_ms: list[float] = []
-        begun = clock.now_ns()
-        for k in range(round(seconds * 90)):
-            clock.sleep_until_ns(begun + k * NS_PER_S // 90)
-            watch = StopWatch()
-            pose = people.at(k / 90)
-            if beside:
-                warp.turns(
-                    clock.now_ns(), pose.root_m[0], pose.orientation_wxyz[0], stage.view.camera
-                )
-            work_ms.append(watch.elapsed_s() * 1e3)
-        solutions = warp.state.steps
-        warp.close()
-        how = "with the controller beside" if beside else "without a controller"
-        rows += [
-            row(f"frame work {how}, median", float(np.median(work_ms)), "ms"),
-            row(
-                f"frame work {how}, p99",
-                float(np.quantile(work_ms, 0.99)),
-                "ms",
-                P99_MS,
-                more=False,
-            ),
-        ]
-        if beside:
-            rows.append(row("solutions of the controller", solutions / seconds, "1/s"))
-    return rows
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table; return 1 when a limit is missed."""
     parser = argparse.ArgumentParser(description="Measure visual motion warping.")
-    parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--cases", nargs="+", choices=tuple(CASES), default=tuple(CASES))
     parser.add_argument("--clips", action="store_true")
     parser.add_argument("--json", action="store_true")
@@ -331,7 +281,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows = clips(chosen.cases)
     else:
         stage = stage_case(case_named("view_change"), load_character("anna"))
-        rows = [*steps(stage), *frame_times(stage, chosen.seconds), *presets(chosen.cases)]
+        rows = [*steps(stage), *presets(chosen.cases)]
     if chosen.json:
         json.dump(rows, sys.stdout, indent=2)
         print()

@@ -39,7 +39,7 @@ from benchmarks.waving_participants import (
     study_rows,
 )
 from visavis.cli.quick_tracker import tracker_of
-from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.clips import DIRECTIONS, PLACES, TECHNIQUES
 from visavis.experiments.waving.judgement import (
     DEFAULT_POPULATION,
     Population,
@@ -47,7 +47,7 @@ from visavis.experiments.waving.judgement import (
     noise_deg,
 )
 from visavis.experiments.waving.quick_study import STIMULI, evidence_for
-from visavis.experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY, PLACES
+from visavis.experiments.waving.study import COMPARED, MEAN_ACCURACY
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector

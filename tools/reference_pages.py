@@ -136,12 +136,12 @@ def _device_page(spec: AnySpec) -> str:
     more = "".join(f", {name}: …" for name in needed)
     wiring = WIRING_OF.get(spec.name) or WIRING.get(spec.kind, "devices.md")
     facts = [
-        ("device", spec.stands_for or spec.model),
+        ("device", spec.claims.stands_for or spec.product.model),
         ("kind", spec.kind),
-        ("wire", spec.wire),
-        ("can", ", ".join(sorted(c.replace("_", " ") for c in spec.capabilities)) or "–"),
-        ("checked against", spec.checked or "–"),
-        ("not yet proven", spec.unproven or "–"),
+        ("wire", spec.wire.medium),
+        ("can", ", ".join(sorted(c.replace("_", " ") for c in spec.product.capabilities)) or "–"),
+        ("checked against", spec.claims.checked or "–"),
+        ("not yet proven", spec.claims.unproven or "–"),
     ]
     lines = [
         f"# {spec.name}",

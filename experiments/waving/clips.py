@@ -49,6 +49,12 @@ ORIENTATION: Final = "orientation"
 WARPING: Final = "warping"
 TECHNIQUES: Final = (ORIENTATION, WARPING)
 """The whole body turned towards the addressee, or the wave warped to the addressee's view."""
+DIRECTIONS: Final = ("self", "left", "right")
+"""Who is waved at: the participant, the customer to the left, the customer to the right."""
+CLERK_NAMES: Final = [c.name for c in places.CLERKS]
+PLACES: Final = tuple(c.name for c in places.CUSTOMERS)
+SCENE_SEED: Final = 7
+"""Of what everybody does beside the wave: the same in all trials."""
 KEPT_AS: Final = "waving"
 HAND: Final = "right"
 SETTINGS: Final = ControlSettings(

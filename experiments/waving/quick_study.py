@@ -12,9 +12,18 @@ from typing import TYPE_CHECKING, Any, Final
 
 import visavis.experiments.waving
 import visavis.stimuli.motion.warping
-from visavis.experiments.waving.clips import DEFAULT_MAKING, KEPT_AS, TECHNIQUES, Making, study_wave
+from visavis.experiments.waving.clips import (
+    CLERK_NAMES,
+    DEFAULT_MAKING,
+    DIRECTIONS,
+    KEPT_AS,
+    PLACES,
+    SCENE_SEED,
+    TECHNIQUES,
+    Making,
+    study_wave,
+)
 from visavis.experiments.waving.perception import Evidence, evidence_of, reach_view
-from visavis.experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, SCENE_SEED
 from visavis.lab.array_cache import digest_of, digest_of_code, read_cache, write_cache
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Vector

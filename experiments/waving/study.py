@@ -13,10 +13,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from visavis.experiments.waving.clips import (
+    CLERK_NAMES,
     DEFAULT_MAKING,
+    DIRECTIONS,
     FINE_PX,
     LOOP,
+    PLACES,
     REFINING,
+    SCENE_SEED,
     SETTINGS,
     TECHNIQUES,
     UNITS,
@@ -27,6 +31,8 @@ from visavis.experiments.waving.clips import (
     solved_key,
     wave_of,
 )
+from visavis.experiments.waving.participant import WavingParticipant
+from visavis.experiments.waving.quick_study import quick_trials
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, Vector
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
@@ -48,8 +54,6 @@ from visavis.stimuli.motion.warping.track import (
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.office import (
-    CLERKS,
-    CUSTOMERS,
     PARTICIPANT_PLACES,
     STANDING_EYE_M,
     OfficeFrame,
@@ -70,13 +74,8 @@ from visavis.study.sections import Confusion
 from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
-    from visavis.experiments.waving.participant import WavingParticipant
     from visavis.study.study_functions import TrackerModel
 
-DIRECTIONS: Final = ("self", "left", "right")
-"""Who is waved at: the participant, the customer to the left, the customer to the right."""
-CLERK_NAMES: Final = [c.name for c in CLERKS]
-PLACES: Final = tuple(c.name for c in CUSTOMERS)
 MEAN_ACCURACY: Final = {"orientation": (0.59, 0.25), "warping": (0.67, 0.20)}
 """Mean and SD as printed; over what the SD is taken is not said."""
 NO_VALUES: Final = Printed(False, text="not significant (no values)")
@@ -104,8 +103,6 @@ PRACTICE: Final = {"direction": "self", "participant_place": "place_3"}
 REALISM: Final = Rating("realism", 1, 9)
 BOARD_SIZE_M: Final = (1.5, 0.5)
 BOARD_AT: Final = Pose(np.array([0.0, 1.12, -1.7]), np.array([1.0, 0.0, 0.0, 0.0]))
-SCENE_SEED: Final = 7
-"""Of what everybody does beside the wave: the same in all trials."""
 FOLLOW_STEP_M: Final = 0.01
 """The eyes follow the participant's head in steps of this size."""
 
@@ -421,17 +418,13 @@ def person(
     index: int, seed: int, effect: bool, experiment: StudyExperiment
 ) -> SimulatedParticipant:
     """Return a simulated participant, who knows the two questions by their words."""
-    from visavis.experiments.waving.participant import WavingParticipant
-
     asked = {text: response.name for text, response in experiment.words.items()}
     return WavingParticipant(index, seed, effect, asked=asked)
 
 
 @study.quick
-def quick(experiment: StudyExperiment, person: "WavingParticipant", tracker: "TrackerModel") -> Any:
+def quick(experiment: StudyExperiment, person: WavingParticipant, tracker: "TrackerModel") -> Any:
     """Return what performs a plan in a moment, once what can be seen of each wave is known."""
-    from visavis.experiments.waving.quick_study import quick_trials  # late: it imports this module
-
     return partial(quick_trials, person, making=making_of(experiment.parameters))
 
 

@@ -69,7 +69,7 @@ def test_a_frame_drawn_again_has_the_line_below_it_unless_people_took_part(
     session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     eye = np.full((40, 30, 3), 7, np.uint8)
-    monkeypatch.setattr("visavis.cli.redraw.redraw", lambda *_, **__: (eye, eye))
+    monkeypatch.setattr("visavis.cli.commands.redraw.draw_again", lambda *_, **__: (eye, eye))
     heights = []
     for name in ("rehearsal", "real"):
         path = tmp_path / f"{name}.png"

@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _say_interrupted()
         place = in_study_file(error)
         if place:
-            from visavis.study.study_errors import explain
+            from visavis.study.study_errors import explain  # late, as below
 
             told = f"{place}: {explain(error)}"
             errors.print(f"[bold red]error[/]  {_escaped(told)}", highlight=False, soft_wrap=True)

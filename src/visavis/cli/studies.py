@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from visavis.cli.app import load_lab
 from visavis.cli.telling import say_when_compiling
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
@@ -187,8 +188,6 @@ def folder_of(wanted: Path, config: Path | None, verb: str = "check") -> Path:
     """
     if wanted.is_dir():
         return wanted
-    from visavis.cli.app import load_lab  # late: it loads the models of all devices' options
-
     lab = load_lab(config, only_simulates=True)
     there = [] if is_file(str(wanted)) else _data_of(str(wanted), lab)
     name = str(wanted) if there else study_of_lab(str(wanted), lab).name

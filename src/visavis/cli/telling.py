@@ -78,6 +78,7 @@ def say_when_compiling() -> None:
 
 def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:
     """Do what would hold up a frame before anything is shown; done already, it takes no time."""
+    # Late: verbs that run no session load neither devices nor pumps.
     from visavis.running.sessions.perform import get_ready
 
     with TELLING.progress(f"getting {experiment.name} ready") as told:

@@ -4,7 +4,7 @@
 class LabError(Exception):
     """Base of every error Visavis raises on purpose.
 
-    `exit_code` is what the command line returns (DESIGN section 5).
+    `exit_code` is what the command line returns.
     """
 
     exit_code = 1

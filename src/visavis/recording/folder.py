@@ -51,12 +51,6 @@ def session_dir(
     return folder / f"sub-{participant}" / f"ses-{session:03d}"
 
 
-def list_sessions(data_root: Path, study: str, *, is_simulated: bool) -> tuple[Path, ...]:
-    """Return every session folder of a study, by participant and session number."""
-    folder = study_dir(data_root, study, is_simulated=is_simulated)
-    return tuple(sorted(p.parent for p in folder.glob("sub-*/ses-*/manifest.json")))
-
-
 class SessionFolder(Closing):
     """A session held for writing; release it with `close`."""
 

@@ -6,8 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from visavis.experiments.waving.clips import UNITS, Making, StudyWave, base_clip, study_wave
-from visavis.experiments.waving.study import SCENE_SEED, study, told_of, track_shown, wave_record
+from visavis.experiments.waving.clips import (
+    SCENE_SEED,
+    UNITS,
+    Making,
+    StudyWave,
+    base_clip,
+    study_wave,
+)
+from visavis.experiments.waving.study import study, told_of, track_shown, wave_record
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, angle_deg, rotate, turn_towards, unit
 from visavis.protocol.plan.steps import Answered, Ask, FrameView, Mark, NextFrame, Show

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.stimuli.camera.outlined import outlined_room
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
@@ -20,7 +21,6 @@ from visavis.stimuli.camera.director import (
 )
 from visavis.stimuli.camera.obstacles import NOBODY
 from visavis.stimuli.camera.shots import LogNormalLengths, ShotSize, view_angle_deg
-from visavis.stimuli.rooms.outlined import outlined_room
 
 RING = [[0, 0], [16, 0], [16, 12], [0, 12]]
 BLOCK = [[4, 4], [12, 4], [12, 8], [4, 8]]

@@ -18,6 +18,8 @@ from visavis.cli.app import (
 )
 from visavis.cli.leaving import leave, require_whole
 from visavis.cli.preview.pictures import SIMULATED, check_picture_name, write_below
+from visavis.cli.redraw import redraw as draw_again
+from visavis.cli.redraw import was_drawn
 from visavis.cli.studies import session_of
 from visavis.recording.cached import CachedRecording
 from visavis.study.cast import use_recorded_cast
@@ -41,9 +43,6 @@ def redraw(
     Example: visavis redraw data/simulated/stare/sub-S07H/ses-001 --frame 4711 --png frame.png
     """
     from PIL import Image
-
-    from visavis.cli.redraw import redraw as draw_again
-    from visavis.cli.redraw import was_drawn
 
     session_path = session_of(session_path, config, participant)
     check_picture_name(png)

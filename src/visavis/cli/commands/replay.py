@@ -16,11 +16,13 @@ from visavis.cli.app import (
     say,
     verbatim,
 )
+from visavis.cli.commands.checking import EXIT_RED
 from visavis.cli.studies import session_of
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.study_folder import study_of_folder
+from visavis.running.sessions.verification import is_in_real_time, verify
 from visavis.study.cast import use_recorded_cast
 
 
@@ -58,9 +60,6 @@ def replay(
 
 
 def _verify(recording: CachedRecording, study: OpenedStudy, config: Path | None) -> None:
-    from visavis.cli.commands.checking import EXIT_RED
-    from visavis.running.sessions.verification import is_in_real_time, verify
-
     lab = load_lab(config, "sim", only_simulates=True)
     in_real_time = recording.is_simulated and is_in_real_time(recording)
     if in_real_time:

@@ -49,6 +49,7 @@ from visavis.protocol.session.operator import Operator, UnattendedOperator
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
+from visavis.running.film_store import film_store
 from visavis.running.sessions.data_root import require_space
 from visavis.running.sessions.device_setup import (
     check_rig,
@@ -473,8 +474,6 @@ def _perform(
     simulated = here.is_simulated
     experiment = here.study.experiment(settings.parameters)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
-        from visavis.running.film_store import film_store
-
         with TELLING.progress("building films") as told:
             film_store(experiment).build(experiment.films, told)
     if not fast and on == "lab":

@@ -10,12 +10,25 @@ import typer
 from rich.progress import Progress
 
 from visavis.cli.app import JsonOption, app, console, say, verbatim
+from visavis.cli.warp_sheet import write_curves, write_sheet
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import Character
+from visavis.stimuli.motion.baking import KINDS_BY_NAME, bake
+from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.bvh import write_bvh
+from visavis.stimuli.motion.bvh_clip import bvh_of_clip
 from visavis.stimuli.motion.clip import Clip
-from visavis.stimuli.motion.warping.outlook import Outlook
-from visavis.stimuli.motion.warping.perceived import SeenBody
+from visavis.stimuli.motion.clip_file import write_clip
+from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
+from visavis.stimuli.motion.people import Person
+from visavis.stimuli.motion.warping.cases import CASES, SEARCHED, case_named, stage_case
+from visavis.stimuli.motion.warping.clips import warp_clip
+from visavis.stimuli.motion.warping.features import parse_feature
+from visavis.stimuli.motion.warping.outlook import Outlook, looking_at, outlook
+from visavis.stimuli.motion.warping.perceived import SeenBody, body_of
+from visavis.stimuli.motion.warping.units import units_named
 
 VIEW_RADIUS_M = 1.05
 SIZE_PX = 128
@@ -55,16 +68,6 @@ def warp(
     Example: visavis warp wave --observer 1.5,1.6,-2.5 --feature coverage:face,right_hand:+0.25
     --units right_arm,spine,neck_head -o out
     """
-    from visavis.cli.warp_sheet import write_curves, write_sheet
-    from visavis.stimuli.characters.cast import load_character
-    from visavis.stimuli.motion.bvh import write_bvh
-    from visavis.stimuli.motion.bvh_clip import bvh_of_clip
-    from visavis.stimuli.motion.clip_file import write_clip
-    from visavis.stimuli.motion.warping.cases import CASES, SEARCHED, case_named, stage_case
-    from visavis.stimuli.motion.warping.clips import warp_clip
-    from visavis.stimuli.motion.warping.features import parse_feature
-    from visavis.stimuli.motion.warping.units import units_named
-
     if cases:
         for known in CASES.values():
             console.print(f"[b]{known.name:<13}[/] {verbatim(known.about)}", highlight=False)
@@ -132,13 +135,6 @@ def _posed(
     name: str, who: Character, eye_m: Vector, seconds: float, unit_m: float
 ) -> tuple[Clip, SeenBody, Outlook]:
     """Return the motion on the character, its body, and the observer's view of it."""
-    from visavis.stimuli.motion.baking import KINDS_BY_NAME, bake
-    from visavis.stimuli.motion.build import build_of_character
-    from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
-    from visavis.stimuli.motion.people import Person
-    from visavis.stimuli.motion.warping.outlook import looking_at, outlook
-    from visavis.stimuli.motion.warping.perceived import body_of
-
     path = Path(name)
     if name in KINDS_BY_NAME:
         motion = bake(Person(build_of_character(who), KINDS_BY_NAME[name], seed=5), seconds)

@@ -52,11 +52,6 @@ class Build:
         """Crown to sole."""
         return float(self.lengths_m[p.B_STATURE])
 
-    @property
-    def seat_gap_m(self) -> float:
-        """Hips above the seat while sitting."""
-        return float(self.lengths_m[p.B_SEAT_GAP])
-
 
 def build_of_skeleton(skeleton: Skeleton) -> Build:
     """Return the build of a bare skeleton; flesh is estimated from its stature.

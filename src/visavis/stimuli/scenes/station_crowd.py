@@ -301,18 +301,6 @@ def body_radius_m(crowd: Crowd, person: npt.NDArray[np.int64], direction: Vector
     return reach
 
 
-def gaps_m(crowd: Crowd) -> Vector:
-    """Return what is free between neighbours (k,): their distance less both bodies along it."""
-    a, b = crowd.neighbours.T
-    between = crowd.position_m[b] - crowd.position_m[a]
-    distance = np.linalg.norm(between, axis=1)
-    direction = between / distance[:, None]
-    free: Vector = (
-        distance - body_radius_m(crowd, a, direction) - body_radius_m(crowd, b, direction)
-    )
-    return free
-
-
 def can_read(x_m: float, z_m: float) -> bool:
     """Tell whether the board shows its number to somebody who stands there."""
     return bool(np.hypot(x_m - BOARD_M[0], z_m - BOARD_M[2]) <= READ_WITHIN_M)
