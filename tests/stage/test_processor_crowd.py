@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from tests.stage import figures
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
-from visavis.stage import processor_crowd
 from visavis.stage.card.targets import EyeTarget
 from visavis.stage.card.vertices import room_vertices
 from visavis.stage.errors import StageError
 from visavis.stage.identity import FAITHFUL, IdentityBuffer, IdentityImages
+from visavis.stage.processor import crowd as processor_crowd
 from visavis.stage.processor.baked_room import baked_room
 from visavis.stage.processor.layout import FreeRows
 from visavis.stage.processor.vertex_light import (
