@@ -16,7 +16,7 @@ from visavis.analysis.report.notation import decimal, percentage
 from visavis.devices.meter import GAP_PERIODS
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.config import ARMBAND_ROLE, ROLES, TAKEN_STREAMS
-from visavis.recording.reader import PART_COLUMN, Recording, flattened
+from visavis.recording.reader import PART_COLUMN, Recording, flat_components
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,7 +109,7 @@ def _stream(recording: Recording, name: str) -> OwnStream:
             _column(column, field.unit, t_ns, values.astype(np.float64))
             for field in fields
             if field.unit != "ns" and (field.dtype != "u1" or not field.shape)  # times, texts
-            for column, values in flattened(field.name, arrays[field.name])
+            for column, values in flat_components(field.name, arrays[field.name])
         ),
     )
 

@@ -1,7 +1,7 @@
 """Check a session before the participant leaves: compare its plan with its recording.
 
-Every threshold is an argument with a default; gaze loss and calibration limits follow gaze.md
-section 5 (trial out above 30 % loss, validation accepted up to 1.5°).
+Every threshold is an argument with a default: a trial is out above 30 % of lost gaze, a validation
+is accepted up to 1.5° (docs/gaze.md, "Quality").
 """
 
 import re

@@ -26,12 +26,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.table import Row, show
+from tests.devices.wire_ends.armband_machine import TerminalMachine, build, make
 from visavis.devices.byte_links import MemoryLink
 from visavis.devices.contracts import HAPTICS, Armband
 from visavis.devices.drivers.armband import codec
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.pump import Pump
-from visavis.devices.registry import driver_spec
+from visavis.devices.registry import driver_wiring
 from visavis.devices.sim.armband.firmware import (
     HIGHEST_DUTY,
     LOWEST_DUTY,
@@ -39,7 +40,6 @@ from visavis.devices.sim.armband.firmware import (
     Protection,
 )
 from visavis.devices.sim.armband.simulator import ArmbandSimulator
-from visavis.devices.testing.armband_machine import TerminalMachine, build, make
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock, SimClock, SystemClock, cpu_time_s
 from visavis.lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 from visavis.lab.schema import SampleBatch
@@ -67,9 +67,9 @@ while True:
 
 HOST = """
 import sys
-from visavis.devices.registry import driver_spec
+from visavis.devices.registry import driver_wiring
 from visavis.lab.clock import SystemClock
-driver = driver_spec("serial_armband").on_wire("arm", SystemClock(), port=sys.argv[1])
+driver = driver_wiring("serial_armband").on_wire("arm", SystemClock(), port=sys.argv[1])
 driver.open(30.0)
 driver.start(lambda batch: None)
 driver.set_amplitudes((1, 1, 1, 1), 10_000)
@@ -100,7 +100,7 @@ class EchoBand:
 
 def band_on(clock: Clock, wire: MemoryLink | None = None, **options: Any) -> Armband:
     """Return the driver of the serial band, on this wire or on its real one."""
-    driver = driver_spec("serial_armband").on_wire("arm", clock, wire, **options)
+    driver = driver_wiring("serial_armband").on_wire("arm", clock, wire, **options)
     assert isinstance(driver, Armband)
     return driver
 

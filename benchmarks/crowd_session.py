@@ -25,8 +25,9 @@ from visavis.experiments.crowd.pulses import pulse_rows
 from visavis.lab.clock import Clock, SystemClock, cpu_time_s
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import perform_new, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 LIMIT_S = 60.0
 LIMIT_SENT_MS = 5.0

@@ -32,9 +32,9 @@ from visavis.lab.clock import StopWatch
 from visavis.lab.errors import LabError
 from visavis.recording.reader import Recording
 from visavis.recording.sealed import copy_path
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.damage import require_intact
 from visavis.running.sessions.folder_check import repair_study, study_problems
-from visavis.study.catalogue import find_study
 
 STUDY = "waving"
 SHORT = (

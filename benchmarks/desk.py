@@ -31,9 +31,14 @@ from benchmarks.table import Row, show
 from visavis.cli.desk.link import About, SessionLink
 from visavis.cli.desk.server import DeskServer
 from visavis.cli.desk.watch import SessionWatch
+from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.clock import StopWatch
+from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.protocol.session.operator import Operator, SessionStatus, UnattendedOperator
+from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
+from visavis.stage.card.small_picture import SmallPicture
+from visavis.stage.errors import StageError
 
 LIMIT_MS = 0.5
 PAINT_LIMIT_S = 1.0
@@ -135,10 +140,6 @@ def status_cost(status: SessionStatus, root: Path) -> list[Row]:
 
 def picture_cost() -> list[Row]:
     """Return what the participant's view takes of the thread that draws; nothing undrawn."""
-    from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
-    from visavis.stage.card.small_picture import SmallPicture
-    from visavis.stage.errors import StageError
-
     try:
         context = offscreen_context()
     except StageError:
@@ -172,9 +173,6 @@ def first_paint(status: SessionStatus, root: Path) -> list[Row]:
         return []
     if browser is None:
         return []
-    from visavis.devices.registry import OPTION_MODELS
-    from visavis.lab.config import load_config
-
     lab = load_config(EXAMPLE, OPTION_MODELS).model_copy(update={"data_root": root})
     addresses: list[str] = []
     listens = threading.Event()

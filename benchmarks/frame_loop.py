@@ -35,9 +35,9 @@ from visavis.protocol.session.rig import Rig
 from visavis.protocol.session.session import Session
 from visavis.protocol.session.session_setup import SessionSetup
 from visavis.recording.writer import REAL_TIME_BATCH_NS, Recorder
-from visavis.running.sessions.perform import device_seed
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.session_request import device_seed
 from visavis.stage.contracts import GeometryStage
-from visavis.study.catalogue import find_study
 
 SEED = 1
 DISPLAY_HZ = 90

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from visavis.lab.clock import StopWatch, cpu_time_s
 from visavis.protocol.plan.experiment import untold
+from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
-from visavis.study.catalogue import find_study
 
 
 def main() -> int:

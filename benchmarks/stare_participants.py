@@ -19,13 +19,13 @@ import numpy as np
 from benchmarks.stare_studies import StudyOutcome, simulate_studies
 from visavis.experiments.stare import published
 from visavis.experiments.stare.design import CONDITIONS
+from visavis.results.family_tests import agreement, count_agreement
 from visavis.study.look_measures import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,
     FIXATION_COUNT,
     MAIN_MEASURES,
 )
-from visavis.study.pairs import agreement, count_agreement
 
 LIMITS_01 = {DWELL_MS: 0.15, FIXATION_COUNT: 0.15, FIRST_FIXATION_DURATION_MS: 0.20}
 """How far a condition's mean may lie from the published one; other measures have no limit."""

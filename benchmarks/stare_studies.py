@@ -18,10 +18,16 @@ from visavis.experiments.stare.comparisons import (
 from visavis.experiments.stare.design import CONDITIONS
 from visavis.experiments.stare.published import MEANS
 from visavis.experiments.stare.study import experiment_of, study
+from visavis.results.family_tests import (
+    CorrelationTest,
+    PairTest,
+    compare_pairs,
+    correlate,
+    scores_of,
+)
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.quick import quick_study
 from visavis.study.measures import Measure, aggregated
-from visavis.study.pairs import CorrelationTest, PairTest, compare_pairs, correlate, scores_of
 
 
 def condition_means(rows: pd.DataFrame) -> pd.DataFrame:

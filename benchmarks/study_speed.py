@@ -25,9 +25,9 @@ from visavis.lab.clock import StopWatch, cpu_time_s
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.runners import on_this_machine
 from visavis.running.sessions.simulation import SimulationTask, measure_one, simulate_one
-from visavis.study.catalogue import find_study
 
 STUDY = "stare"
 SEED = 1

@@ -28,9 +28,10 @@ from visavis.lab.clock import StopWatch, cpu_time_s
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.folder import study_dir
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.study_folder import settle, wanted_settings
-from visavis.study.catalogue import find_study
 
 Row = dict[str, object]
 PARAMETERS: dict[str, dict[str, Any]] = {

@@ -39,7 +39,7 @@ from benchmarks.waving_participants import (
     study_rows,
 )
 from visavis.cli.quick_tracker import tracker_of
-from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.clips import DIRECTIONS, PLACES, TECHNIQUES
 from visavis.experiments.waving.judgement import (
     DEFAULT_POPULATION,
     Population,
@@ -47,11 +47,12 @@ from visavis.experiments.waving.judgement import (
     noise_deg,
 )
 from visavis.experiments.waving.quick_study import STIMULI, evidence_for
-from visavis.experiments.waving.study import COMPARISON, DIRECTIONS, MEAN_ACCURACY, PLACES
+from visavis.experiments.waving.study import COMPARISON, MEAN_ACCURACY
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
 from visavis.results.power import KitPower
+from visavis.running.quick import quick_study
 from visavis.running.sessions.runners import on_this_machine
 from visavis.stimuli.scenes.office import neighbour
 
@@ -59,7 +60,7 @@ FIT_SEED, FRESH_SEED, CHECK_SEED = 20_230_000, 30_000_000, 50_000
 """Of studies searched over, of those a find is held against, and of those of the test."""
 PEOPLE, STUDIES, CHECK_STUDIES, FRESH_STUDIES = 16, 300, 200, 600
 TERMS = ("technique", "direction", "technique:direction")
-PRINTED = KitPower("waving", tracker_of).printed_tests["is_right:technique"]
+PRINTED = KitPower("waving", tracker_of, quick_study).printed_tests["is_right:technique"]
 PRINTED_DZ = PRINTED.dz
 """Mean over SD of people's differences between techniques, as the printed F implies."""
 CANDIDATES, STEP = 12, 0.15

@@ -190,7 +190,7 @@ def frame_rows(seconds: float) -> list[dict[str, object]]:
                 found = _round(clock, scene, still, loop, round_s)
                 if rounds:  # the first one starts the process
                     work_ms += found
-                    taken += loop.taken if loop else 0
+                    taken += loop.n_taken if loop else 0
                     late += loop.late if loop else 0
                 rounds += 1
         how = "with the loop beside" if corrects else "without the loop"

@@ -20,13 +20,19 @@ import numpy as np
 
 from benchmarks.waving_quick import quick_analysis, quick_study
 from visavis.cli.quick_tracker import tracker_of
-from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.devices.registry import OPTION_MODELS
+from visavis.experiments.waving.clips import DIRECTIONS, TECHNIQUES
 from visavis.experiments.waving.judgement import DEFAULT_POPULATION, Population
 from visavis.experiments.waving.quick_study import STIMULI, evidence_for
-from visavis.experiments.waving.study import COMPARISON, DIRECTIONS, MEAN_ACCURACY
+from visavis.experiments.waving.study import COMPARISON, MEAN_ACCURACY
 from visavis.lab.clock import cpu_time_s
+from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
+from visavis.results.opened_study import find_study
 from visavis.results.power import KitPower
+from visavis.running.quick import quick_study as quick_study_of_kit
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 MEAN_LIMIT = 0.08
 SD_LIMIT = 0.08
@@ -68,7 +74,7 @@ def study_rows(
                 key = (finding.compare.dv, term.name)
                 hits[key] = hits.get(key, 0) + int(term.is_significant)
     rows: list[dict[str, object]] = []
-    printed = KitPower("waving", tracker_of).printed_tests
+    printed = KitPower("waving", tracker_of, quick_study_of_kit).printed_tests
     for name, values in means.items():
         row: dict[str, object] = {"name": name, "value": float(np.mean(values))}
         row |= {"spread": float(np.std(values))}
@@ -99,11 +105,6 @@ def study_rows(
 
 def session_row() -> dict[str, object]:
     """Return the processor time of one whole simulated session, waves being there already."""
-    from visavis.devices.registry import OPTION_MODELS
-    from visavis.lab.config import load_config
-    from visavis.running.sessions.perform import perform_new, simulated_request
-    from visavis.study.catalogue import find_study
-
     study = find_study("waving")
     config = load_config(EXAMPLE, OPTION_MODELS)
     with tempfile.TemporaryDirectory() as folder:

@@ -41,7 +41,7 @@ def access_rules(devices: Mapping[str, DeviceConfig]) -> AccessRules:
     lines = ["# Written by `visavis devices rules`: devices of the lab are for whoever sits here."]
     notes = []
     for role, device in sorted(devices.items()):
-        wire = driver_spec(device.driver).wire
+        wire = driver_spec(device.driver).wire.medium
         if wire == PARALLEL_PORT:
             notes.append(
                 f"{role}: join the group of parallel ports and log in again: "

@@ -6,9 +6,10 @@ from weakref import WeakKeyDictionary
 
 from visavis.devices.contracts import Body, Device
 from visavis.devices.faults import FaultSchedule
-from visavis.devices.registry import driver_spec
-from visavis.devices.spec import AnySpec, Site
+from visavis.devices.registry import driver_spec, driver_wiring
+from visavis.devices.spec import AnySpec
 from visavis.devices.wires import BARE, Wires
+from visavis.devices.wiring import AnyWiring, Site
 from visavis.lab.clock import Clock
 from visavis.lab.config import DeviceConfig
 from visavis.lab.errors import ConfigError, DeviceNotFound
@@ -40,7 +41,8 @@ def build_device(
     shared = _SHARED.setdefault(stack, {})
     site = Site(spec, role, clock, options, body, faults, seed, shared, stack)
     try:
-        return spec.make(site, _wire(spec, site, wires, is_simulated=device.simulated))
+        wiring = driver_wiring(device.driver)
+        return wiring.make(site, _wire(wiring, site, wires, is_simulated=device.simulated))
     except DeviceNotFound as problem:
         message = str(problem).removesuffix(f"; {problem.remedy}")
         raise DeviceNotFound(message, role=role, remedy=problem.remedy) from problem
@@ -57,13 +59,13 @@ def checked_device(device: DeviceConfig) -> tuple[Any, FaultSchedule]:
     role, spec = device.role, driver_spec(device.driver)
     given = dict(device.options)
     if device.simulated:
-        given |= spec.understood
+        given |= spec.dialect.options
     options = spec.checked_options(role, given)
     return options, FaultSchedule.from_config(getattr(options, "faults", ()))
 
 
-def _wire(spec: AnySpec, site: Site[Any], wires: Wires, *, is_simulated: bool) -> Any:
-    maker = spec.simulated if is_simulated else spec.real
+def _wire(wiring: AnyWiring, site: Site[Any], wires: Wires, *, is_simulated: bool) -> Any:
+    spec, maker = wiring.spec, wiring.simulated if is_simulated else wiring.real
     if maker is None and is_simulated:
         raise ConfigError(
             f"devices.{site.role}: driver {spec.name!r} has no simulator; set `simulated: false`"
@@ -73,9 +75,9 @@ def _wire(spec: AnySpec, site: Site[Any], wires: Wires, *, is_simulated: bool) -
             f"{spec.name} has no real counterpart",
             remedy="set `simulated: true`, name a real device's driver, or leave the role out",
         )
-    if spec.carries == "nothing":
+    if spec.wire.carries == "nothing":
         return maker(site)
-    if spec.carries == "bytes":
+    if spec.wire.carries == "bytes":
         return wires.link(site.role, lambda: maker(site))
     return wires.messages(site.role, lambda: maker(site))
 
@@ -84,7 +86,7 @@ def _missing(spec: AnySpec, cause: ImportError) -> Exception:
     library = (cause.name or "").partition(".")[0]
     if not library:
         return ConfigError(f"driver {spec.name!r} cannot be imported: {cause}")
-    install = spec.library.install if spec.library else f"pip install {library}"
+    install = spec.wire.library.install if spec.wire.library else f"pip install {library}"
     return DeviceNotFound(
         f"driver {spec.name!r} needs the library {library!r}, which is not installed",
         remedy=f"run: {install}",

@@ -19,11 +19,11 @@ def note_of(device: DeviceConfig) -> Mapping[str, Any]:
     """
     options = {k: v for k, v in device.options.items() if k not in ("faults", "drift_ppm")}
     spec = driver_spec(device.driver)
-    if spec.speaks_as:
-        spec = driver_spec(spec.speaks_as)
+    if spec.dialect.driver:
+        spec = driver_spec(spec.dialect.driver)
         options = {k: v for k, v in options.items() if k in spec.options.model_fields}
     elif device.simulated:
-        options |= spec.understood
+        options |= spec.dialect.options
     return {"role": device.role, "driver": spec.name, "options": options}
 
 

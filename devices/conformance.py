@@ -210,7 +210,10 @@ def check_armband(make: Callable[[], Armband], let_pass: LetPass) -> None:
     go_on(0.1)
     numbers.append(device.silence())
     go_on(0.6)
-    rows = np.concatenate([b.values for b in batches if b.schema.name == HAPTICS.name])
+    commands = [b for b in batches if b.schema.name == HAPTICS.name]
+    rows = np.concatenate([b.values for b in commands])
+    stamps = np.concatenate([b.t_host_ns for b in commands])
+    _promise(bool((stamps >= rows["t_sent_ns"]).all()), "its row bears a time after it was sent")
     for number in numbers:
         own = rows[rows["command"] == number]
         _promise(own.size == 1, "every command gives one row")
@@ -251,6 +254,8 @@ def check_trigger_output(
     _promise(len(set(rows["code"].tolist())) == 1, "the row holds the code")
     _promise(bool((rows["t_before_ns"] <= rows["t_after_ns"]).all()), "before is before after")
     _promise(bool((rows["t_after_ns"] < rows["t_released_ns"]).all()), "a pulse has a width")
+    stamps = np.concatenate([batch.t_host_ns for batch in batches])
+    _promise(stamps.tolist() == rows["t_after_ns"].tolist(), "a pulse bears the time of its onset")
     later = rows["t_before_ns"][1:] >= rows["t_released_ns"][:-1]
     _promise(bool(later.all()), "a pulse waits for the one before")
     device.close()

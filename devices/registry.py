@@ -1,7 +1,8 @@
-"""Find drivers by the name written in `lab_config.yaml`; no driver is imported for it.
+"""Find drivers by the name written in `lab_config.yaml`; none is imported until it is built.
 
-Drivers of Visavis are described in the `spec` module of their folder, as `SPECS`; installed
-packages name theirs under the entry-point group `visavis.drivers` (`name = "module:SPEC"`).
+Drivers of Visavis are described in the module `spec` of their folder, as `SPECS`; installed
+packages name theirs under the entry-point group `visavis.drivers` (`name = "package.spec:SPEC"`).
+The module `wiring` beside a `spec` imports drivers and simulators and holds `WIRINGS`.
 """
 
 import difflib
@@ -11,11 +12,15 @@ import pkgutil
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel
 
 from visavis.devices.spec import AnySpec, DriverSpec
 from visavis.lab.errors import ConfigError
+
+if TYPE_CHECKING:
+    from visavis.devices.wiring import AnyWiring
 
 ENTRY_POINT_GROUP = "visavis.drivers"
 FOLDERS = ("visavis.devices.drivers", "visavis.devices.sim")
@@ -24,14 +29,7 @@ FOLDERS = ("visavis.devices.drivers", "visavis.devices.sim")
 @cache
 def built_in() -> Mapping[str, AnySpec]:
     """Return the drivers that ship with Visavis, by name."""
-    found: dict[str, AnySpec] = {}
-    for folder in FOLDERS:
-        for part in pkgutil.iter_modules(importlib.import_module(folder).__path__):
-            module = f"{folder}.{part.name}.spec"
-            if part.ispkg and importlib.util.find_spec(module) is not None:
-                specs: tuple[AnySpec, ...] = importlib.import_module(module).SPECS
-                found |= {spec.name: spec for spec in specs}
-    return found
+    return {name: spec for name, (spec, _) in _described().items()}
 
 
 def driver_names() -> tuple[str, ...]:
@@ -54,6 +52,33 @@ def driver_spec(name: str) -> AnySpec:
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise ConfigError(f"unknown driver {name!r}; {hint}Known: {', '.join(known)}")
     return _loaded(others[name])
+
+
+def driver_wiring(name: str) -> "AnyWiring":
+    """Return how a driver is put together; driver and simulator are imported only now.
+
+    Raises ConfigError as `driver_spec` and where the module `wiring` is not there or lacks this
+    driver, ImportError where that module imports a library which is not installed.
+    """
+    spec = driver_spec(name)
+    described = _described()[name][1] if name in built_in() else _others()[name].module
+    module = f"{described.rpartition('.')[0]}.wiring".removeprefix(".")
+    try:
+        wirings: tuple[AnyWiring, ...] = importlib.import_module(module).WIRINGS
+    except ModuleNotFoundError as cause:
+        if cause.name != module:
+            raise
+        raise ConfigError(
+            f"driver {name!r} is described in {described}, but there is no module {module} that "
+            "puts it together; docs/add-a-device.md shows one"
+        ) from cause
+    for wiring in wirings:
+        if wiring.spec is spec:
+            return wiring
+    raise ConfigError(
+        f"driver {name!r} is described in {described}, but {module}.WIRINGS has no Wiring of it; "
+        "add one: docs/add-a-device.md shows how"
+    )
 
 
 def driver_specs() -> tuple[AnySpec, ...]:
@@ -85,6 +110,19 @@ OPTION_MODELS: Mapping[str, type[BaseModel]] = _OptionModels()
 
 
 @cache
+def _described() -> Mapping[str, tuple[AnySpec, str]]:
+    """Return the descriptions that ship with Visavis, by name, each with its module's name."""
+    by_name: dict[str, tuple[AnySpec, str]] = {}
+    for folder in FOLDERS:
+        for part in pkgutil.iter_modules(importlib.import_module(folder).__path__):
+            module = f"{folder}.{part.name}.spec"
+            if part.ispkg and importlib.util.find_spec(module) is not None:
+                specs: tuple[AnySpec, ...] = importlib.import_module(module).SPECS
+                by_name |= {spec.name: (spec, module) for spec in specs}
+    return by_name
+
+
+@cache
 def _others() -> Mapping[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
 
@@ -93,7 +131,7 @@ def _others() -> Mapping[str, EntryPoint]:
 def _loaded(point: EntryPoint) -> AnySpec:
     try:
         spec = point.load()
-    except (ImportError, AttributeError) as cause:
+    except (ImportError, AttributeError, TypeError) as cause:  # TypeError: an older DriverSpec
         raise ConfigError(
             f"driver {point.name!r} names {point.value!r}, which cannot be imported: {cause}"
         ) from cause

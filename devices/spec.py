@@ -1,15 +1,13 @@
 """The description of a driver: all that Visavis knows of it before it is used.
 
-A driver is described once, by a `DriverSpec` beside it, whoever made it. The module that holds the
-description imports no driver, simulator or vendor library; its functions do, once they are called.
+A driver is described once, by a `DriverSpec` in the module `spec` of its package, whoever made it.
+That module imports no driver, simulator or vendor library, so that a lab's configuration is checked
+without loading any. What is constructed stands beside it, in `wiring` (`visavis.devices.wiring`).
 """
 
-import importlib
-import zlib
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from pydantic import ValidationError
 
@@ -18,11 +16,7 @@ from visavis.devices.options import Options
 from visavis.lab.errors import ConfigError
 
 if TYPE_CHECKING:
-    from visavis.devices.byte_links import ByteLink
-    from visavis.devices.contracts import Body, Device, DeviceInfo, MovingBody
-    from visavis.devices.faults import FaultSchedule
-    from visavis.devices.transports import MessageTransport
-    from visavis.lab.clock import Clock
+    from visavis.devices.contracts import DeviceInfo
 
 Kind = Literal[
     "eye tracker",
@@ -38,222 +32,108 @@ O = TypeVar("O", bound=Options)  # noqa: E741 - of options
 
 
 @dataclass(frozen=True)
-class Site(Generic[O]):
-    """Where a device is to work: its role, its options, and what is around it.
+class Product:
+    """What is driven, as the manifest of a session names it."""
 
-    `body` is whom a simulated device measures and `faults` what goes wrong on its wire; `seed` is
-    the session's. What the devices of one rig share stands in `shared`; what has to be closed
-    after them goes on `stack`.
-    """
-
-    spec: "DriverSpec[O]"
-    role: str
-    clock: "Clock"
-    options: O
-    body: "Body | None" = None
-    faults: "FaultSchedule | None" = None
-    seed: int = 0
-    shared: dict[str, Any] = field(default_factory=dict)
-    stack: ExitStack = field(default_factory=ExitStack)
-
-    @property
-    def own_seed(self) -> int:
-        """The seed of this role alone: no two devices of a session share their noise."""
-        return zlib.crc32(self.role.encode()) + self.seed
-
-    @property
-    def watched(self) -> "Body":
-        """The body that is measured; raises ConfigError when there is none."""
-        if self.body is None:
-            raise ConfigError(f"{self.role}: a simulated device needs a simulated participant")
-        return self.body
-
-    @property
-    def moving(self) -> "MovingBody":
-        """The body as one with limbs and skin; raises ConfigError when it has none."""
-        if not hasattr(self.watched, "feel"):
-            raise ConfigError(
-                f"{self.role}: this study's simulated participant has no limbs to track and feels "
-                "nothing; leave the role out"
-            )
-        return cast("MovingBody", self.body)
-
-    def peer(self, simulator: str) -> Any:
-        """Return a simulator ("module:Class") that streams what it measures of the body.
-
-        It is given body, clock, seed, faults and what the options say for it.
-        """
-        has_limbs = self.spec.kind in ("body tracker", "armband")
-        return imported(simulator)(
-            self.moving if has_limbs else self.watched,
-            clock=self.clock,
-            seed=self.seed,
-            faults=self.faults,
-            **self.options.for_simulator(),
-        )
-
-
-def imported(target: str) -> Any:
-    """Return what "module:name" names; the module is imported only now."""
-    module, _, name = target.partition(":")
-    return getattr(importlib.import_module(module), name)
-
-
-def driven_by(driver: str) -> Callable[[Site[Any], Any], "Device"]:
-    """Return a `make`: a driver ("module:Class") that takes role, wire, clock and its options."""
-
-    def make(site: Site[Any], wire: Any) -> "Device":
-        device: Any = imported(driver)(site.role, wire, site.clock, **site.options.for_driver())
-        if site.spec.kind == "eye tracker":
-            delay_ms = getattr(site.options, "gaze_delay_ms", None)
-            device.info = replace(device.info, gaze_delay_ms=delay_ms)
-        return cast("Device", device)
-
-    return make
-
-
-def wired_by(wire: str, *names: str, **more: Any) -> Callable[[Site[Any]], "MessageTransport"]:
-    """Return a `real`: a wire ("module:Class") that takes the options named, then the clock."""
-
-    def make(site: Site[Any]) -> "MessageTransport":
-        given = [getattr(site.options, name) for name in names]
-        transport: MessageTransport = imported(wire)(*given, site.clock, **more)
-        return transport
-
-    return make
-
-
-def streamed_by(simulator: str) -> Callable[[Site[Any]], "MessageTransport"]:
-    """Return a `simulated`: a memory wire to `Site.peer`."""
-
-    def wire(site: Site[Any]) -> "MessageTransport":
-        from visavis.devices.transports import MemoryTransport
-
-        return MemoryTransport(site.peer(simulator), site.clock)
-
-    return wire
-
-
-def spoken_by(simulator: str) -> Callable[[Site[Any]], "ByteLink"]:
-    """Return a `simulated`: a memory link to a device ("module:Class") that speaks by itself.
-
-    It is given role, clock, seed, body and faults, and what the options say for it.
-    """
-
-    def link(site: Site[Any]) -> "ByteLink":
-        from visavis.devices.byte_links import MemoryLink
-
-        peer = imported(simulator)(
-            site.role,
-            site.clock,
-            seed=site.own_seed,
-            body=site.body,
-            faults=site.faults,
-            **site.options.for_simulator(),
-        )
-        return MemoryLink(peer, site.clock)
-
-    return link
-
-
-def worn_as(simulator: str, **more: Any) -> Callable[[Site[Any]], "ByteLink"]:
-    """Return a `simulated`: a memory link to a band ("module:Class") which the body feels."""
-
-    def link(site: Site[Any]) -> "ByteLink":
-        from visavis.devices.byte_links import MemoryLink
-
-        options = {"seed": 0, **more, **site.options.for_simulator()}
-        options["seed"] += site.own_seed
-        peer = imported(simulator)(
-            site.role, site.clock, body=site.moving, faults=site.faults, **options
-        )
-        return MemoryLink(peer, site.clock)
-
-    return link
-
-
-def no_wire(site: Site[Any]) -> None:
-    """Stand where a device has no wire that could be captured."""
+    vendor: str = ""
+    """Who makes it; "any" where many do."""
+    model: str = ""
+    """What it is called; a device that tells its own model is asked once it is open."""
+    capabilities: frozenset[str] = frozenset()
+    """What it can do beyond its kind's contract, such as "calibration" or "rate"."""
 
 
 @dataclass(frozen=True)
-class DriverSpec(Generic[O]):
-    """One driver: its name in `lab_config.yaml`, what it is for, and how to come by a device.
+class Wire:
+    """What a device speaks over, and what this computer needs for it."""
 
-    `make` puts the driver on a wire: what `real` or `simulated` returned, or a replay. `carries`
-    says what crosses it: messages (`MessageTransport`), bytes (`ByteLink`) or nothing that could be
-    captured. Without `real` it exists in simulation only, without `simulated` it has no simulator.
-    `understood` are the options that its simulator takes, where it knows one dialect only.
-    """
-
-    name: str
-    kind: Kind
-    options: type[O]
-    make: Callable[[Site[O], Any], "Device"]
-    real: Callable[[Site[O]], Any] | None = None
-    simulated: Callable[[Site[O]], Any] | None = None
-    set_up: Callable[[Site[O]], str] | None = None
-    """Leads the operator through the device's own set-up and says what came of it."""
+    medium: str = "none"
+    """The wire in words, such as "serial port"."""
     carries: Literal["messages", "bytes", "nothing"] = "messages"
-    understood: Mapping[str, Any] = field(default_factory=dict)
-    speaks_as: str = ""
-    """The driver of the real device whose protocol it speaks, of one that is simulated only."""
-
-    vendor: str = ""
-    model: str = ""
-    wire: str = "none"
-    """What it speaks over, in words."""
-    remedy: str = ""
-    """What to do when it is not there."""
-    capabilities: frozenset[str] = frozenset()
+    """What crosses it: messages (`MessageTransport`), bytes (`ByteLink`), or nothing that could be
+    captured and replayed."""
     library: Library | None = None
+    """The package that has to be installed for it."""
     runtime: Literal["", "openvr", "openxr", "fove"] = ""
     """A program or vendor library that runs beside ours."""
     hears_window: bool = False
-    """Its wire is the participant's window: without one it hears nothing."""
+    """It is the participant's window: without one the device hears nothing."""
     dials: bool = False
     """`address` and `port` of the options are dialled."""
     listens: tuple[str, ...] = ()
     """What the firewall must let in, such as "UDP {port}"; names in braces are options."""
     binds: str = ""
     """The option whose UDP port nobody else may hold."""
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What docs/devices.md says of a driver; empty for one of simulation alone."""
+
     stands_for: str = ""
-    """The devices it drives, for docs/devices.md; `vendor` and `model` when left out."""
+    """The devices it drives; vendor and model when left out."""
     checked: str = ""
     """Against what its bytes were held, "our reading" of a document too, and on which boundary."""
     unproven: str = ""
     """What only the real unit can show."""
 
+
+@dataclass(frozen=True)
+class Dialect:
+    """What a simulated device speaks, where that is not simply what its options say."""
+
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """The options that its simulator understands, where it knows one dialect only."""
+    driver: str = ""
+    """Of a device of simulation alone: the driver of the real one whose protocol it speaks."""
+
+
+@dataclass(frozen=True)
+class DriverSpec(Generic[O]):
+    """One driver: its name in `lab_config.yaml`, what it is for, and what it needs."""
+
+    name: str
+    """What `driver:` says in `lab_config.yaml`; the same everywhere, so never changed."""
+    kind: Kind
+    """Which contract of `visavis.devices.contracts` it follows."""
+    options: type[O]
+    """What may stand beside `driver`, with its limits and defaults."""
+    product: Product = Product()
+    """What is driven."""
+    wire: Wire = Wire()
+    """What it speaks over."""
+    remedy: str = ""
+    """What the operator is to do when it is not there."""
+    claims: Claims = Claims()
+    """What is known of it to be true, for the docs."""
+    dialect: Dialect = Dialect()
+    """What its simulator speaks."""
+
     def info(self, role: str, wire: Any) -> "DeviceInfo":
         """Return who the device is before it is open; without a wire (None) it is simulated."""
-        from visavis.devices.contracts import DeviceInfo
+        from visavis.devices.contracts import DeviceInfo  # late: numpy, which no listing needs
 
         return DeviceInfo(
             role=role,
             driver=self.name,
             driver_version="1",
-            vendor=self.vendor,
-            model=self.model,
+            vendor=self.product.vendor,
+            model=self.product.model,
             serial="" if wire is not None else "simulated",
             transport="none" if wire is None else wire.kind,
             is_simulated=wire is None or wire.is_simulated,
-            capabilities=self.capabilities,
+            capabilities=self.product.capabilities,
         )
 
-    def checked_options(self, role: str, given: Mapping[str, Any]) -> O:
+    def checked_options(self, role: str, values: Mapping[str, Any]) -> O:
         """Return options with their defaults; raises ConfigError naming what is wrong."""
         try:
-            return self.options.model_validate(dict(given))
+            return self.options.model_validate(dict(values))
         except ValidationError as wrong:
-            told = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in wrong.errors())
-            raise ConfigError(f"devices.{role} ({self.name}): {told}; correct it") from wrong
-
-    def on_wire(self, role: str, clock: "Clock", wire: Any = None, /, **options: Any) -> "Device":
-        """Return the device on a wire that is given, or on its real one: for scripts and tests."""
-        site = Site(self, role, clock, self.checked_options(role, options))
-        if wire is None and self.real is not None:
-            wire = self.real(site)
-        return self.make(site, wire)
+            faults = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in wrong.errors())
+            raise ConfigError(
+                f"devices.{role} ({self.name}): {'; '.join(faults)}; correct it"
+            ) from wrong
 
 
 AnySpec = DriverSpec[Any]

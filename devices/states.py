@@ -52,11 +52,12 @@ def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
         facts = driver_spec(device.driver)
         missing = _missing(facts)
         if device.simulated:
-            needs = missing if facts.runtime in ("openvr", "openxr") else ""
+            needs = missing if facts.wire.runtime in ("openvr", "openxr") else ""
             state = f"simulated, {needs}" if needs else "simulated"
         else:
             needs = missing
-            state = f"needs {RUNTIMES[facts.runtime]}" if facts.runtime else "ready to be tested"
+            runtime = facts.wire.runtime
+            state = f"needs {RUNTIMES[runtime]}" if runtime else "ready to be tested"
             state = missing or state
         found.append(RoleState(role, device.driver, device.simulated, not needs, state))
     return tuple(found)
@@ -77,16 +78,16 @@ def driver_states() -> tuple[DriverState, ...]:
     states = []
     for facts in driver_specs():
         missing = _missing(facts)
-        library = facts.library.distribution if facts.library else ""
+        library = facts.wire.library.distribution if facts.wire.library else ""
         state = missing or (f"{library} installed" if library else "nothing to install")
-        if not missing and facts.runtime:
-            state = f"needs {RUNTIMES[facts.runtime]}"
-        ok = None if facts.library is None else not missing
-        states.append(DriverState(facts.name, facts.kind, facts.wire, ok, state))
+        if not missing and facts.wire.runtime:
+            state = f"needs {RUNTIMES[facts.wire.runtime]}"
+        ok = None if facts.wire.library is None else not missing
+        states.append(DriverState(facts.name, facts.kind, facts.wire.medium, ok, state))
     return tuple(sorted(states, key=lambda s: (order.index(s.kind), s.driver)))
 
 
 def _missing(facts: AnySpec) -> str:
-    if facts.library is None or is_installed(facts.library):
+    if facts.wire.library is None or is_installed(facts.wire.library):
         return ""
-    return f"missing: {facts.library.install}"
+    return f"missing: {facts.wire.library.install}"

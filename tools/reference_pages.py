@@ -16,9 +16,10 @@ from visavis.devices.spec import AnySpec
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.protocol.plan.columns import Column
+from visavis.results.opened_study import find_study
 from visavis.results.quality import QUALITY_TABLE
 from visavis.results.tables.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns
-from visavis.study.catalogue import SHIPPED, find_study
+from visavis.study.catalogue import SHIPPED
 
 FOLDER: Final = Path(__file__).parents[1] / "docs" / "reference"
 WRITTEN: Final = "Written from the code by `python -m tools.reference_pages`; do not edit."
@@ -135,12 +136,12 @@ def _device_page(spec: AnySpec) -> str:
     more = "".join(f", {name}: …" for name in needed)
     wiring = WIRING_OF.get(spec.name) or WIRING.get(spec.kind, "devices.md")
     facts = [
-        ("device", spec.stands_for or spec.model),
+        ("device", spec.claims.stands_for or spec.product.model),
         ("kind", spec.kind),
-        ("wire", spec.wire),
-        ("can", ", ".join(sorted(c.replace("_", " ") for c in spec.capabilities)) or "–"),
-        ("checked against", spec.checked or "–"),
-        ("not yet proven", spec.unproven or "–"),
+        ("wire", spec.wire.medium),
+        ("can", ", ".join(sorted(c.replace("_", " ") for c in spec.product.capabilities)) or "–"),
+        ("checked against", spec.claims.checked or "–"),
+        ("not yet proven", spec.claims.unproven or "–"),
     ]
     lines = [
         f"# {spec.name}",

@@ -1,11 +1,11 @@
 """Measure the common volume of two surfaces: coarsely first, finely again where it is small."""
 
 import numpy as np
+import numpy.typing as npt
 
 from visavis.analysis.collisions.columns import bounds, columns_in_both, faces_near, sides_of
 from visavis.analysis.collisions.contact import crossing_box
 from visavis.analysis.collisions.meshes import Faces
-from visavis.analysis.collisions.shadow import in_shadow
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
@@ -61,8 +61,8 @@ def measure_within(
     if low[0] >= high[0] or low[1] >= high[1] or low[2] >= high[2]:
         return 0.0, nothing, cell_m, 0, 0
     axis = longest_side(low, high)  # fewest columns, and most faces lie along them
-    own_a, shape_a = in_shadow(vertices_a, faces_a, axis, low, high)
-    own_b, shape_b = in_shadow(vertices_b, faces_b, axis, low, high)
+    own_a, shape_a = _in_shadow(vertices_a, faces_a, axis, low, high)
+    own_b, shape_b = _in_shadow(vertices_b, faces_b, axis, low, high)
     if shape_a.shape[0] == 0 or shape_b.shape[0] == 0:
         return 0.0, nothing, cell_m, 0, 0
     # Coarse pass over the whole box.
@@ -94,8 +94,8 @@ def measure_within(
     sides = fine_high - fine_low
     footprint = sides[(axis + 1) % 3] * sides[(axis + 2) % 3]
     fine_m = min(cell_m / 2, np.sqrt(footprint / columns_wanted))
-    own_a, shape_a = in_shadow(own_a, shape_a, axis, fine_low, fine_high)
-    own_b, shape_b = in_shadow(own_b, shape_b, axis, fine_low, fine_high)
+    own_a, shape_a = _in_shadow(own_a, shape_a, axis, fine_low, fine_high)
+    own_b, shape_b = _in_shadow(own_b, shape_b, axis, fine_low, fine_high)
     volume, centre, n, active, common_box = measure_box(
         own_a, shape_a, own_b, shape_b, axis, fine_low, fine_high, fine_m
     )
@@ -172,3 +172,49 @@ def measure_box(
         common_box[k, iv] = low_m[iv] + (live[k, 1] + 0.5) * step[iv]
         common_box[k, axis] = live[k, 2]
     return length * step[iu] * step[iv], centre, column.shape[0], box, common_box
+
+
+@compiled
+def _in_shadow(
+    vertices_m: Vector, faces: Faces, axis: int, low_m: Vector, high_m: Vector
+) -> tuple[Vector, Faces]:
+    """Return the faces, and their corners alone, that a column through a box may cross.
+
+    Columns run along `axis`; only how the box lies across it matters, so what is below the box
+    still tells on which side of the surface a column begins.
+    """
+    near = faces_near(faces, _sides_across(vertices_m, axis, low_m, high_m))
+    n = near.shape[0]
+    number = np.full(vertices_m.shape[0], -1, np.int32)
+    corners = np.empty((min(3 * n, vertices_m.shape[0]), 3))
+    kept = np.empty((n, 3), np.int32)
+    m = 0
+    for i in range(n):
+        for k in range(3):
+            v = faces[near[i], k]
+            if number[v] < 0:
+                number[v] = m
+                corners[m, 0], corners[m, 1] = vertices_m[v, 0], vertices_m[v, 1]
+                corners[m, 2] = vertices_m[v, 2]
+                m += 1
+            kept[i, k] = number[v]
+    return corners[:m], kept
+
+
+@compiled
+def _sides_across(
+    vertices_m: Vector, axis: int, low_m: Vector, high_m: Vector
+) -> npt.NDArray[np.uint8]:
+    """Return (n,) beyond which sides of a box, seen along an axis, each vertex lies."""
+    iu, iv = np.uint32((axis + 1) % 3), np.uint32((axis + 2) % 3)
+    u0, u1, v0, v1 = low_m[iu], high_m[iu], low_m[iv], high_m[iv]
+    beyond = np.empty(vertices_m.shape[0], np.uint8)
+    flat = vertices_m.ravel()  # with one index the loop is vectorised
+    for i in range(vertices_m.shape[0]):
+        u, v = flat[np.uint32(3 * i) + iu], flat[np.uint32(3 * i) + iv]
+        code = np.int32(1) if u <= u0 else np.int32(0)
+        code |= np.int32(2) if u >= u1 else np.int32(0)
+        code |= np.int32(4) if v <= v0 else np.int32(0)
+        code |= np.int32(8) if v >= v1 else np.int32(0)
+        beyond[i] = code
+    return beyond

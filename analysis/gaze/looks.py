@@ -356,29 +356,3 @@ def measure_trial(
     before = _measures_of_span(track, target, t_start_ns, switch_ns, params, excluded_until_ns)
     after = _measures_of_span(track, target, switch_ns, t_end_ns, params, excluded_until_ns)
     return replace(whole, parts=(before, after))
-
-
-def time_by_aoi(
-    t_ns: Times,
-    aoi: npt.NDArray[np.integer],
-    n_agents: int,
-    t_start_ns: int,
-    t_end_ns: int,
-    *,
-    params: LookParameters = DEFAULT_LOOK_PARAMETERS,
-) -> Times:
-    """Return (n_agents + 2,) ns on each head, then off every head, then lost.
-
-    The sum is the trial's duration, to the nanosecond. Raises DataError for an index that no
-    agent has.
-    """
-    _check_span(t_start_ns, t_end_ns)
-    if aoi.size and not -2 <= int(aoi.min()) <= int(aoi.max()) < n_agents:
-        raise DataError(
-            f"areas run from {int(aoi.min())} to {int(aoi.max())} but there are {n_agents} "
-            "agents; give the scene the samples were taken in"
-        )
-    track = _track(t_ns, aoi, params)
-    out = np.zeros(n_agents + 2, np.int64)
-    _sums(track.t_ns, track.aoi, t_start_ns, t_end_ns, track.hold_ns, out)
-    return out

@@ -2,8 +2,8 @@
 
 Every function takes arrays or a tidy frame (pandas, or a mapping of columns), raises a named
 error for data it cannot accept, and returns a frozen dataclass with `sentence()`, `row()` and
-`provenance`. Mixed models and estimating equations import statsmodels when they run; everything
-else needs NumPy and SciPy alone.
+`provenance`. Importing it brings neither pandas nor statsmodels: the latter is loaded when a mixed
+model of single trials or estimating equations are fitted (decision 0020).
 """
 
 from visavis.analysis.statistics.adjust import adjust_p, bonferroni_thresholds, stars

@@ -29,7 +29,6 @@ from visavis.devices.drivers.buttons.codes import ByteButtons
 from visavis.devices.drivers.buttons.device import Press
 from visavis.devices.drivers.buttons.hid_reports import ReportReader, layout_of
 from visavis.devices.drivers.buttons.keyboard import Keyboard, KeyLink
-from visavis.devices.drivers.buttons.spec import BYTES, KEYBOARD
 from visavis.devices.drivers.buttons.xid import BUTTONS, XidReader
 from visavis.devices.drivers.eyelink import codec as eyelink
 from visavis.devices.drivers.fove import codec as fove
@@ -43,10 +42,11 @@ from visavis.devices.drivers.openvr import codec as openvr
 from visavis.devices.drivers.pupil import codec as pupil
 from visavis.devices.drivers.pupil.layout import GazeDecoder
 from visavis.devices.drivers.sranipal import codec as sranipal
-from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.drivers.triggers import labjack_codec as labjack
 from visavis.devices.drivers.xsens import codec as xsens
-from visavis.devices.spec import AnySpec
+from visavis.devices.registry import driver_wiring
 from visavis.devices.streams import GAZE
 from visavis.devices.sync import board_codec as board
 from visavis.devices.wirelog import read_wire_log
@@ -251,8 +251,7 @@ def _xml(data: bytes) -> object:
 
 def _presses_of(driver: str) -> Callable[[bytes], object]:
     """Return a reader of a box's bytes by its driver, every time from the start."""
-    spec: AnySpec = BYTES if driver == "byte_buttons" else KEYBOARD
-    device = spec.on_wire("responses", SimClock(), KeyLink(SimClock()))
+    device = driver_wiring(driver).on_wire("responses", SimClock(), KeyLink(SimClock()))
     assert isinstance(device, ByteButtons | Keyboard)
 
     def read(data: bytes) -> list[Press]:

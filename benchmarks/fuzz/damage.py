@@ -153,7 +153,8 @@ def _array_again(array: Any, drawn: Iterator[int]) -> Any:
         return array.reshape(-1)
     if kind == 3:
         wanted = (np.float64, np.uint8, "U9", bool, np.complex128)[next(drawn) % 5]
-        return array.astype("U9" if array.dtype.kind not in "fiub" else wanted)
+        with np.errstate(invalid="ignore"):  # a missing number becomes any whole one
+            return array.astype("U9" if array.dtype.kind not in "fiub" else wanted)
     if array.dtype.kind not in "fiub" or not array.size:
         return np.zeros((2, 0))
     is_float = array.dtype.kind == "f"

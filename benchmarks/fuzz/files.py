@@ -47,6 +47,7 @@ from visavis.recording.reader import Recording
 from visavis.recording.sealed import read_sealed, seal
 from visavis.recording.stream_file import read_stream_file
 from visavis.recording.xdf import export_xdf
+from visavis.results.opened_study import find_study
 from visavis.results.picture_delay import SETTING, read_sync_test
 from visavis.running.page.other_hosts.results import read_runs
 from visavis.running.sessions.piecewise import read_kept
@@ -66,7 +67,6 @@ from visavis.stimuli.motion.bvh import parse_bvh
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.clip_file import read_clip, write_clip
 from visavis.stimuli.motion.skeleton import canonical_skeleton
-from visavis.study.catalogue import find_study
 from visavis.study.texts import WORDS_DIR, read_texts
 
 TOLD_BY_IMPORT = (

@@ -4,7 +4,8 @@ import sys
 from pathlib import Path
 
 from benchmarks.page_faults.study import request_of, session_path
-from visavis.running.sessions.perform import PageAddress, perform_new, perform_rest
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.session_request import PageAddress
 
 
 def main(root: Path, label: str) -> None:

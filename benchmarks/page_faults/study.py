@@ -14,9 +14,8 @@ from visavis.lab.errors import RecordingError
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.results.opened_study import OpenedStudy
-from visavis.running.sessions.perform import PageAddress, Request
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.running.sessions.session_request import PageAddress, Request
 from visavis.study.experiment import StudyExperiment
 
 NAME: Final = "faults"

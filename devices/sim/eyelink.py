@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from visavis.devices.contracts import Body
-from visavis.devices.drivers.streaming.gaze_rays import Screen
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from visavis.devices.transports import Frames
 from visavis.lab.clock import NS_PER_MS, Clock

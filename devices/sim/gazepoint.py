@@ -15,7 +15,7 @@ from typing import Unpack
 import numpy as np
 
 from visavis.devices.contracts import Body
-from visavis.devices.drivers.streaming.gaze_rays import Screen, Triple
+from visavis.devices.drivers.streaming.screen import Screen, Triple
 from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from visavis.devices.transports import Frames, Message
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any, Unpack
 
 from visavis.devices.contracts import Body
-from visavis.devices.drivers.streaming.gaze_rays import Screen, Triple
+from visavis.devices.drivers.streaming.screen import Screen, Triple
 from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from visavis.devices.transports import Frames
 from visavis.lab.clock import NS_PER_S, Clock

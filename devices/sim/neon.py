@@ -13,7 +13,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from visavis.devices.contracts import Body
-from visavis.devices.drivers.streaming.gaze_rays import Triple
+from visavis.devices.drivers.streaming.screen import Triple
 from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from visavis.devices.transports import Frames
 from visavis.lab.clock import NS_PER_MS

@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 
 from visavis.experiments.cameras.walks import DOES_S, ROOM, WALKS, everybody, timed_walk
-from visavis.people.person import Seen
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.design import Factor
 from visavis.protocol.plan.parameters import Within
@@ -26,6 +25,7 @@ from visavis.study.measures import column
 from visavis.study.moving_camera import FilmSeen
 from visavis.study.responses import Choice, Response
 from visavis.study.scenes import Scene, Staged, Staging, gathered
+from visavis.study.study_functions import Seen
 from visavis.study.trial import Action, TrialScript
 
 CITATION: Final = (

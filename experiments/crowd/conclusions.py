@@ -7,8 +7,9 @@ from visavis.analysis.report.blocks import Status
 from visavis.experiments.crowd.comparisons import COLLISIONS, RATINGS, SPEED, TO_GAP, VOLUME
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
 from visavis.experiments.crowd.paths import GroupPaths
-from visavis.results.analysis import Conclusion, StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
 from visavis.study.measures import Measure
+from visavis.study.sections import Conclusion
 
 RULE: Final = (
     "A hypothesis about two blocks counts as found when every measure it names differs "

@@ -41,7 +41,7 @@ from visavis.protocol.plan.questionnaires import load_questionnaire
 from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.protocol.plan.shown_scene import Shown
 from visavis.protocol.plan.steps import Answered, Mark, Prompt, Show
-from visavis.results.analysis import Conclusion, StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
 from visavis.stimuli.contact.body import ARM_JOINTS
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.station_crowd import (
@@ -53,10 +53,11 @@ from visavis.stimuli.scenes.station_crowd import (
 from visavis.study.asking import frame
 from visavis.study.declaration import SETTABLE, Study
 from visavis.study.experiment import StudyExperiment
+from visavis.study.sections import Conclusion
 from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
-    from visavis.running.quick import TrackerModel
+    from visavis.study.study_functions import TrackerModel
 
 NOMINAL_TRIAL_S: Final = 65.0
 LOOK_DOWN: Final = (

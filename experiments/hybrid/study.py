@@ -13,7 +13,6 @@ from typing import Any, Final, cast
 import numpy as np
 
 from visavis.experiments.hybrid.clips import CHARACTER, CLIPS, Flaws, motion_of, period_s
-from visavis.people.person import Seen
 from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
@@ -27,6 +26,7 @@ from visavis.study.films import Film, Lens, Pair
 from visavis.study.measures import column
 from visavis.study.responses import Choice, Response
 from visavis.study.scenes import Scene, Staged, Staging, gathered
+from visavis.study.study_functions import Seen
 from visavis.study.trial import Action, TrialScript
 
 CITATION: Final = (

@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 
 from visavis.lab.geometry import Vector, quat_conjugate, quat_multiply, unit
 from visavis.stimuli.dressing.casting import build_of, default_casting
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.clip import Clip, KeyPoses
 from visavis.stimuli.motion.interpolation import Method
 from visavis.stimuli.motion.kinds import Idle
@@ -87,7 +87,7 @@ def seconds_of(gesture: str) -> float:
 def source_of(gesture: str) -> Clip:
     """Return a gesture as drawn, sixty poses a second."""
     build = build_of(default_casting(CHARACTER))
-    standing = baked(Person(build, Idle("hanging", 0.0), seed=3), 1.0, rate_hz=RATE_HZ)
+    standing = bake(Person(build, Idle("hanging", 0.0), seed=3), 1.0, rate_hz=RATE_HZ)
     moments = GESTURES[gesture]
     frames = round(moments[-1][0] * RATE_HZ) + 1
     t_s = np.arange(frames) / RATE_HZ

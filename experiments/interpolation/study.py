@@ -19,7 +19,6 @@ from visavis.experiments.interpolation.gestures import (
     motion_of,
     seconds_of,
 )
-from visavis.people.person import Seen
 from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
@@ -31,6 +30,7 @@ from visavis.study.exclusions import COMPLETENESS_RULES
 from visavis.study.films import Film, Lens
 from visavis.study.responses import Rating, Response
 from visavis.study.scenes import Scene, Staged, Staging, gathered
+from visavis.study.study_functions import Seen
 from visavis.study.trial import Action, TrialScript
 
 CITATION: Final = (

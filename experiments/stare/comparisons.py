@@ -4,6 +4,7 @@ from typing import Any, Final
 
 from visavis.experiments.stare import published
 from visavis.experiments.stare.published import COMPARISONS
+from visavis.results.family_tests import CorrelationTest, PairTest
 from visavis.study.exclusions import COMPLETENESS_RULES, Exclusion
 from visavis.study.look_measures import (
     DWELL_MS,
@@ -18,7 +19,7 @@ from visavis.study.look_measures import (
     FIXATION_COUNT as COUNT_COLUMN,
 )
 from visavis.study.measures import Measure
-from visavis.study.pairs import Correlate, CorrelationTest, Family, Pairs, PairTest, Printed
+from visavis.study.pairs import Correlate, Family, Pairs, Printed
 
 DWELL: Final = Measure(DWELL_MS, "ms", "Dwell time", needs_gaze=True)
 FIXATION_COUNT: Final = Measure(COUNT_COLUMN, "1", "Fixation count", needs_gaze=True)

@@ -6,8 +6,8 @@ from dataclasses import replace
 from visavis.analysis.report.blocks import Status
 from visavis.analysis.report.notation import count_of, fraction
 from visavis.experiments.stare.comparisons import DWELL, FIXATION_COUNT
-from visavis.results.analysis import Conclusion
-from visavis.study.pairs import CorrelationTest, PairTest, find_test
+from visavis.results.family_tests import CorrelationTest, PairTest, find_test
+from visavis.study.sections import Conclusion
 
 STARED_AT = ("D", "AD", "DA")
 """Conditions in which the active agent looks at the participant for some time."""

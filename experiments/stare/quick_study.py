@@ -29,7 +29,6 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.geometry import rotate
 from visavis.people.observer import Observer
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
-from visavis.running.quick import TrackerModel
 from visavis.stimuli.gaze.behaviour import EyeBehaviour
 from visavis.stimuli.gaze.blinks import Blinks
 from visavis.stimuli.scene import Scene, SceneFrame
@@ -41,6 +40,7 @@ from visavis.stimuli.scenes.audience import (
 )
 from visavis.stimuli.visibility import SceneGeometry
 from visavis.study.look_measures import MAIN_MEASURES
+from visavis.study.study_functions import TrackerModel
 
 FIRST_FRAME = 2
 """The dark appears two frames after the stretch begins: one to wait for, one to be displayed."""

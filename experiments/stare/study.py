@@ -32,16 +32,17 @@ from visavis.protocol.plan.design import Factor
 from visavis.protocol.plan.parameters import known_of
 from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.protocol.plan.steps import Show
-from visavis.results.analysis import Conclusion, StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.audience import DRESSED_BY, SPEAKER_EYE_M
 from visavis.study.declaration import SETTABLE, Source, Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import LooksOn
+from visavis.study.sections import Conclusion
 from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
-    from visavis.running.quick import TrackerModel
+    from visavis.study.study_functions import TrackerModel
 
 QUESTIONNAIRES: Final = ("demographics", "social_anxiety", "free_comment")
 METHODS: Final = f"""

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 import visavis.stimuli.motion.warping
+from visavis.lab.array_cache import digest_of, digest_of_code, read_cache, write_cache
 from visavis.lab.geometry import Vector
-from visavis.lab.kept import digest_of, digest_of_code, keep, read_kept
 from visavis.stimuli.dressing.casting import build_of
 from visavis.stimuli.dressing.office import PARTS, pose_of_waver
 from visavis.stimuli.dressing.office_view import (
@@ -27,7 +27,7 @@ from visavis.stimuli.dressing.office_view import (
     seen_body_of,
     view_of,
 )
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.kinds import Wave
 from visavis.stimuli.motion.people import Person
@@ -39,7 +39,7 @@ from visavis.stimuli.motion.warping.track import (
     WarpTrack,
     planned_track,
     reached_by,
-    solved,
+    solve_offsets,
 )
 from visavis.stimuli.motion.warping.units import units_named
 from visavis.stimuli.scenes import office as places
@@ -49,6 +49,12 @@ ORIENTATION: Final = "orientation"
 WARPING: Final = "warping"
 TECHNIQUES: Final = (ORIENTATION, WARPING)
 """The whole body turned towards the addressee, or the wave warped to the addressee's view."""
+DIRECTIONS: Final = ("self", "left", "right")
+"""Who is waved at: the participant, the customer to the left, the customer to the right."""
+CLERK_NAMES: Final = [c.name for c in places.CLERKS]
+PLACES: Final = tuple(c.name for c in places.CUSTOMERS)
+SCENE_SEED: Final = 7
+"""Of what everybody does beside the wave: the same in all trials."""
 KEPT_AS: Final = "waving"
 HAND: Final = "right"
 SETTINGS: Final = ControlSettings(
@@ -122,7 +128,7 @@ def study_wave(
     omega = np.zeros(0) if waving.warp is None else waving.warp.omega_rad
     poses = (clip.root_m, clip.orientation_wxyz, omega)
     return StudyWave(
-        waving, digest_of(*poses, said=f"turned by {heading:.6f} degrees"), plan_result
+        waving, digest_of(*poses, text=f"turned by {heading:.6f} degrees"), plan_result
     )
 
 
@@ -141,7 +147,7 @@ def base_clip(clerk: str, wave_s: float) -> Clip:
     person = Person(
         build_of(character_of(clerk)), Wave(hand=HAND, seat_m=places.SEAT_M), 300 + number
     )
-    return baked(person, FADE_S + wave_s, gaze=STILL)
+    return bake(person, FADE_S + wave_s, gaze=STILL)
 
 
 def situation_of(
@@ -165,7 +171,7 @@ def solved_key(
 ) -> Vector:
     """Return offsets (w,) for a key of a wave (clerk, target place, making) seen from eyes (3,)."""
     waving, place, increment = _wave_about(about)
-    return solved(situation_of(waving, place, eye_m, t_s, increment), start_rad, LOOP)
+    return solve_offsets(situation_of(waving, place, eye_m, t_s, increment), start_rad, LOOP)
 
 
 def reached_in(
@@ -198,9 +204,9 @@ def _with_plan(
     view_arrays = (view.eye, view.behind, view.lamps, view.maps)
     key = digest_of(
         *(clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, *view_arrays),
-        said=f"{settings} {FADE_S} {clerk} {digest_of_code(visavis.stimuli.motion.warping)}",
+        text=f"{settings} {FADE_S} {clerk} {digest_of_code(visavis.stimuli.motion.warping)}",
     )
-    file_arrays = read_kept(KEPT_AS, key)
+    file_arrays = read_cache(KEPT_AS, key)
     if file_arrays is None:
         clip_warp = warp_clip(drawn_clip(waving), body, view, targets, units, SETTINGS)
         track, came_to = planned_track(
@@ -216,7 +222,7 @@ def _with_plan(
             "gap_s": np.array(track.gap_s),
             "numbers": np.array(astuple(came_to)),
         }
-        keep(KEPT_AS, key, file_arrays)
+        write_cache(KEPT_AS, key, file_arrays)
     track = WarpTrack(
         units, waving.start_s, float(file_arrays["gap_s"]), file_arrays["omega_rad"], FADE_S
     )

@@ -26,7 +26,7 @@ from visavis.stimuli.dressing.office_view import (
 from visavis.stimuli.motion.clip import Frames
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.motion.warping.outlook import Outlook
-from visavis.stimuli.motion.warping.perceived import mask_of, perceived
+from visavis.stimuli.motion.warping.perceived import mask_of, perceived_parts
 from visavis.stimuli.motion.warping.track import WarpTrack
 from visavis.stimuli.scenes import office as places
 from visavis.stimuli.scenes.office import Waving
@@ -118,7 +118,7 @@ def _seen_and_free(clerk: str, poses: Frames, view: Outlook) -> Iterator[npt.NDA
     """Yield the parts drawn in every pixel, then those drawn with nothing in between."""
     body = seen_body_of(clerk)
     for one in (view, replace(view, behind=np.zeros_like(view.behind))):
-        yield perceived(body, one, poses.root_m, poses.orientation_wxyz)
+        yield perceived_parts(body, one, poses.root_m, poses.orientation_wxyz)
 
 
 def _pixels(clerk: str, poses: Frames, view: Outlook) -> list[Vector]:

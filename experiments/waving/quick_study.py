@@ -12,12 +12,21 @@ from typing import TYPE_CHECKING, Any, Final
 
 import visavis.experiments.waving
 import visavis.stimuli.motion.warping
-from visavis.experiments.waving.clips import DEFAULT_MAKING, KEPT_AS, TECHNIQUES, Making, study_wave
+from visavis.experiments.waving.clips import (
+    CLERK_NAMES,
+    DEFAULT_MAKING,
+    DIRECTIONS,
+    KEPT_AS,
+    PLACES,
+    SCENE_SEED,
+    TECHNIQUES,
+    Making,
+    study_wave,
+)
 from visavis.experiments.waving.perception import Evidence, evidence_of, reach_view
-from visavis.experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, SCENE_SEED
+from visavis.lab.array_cache import digest_of, digest_of_code, read_cache, write_cache
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Vector
-from visavis.lab.kept import digest_of, digest_of_code, keep, read_kept
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.stimuli.dressing.office import PARTS as ROLES
 from visavis.stimuli.dressing.office import office_eyes, office_scene, roles_of
@@ -72,13 +81,13 @@ def evidence_for(stimulus: Stimulus, making: Making = DEFAULT_MAKING) -> Evidenc
     technique, direction, clerk, place = stimulus
     target = neighbour(place, direction).name
     wave = study_wave(clerk, target, technique, making)
-    key = digest_of(said=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
-    file_arrays = read_kept(KEPT_AS, key)
+    key = digest_of(text=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
+    file_arrays = read_cache(KEPT_AS, key)
     if file_arrays is not None:
         return Evidence(**file_arrays)
     gaze = gaze_of(wave.waving, place, target)
     evidence = evidence_of(wave.waving, place, eye_at(place), gaze)
-    keep(KEPT_AS, key, vars(evidence))
+    write_cache(KEPT_AS, key, vars(evidence))
     return evidence
 
 
@@ -103,5 +112,5 @@ def surroundings_sha256() -> str:
         *(part for v in views for part in (v.eye, v.behind, v.lamps, v.maps, v.map_eyes)),
         *(m.vertices_m for m in meshes),
         *(part for b in bodies for part in (b.rest, b.joints, b.weights, b.triangles, b.labels)),
-        said=" ".join((*code, *(f"{v.ambient} {v.least_light}" for v in views))),
+        text=" ".join((*code, *(f"{v.ambient} {v.least_light}" for v in views))),
     )

@@ -7,8 +7,7 @@ import pandas as pd
 
 from visavis.analysis.report import Block, Column, Paragraph, Section, Table
 from visavis.analysis.report.notation import count_of, decimal, fraction, percentage
-from visavis.experiments.waving.clips import TECHNIQUES
-from visavis.experiments.waving.study import DIRECTIONS, PLACES
+from visavis.experiments.waving.clips import DIRECTIONS, PLACES, TECHNIQUES
 from visavis.results.analysis import StudyAnalysis
 from visavis.study.experiment import StudyExperiment
 from visavis.study.sections import Extra

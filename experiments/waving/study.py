@@ -13,10 +13,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from visavis.experiments.waving.clips import (
+    CLERK_NAMES,
     DEFAULT_MAKING,
+    DIRECTIONS,
     FINE_PX,
     LOOP,
+    PLACES,
     REFINING,
+    SCENE_SEED,
     SETTINGS,
     TECHNIQUES,
     UNITS,
@@ -27,6 +31,8 @@ from visavis.experiments.waving.clips import (
     solved_key,
     wave_of,
 )
+from visavis.experiments.waving.participant import WavingParticipant
+from visavis.experiments.waving.quick_study import quick_trials
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, Vector
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
@@ -36,7 +42,6 @@ from visavis.protocol.plan.parameters import Within, known_of
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.shown_scene import Shown
 from visavis.protocol.plan.steps import FrameView, NextFrame, Scalar, Show, known
-from visavis.results.confusion import Confusion
 from visavis.stimuli.dressing.office import office_eyes, office_scene
 from visavis.stimuli.dressing.office_view import VIEW_PX
 from visavis.stimuli.motion.warping.track import (
@@ -49,8 +54,6 @@ from visavis.stimuli.motion.warping.track import (
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.office import (
-    CLERKS,
-    CUSTOMERS,
     PARTICIPANT_PLACES,
     STANDING_EYE_M,
     OfficeFrame,
@@ -67,16 +70,12 @@ from visavis.study.measures import column
 from visavis.study.pairs import Printed
 from visavis.study.responses import Choice, Rating
 from visavis.study.scenes import WithEyes, places
+from visavis.study.sections import Confusion
 from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
-    from visavis.experiments.waving.participant import WavingParticipant
-    from visavis.running.quick import TrackerModel
+    from visavis.study.study_functions import TrackerModel
 
-DIRECTIONS: Final = ("self", "left", "right")
-"""Addressees: the participant, the customer to the left, the customer to the right."""
-CLERK_NAMES: Final = [c.name for c in CLERKS]
-PLACES: Final = tuple(c.name for c in CUSTOMERS)
 MEAN_ACCURACY: Final = {"orientation": (0.59, 0.25), "warping": (0.67, 0.20)}
 """Mean and SD as printed; over what the SD is taken is not said."""
 NO_VALUES: Final = Printed(False, text="not significant (no values)")
@@ -104,8 +103,6 @@ PRACTICE: Final = {"direction": "self", "participant_place": "place_3"}
 REALISM: Final = Rating("realism", 1, 9)
 BOARD_SIZE_M: Final = (1.5, 0.5)
 BOARD_AT: Final = Pose(np.array([0.0, 1.12, -1.7]), np.array([1.0, 0.0, 0.0, 0.0]))
-SCENE_SEED: Final = 7
-"""Seed of everything that people do besides the wave; the same in all trials."""
 FOLLOW_STEP_M: Final = 0.01
 """The eyes follow the participant's head in steps of this size."""
 
@@ -356,7 +353,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
         t.row |= warp_columns(loop_result.result())
         t.row["target_reachable_01"] = plan_columns["target_reachable_01"]
         t.row |= {
-            "warp_loop_hz": round(loop.taken / t.wave_s, 2),
+            "warp_loop_hz": round(loop.n_taken / t.wave_s, 2),
             "warp_late": loop.late,
         }
     answer = t.row["who"]
@@ -421,17 +418,13 @@ def person(
     index: int, seed: int, effect: bool, experiment: StudyExperiment
 ) -> SimulatedParticipant:
     """Return a simulated participant, who knows the two questions by their words."""
-    from visavis.experiments.waving.participant import WavingParticipant
-
     question_names = {text: response.name for text, response in experiment.words.items()}
     return WavingParticipant(index, seed, effect, question_names=question_names)
 
 
 @study.quick
-def quick(experiment: StudyExperiment, person: "WavingParticipant", tracker: "TrackerModel") -> Any:
+def quick(experiment: StudyExperiment, person: WavingParticipant, tracker: "TrackerModel") -> Any:
     """Return a function that performs a plan in a moment, once each wave has been rendered."""
-    from visavis.experiments.waving.quick_study import quick_trials  # late: it imports this module
-
     return partial(quick_trials, person, making=making_of(experiment.parameters))
 
 

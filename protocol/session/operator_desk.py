@@ -28,7 +28,7 @@ LOST_STREAM_NS = 3 * NS_PER_S
 """A blocking fault that lasts this long within a trial interrupts it."""
 
 EYE_SEEN_AT_LEAST_01 = 0.7
-"""A trial that saw an eye in less of its samples is flagged (gaze.md section 5)."""
+"""A trial that saw an eye in less of its samples is flagged."""
 
 MESSAGE_SHOWN_NS = 30 * NS_PER_S
 """For so long a message stands on the operator's screen; what waits, until it is done."""

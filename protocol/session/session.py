@@ -22,7 +22,7 @@ from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.trial_runner import Outcome, TrialRunner
 
 MAX_CALIBRATIONS = 3
-"""Attempts before the session goes on with the best it got and says so (gaze.md section 5)."""
+"""Attempts before the session goes on with the best it got and says so."""
 
 STRETCH_CALIBRATION = 200_000
 STRETCH_QUESTIONS = 300_000

@@ -8,14 +8,11 @@ from visavis.analysis import gaze as gaze
 from visavis.analysis import statistics as statistics
 from visavis.analysis.statistics_report import Question as Question
 from visavis.analysis.statistics_report import answer as answer
-from visavis.people.person import Seen as Seen
 from visavis.people.person import unopinionated as unopinionated
 from visavis.protocol.plan.design import Factor as Factor
 from visavis.protocol.plan.orders import never_next_to as never_next_to
 from visavis.protocol.plan.orders import no_more_than as no_more_than
 from visavis.protocol.plan.parameters import Within as Within
-from visavis.results.analysis import Conclusion as Conclusion
-from visavis.results.confusion import Confusion as Confusion
 from visavis.running.scripts import Session as Session
 from visavis.running.scripts import StudyData as StudyData
 from visavis.running.scripts import analyse as analyse
@@ -58,3 +55,6 @@ from visavis.study.responses import SideBySide as SideBySide
 from visavis.study.responses import Text as Text
 from visavis.study.scenes import Scene as Scene
 from visavis.study.scenes import Staging as Staging
+from visavis.study.sections import Conclusion as Conclusion
+from visavis.study.sections import Confusion as Confusion
+from visavis.study.study_functions import Seen as Seen

@@ -1,9 +1,123 @@
 """What check says of a session can be acted on: numbers are told, not replaced by dots."""
 
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
 import pytest
 
-from visavis.analysis.session_check import drift_words, in_one, stream_findings
+from tests.recording.sessions import new_recorder, probe_manifest
+from visavis.analysis.session_check import check_session, drift_words, in_one, stream_findings
 from visavis.analysis.session_verdict import Level, StreamCheck
+from visavis.lab.clock import SimClock
+from visavis.recording.folder import create_session
+from visavis.recording.reader import Recording
+
+Event = tuple[str, dict[str, Any]]
+
+
+def said_of(root: Path, subject: str, *events: Event) -> list[tuple[Level, str]]:
+    """Return what check says about a subject of a session in which these events happened."""
+    clock = SimClock()
+    plan = {"blocks": [], "questionnaires": ["scale"]}
+    with create_session(root, replace(probe_manifest(), plan=plan)) as folder:
+        recorder = new_recorder(folder, clock)
+        for t_ns, (name, payload) in enumerate(events):
+            recorder.event(name, t_ns, **payload)
+        folder.end_part(clock, recorder.close("complete"))
+    findings = check_session(Recording(folder.path)).findings
+    return [(f.level, f.message) for f in findings if f.subject == subject]
+
+
+def fault(role: str, message: str) -> Event:
+    return "fault", {"role": role, "message": message, "severity": "warning", "remedy": ""}
+
+
+def operator(action: str, **more: Any) -> Event:
+    return "operator", {"action": action, "text": None, **more}
+
+
+CALIBRATED: Event = ("calibration", {"succeeded": True, "message": ""})
+NOT_CALIBRATED: Event = ("calibration", {"succeeded": False, "message": "the eyes were shut"})
+
+
+@pytest.mark.parametrize(
+    ("expected", "messages"),
+    [
+        ([], []),
+        (["silent for 20 ms"], ["silent for 20 ms"]),
+        (["silent for 9 to 20 ms (2 times)"], ["silent for 20 ms", "silent for 9 ms"]),
+        (["silent for 7 ms (3 times)"], ["silent for 7 ms"] * 3),
+        (["silent for 7 ms", "away (2 times)"], ["silent for 7 ms", "away", "away"]),
+    ],
+    ids=["never", "once", "twice", "the same three times", "two kinds"],
+)
+def test_a_fault_that_came_again_says_how_often(
+    expected: list[str], messages: list[str], tmp_path: Path
+) -> None:
+    others = fault("armband", "silent for 5 ms")
+    events = [others, *(fault("eye_tracker", message) for message in messages)]
+    amber = [(Level.AMBER, message) for message in expected]
+    assert amber == said_of(tmp_path, "eye_tracker", *events)
+
+
+def test_faults_before_the_first_calibration_are_not_counted(tmp_path: Path) -> None:
+    silent = fault("eye_tracker", "silent for 7 ms")
+    found = said_of(tmp_path, "eye_tracker", silent, CALIBRATED, silent, CALIBRATED, silent)
+    assert [(Level.AMBER, "silent for 7 ms (2 times)")] == found
+
+
+@pytest.mark.parametrize(
+    ("expected", "subject", "events"),
+    [
+        ("pauses: 2", "deviation", [("pause_start", {})] * 2),
+        (
+            "blocks run on a calibration below the threshold: 2",
+            "deviation",
+            [("calibration_below_threshold", {})] * 2,
+        ),
+        ("moments flagged by the operator: 2", "flag", [operator("flag"), operator("note")] * 2),
+        (
+            "given by the operator: a device did not work (device) once; "
+            "the participant is unwell (unwell) 2 times",
+            "reasons",
+            [operator("pause", code=code) for code in ("unwell", "device", "unwell")],
+        ),
+        (
+            "scale: 2 left out",
+            "questionnaires",
+            [
+                ("answer", {"questionnaire": "scale", "question": str(i), "answer": answer})
+                for i, answer in enumerate((None, 3, None))
+            ],
+        ),
+        (
+            "was away for 2.5 s, then came back",
+            "armband",
+            [("device_back", {"role": "armband", "away_s": 2.5})],
+        ),
+        (
+            "the operator went on without it; trials are flagged",
+            "armband",
+            [("device_done_without", {"role": "armband"})] * 2,
+        ),
+        (
+            "repeated on the operator's request: T1, T2",
+            "trials",
+            [("trial_repeat", {"trial_id": name}) for name in ("T1", "T2")],
+        ),
+    ],
+)
+def test_what_happened_more_than_once_is_counted(
+    expected: str, subject: str, events: list[Event], tmp_path: Path
+) -> None:
+    assert 1 == [message for _, message in said_of(tmp_path, subject, *events)].count(expected)
+
+
+def test_calibrations_that_failed_are_counted_with_the_last_reason(tmp_path: Path) -> None:
+    events = (NOT_CALIBRATED, CALIBRATED, NOT_CALIBRATED)
+    found = said_of(tmp_path, "calibration", *events)
+    assert (Level.AMBER, "calibrations that failed: 2; the eyes were shut") in found
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from tests.faults.sessions import CONFIG
 from visavis.cli.main import app
 from visavis.lab.errors import UsageError
 from visavis.recording.manifest import read_manifest
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.recorded_design import (
     changes_since,
     design_of,
@@ -17,7 +18,6 @@ from visavis.running.sessions.recorded_design import (
     in_words,
     told_of_designs,
 )
-from visavis.study.catalogue import find_study
 
 STUDY = """
 from visavis import Compare, Factor, Rating, Scene, Study

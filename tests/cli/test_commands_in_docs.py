@@ -11,7 +11,7 @@ import typer
 from tests.product_files import product_files
 from visavis.cli.app import app
 from visavis.protocol.session.session_setup import LOST_DEVICE_S
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from visavis.cli.main import app
 from visavis.lab.errors import UsageError
-from visavis.running.examples import READY, write_examples
+from visavis.running.new_study import READY, write_examples
 from visavis.testing import check_study
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-import visavis.cli.lsl_announcer
 from tests.devices.band_makers import simulated_armband
 from tests.devices.test_lsl_outlet import FakeLsl
 from tests.faults.sessions import lab, request
@@ -56,7 +55,7 @@ def test_session_streams_gaze_head_and_events(
 ) -> None:
     clock = SystemClock()
     lsl = NamedLsl(clock)
-    monkeypatch.setattr(visavis.cli.lsl_announcer, "set_scope", lambda scope: None)
+    monkeypatch.setattr("visavis.cli.lab_companion.set_scope", lambda scope: None)
     monkeypatch.setattr("visavis.devices.drivers.lsl.outlet.lsl_library", lambda: lsl)
     config = lab(tmp_path).model_copy(update={"sync": Sync(lsl=True)})
     with pytest.raises(SessionAborted):

@@ -5,8 +5,9 @@ import re
 import signal
 import sys
 import threading
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -16,6 +17,7 @@ from visavis.cli.app import console, errors, say, verbatim
 from visavis.cli.main import interrupting_again
 from visavis.cli.telling import counting
 from visavis.lab.config_files import EXAMPLE
+from visavis.study.study_errors import MODULE_OF_STUDY
 
 
 def _interrupt(*_: object) -> None:
@@ -101,6 +103,21 @@ def test_a_slip_in_a_study_file_is_told_with_its_line_and_is_no_defect_of_ours(
     assert f"{study}, line 9: trial of gaze averted" in said.replace("\n", "")
     assert "no factor, parameter or step 'scene_s'" in said.replace("\n", " ")
     assert "internal error" not in said
+
+
+def test_error_in_a_labs_own_module_is_the_study_files_whatever_the_module_is_called(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "devices.py").write_text("def gain():\n    return 1 / 0\n", "utf-8")
+    study = tmp_path / "slip.py"
+    study.write_text("import devices\n\n\ndef trial():\n    return devices.gain()\n", "utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    loader = SourceFileLoader(f"{MODULE_OF_STUDY}slip", str(study))
+    module = ModuleType(loader.name)
+    loader.exec_module(module)
+    with pytest.raises(ZeroDivisionError) as caught:
+        module.trial()
+    assert f"{study}, line 5 in trial" == command.in_study_file(caught.value)
 
 
 USERS = ":B: [red]left[/red] :smile:"

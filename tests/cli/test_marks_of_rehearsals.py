@@ -17,10 +17,11 @@ from visavis.cli.preview.pictures import TITLE_PX, write_below
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import with_devices
 from visavis.lab.config_files import SCREEN_EXAMPLE
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.device_setup import screen_display
-from visavis.running.sessions.stage_setup import build_stage, window_title
-from visavis.study.catalogue import find_study
+from visavis.running.sessions.drawn_stages import window_title
+from visavis.running.sessions.perform import build_stage
 
 
 def test_a_window_of_a_rehearsal_is_titled_so() -> None:
@@ -68,7 +69,7 @@ def test_a_frame_drawn_again_has_the_line_below_it_unless_people_took_part(
     session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     eye = np.full((40, 30, 3), 7, np.uint8)
-    monkeypatch.setattr("visavis.cli.redraw.redraw", lambda *_, **__: (eye, eye))
+    monkeypatch.setattr("visavis.cli.commands.redraw.draw_again", lambda *_, **__: (eye, eye))
     heights = []
     for name in ("rehearsal", "real"):
         path = tmp_path / f"{name}.png"
@@ -76,9 +77,9 @@ def test_a_frame_drawn_again_has_the_line_below_it_unless_people_took_part(
         assert 0 == done.exit_code, done.exception
         with Image.open(path) as picture:
             heights.append(picture.height)
-        monkeypatch.setattr(KeptRecording, "is_simulated", False)
+        monkeypatch.setattr(CachedRecording, "is_simulated", False)
     assert [40 + TITLE_PX, 40] == heights
 
 
 def test_pictures_of_a_page_say_so(session: Path) -> None:
-    assert page_label(KeptRecording(session), "T01").startswith("simulated  ·  duel S01 T01  ")
+    assert page_label(CachedRecording(session), "T01").startswith("simulated  ·  duel S01 T01  ")

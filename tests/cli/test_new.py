@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from tests.visavis.sessions import STUDIES
 from visavis.cli.main import app
 from visavis.lab.errors import LabError, UsageError
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
 from visavis.testing import check_study
 
 ROOT = Path(__file__).parents[2]

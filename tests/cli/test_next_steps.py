@@ -17,9 +17,10 @@ from visavis.lab.errors import LabError, SessionAborted
 from visavis.protocol.session.session import Session
 from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.study_folder import StudySettings, settle
-from visavis.study.catalogue import find_study
 
 
 def said(folder: Path, *arguments: str) -> str:

@@ -35,10 +35,10 @@ from visavis.experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS
 from visavis.experiments.stare.study import experiment_of
 from visavis.lab.errors import DataError, UsageError
 from visavis.people.observer.temperament import DEFAULT_POPULATION, scaled_population
+from visavis.results.family_tests import compare_pairs
 from visavis.results.power import KitPower, draw_people
 from visavis.running.sessions import runners as replicate_runners
 from visavis.running.sessions.runners import on_scheduler, on_this_machine
-from visavis.study.pairs import compare_pairs
 
 DWELL = "A-D:dwell_ms"
 

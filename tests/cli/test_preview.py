@@ -22,10 +22,10 @@ from visavis.cli.telling import Forecast
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import LabError, UsageError
 from visavis.lab.geometry import Pose, rotate
+from visavis.results.opened_study import find_study
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import Renderer
 from visavis.stimuli.picture import Camera
-from visavis.study.catalogue import find_study
 
 
 @pytest.fixture(scope="module", autouse=True)

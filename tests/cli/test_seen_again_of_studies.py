@@ -18,12 +18,13 @@ from visavis.cli.film.on_page import FilmPictures
 from visavis.cli.redraw import UNDRAWN_PX
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Quality, Renderer
 from visavis.stage.stills import still_quality
-from visavis.study.catalogue import find_study
 
 CORE = ("stare", "crowd", "waving")
 ON_PAGE = str(Path(__file__).parents[1] / "visavis" / "studies" / "films.py")

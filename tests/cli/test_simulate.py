@@ -17,7 +17,7 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import ConfigError, DataError, SessionAborted, UsageError
 from visavis.recording.reader import Recording
 from visavis.recording.sealed import seal, unseal
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 from visavis.running.sessions.study_folder import StudySettings, read_parameters, settle
 
 SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]

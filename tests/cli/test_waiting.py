@@ -7,7 +7,7 @@ import pytest
 from visavis.cli import main as command
 from visavis.cli.commands import preview, session
 from visavis.lab.config_files import EXAMPLE
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 
 
 @pytest.mark.usefixtures("hooks_restored")

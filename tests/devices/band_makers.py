@@ -1,13 +1,13 @@
 """Armbands by name on a link that is given, or on their real one."""
 
 from visavis.devices.byte_links import MemoryLink
-from visavis.devices.registry import driver_spec
+from visavis.devices.registry import driver_wiring
 from visavis.devices.sim.armband.simulator import ArmbandSimulator
 
 
 def maker(driver, /, **usual):
     def make(role, clock, *, link=None, **options):
-        return driver_spec(driver).on_wire(role, clock, link, **{**usual, **options})
+        return driver_wiring(driver).on_wire(role, clock, link, **{**usual, **options})
 
     return make
 
@@ -28,4 +28,4 @@ def simulated_armband(role, clock, *, wrap=None, **simulator):
     """Our driver on a simulated band; `wrap` puts something on the link, such as a log."""
     link = MemoryLink(ArmbandSimulator(role, clock, **simulator), clock)
     link = wrap(link) if wrap is not None else link
-    return driver_spec("simulated_armband").on_wire(role, clock, link)
+    return driver_wiring("simulated_armband").on_wire(role, clock, link)

@@ -39,7 +39,7 @@ MS = 1_000_000
 
 def pressing(driver, now_ns):
     """Somebody who presses twice a second, where the device is there to be pressed."""
-    if "keys" not in built_in()[driver].capabilities:
+    if "keys" not in built_in()[driver].product.capabilities:
         return WalkingBody()
     downs = [now_ns + 50 * MS + n * 500 * MS for n in range(40)]
     return WalkingBody(
@@ -48,7 +48,7 @@ def pressing(driver, now_ns):
 
 
 def own_options(driver):
-    return {**NEEDED.get(driver, {}), **built_in()[driver].understood}
+    return {**NEEDED.get(driver, {}), **built_in()[driver].dialect.options}
 
 
 def config_of(driver, **options):

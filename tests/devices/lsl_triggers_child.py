@@ -5,13 +5,13 @@ import sys
 
 import pylsl
 
-from visavis.devices.registry import driver_spec
+from visavis.devices.registry import driver_wiring
 from visavis.lab.clock import NS_PER_MS, SystemClock
 
 
 def main() -> None:
     clock = SystemClock()
-    device = driver_spec("lsl_triggers").on_wire(
+    device = driver_wiring("lsl_triggers").on_wire(
         "triggers", clock, codes={"a": 1, "b": 255}, width_ms=1.0, source_id=f"t{sys.argv[1]}"
     )
     device.open(5.0)

@@ -6,12 +6,12 @@ import os
 import pytest
 
 from tests.devices.band_makers import serial_armband, simulated_armband
+from tests.devices.wire_ends.armband_machine import LockstepMachine, build
 from visavis.devices import conformance
 from visavis.devices.byte_links import MemoryLink
 from visavis.devices.drivers.armband.dialect import FramedDialect
 from visavis.devices.drivers.armband.driver import ArmbandDriver
 from visavis.devices.sim.armband.simulator import ArmbandSimulator
-from visavis.devices.testing.armband_machine import LockstepMachine, build
 from visavis.devices.wirelog import ReplayLink, TeeLink
 from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
 from visavis.lab.errors import DeviceNotFound
@@ -37,7 +37,7 @@ def pseudo_terminal(stack, check, tmp_path):
     pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
     if not hasattr(os, "openpty"):
         pytest.skip("this system has no pseudo-terminals; the memory link covers the driver")
-    from visavis.devices.testing.armband_pty import PtyArmband
+    from tests.devices.wire_ends.armband_pty import PtyArmband
 
     clock = SystemClock()
     peer = stack.enter_context(PtyArmband(clock))

@@ -100,6 +100,24 @@ def test_set_amplitudes_drives_the_motors_and_is_acknowledged():
     assert band.duties == (255, 185, 0, 150)
 
 
+def test_a_command_bears_the_arrival_of_its_answer_and_the_bands_own_time_of_applying_it():
+    band = Band(latency_ms=20.0, jitter_ms=0.0).start()
+    band.driver.set_amplitudes(ON, 500)
+    band.run(0.1)
+    band.driver.set_amplitudes(ON, 500)
+    band.run(0.1)
+
+    batches = [b for b in band.batches if b.schema is HAPTICS]
+    rows = band.rows()
+    sets = rows["kind"] == 0
+    there_and_back_ns = (np.concatenate([b.t_host_ns for b in batches]) - rows["t_sent_ns"])[sets]
+    assert (there_and_back_ns >= 40 * NS_PER_MS).all()
+    assert (there_and_back_ns < 60 * NS_PER_MS).all()  # with the bytes on a slow wire
+    applied_ns = np.concatenate([b.t_device_ns for b in batches])[sets]
+    asked_ns = rows["t_commanded_ns"][sets]
+    assert np.diff(applied_ns).tolist() == pytest.approx(np.diff(asked_ns).tolist(), abs=NS_PER_MS)
+
+
 def test_rates_set_the_duty_and_amplitude_only_switches():
     band = Band().start()
     band.driver.set_amplitudes(ON, 500, rates_hz=(57, 126, 100, 91.5))
@@ -420,7 +438,7 @@ def test_serial_driver_drives_a_band_on_a_pseudo_terminal():
     pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
     if not hasattr(os, "openpty"):
         pytest.skip("this system has no pseudo-terminals; the memory link covers the driver")
-    from visavis.devices.testing.armband_pty import PtyArmband
+    from tests.devices.wire_ends.armband_pty import PtyArmband
 
     clock = SystemClock()
     batches = []

@@ -6,10 +6,10 @@ import stat
 import pytest
 
 from benchmarks.armband_round_trip import bare_round_trips_ms
+from tests.devices.wire_ends.armband_machine import TerminalMachine
 from visavis.devices.byte_links import MemoryLink
-from visavis.devices.drivers.armband.spec import SERIAL_ARMBAND
+from visavis.devices.registry import driver_wiring
 from visavis.devices.sim.armband.simulator import ArmbandSimulator
-from visavis.devices.testing.armband_machine import TerminalMachine
 from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
 from visavis.lab.errors import DeviceTimeout
 
@@ -51,7 +51,7 @@ def test_a_lost_answer_ends_the_benchmark_with_a_reason():
 
 def test_a_slow_answer_at_the_start_is_waited_for():
     clock = SimClock()
-    driver = SERIAL_ARMBAND.on_wire(
+    driver = driver_wiring("serial_armband").on_wire(
         "arm", clock, MemoryLink(ArmbandSimulator("arm", clock, latency_ms=400.0), clock)
     )
     driver.open(30.0)
@@ -63,7 +63,7 @@ def test_a_slow_answer_at_the_start_is_waited_for():
 def test_a_band_that_goes_silent_before_the_start_is_named_within_seconds():
     clock = SimClock()
     peer = ArmbandSimulator("arm", clock)
-    driver = SERIAL_ARMBAND.on_wire("arm", clock, MemoryLink(peer, clock))
+    driver = driver_wiring("serial_armband").on_wire("arm", clock, MemoryLink(peer, clock))
     driver.open(1.0)
     peer.accept = lambda data, t_ns: None
     begun_ns = clock.now_ns()

@@ -39,7 +39,7 @@ def bluez(monkeypatch):
         pytest.skip("dbus-daemon is not installed: apt install dbus")
     pytest.importorskip("dbus_fast", reason="dbus-fast is not installed: pip install dbus-fast")
     pytest.importorskip("bleak", reason="bleak is not installed: pip install bleak")
-    from visavis.devices.testing.fake_bluez import FakeBluez, PrivateBus
+    from tests.devices.wire_ends.fake_bluez import FakeBluez, PrivateBus
 
     with contextlib.ExitStack() as stack:
         bus = stack.enter_context(PrivateBus())

@@ -12,8 +12,8 @@ from tests.devices.openvr_rigs import needs_stub
 from visavis.devices.building import build_device
 from visavis.devices.contracts import GAZE, DeviceState
 from visavis.devices.pump import Pump
-from visavis.devices.registry import built_in
-from visavis.devices.spec import no_wire
+from visavis.devices.registry import built_in, driver_wiring
+from visavis.devices.wiring import no_wire
 from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
 from visavis.lab.config import DeviceConfig
 from visavis.lab.errors import ConfigError, DeviceNotFound
@@ -22,9 +22,9 @@ from visavis.lab.geometry import angle_deg
 TRACKERS = sorted(
     name
     for name, spec in built_in().items()
-    if spec.kind == "eye tracker" and spec.runtime != "openxr"
+    if spec.kind == "eye tracker" and spec.wire.runtime != "openxr"
 )
-REAL = sorted(name for name, spec in built_in().items() if spec.real is not None)
+REAL = sorted(name for name in built_in() if driver_wiring(name).real is not None)
 ON_A_SERIAL_PORT = (
     "serial_armband",
     "vhp_sleeve",
@@ -68,7 +68,7 @@ def test_simulated_tracker_measures_the_participant(name):
 
 @pytest.mark.parametrize("name", REAL)
 def test_real_device_is_built_without_touching_its_wire(name):
-    own = {**built_in()[name].understood}
+    own = {**built_in()[name].dialect.options}
     if name in ON_A_SERIAL_PORT:
         own["port"] = "no such port"
     with contextlib.ExitStack() as stack:
@@ -87,7 +87,7 @@ def test_band_without_a_port_names_role_and_cure():
         build("serial_armband", stack, SimClock(), None, simulated=False)
 
 
-@pytest.mark.parametrize("name", [n for n, spec in built_in().items() if spec.real is None])
+@pytest.mark.parametrize("name", sorted({*built_in()} - {*REAL}))
 def test_device_of_simulation_alone_says_so(name):
     with contextlib.ExitStack() as stack, pytest.raises(DeviceNotFound, match="no real"):
         build(name, stack, SimClock(), None, simulated=False)
@@ -139,6 +139,6 @@ def test_option_that_no_file_was_checked_for_is_refused_by_name():
 
 
 def test_only_devices_without_a_wire_carry_nothing():
-    bare = {name for name, spec in built_in().items() if spec.simulated is no_wire}
+    bare = {name for name in built_in() if driver_wiring(name).simulated is no_wire}
     bare |= {"sound_card"}  # a library that calls back, which no log could play again
-    assert bare == {name for name, spec in built_in().items() if spec.carries == "nothing"}
+    assert bare == {name for name, spec in built_in().items() if spec.wire.carries == "nothing"}

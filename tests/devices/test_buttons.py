@@ -19,9 +19,8 @@ from visavis.devices.drivers.buttons.device import Press
 from visavis.devices.drivers.buttons.hid import HidButtonLink
 from visavis.devices.drivers.buttons.hid_reports import HAT_SIDES, ReportReader, layout_of
 from visavis.devices.drivers.buttons.keyboard import KEYS, KeyLink
-from visavis.devices.drivers.buttons.spec import BYTES, HID_BUTTONS, KEYBOARD
 from visavis.devices.drivers.buttons.xid import XidReader
-from visavis.devices.registry import OPTION_MODELS
+from visavis.devices.registry import OPTION_MODELS, driver_wiring
 from visavis.devices.sim.buttons.gamepad import DESCRIPTOR
 from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
 from visavis.lab.config import DeviceConfig
@@ -52,7 +51,7 @@ def told(device, clock, seconds=1.0):
 
 def window_keyboard(clock, **options):
     link = KeyLink(clock)
-    return KEYBOARD.on_wire("responses", clock, link, **options)
+    return driver_wiring("keyboard").on_wire("responses", clock, link, **options)
 
 
 def test_space_is_the_trigger_and_every_key_is_a_control_of_its_own():
@@ -215,7 +214,9 @@ def test_a_box_on_a_serial_port_is_read_through_a_real_terminal():
     clock = SystemClock()
     ours, theirs = os.openpty()
     tty.setraw(ours)
-    device = BYTES.on_wire("responses", clock, port=os.ttyname(theirs), keys={"2": "right"})
+    device = driver_wiring("byte_buttons").on_wire(
+        "responses", clock, port=os.ttyname(theirs), keys={"2": "right"}
+    )
     batches = []
     device.open(1.0)
     try:
@@ -347,7 +348,9 @@ class Hidapi:
 def test_the_first_gamepad_is_taken_and_its_unplugging_told():
     clock = SimClock()
     hidapi = Hidapi(None, [1, 0, 8, 0x80, 0x80], OSError, OSError)
-    device = HID_BUTTONS.on_wire("responses", clock, HidButtonLink(clock, library=hidapi))
+    device = driver_wiring("hid_buttons").on_wire(
+        "responses", clock, HidButtonLink(clock, library=hidapi)
+    )
     device.open(1.0)
     batches = []
     device.start(batches.append)

@@ -107,7 +107,7 @@ def test_damage_is_survived_or_refused_with_a_remedy(driver):
                     without_remedy += [] if problem.remedy else [repr(problem)]
             device.close()
         damaged += damage.count
-    assert damaged or built_in()[driver].carries == "bytes"  # a band may have nothing to say
+    assert damaged or built_in()[driver].wire.carries == "bytes"  # a band may have nothing to say
     assert without_remedy == []
 
 

@@ -22,8 +22,8 @@ CASES = [(driver, name) for driver in sorted(built_in()) for name in checks_of(d
 
 def need(driver):
     """Skip where the driver's simulator cannot run."""
-    library = built_in()[driver].library
-    if built_in()[driver].runtime in ("openvr", "openxr"):
+    library = built_in()[driver].wire.library
+    if built_in()[driver].wire.runtime in ("openvr", "openxr"):
         pytest.importorskip(library.module, reason=f"{library.install}")
         if find_compiler() is None:
             pytest.skip("the simulated runtime needs a C compiler: apt-get install gcc")

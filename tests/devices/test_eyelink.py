@@ -15,7 +15,8 @@ from visavis.devices.drivers.eyelink import camera_setup, codec
 from visavis.devices.drivers.eyelink import library as eyelink_library
 from visavis.devices.drivers.eyelink.driver import NO_RESULT, EyeLink
 from visavis.devices.drivers.eyelink.library import VERDICT, EyeLinkLibrary
-from visavis.devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.pump import Pump
 from visavis.devices.sim.eyelink import EyeLinkSimulator, FakePylink, FakeTracker
 from visavis.lab.clock import NS_PER_S, SimClock

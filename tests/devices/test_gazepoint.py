@@ -13,7 +13,8 @@ from visavis.devices.drivers.gazepoint import codec
 from visavis.devices.drivers.gazepoint.driver import Gazepoint
 from visavis.devices.drivers.gazepoint.spec import REMEDY
 from visavis.devices.drivers.links.stream_socket import StreamSocket
-from visavis.devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
 from visavis.lab.clock import SystemClock

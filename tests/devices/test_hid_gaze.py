@@ -14,7 +14,8 @@ from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.hid_gaze import codec
 from visavis.devices.drivers.hid_gaze.driver import HidGaze
 from visavis.devices.drivers.hid_gaze.reports import HidReports
-from visavis.devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.pump import Pump
 from visavis.devices.sim.hid_gaze import DESCRIPTOR, REPORT, SERIAL, FakeHidapi, HidGazeSimulator
 from visavis.lab.clock import NS_PER_S, SimClock

@@ -13,14 +13,12 @@ from visavis.devices.faults import FaultSchedule
 from visavis.devices.options import Options
 from visavis.devices.pump import Pump
 from visavis.devices.sim.line_peer import LinePeer
-from visavis.devices.spec import DriverSpec, driven_by
+from visavis.devices.spec import DriverSpec, Product
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock
 from visavis.lab.errors import DeviceTimeout
 from visavis.lab.schema import Field
 
-SPEC = DriverSpec(
-    name="scale", kind="other", options=Options, make=driven_by(f"{__name__}:Scale"), model="scale"
-)
+SPEC = DriverSpec(name="scale", kind="other", options=Options, product=Product(model="scale"))
 
 
 class Scale(LineDevice):

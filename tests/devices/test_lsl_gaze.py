@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from tests.devices.gaze_rigs import PERFECT, GazeRig
 from visavis.devices.drivers.lsl import gaze_codec as codec
 from visavis.devices.drivers.lsl.gaze import LslGaze, TobiiLsl
-from visavis.devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.sim.lsl.gaze import LAYOUTS, LslGazeSimulator
 from visavis.lab.errors import ProtocolViolation
 from visavis.lab.geometry import angle_deg

@@ -13,7 +13,9 @@ from visavis.devices.sim import native_build
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import DeviceNotFound
 
-COMPILED = sorted(name for name, spec in built_in().items() if spec.runtime in ("openvr", "openxr"))
+COMPILED = sorted(
+    name for name, spec in built_in().items() if spec.wire.runtime in ("openvr", "openxr")
+)
 SYSTEMS = {"linux": "apt-get install gcc", "darwin": "xcode-select --install", "win32": None}
 
 
@@ -51,7 +53,7 @@ def test_what_it_says_to_rehearse_with_is_built_without_a_compiler(system):
 def test_without_a_compiler_every_simulated_runtime_names_the_driver_to_rehearse_with(
     driver, monkeypatch
 ):
-    library = built_in()[driver].library
+    library = built_in()[driver].wire.library
     pytest.importorskip(library.module, reason=library.install)
     monkeypatch.setattr(native_build, "find_compiler", lambda: None)
     with ExitStack() as stack, pytest.raises(DeviceNotFound, match="simulated_headset"):

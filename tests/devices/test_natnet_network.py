@@ -3,8 +3,9 @@
 import socket
 from typing import ClassVar
 
-from visavis.devices.registry import driver_spec
-from visavis.devices.spec import Site
+from visavis.devices.drivers.natnet.spec import NATNET
+from visavis.devices.registry import driver_wiring
+from visavis.devices.wiring import Site
 from visavis.lab.clock import SystemClock
 
 
@@ -22,11 +23,10 @@ class Joined(socket.socket):
 
 def test_the_group_is_joined_and_motive_asked_by_the_address_that_was_named(monkeypatch):
     monkeypatch.setattr(socket, "socket", Joined)
-    spec = driver_spec("natnet")
-    options = spec.checked_options(
+    options = NATNET.checked_options(
         "body_tracker", {"local_address": "127.0.0.1", "data_port": 15711}
     )
-    wire = spec.real(Site(spec, "body_tracker", SystemClock(), options))
+    wire = driver_wiring("natnet").real(Site(NATNET, "body_tracker", SystemClock(), options))
 
     wire.open(1.0)
     asked_from = wire._sockets[0].getsockname()[0]

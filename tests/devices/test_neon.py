@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from tests.devices.wire_ends.neon_host import NeonHost
 from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.neon import codec
 from visavis.devices.drivers.neon.driver import Neon
@@ -19,7 +20,6 @@ from visavis.devices.drivers.neon.spec import REMEDY
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
-from visavis.devices.testing.neon_host import NeonHost
 from visavis.lab.clock import NS_PER_MS, SystemClock
 from visavis.lab.clock_fit import offset_ns
 from visavis.lab.errors import DeviceNotFound, DeviceTimeout

@@ -11,7 +11,13 @@ from tests.devices.every_driver import own_options
 from tests.devices.other_band_rigs import BANDS, RUNS_FOR_EVER, BandRig
 from visavis.devices import conformance
 from visavis.devices.building import build_device
-from visavis.devices.contracts import BAND_EVENTS, NO_DEVICE_TIME, DeviceState, VibrationPattern
+from visavis.devices.contracts import (
+    BAND_EVENTS,
+    HAPTICS,
+    NO_DEVICE_TIME,
+    DeviceState,
+    VibrationPattern,
+)
 from visavis.devices.drivers.bands.driver import HOST_SIDE_ONLY
 from visavis.devices.drivers.bands.open_bands import silence_every_open_band
 from visavis.devices.registry import OPTION_MODELS, built_in
@@ -110,6 +116,13 @@ def test_row_tells_command_and_that_nobody_confirmed(name):
     assert row["duration_ms"] == 200
     devices_ns = [t for b in rig.batches for t in b.t_device_ns]
     assert set(devices_ns) == {NO_DEVICE_TIME}
+    commands = [b for b in rig.batches if b.schema is HAPTICS]
+    stamps = {
+        int(c): int(t)
+        for b in commands
+        for c, t in zip(b.values["command"], b.t_host_ns, strict=True)
+    }
+    assert stamps[number] == t_ns  # with nothing to wait for, a row is done once it is sent
 
 
 @every_band

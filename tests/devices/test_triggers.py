@@ -19,7 +19,7 @@ from visavis.devices.drivers.triggers.links import ParallelLink
 from visavis.devices.drivers.triggers.pulses import PulseTrain
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.pump import Pump
-from visavis.devices.registry import driver_spec
+from visavis.devices.registry import driver_spec, driver_wiring
 from visavis.devices.sim.triggers import LabJackPeer, LinesPeer
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
 from visavis.lab.config import DeviceConfig
@@ -32,8 +32,8 @@ CODES = {"trial_start": 1, "trial_end": 2, "flash": 255}
 def on_lines(faults=(), driver="serial_triggers", peer=LinesPeer, **options):
     clock = SimClock()
     lines = peer("triggers", clock, faults=FaultSchedule.from_config(faults))
-    spec = driver_spec(driver)
-    device = spec.on_wire("triggers", clock, MemoryLink(lines, clock), codes=CODES, **options)
+    wiring = driver_wiring(driver)
+    device = wiring.on_wire("triggers", clock, MemoryLink(lines, clock), codes=CODES, **options)
     batches = []
     device.open(1.0)
     pump = Pump(device, batches.append, clock)
@@ -49,6 +49,10 @@ def go_on(clock, pump, ms):
 
 def rows_of(batches):
     return np.concatenate([batch.values for batch in batches])
+
+
+def stamps_of(batches):
+    return np.concatenate([batch.t_host_ns for batch in batches]).tolist()
 
 
 @pytest.mark.parametrize(
@@ -67,6 +71,32 @@ def test_a_code_stands_for_its_width_and_the_next_waits_for_the_rest(driver, pee
     assert rows["code"].tolist() == [1, 255]
     assert (rows["t_released_ns"] - rows["t_after_ns"]).tolist() == [5 * NS_PER_MS] * 2
     assert rows["t_commanded_ns"].tolist() == [begin_ns] * 2
+
+
+@pytest.mark.parametrize(
+    ("driver", "peer"), [("serial_triggers", LinesPeer), ("labjack_triggers", LabJackPeer)]
+)
+def test_a_pulse_bears_the_time_of_its_onset_not_of_its_release(driver, peer):
+    clock, _, device, pump, batches = on_lines(driver=driver, peer=peer)
+    go_on(clock, pump, 10)
+    begin_ns = clock.now_ns()
+    for mark in ("trial_start", "flash"):
+        device.trigger(mark, begin_ns)
+    go_on(clock, pump, 40)
+
+    # each code stands 5 ms and the lines rest 2 ms before the next
+    assert stamps_of(batches) == [begin_ns, begin_ns + 7 * NS_PER_MS]
+
+
+def test_a_pulse_that_the_end_of_a_session_cuts_short_bears_the_time_of_its_onset():
+    clock, _, device, pump, batches = on_lines()
+    go_on(clock, pump, 10)
+    begin_ns = clock.now_ns()
+    device.trigger("flash", begin_ns)
+    clock.sleep_until_ns(begin_ns + 3 * NS_PER_MS)
+    pump.stop()
+    assert stamps_of(batches) == [begin_ns]
+    assert rows_of(batches)["t_released_ns"].tolist() == [begin_ns + 3 * NS_PER_MS]
 
 
 def test_lines_are_low_when_a_session_ends_in_the_middle_of_a_pulse():
@@ -236,8 +266,8 @@ def test_bytes_reach_a_serial_port_in_real_time():
     tty.setraw(theirs)
     clock = SystemClock()
     link = SerialLink(clock, port=os.ttyname(theirs), baud=115_200)
-    spec = driver_spec("serial_triggers")
-    device = spec.on_wire("triggers", clock, link, codes=CODES, width_ms=1.0, settle_ms=0.5)
+    wiring = driver_wiring("serial_triggers")
+    device = wiring.on_wire("triggers", clock, link, codes=CODES, width_ms=1.0, settle_ms=0.5)
     device.open(2.0)
     batches = []
     pump = Pump(device, batches.append, clock)

@@ -6,10 +6,10 @@ import pytest
 
 from tests.devices.band_makers import hid_armband, usb_armband
 from tests.devices.other_band_rigs import LAYOUT
+from tests.devices.wire_ends.usb_bus import FakeHidapi, FakeUsbBus
 from visavis.devices.drivers.links.usb import HidLink, UsbLink
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.sim.bands.plain import ReportBandSimulator
-from visavis.devices.testing.usb_bus import FakeHidapi, FakeUsbBus
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 

@@ -21,7 +21,7 @@ def radio():
     pytest.importorskip("bumble", reason="bumble is not installed: pip install bumble")
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     pytest.importorskip("tty", reason="pseudo-terminals need Linux or macOS")
-    from visavis.devices.testing.virtual_bluetooth import VirtualBluetooth
+    from tests.devices.wire_ends.virtual_bluetooth import VirtualBluetooth
 
     with contextlib.ExitStack() as stack:
 

@@ -20,7 +20,7 @@ CLOCK = SystemClock()
 @pytest.fixture
 def serve():
     pytest.importorskip("websockets", reason="websockets is not installed: pip install websockets")
-    from visavis.devices.testing.websocket_host import WebSocketHost
+    from tests.devices.wire_ends.websocket_host import WebSocketHost
 
     with contextlib.ExitStack() as stack:
 

@@ -15,8 +15,9 @@ from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.recording.bids import export_bids
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import perform_new, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 
 def recording_of(study: str, root: Path) -> Recording:

@@ -18,8 +18,9 @@ from visavis.protocol.session.operator import Action, Command, SessionStatus, Un
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import Request, perform_new, perform_rest, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.session_request import Request, simulated_request
 from visavis.study.experiment import StudyExperiment
 
 CONFIG = EXAMPLE

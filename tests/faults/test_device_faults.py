@@ -21,7 +21,7 @@ from visavis.analysis.session_verdict import Level
 from visavis.devices.drivers.streaming import exchange_log
 from visavis.lab.errors import DeviceError
 from visavis.recording.reader import Recording
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
 
 
 @pytest.fixture(scope="module")

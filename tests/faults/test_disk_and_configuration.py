@@ -27,10 +27,10 @@ from visavis.lab.errors import ConfigError, RecordingError, UsageError
 from visavis.recording import durable
 from visavis.recording.folder import open_session
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.data_root import DataDisk
 from visavis.running.sessions.device_setup import build_rig, devices_for
 from visavis.running.sessions.perform import perform_new
-from visavis.study.catalogue import find_study
 
 HEADSET = """  headset:
     driver: simulated_headset

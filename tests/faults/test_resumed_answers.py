@@ -8,9 +8,8 @@ import pytest
 from benchmarks.kill_resume import _fast_config, _ShortSessions
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.recording.reader import Recording
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import perform_new, perform_rest
-from visavis.study.catalogue import find_study
 
 ASKED_BEFORE = 3
 

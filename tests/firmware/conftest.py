@@ -2,7 +2,7 @@
 
 import pytest
 
-from visavis.devices.testing.armband_machine import LockstepMachine, PythonMachine, build
+from tests.devices.wire_ends.armband_machine import LockstepMachine, PythonMachine, build
 from visavis.lab.errors import DeviceNotFound
 
 

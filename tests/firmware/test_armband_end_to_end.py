@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.devices.band_makers import serial_armband
+from tests.devices.wire_ends.armband_machine import LockstepMachine, TerminalMachine
 from visavis.devices.byte_links import MemoryLink
 from visavis.devices.contracts import CONTACT_PATTERN, HAPTICS, DeviceState
-from visavis.devices.testing.armband_machine import LockstepMachine, TerminalMachine
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
 from visavis.lab.clock_fit import fit_clock
 

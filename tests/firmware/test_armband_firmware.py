@@ -7,8 +7,8 @@ import subprocess
 import numpy as np
 import pytest
 
+from tests.devices.wire_ends.armband_machine import LockstepMachine, build
 from visavis.devices.drivers.armband import codec
-from visavis.devices.testing.armband_machine import LockstepMachine, build
 from visavis.lab.errors import DeviceNotFound
 
 MS = 1000

@@ -5,10 +5,10 @@ import shutil
 
 import pytest
 
+from tests.devices.wire_ends.armband_machine import LockstepMachine, PythonMachine, build
 from tests.firmware.test_armband_firmware import FULL, MS, OFF, Host
 from visavis.devices.drivers.armband import codec
 from visavis.devices.sim.armband.firmware import Protection
-from visavis.devices.testing.armband_machine import LockstepMachine, PythonMachine, build
 from visavis.lab.errors import DeviceNotFound
 
 SHORT = Protection(window_ms=12_000, budget_ms=6000, hold_max_ms=10_000)

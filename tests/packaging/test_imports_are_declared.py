@@ -11,8 +11,6 @@ from pathlib import Path
 from tests.product_files import ROOT, name_in_repository, product_files
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-TESTING = ROOT / "devices" / "testing"
-"""The other ends of wires, for the tests of drivers."""
 NAMES_ITS_EXTRA = {
     "src/visavis/running/page/client.py": "aiohttp",
     "src/visavis/running/page/server.py": "aiohttp",
@@ -44,10 +42,10 @@ def modules_at_once(file: Path) -> Iterator[str]:
             yield from modules_of(node)
 
 
-def declared(*, for_developers: bool) -> set[str]:
-    """Return the names of all libraries that Visavis or an extra asks for."""
+def declared() -> set[str]:
+    """Return the names of all libraries that Visavis or an extra for its users asks for."""
     extras = PROJECT["project"]["optional-dependencies"]
-    asked = [a for name, some in extras.items() if for_developers or name != "dev" for a in some]
+    asked = [library for name, some in extras.items() if name != "dev" for library in some]
     wanted = [*PROJECT["project"]["dependencies"], *asked]
     return names_of(wanted)
 
@@ -62,9 +60,8 @@ def plain(name: str) -> str:
 
 def test_installed_packages_import_each_other_and_declared_libraries_alone() -> None:
     provided = metadata.packages_distributions()
-    undeclared = set()
+    undeclared, wanted = set(), declared()
     for file in product_files():
-        wanted = declared(for_developers=TESTING in file.parents)
         for name in set(modules(file)) - {"visavis"} - set(sys.stdlib_module_names):
             of = {plain(d) for d in provided.get(name, ())}
             if name in BESIDE or (of and not of & wanted):

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,19 @@ HEAD_LIKE = StreamSchema(
 )
 
 
+BODY_LIKE = StreamSchema(
+    "body",
+    (
+        Field("position_m", "f4", "m", "world", (2, 3), "segments: pelvis left_hand"),
+        Field("orientation_wxyz", "f4", "1", "world", (2, 4)),
+        Field("valid", "?", "", shape=(2,)),
+    ),
+    60.0,
+)
+MOTION_TYPES = (
+    "ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL",
+)  # fmt: skip
+"""Types of channels of motion in BIDS 1.11.1."""
 BELT = StreamSchema("belt", (Field("breath_01", "f4", "1"),), 32.0)
 KNOB = StreamSchema("knob", (Field("turn_deg", "f4", "deg"),), 0.0)
 
@@ -59,6 +73,7 @@ def gaze_session(
     is_simulated: bool = True,
     own: Sequence[StreamSchema] = (),
     screen: Mapping[str, Any] | None = None,
+    late_s: Mapping[str, float] = MappingProxyType({}),
 ) -> Recording:
     clock = SimClock()
     manifest = replace(
@@ -80,8 +95,12 @@ def gaze_session(
             n = int(schema.nominal_rate_hz) or 2
             values = empty_values(schema, n)
             for field in schema.fields:
-                if field.dtype == "?":
+                if field.dtype == "?" and field.shape:  # every segment is lost once
+                    values[field.name] = np.arange(n)[:, None] != np.arange(1, 1 + field.shape[0])
+                elif field.dtype == "?":
                     values[field.name] = np.arange(n) != 1
+                elif len(field.shape) == 2:
+                    values[field.name] = np.arange(np.prod(field.shape)).reshape(field.shape) / 8
                 elif field.name.endswith("direction_head"):
                     yaw = np.pi / 4 + 0.004 * np.arange(n)
                     values[field.name] = np.stack([np.sin(yaw), 0 * yaw, -np.cos(yaw)], axis=1)
@@ -89,7 +108,8 @@ def gaze_session(
                     values[field.name] = [1.0, 0.0, 0.0, 0.0]
                 else:
                     values[field.name] = 3.5 if field.shape == () else [1.0, 2.0, 3.0]
-            t_ns = 5 * NS_PER_S + np.arange(n) * NS_PER_S // n
+            first_ns = 5 * NS_PER_S + round(late_s.get(schema.name, 0.0) * NS_PER_S)
+            t_ns = first_ns + np.arange(n) * NS_PER_S // n
             recorder.append(SampleBatch(schema, np.arange(n), t_ns, t_ns, values))
         recorder.event("trial_start", 5 * NS_PER_S + NS_PER_S // 4, trial_id="T01")
         recorder.trial(
@@ -186,9 +206,74 @@ def test_bids_motion_columns_are_those_of_its_channels(tmp_path: Path) -> None:
     assert len(channels) == notes["MotionChannelCount"]
 
 
+@pytest.mark.parametrize(
+    ("expected", "system"),
+    [
+        ({"MotionChannelCount": 8, "POSChannelCount": 3, "ORNTChannelCount": 4}, "HMD"),
+        ({"MotionChannelCount": 15, "POSChannelCount": 6, "ORNTChannelCount": 8}, "body"),
+    ],
+)
+def test_bids_counts_of_motion_channels_are_those_of_the_table_of_channels(
+    expected: dict[str, int], system: str, tmp_path: Path
+) -> None:
+    # The rule of the official validator for EEG: XChannelCount == count(channels.type, X). Its
+    # own example of motion, one point with position and quaternion, has 7, 3 and 4 channels;
+    # here the latency of samples is one more.
+    recording = gaze_session(tmp_path / "d", own=(BODY_LIKE,))
+    export_bids([recording], tmp_path / "b", task="stare", dataset_name="Stare", about=ABOUT)
+    stem = f"sub-P01_ses-001_task-stare_tracksys-{system}_run-1"
+    motion = tmp_path / "b" / "sub-P01" / "ses-001" / "motion"
+    notes = json.loads((motion / f"{stem}_motion.json").read_text("utf-8"))
+    channels = pd.read_csv(motion / f"{stem}_channels.tsv", sep="\t", keep_default_na=False)
+    table = pd.read_csv(motion / f"{stem}_motion.tsv", sep="\t", header=None)
+    assert expected == {key: notes[key] for key in expected}
+    counts = {k.removesuffix("ChannelCount"): n for k, n in notes.items() if k.endswith("lCount")}
+    assert len(table.columns) == counts.pop("Motion") == len(channels)
+    assert {*MOTION_TYPES} == set(counts)
+    assert {kind: (channels["type"] == kind).sum() for kind in MOTION_TYPES} == counts
+    points = set(channels["tracked_point"]) - {"n/a"}
+    assert len(points) == notes["TrackedPointsCount"]
+    assert [] == issues_of(tmp_path / "b")
+
+
+def test_bids_channels_of_a_body_name_each_segments_own_column(tmp_path: Path) -> None:
+    recording = gaze_session(tmp_path / "d", own=(BODY_LIKE,))
+    export_bids([recording], tmp_path / "b", task="stare", dataset_name="Stare", about=ABOUT)
+    stem = "sub-P01_ses-001_task-stare_tracksys-body_run-1"
+    motion = tmp_path / "b" / "sub-P01" / "ses-001" / "motion"
+    channels = pd.read_csv(motion / f"{stem}_channels.tsv", sep="\t", keep_default_na=False)
+    table = pd.read_csv(
+        motion / f"{stem}_motion.tsv", sep="\t", names=channels["name"].tolist(), na_values="n/a"
+    )
+    recorded = recording.stream_arrays("body")
+    for k, segment in enumerate(("pelvis", "left_hand")):
+        own = channels[channels["tracked_point"] == segment]
+        assert [*"xyz", "quat_x", "quat_y", "quat_z", "quat_w"] == own["component"].tolist()
+        assert ["POS"] * 3 + ["ORNT"] * 4 == own["type"].tolist()
+        turn = recorded["orientation_wxyz"][:, k, [1, 2, 3, 0]]
+        expected = np.concatenate([recorded["position_m"][:, k], turn], axis=1)
+        expected[~recorded["valid"][:, k]] = np.nan
+        np.testing.assert_allclose(table[own["name"]].to_numpy(), expected)
+
+
+def test_bids_says_from_when_and_how_long_every_recording_lasted(tmp_path: Path) -> None:
+    recording = gaze_session(tmp_path / "d", own=(BELT,), late_s={"belt": 0.25, "gaze": 0.5})
+    export_bids([recording], tmp_path / "b", task="stare", dataset_name="Stare", about=ABOUT)
+    folder = tmp_path / "b" / "sub-P01" / "ses-001"
+    stem = "sub-P01_ses-001_task-stare"
+    # The head is the first to be recorded, 90 poses a second for a second: 89 steps.
+    for name, start_s in (("belt", 0.25), ("eye1", 0.5), ("eye3", 0.5)):
+        path = folder / "beh" / f"{stem}_run-1_recording-{name}_physio.json"
+        notes = json.loads(path.read_text("utf-8"))
+        packed = pd.read_csv(path.with_suffix(".tsv.gz"), sep="\t", names=notes["Columns"])
+        assert start_s == notes["StartTime"] == packed["timestamp"][0]
+    path = folder / "motion" / f"{stem}_tracksys-HMD_run-1_motion.json"
+    assert 89 / 90 == pytest.approx(json.loads(path.read_text("utf-8"))["RecordingDuration"])
+
+
 def test_bids_refuses_a_mixture_of_simulated_and_real(tmp_path: Path) -> None:
     both = [gaze_session(tmp_path / "d", is_simulated=s) for s in (True, False)]
-    with pytest.raises(RecordingError, match="analyse them apart"):
+    with pytest.raises(RecordingError, match="analyse them separately"):
         export_bids(both, tmp_path / "b", task="stare", dataset_name="Stare")
 
 

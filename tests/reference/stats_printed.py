@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.reference import stats_papers
 from tests.reference.stats_compare import Failure, Outcome, compare, total
 from visavis.analysis.statistics import (
     PublishedCheck,
@@ -62,7 +63,7 @@ def _t(item: Item) -> Mapped:
 def _paired_summary(item: Item) -> Mapped:
     i = item["inputs"]
     return _plain(
-        published.check_paired_summary(
+        stats_papers.check_paired_summary(
             i["mean_1"], i["sd_1"], i["mean_2"], i["sd_2"], i["t"], i["n"]
         )
     )
@@ -72,7 +73,7 @@ def _independent_summary(item: Item) -> Mapped:
     i = item["inputs"]
     n_1, n_2 = i.get("n1", i.get("n")), i.get("n2", i.get("n"))
     return _plain(
-        published.check_independent_t(
+        stats_papers.check_independent_t(
             i["m1"], i["s1"], n_1, i["m2"], i["s2"], n_2, t=item["printed"].get("t")
         )
     )
@@ -80,19 +81,19 @@ def _independent_summary(item: Item) -> Mapped:
 
 def _spearman(item: Item) -> Mapped:
     i = item["inputs"]
-    return _plain(published.check_spearman(i["rs"], i["n"], p=item["printed"].get("p")))
+    return _plain(stats_papers.check_spearman(i["rs"], i["n"], p=item["printed"].get("p")))
 
 
 def _threshold(item: Item) -> Mapped:
     i = item["inputs"]
     return _plain(
-        published.check_threshold(i["alpha"], i["m"], threshold=item["printed"].get("threshold"))
+        stats_papers.check_threshold(i["alpha"], i["m"], threshold=item["printed"].get("threshold"))
     )
 
 
 def _stars(item: Item) -> Mapped:
     i = item["inputs"]
-    check = published.check_stars(i["p"], i["m"], printed=item["printed"].get("stars"))
+    check = stats_papers.check_stars(i["p"], i["m"], printed=item["printed"].get("stars"))
     verdicts = {k: v.is_consistent for k, v in check.verdicts.items()}
     return check, {"stars": "*" * int(check.values["stars"])}, verdicts
 
@@ -113,7 +114,7 @@ def _means_and_p(item: Item) -> Mapped:
         i["means"],
         i["n_per_group"],
         names=names,
-        significant=published.read_verdicts(printed) if printed else None,
+        significant=stats_papers.read_verdicts(printed) if printed else None,
     )
     return check, check.values, {"tukey": check.is_consistent and bool(check.verdicts)}
 
@@ -127,12 +128,12 @@ def _group_names(expected: Mapping[str, Any], k: int) -> list[str]:
 
 
 def _pooled_mean(item: Item) -> Mapped:
-    return _plain(published.check_pooled_mean(item["inputs"], mean=item["printed"].get("mean")))
+    return _plain(stats_papers.check_pooled_mean(item["inputs"], mean=item["printed"].get("mean")))
 
 
 def _power(item: Item) -> Mapped:
     i = item["inputs"]
-    check = published.check_oneway_power(
+    check = stats_papers.check_oneway_power(
         i["k"],
         i["n_for_80_percent"],
         i["n_used"],
@@ -145,7 +146,7 @@ def _power(item: Item) -> Mapped:
 def _signed_rank(item: Item) -> Mapped:
     i = item["inputs"]
     return _plain(
-        published.check_signed_rank(
+        stats_papers.check_signed_rank(
             i["T"],
             i["n"],
             p=item["printed"].get("p"),

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 
 from tests.reference.interpolation_map import Case, Check, unknown
+from tests.stimuli.camera.outlined import outlined_room
 from visavis.stimuli.camera.floors import Walkers, walkable_floors
 from visavis.stimuli.camera.following import Drive, follow
 from visavis.stimuli.camera.obstacles import Obstacles
@@ -18,7 +19,6 @@ from visavis.stimuli.camera.shots import (
 )
 from visavis.stimuli.camera.skeleton import medial_axis
 from visavis.stimuli.camera.tracks import RayRules, camera_places, middle_points, tracks_through
-from visavis.stimuli.rooms.outlined import outlined_room
 
 COMMON = {"name", "mode", "tol"}
 KEEPS_FROM_DEG = 30.0

@@ -15,13 +15,14 @@ from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.drawn_stage import Display, default_views
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.study.catalogue import find_study
 
 CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
 WAVING = {

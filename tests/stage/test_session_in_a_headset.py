@@ -10,8 +10,7 @@ import pytest
 
 import visavis.devices.sim.openvr.runtime
 import visavis.devices.sim.openxr.runtime
-import visavis.running.sessions.stage_setup
-import visavis.stage.drawn_stage
+import visavis.running.sessions.drawn_stages
 from tests.faults.sessions import events, lab
 from tests.stage.sessions import perform_shortest
 from visavis.devices.sim.native_build import find_compiler
@@ -88,8 +87,8 @@ def thin_stage(monkeypatch: pytest.MonkeyPatch) -> None:
         Renderer(quality=LIGHTEST).close()
     except StageError as problem:
         pytest.skip(str(problem))
-    monkeypatch.setattr(visavis.stage.drawn_stage, "DrawnStage", _NowAndThen)
-    monkeypatch.setattr(visavis.running.sessions.stage_setup, "OFFSCREEN_PX", (48, 54))
+    monkeypatch.setattr(visavis.running.sessions.drawn_stages, "DrawnStage", _NowAndThen)
+    monkeypatch.setattr(visavis.running.sessions.drawn_stages, "OFFSCREEN_PX", (48, 54))
 
 
 def _shown() -> tuple[_NowAndThen, list[npt.NDArray[np.uint8]]]:

@@ -11,9 +11,9 @@ from visavis.stimuli.scenes.station_crowd import (
     SPACING_M,
     START_M,
     WAITING,
+    body_radius_m,
     can_read,
     density_per_m2,
-    gaps_m,
     in_room,
     max_people,
     poisson_disk,
@@ -42,6 +42,16 @@ def test_a_crowd_can_be_thinner_or_denser(density):
 def test_a_crowd_nobody_can_stand_in_or_meet_is_refused(density):
     with pytest.raises(DesignError, match=r"0\.3 to 2\.5"):
         station_crowd(1, density)
+
+
+def gaps_m(crowd):
+    """Return what is free between neighbours (k,): their distance less both bodies along it."""
+    a, b = crowd.neighbours.T
+    between = crowd.position_m[b] - crowd.position_m[a]
+    distance = np.linalg.norm(between, axis=1)
+    direction = between / distance[:, None]
+    free = distance - body_radius_m(crowd, a, direction) - body_radius_m(crowd, b, direction)
+    return free
 
 
 @pytest.mark.parametrize("configuration", ALL)

@@ -35,6 +35,13 @@ def test_links_out_of_the_docs_lead_to_pages_of_the_site_or_nowhere() -> None:
     assert "[p](../pages.md)" == site_text("[p](../../docs/pages.md)", "studies/stare.md")
 
 
+def test_the_index_of_decisions_leads_to_every_record() -> None:
+    folder = ROOT / "docs" / "decisions"
+    index = (folder / "README.md").read_text("utf-8")
+    records = sorted(path.name for path in folder.glob("[0-9]*.md"))
+    assert records == re.findall(r"^\| \[\d{4}\]\(([^)]+)\) \|", index, re.MULTILINE)
+
+
 @pytest.mark.slow  # every page
 @pytest.mark.timeout(300)
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:

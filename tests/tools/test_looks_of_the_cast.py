@@ -8,9 +8,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from tools.character_making.cutting import border
-from tools.character_making.hair import STYLES
-from tools.character_making.recipes import CAST as RECIPES
+from character_making.cutting import border
+from character_making.hair import STYLES
+from character_making.recipes import CAST as RECIPES
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.cast import cast_names, load_character

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tools.character_making.recipes import CAST as RECIPES
+from character_making.recipes import CAST as RECIPES
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.cast import cast_names, load_character

@@ -22,8 +22,9 @@ from visavis.lab.config import parse_config
 from visavis.lab.geometry import unit
 from visavis.protocol.session.gaze_setup import TargetTiming
 from visavis.protocol.session.operator import UnattendedOperator
-from visavis.running.sessions.perform import perform_new, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 EYES_M = np.array([0.0, 1.2, 0.0])
 STUDY = """

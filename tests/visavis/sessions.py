@@ -7,9 +7,9 @@ from typing import Any
 from tests.faults.sessions import lab
 from visavis.protocol.session.operator import Operator
 from visavis.recording.reader import Recording
-from visavis.results.opened_study import OpenedStudy
-from visavis.running.sessions.perform import perform_new, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 STUDIES = Path(__file__).parent / "studies"
 

@@ -13,6 +13,7 @@ from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DesignError
 from visavis.results.analysis import Finding, answered
 from visavis.results.power import KitPower
+from visavis.running.quick import quick_study
 from visavis.study.comparisons import Compare
 from visavis.study.measures import Measure
 
@@ -179,7 +180,7 @@ def test_agreement_says_who_rates_and_by_which_coefficient(
 def test_power_simulates_agreement(tmp_path: Path) -> None:
     path = tmp_path / "liked.py"
     path.write_text(STUDY, encoding="utf-8")
-    power = KitPower(str(path), tracker_of)
+    power = KitPower(str(path), tracker_of, quick_study)
     assert 2 == len(power.tests)
     with_effect, without = (
         power.simulate([8], list(power.tests), effect=effect, seed=3, alpha=0.05)[8]

@@ -10,6 +10,7 @@ from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DesignError
 from visavis.results.analysis import answered
 from visavis.results.power import KitPower
+from visavis.running.quick import quick_study
 from visavis.study.comparisons import Compare
 from visavis.study.measures import Measure
 
@@ -72,7 +73,7 @@ def votes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_its_power_is_found(votes: Path) -> None:
-    power = KitPower(str(votes), tracker_of)
+    power = KitPower(str(votes), tracker_of, quick_study)
     assert {"vote:vote": "the hybrid is preferred"} == dict(power.tests)
     people = pd.DataFrame({"participant": f"P{i}", "vote": v} for i, v in enumerate((4, 5) * 5))
     # All of five above 3 is p = 2 / 2^5, not below .05; of eight it is 2 / 2^8.

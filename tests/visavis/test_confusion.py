@@ -7,8 +7,9 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from visavis.results.confusion import Confusion
-from visavis.study.catalogue import find_study
+from visavis.results.confusion import confusion_counts, confusion_section
+from visavis.results.opened_study import find_study
+from visavis.study.sections import Confusion
 
 STUDY = """from visavis import Choice, Confusion, Factor, Scene, Study
 
@@ -42,7 +43,7 @@ def extra(tmp_path: Path) -> Any:
     trials = pd.DataFrame(ROWS, columns=["eyes", "distance", "seen"])
     analysis: Any = SimpleNamespace(selection=SimpleNamespace(counted=trials), is_simulated=False)
     section: Any = opened.study.sections[0]
-    return section(analysis, opened.experiment({}))
+    return confusion_section(section, analysis, opened.experiment({}))
 
 
 def test_a_row_is_what_was_right_and_a_column_the_answer(extra: Any) -> None:
@@ -68,6 +69,6 @@ def test_one_matrix_for_each_level_and_none_without(extra: Any) -> None:
 
 def test_without_a_factor_all_trials_make_one_matrix() -> None:
     trials = pd.DataFrame(ROWS, columns=["eyes", "distance", "seen"])
-    counts = Confusion("eyes", "seen").counts(trials, ("averted", "directed"))
+    counts = confusion_counts(Confusion("eyes", "seen"), trials, ("averted", "directed"))
 
     assert [[1, 2], [1, 1]] == counts.tolist()

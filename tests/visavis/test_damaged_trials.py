@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 
 from visavis.recording.integrity import DAMAGED, LOST
-from visavis.study.exclusions import REASON, STANDARD_RULES, limits_in_force, select
+from visavis.results.selection import REASON, select
+from visavis.study.exclusions import STANDARD_RULES, limits_in_force
 
 
 def rows(*statuses: str) -> pd.DataFrame:

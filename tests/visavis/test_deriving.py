@@ -7,8 +7,8 @@ import pytest
 from tests.visavis.sessions import STUDIES, opened
 from visavis import Exclusion, derive
 from visavis.lab.errors import ConfigError, DesignError
-from visavis.results.opened_study import OpenedStudy
-from visavis.study.catalogue import digest_of, find_study
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.study.catalogue import digest_of
 from visavis.study.declaration import Study
 
 DUEL = STUDIES / "duel.py"

@@ -9,7 +9,7 @@ import pytest
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import ConfigError
-from visavis.running.sessions.stage_setup import _of_headset, quality_of
+from visavis.running.sessions.drawn_stages import _of_headset, quality_of
 from visavis.stage.renderer import ON_PROCESSOR, Quality
 
 

@@ -23,17 +23,13 @@ from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.analysis import answered
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.family_tests import results_of
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.results.selection import COUNTED
 from visavis.running.quick import quick_rows, quick_study
-from visavis.running.sessions.perform import Request, perform_new, perform_rest, simulated_request
-from visavis.stage.errors import StageError
-from visavis.stage.renderer import LIGHTEST, Renderer
-from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.study.catalogue import SHIPPED, find_study
-from visavis.study.exclusions import COUNTED
-from visavis.study.experiment import StudyExperiment
-from visavis.study.pairs import results_of
-from visavis.testing import (
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.session_request import Request, simulated_request
+from visavis.running.study_check import (
     first_view,
     performing_problems,
     plan_problems,
@@ -41,6 +37,11 @@ from visavis.testing import (
     renamed_parameters,
     text_problems,
 )
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.study.catalogue import SHIPPED
+from visavis.study.experiment import StudyExperiment
 
 STUDIES = Path(__file__).parent / "studies"
 FOUND = tuple(str(path) for path in sorted(STUDIES.glob("*.py")))

@@ -5,15 +5,10 @@ import pandas as pd
 import pytest
 
 from visavis.lab.errors import UsageError
-from visavis.study.catalogue import SHIPPED, find_study
-from visavis.study.exclusions import (
-    STANDARD_RULES,
-    Exclusion,
-    Selection,
-    left_out_lines,
-    limits_in_force,
-    select,
-)
+from visavis.results.opened_study import find_study
+from visavis.results.selection import Selection, left_out_lines, select
+from visavis.study.catalogue import SHIPPED
+from visavis.study.exclusions import STANDARD_RULES, Exclusion, limits_in_force
 
 LOST = Exclusion("max_lost_01", "trial", "lost_01", 0.3, "{value:.0%} lost", missing_is_out=True)
 

@@ -17,12 +17,13 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DeviceError, LabError, SessionAborted
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
+from visavis.results.opened_study import find_study
 from visavis.running.sessions import perform
 from visavis.running.sessions.perform import get_ready
 from visavis.stage.contracts import GeometryStage, Viewer
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.scene import SceneFrame
-from visavis.study.catalogue import SHIPPED, find_study
+from visavis.study.catalogue import SHIPPED
 
 ROOT = Path(__file__).parents[2]
 

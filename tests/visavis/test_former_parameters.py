@@ -8,7 +8,7 @@ import pytest
 
 from visavis.lab.errors import DataError
 from visavis.recording.reader import Recording
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
 
 
 def recorded_with(**parameters: Any) -> Recording:

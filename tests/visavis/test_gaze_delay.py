@@ -9,7 +9,8 @@ from tests.faults.sessions import lab
 from tests.visavis.sessions import opened
 from visavis.lab.clock import NS_PER_MS
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 DELAY_MS = 24.0
 

@@ -15,8 +15,8 @@ from visavis.lab.errors import UsageError
 from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.people.own_body import read_own_body
 from visavis.protocol.plan.steps import Answered, Mark, NextFrame, Prompt
-from visavis.running.sessions.perform import Request, body_of, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.session_request import Request, body_of, simulated_request
 from visavis.study.dry_run import still_view
 
 

@@ -14,6 +14,7 @@ from visavis.cli.main import app
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import DataError, UsageError
 from visavis.results.locked_plan.deviations import deviations_between
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.folder_check import repair_study, study_problems
 from visavis.running.sessions.plan_lock import (
     LOCK_NAME,
@@ -22,7 +23,6 @@ from visavis.running.sessions.plan_lock import (
     lock_plan,
     read_lock,
 )
-from visavis.study.catalogue import find_study
 
 SIMULATED = ("--devices", "sim", "--config", str(CONFIG))
 STUDY = """

@@ -16,10 +16,11 @@ from visavis.lab.config import DeviceConfig
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
 from visavis.results.tables.dictionary import trial_columns
 from visavis.running.sessions.device_setup import devices_for
-from visavis.running.sessions.perform import perform_new, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 STUDY = """
 from visavis import Choice, Factor, Keys, Scene, Study

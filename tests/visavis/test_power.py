@@ -11,6 +11,7 @@ from visavis.analysis.power import PowerRequest, jobs_of, run_job, summarise
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DataError, UsageError
 from visavis.results.power import KitPower, draw_people
+from visavis.running.quick import quick_study
 from visavis.study.comparisons import Compare
 
 DUEL = str(STUDIES / "duel.py")
@@ -18,11 +19,11 @@ DUEL = str(STUDIES / "duel.py")
 
 @pytest.fixture(scope="module")
 def power() -> KitPower:
-    return KitPower(DUEL, tracker_of)
+    return KitPower(DUEL, tracker_of, quick_study)
 
 
 def test_parameters_of_a_study_hold_for_its_power() -> None:
-    few = KitPower(DUEL, tracker_of, overrides={"repetitions": 1})
+    few = KitPower(DUEL, tracker_of, quick_study, overrides={"repetitions": 1})
     assert 4 == len(few.simulate_people([0], effect=1.0, seed=1))
 
 
@@ -62,7 +63,7 @@ def trial(t):
 def test_two_comparisons_of_one_effect_each_have_a_power(tmp_path: Path) -> None:
     path = tmp_path / "twice.py"
     path.write_text(TWICE, "utf-8")
-    twice = KitPower(str(path), tracker_of)
+    twice = KitPower(str(path), tracker_of, quick_study)
     red, blue = twice.tests
     assert ("nice:side (red, by side)", "nice:side (blue, by side)") == (red, blue)
     cells = {("left", "red"): 2, ("right", "red"): 7, ("left", "blue"): 5, ("right", "blue"): 5}
@@ -99,7 +100,7 @@ def test_a_claim_is_put_to_the_interaction_which_decides_and_other_effects_are_n
     tmp_path: Path,
 ) -> None:
     (tmp_path / "near.py").write_text(CLAIMED, "utf-8")
-    near = KitPower(str(tmp_path / "near.py"), tracker_of)
+    near = KitPower(str(tmp_path / "near.py"), tracker_of, quick_study)
     assert {
         "nice:motion:far_m": "nice depends on motion × far_m: waving is nicer when near",
         "nice:motion": "nice depends on motion",

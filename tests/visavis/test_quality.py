@@ -10,7 +10,8 @@ from visavis.results.quality import quality_of as quality_of_study
 from visavis.results.quality import quality_of_trials, quality_table
 from visavis.results.report.reporting_list import FILL_IN, OPEN, WHY_NOT, reporting_table
 from visavis.results.report.study_report import kept_of
-from visavis.study.exclusions import limits_in_force, select
+from visavis.results.selection import select
+from visavis.study.exclusions import limits_in_force
 from visavis.study.measures import Measure
 
 

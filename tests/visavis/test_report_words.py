@@ -8,6 +8,7 @@ import pytest
 
 from tests.visavis.sessions import opened, perform
 from visavis.results.analysis import measures_of
+from visavis.results.report.methods import own_methods
 from visavis.study.measures import dwell_on
 
 STUDY = """from visavis import Compare, Factor, Rating, Scene, Study, dwell_on
@@ -31,6 +32,18 @@ def trial(t):
     yield t.ask(Rating("comfort", 1, 9))
 """
 TEXTS = "labels:\n  far_m: distance in metres\n  eyes: gaze of the person\n"
+
+
+@pytest.mark.parametrize(
+    ("expected", "repetitions"),
+    [
+        ("Every combination came once: 2 trials", 1),
+        ("Every combination came 3 times: 6 trials", 3),
+    ],
+)
+def test_the_method_says_how_often_every_combination_came(expected: str, repetitions: int) -> None:
+    experiment = opened("asking").experiment({"repetitions": repetitions})
+    assert expected in " ".join(own_methods(experiment))
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from visavis.lab.errors import DesignError
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
 from visavis.study.study_errors import forgotten_yields
 from visavis.study.trial import STEPS
 

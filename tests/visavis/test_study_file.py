@@ -8,9 +8,10 @@ import pytest
 
 from tests.visavis.sessions import opened, perform
 from visavis.lab.errors import ConfigError, DesignError, UsageError
-from visavis.study.catalogue import find_study, study_of_file
+from visavis.results.opened_study import find_study
+from visavis.results.selection import COUNTED, REASON
+from visavis.study.catalogue import study_of_file
 from visavis.study.dry_run import read_trial
-from visavis.study.exclusions import COUNTED, REASON
 from visavis.study.trial import TrialScript
 
 SMALL = {"repetitions": 1, "practice": 1}

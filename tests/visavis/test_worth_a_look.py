@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from visavis.results.analysis import StudyAnalysis
+from visavis.results.selection import PERSON_OUT, PRACTICE, REPEATED
 from visavis.results.unusual import Striking, looks_table, striking_trials
-from visavis.study.exclusions import PERSON_OUT, PRACTICE, REPEATED
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from visavis.cli.main import app
 from visavis.lab.errors import LabError
+from visavis.results.opened_study import find_study
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
-from visavis.study.catalogue import find_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "write-a-study.md"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -86,7 +86,8 @@ def wired() -> list[str]:
 
 
 def _captured() -> list[str]:
-    return [d for d, f in sorted(built_in().items()) if f.wire != "none" and f.carries != "nothing"]
+    wires = {name: spec.wire for name, spec in sorted(built_in().items())}
+    return [d for d, wire in wires.items() if wire.medium != "none" and wire.carries != "nothing"]
 
 
 def main() -> None:

@@ -87,8 +87,7 @@ class HostTimedBand(HasLife):
             abilities.add(HOST_SIDE_ONLY)
         if takes_rates:
             abilities.add("rate")
-        spec = replace(spec, capabilities=frozenset(abilities))
-        self.info = spec.info(role, link)
+        self.info = replace(spec.info(role, link), capabilities=frozenset(abilities))
         self._condition = Condition()
         self._refusals: dict[str, str] = {}
         self._reset()

@@ -1,9 +1,8 @@
-"""Bands of other makers, and of a laboratory's own making: options, wires, simulators."""
+"""Bands of other makers, and of a laboratory's own making: their options and descriptions."""
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
-from urllib.parse import urlencode
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -11,18 +10,10 @@ from visavis.devices.drivers.links.options import (
     BandOptions,
     BleBandOptions,
     SerialBandOptions,
-    own_link,
 )
 from visavis.devices.libraries import BLE, HID, SERIAL, USB, WEBSOCKETS
 from visavis.devices.options import Options
-from visavis.devices.spec import AnySpec, DriverSpec, Site, worn_as
-from visavis.lab.errors import ConfigError
-
-if TYPE_CHECKING:
-    from visavis.devices.byte_links import ByteLink
-    from visavis.devices.drivers.bands.driver import HostTimedBand
-    from visavis.devices.drivers.bands.language import BandLanguage
-    from visavis.lab.clock import Clock
+from visavis.devices.spec import AnySpec, Claims, Dialect, DriverSpec, Product, Wire
 
 VHP_BAUD = 1_000_000
 PLAYER_REMEDY = "start the bHaptics Player on this computer, switch the unit on and pair it there"
@@ -34,20 +25,6 @@ def _within(numbers: list[int], count: int, what: str) -> list[int]:
     return numbers
 
 
-def _band(site: Site[Any], link: "ByteLink") -> "HostTimedBand":
-    """Return the driver of a band; its options know the language, and perhaps the model."""
-    from visavis.devices.drivers.bands.driver import HostTimedBand
-
-    options = site.options
-    spec = replace(site.spec, model=options.model()) if hasattr(options, "model") else site.spec
-    try:
-        language = options.language()
-    except ValueError as cause:
-        raise ConfigError(f"devices.{site.role}: {cause}; correct its options") from cause
-    rate_hz = options.max_rate_hz
-    return HostTimedBand(site.role, link, language, site.clock, spec=spec, max_rate_hz=rate_hz)
-
-
 # ---- Neosensory Buzz -------------------------------------------------------------------------
 
 
@@ -56,28 +33,18 @@ class BuzzOptions(BleBandOptions):
 
     name: str = "Buzz"
 
-    def language(self) -> "BandLanguage":
-        """Return what it speaks."""
-        from visavis.devices.drivers.bands.buzz_codec import BuzzLanguage
-
-        return BuzzLanguage()
-
 
 NEOSENSORY_BUZZ: AnySpec = DriverSpec(
     name="neosensory_buzz",
     kind="armband",
     options=BuzzOptions,
-    make=_band,
-    real=own_link,
-    simulated=worn_as("visavis.devices.sim.bands.buzz:BuzzSimulator"),
-    carries="bytes",
-    vendor="Neosensory",
-    model="Buzz",
-    wire="Bluetooth LE",
-    library=BLE,
-    stands_for="Neosensory Buzz, Google's slim board",
-    checked="our reading of the vendors' code; genuine bleak over our BlueZ",
-    unproven="current firmware; packet sizes",
+    product=Product(vendor="Neosensory", model="Buzz"),
+    wire=Wire(medium="Bluetooth LE", carries="bytes", library=BLE),
+    claims=Claims(
+        stands_for="Neosensory Buzz, Google's slim board",
+        checked="our reading of the vendors' code; genuine bleak over our BlueZ",
+        unproven="current firmware; packet sizes",
+    ),
 )
 
 
@@ -97,12 +64,6 @@ class VhpSlimOptions(BleBandOptions):
     def _exist(cls, channels: list[int]) -> list[int]:
         return _within(channels, 12, "channels")
 
-    def language(self) -> "BandLanguage":
-        """Return what it speaks."""
-        from visavis.devices.drivers.bands.vhp_codec import VhpSlimLanguage
-
-        return VhpSlimLanguage(self.channels)
-
     def for_simulator(self) -> dict[str, Any]:
         """Return where our motors are among its own."""
         return {"places": self.channels}
@@ -119,19 +80,9 @@ class VhpSleeveOptions(SerialBandOptions):
     def _exist(cls, channels: list[int]) -> list[int]:
         return _within(channels, 12, "channels")
 
-    def link(self, clock: "Clock") -> "ByteLink":
-        """Return its serial port."""
-        return self.serial_link(clock, VHP_BAUD)
-
     def model(self) -> str:
         """Return which of the two boards it is."""
         return f"VHP {self.board}"
-
-    def language(self) -> "BandLanguage":
-        """Return what it speaks."""
-        from visavis.devices.drivers.bands.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage
-
-        return VhpSleeveLanguage(self.channels, SLEEVE if self.board == "sleeve" else SLIM_BOARD)
 
     def for_simulator(self) -> dict[str, Any]:
         """Return where our motors are among its own."""
@@ -142,25 +93,19 @@ VHP_SLIM = replace(
     NEOSENSORY_BUZZ,
     name="vhp_slim",
     options=VhpSlimOptions,
-    simulated=worn_as("visavis.devices.sim.bands.vhp:SlimBoardSimulator"),
-    vendor="Google (open hardware)",
-    model="VHP slim board",
+    product=Product(vendor="Google (open hardware)", model="VHP slim board"),
 )
 VHP_SLEEVE: AnySpec = DriverSpec(
     name="vhp_sleeve",
     kind="armband",
     options=VhpSleeveOptions,
-    make=_band,
-    real=own_link,
-    simulated=worn_as("visavis.devices.sim.bands.vhp:SleeveSimulator"),
-    carries="bytes",
-    vendor="Google (open hardware)",
-    model="VHP sleeve",
-    wire="serial port",
-    library=SERIAL,
-    stands_for="Google's sleeve, a laboratory's own firmware",
-    checked="our reading of VHP's code, text by the lab's own firmware; virtual clock",
-    unproven="the adapter; your firmware",
+    product=Product(vendor="Google (open hardware)", model="VHP sleeve"),
+    wire=Wire(medium="serial port", carries="bytes", library=SERIAL),
+    claims=Claims(
+        stands_for="Google's sleeve, a laboratory's own firmware",
+        checked="our reading of VHP's code, text by the lab's own firmware; virtual clock",
+        unproven="the adapter; your firmware",
+    ),
 )
 
 
@@ -181,24 +126,9 @@ class BhapticsOptions(BandOptions):
     def _exist(cls, points: list[int]) -> list[int]:
         return _within(points, 6, "points")
 
-    def link(self, clock: "Clock") -> "ByteLink":
-        """Return the way to the Player."""
-        from visavis.devices.drivers.bands.bhaptics_codec import PATH
-        from visavis.devices.drivers.links.websocket import WebSocketLink
-
-        query = urlencode({"app_id": self.app_id, "app_name": "Visavis"})
-        url = f"ws://{self.address}:{self.port}{PATH}?{query}"
-        return WebSocketLink(url, clock, remedy=PLAYER_REMEDY)
-
     def model(self) -> str:
         """Return which arm it is made for."""
         return f"Tactosy {self.position}"
-
-    def language(self) -> "BandLanguage":
-        """Return what it speaks."""
-        from visavis.devices.drivers.bands.bhaptics_codec import BhapticsLanguage
-
-        return BhapticsLanguage(self.position, self.points)
 
     def for_simulator(self) -> dict[str, Any]:
         """Return which unit it is, and where our motors are on it."""
@@ -209,19 +139,14 @@ BHAPTICS = DriverSpec(
     name="bhaptics",
     kind="armband",
     options=BhapticsOptions,
-    make=_band,
-    real=own_link,
-    simulated=worn_as("visavis.devices.sim.bands.bhaptics:BhapticsPlayerSimulator"),
-    carries="bytes",
-    vendor="bHaptics",
-    model="Tactosy ForearmL",
-    wire="WebSocket",
+    product=Product(vendor="bHaptics", model="Tactosy ForearmL"),
+    wire=Wire(medium="WebSocket", carries="bytes", library=WEBSOCKETS, dials=True),
     remedy=PLAYER_REMEDY,
-    library=WEBSOCKETS,
-    dials=True,
-    stands_for="bHaptics forearm unit",
-    checked="our reading of the vendor's first client; a real WebSocket",
-    unproven="a current Player",
+    claims=Claims(
+        stands_for="bHaptics forearm unit",
+        checked="our reading of the vendor's first client; a real WebSocket",
+        unproven="a current Player",
+    ),
 )
 
 
@@ -256,19 +181,6 @@ class AsciiArmbandOptions(SerialBandOptions):
     baud: int = Field(default=115_200, ge=300, le=3_000_000)
     commands: AsciiCommands
 
-    def link(self, clock: "Clock") -> "ByteLink":
-        """Return its serial port."""
-        return self.serial_link(clock, self.baud)
-
-    def language(self) -> "BandLanguage":
-        """Return the commands as a language; raises ValueError where a template is wrong."""
-        from visavis.devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
-
-        given: dict[str, Any] = {
-            k: tuple(v) if isinstance(v, list) else v for k, v in self.commands.model_dump().items()
-        }
-        return AsciiLanguage(AsciiTemplates(**given))
-
 
 TEXT_UNDERSTOOD: Mapping[str, Any] = {
     "commands": {
@@ -286,10 +198,8 @@ ASCII_ARMBAND = replace(
     VHP_SLEEVE,
     name="ascii_armband",
     options=AsciiArmbandOptions,
-    simulated=worn_as("visavis.devices.sim.bands.plain:TextBandSimulator"),
-    understood=TEXT_UNDERSTOOD,
-    vendor="own firmware",
-    model="text commands",
+    product=Product(vendor="own firmware", model="text commands"),
+    dialect=Dialect(options=TEXT_UNDERSTOOD),
 )
 
 
@@ -319,32 +229,11 @@ class HidArmbandOptions(BandOptions):
     serial_number: str = ""
     layout: ReportLayoutOptions = ReportLayoutOptions()
 
-    def link(self, clock: "Clock") -> "ByteLink":
-        """Return the way by hidapi."""
-        from visavis.devices.drivers.links.usb import HidLink
-
-        return HidLink(clock, vid=self.vid, pid=self.pid, serial_number=self.serial_number)
-
-    def language(self) -> "BandLanguage":
-        """Return the layout as a language; raises ValueError where it does not fit."""
-        from visavis.devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
-
-        given = self.layout.model_dump() | {"prefix": bytes.fromhex(self.layout.prefix)}
-        if self.layout.report_id is None:
-            given["report_id"] = self.no_number
-        return ReportLanguage(ReportLayout(**given))
-
 
 class UsbArmbandOptions(HidArmbandOptions):
     """Options of `usb_armband`."""
 
     no_number: ClassVar[int | None] = None
-
-    def link(self, clock: "Clock") -> "ByteLink":
-        """Return the way by libusb."""
-        from visavis.devices.drivers.links.usb import UsbLink
-
-        return UsbLink(clock, vid=self.vid, pid=self.pid, serial_number=self.serial_number)
 
 
 REPORTS_UNDERSTOOD: Mapping[str, Any] = {
@@ -359,26 +248,20 @@ HID_ARMBAND = DriverSpec(
     name="hid_armband",
     kind="armband",
     options=HidArmbandOptions,
-    make=_band,
-    real=own_link,
-    simulated=worn_as("visavis.devices.sim.bands.plain:ReportBandSimulator"),
-    carries="bytes",
-    understood=REPORTS_UNDERSTOOD,
-    vendor="own firmware",
-    model="report band",
-    wire="USB HID",
-    library=HID,
-    stands_for="USB bands",
-    checked="our own reports; stand-in for hidapi; genuine pyusb",
-    unproven="access rights, libusb",
+    product=Product(vendor="own firmware", model="report band"),
+    wire=Wire(medium="USB HID", carries="bytes", library=HID),
+    claims=Claims(
+        stands_for="USB bands",
+        checked="our own reports; stand-in for hidapi; genuine pyusb",
+        unproven="access rights, libusb",
+    ),
+    dialect=Dialect(options=REPORTS_UNDERSTOOD),
 )
 USB_ARMBAND = replace(
     HID_ARMBAND,
     name="usb_armband",
     options=UsbArmbandOptions,
-    simulated=worn_as("visavis.devices.sim.bands.plain:ReportBandSimulator", number=None),
-    wire="USB",
-    library=USB,
+    wire=replace(HID_ARMBAND.wire, medium="USB", library=USB),
 )
 SPECS = (
     NEOSENSORY_BUZZ,

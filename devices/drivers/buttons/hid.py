@@ -17,6 +17,7 @@ from visavis.devices.drivers.buttons.hid_reports import (
     layout_of,
 )
 from visavis.devices.drivers.buttons.spec import HID_BUTTONS
+from visavis.devices.drivers.hid_gaze.reports import hid_library
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout, ProtocolViolation
 
@@ -57,8 +58,6 @@ class HidButtonLink:
 
     def open(self, deadline_s: float) -> None:
         """Find and open the device."""
-        from visavis.devices.drivers.hid_gaze.reports import hid_library
-
         self.close()
         library = self._library if self._library is not None else hid_library()
         rows = [row for row in library.enumerate() if self._fits(row)]

@@ -1,16 +1,12 @@
-"""What participants press, as Visavis knows it: options, wires, simulators."""
+"""What participants press, as Visavis knows it: options and descriptions."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
 from visavis.devices.libraries import HID, SERIAL
 from visavis.devices.options import SimulatedOptions
-from visavis.devices.spec import DriverSpec, Site, driven_by, imported
-
-if TYPE_CHECKING:
-    from visavis.devices.byte_links import ByteLink
+from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 Called = Annotated[dict[str, str], Field(json_schema_extra={"any_magnitude": True})]
 """What studies call some of a device's buttons, by the device's own names."""
@@ -32,37 +28,18 @@ class KeyboardOptions(ButtonOptions):
     keys: Called = Field(default_factory=lambda: {"space": "trigger", "enter": "select"})
 
 
-def _window_keys(site: Site[KeyboardOptions]) -> "ByteLink":
-    from visavis.devices.drivers.buttons.keyboard import KeyLink
-
-    return KeyLink(site.clock)
-
-
-def _pressed_keys(site: Site[KeyboardOptions]) -> "ByteLink":
-    from visavis.devices.byte_links import MemoryLink
-    from visavis.devices.sim.buttons.keyboard import PressedKeys
-
-    names = {control: key for key, control in site.options.keys.items()}
-    return MemoryLink(PressedKeys(site.watched, site.clock, site.faults, names), site.clock)
-
-
 KEYBOARD = DriverSpec(
     name="keyboard",
     kind="responses",
     options=KeyboardOptions,
-    make=driven_by("visavis.devices.drivers.buttons.keyboard:Keyboard"),
-    real=_window_keys,
-    simulated=_pressed_keys,
-    carries="bytes",
-    vendor="any",
-    model="keyboard",
-    wire="the window's events",
+    product=Product(vendor="any", model="keyboard", capabilities=frozenset({"keys"})),
+    wire=Wire(medium="the window's events", carries="bytes", hears_window=True),
     remedy=KEYBOARD_REMEDY,
-    hears_window=True,
-    capabilities=frozenset({"keys"}),
-    stands_for="the keyboard of this computer",
-    checked="real key events of an X server, through GLFW",
-    unproven="the keyboard's own delay",
+    claims=Claims(
+        stands_for="the keyboard of this computer",
+        checked="real key events of an X server, through GLFW",
+        unproven="the keyboard's own delay",
+    ),
 )
 
 
@@ -95,67 +72,34 @@ class ByteOptions(SerialButtonOptions):
     keys: Called = Field(default_factory=lambda: {"1": "trigger"})
 
 
-def _serial(site: Site[Any]) -> "ByteLink":
-    from visavis.devices.drivers.links.serial_port import SerialLink
-
-    options = site.options
-    return SerialLink(
-        site.clock,
-        port=options.port,
-        vid=options.vid,
-        pid=options.pid,
-        serial_number=options.serial_number,
-        baud=options.baud,
-    )
-
-
-def _box(simulator: str) -> Callable[[Site[Any]], "ByteLink"]:
-    def link(site: Site[Any]) -> "ByteLink":
-        from visavis.devices.byte_links import MemoryLink
-
-        names = {control: key for key, control in site.options.keys.items()}
-        peer = imported(simulator)(site.watched, site.clock, site.faults, names, seed=site.own_seed)
-        return MemoryLink(peer, site.clock)
-
-    return link
-
-
 BOX_REMEDY = "plug the box in; `visavis doctor` lists serial ports with vid, pid and serial_number"
 XID = DriverSpec(
     name="xid_buttons",
     kind="responses",
     options=XidOptions,
-    make=driven_by("visavis.devices.drivers.buttons.xid:XidButtons"),
-    real=_serial,
-    simulated=_box("visavis.devices.sim.buttons.boxes:XidPad"),
-    carries="bytes",
-    vendor="Cedrus",
-    model="XID response pad",
-    wire="serial port",
+    product=Product(
+        vendor="Cedrus", model="XID response pad", capabilities=frozenset({"keys", "own_time"})
+    ),
+    wire=Wire(medium="serial port", carries="bytes", library=SERIAL),
     remedy=BOX_REMEDY,
-    capabilities=frozenset({"keys", "own_time"}),
-    library=SERIAL,
-    stands_for="Cedrus response pads in XID mode",
-    checked="presses read by the vendor's client pyxid2; a pseudo-terminal",
-    unproven="a pad, drift of its timer",
+    claims=Claims(
+        stands_for="Cedrus response pads in XID mode",
+        checked="presses read by the vendor's client pyxid2; a pseudo-terminal",
+        unproven="a pad, drift of its timer",
+    ),
 )
 BYTES = DriverSpec(
     name="byte_buttons",
     kind="responses",
     options=ByteOptions,
-    make=driven_by("visavis.devices.drivers.buttons.codes:ByteButtons"),
-    real=_serial,
-    simulated=_box("visavis.devices.sim.buttons.boxes:ByteBox"),
-    carries="bytes",
-    vendor="any",
-    model="serial button box",
-    wire="serial port",
+    product=Product(vendor="any", model="serial button box", capabilities=frozenset({"keys"})),
+    wire=Wire(medium="serial port", carries="bytes", library=SERIAL),
     remedy=BOX_REMEDY,
-    capabilities=frozenset({"keys"}),
-    library=SERIAL,
-    stands_for="button boxes that send a character a press",
-    checked="our reading of what such boxes do; a pseudo-terminal",
-    unproven="any box, its delay",
+    claims=Claims(
+        stands_for="button boxes that send a character a press",
+        checked="our reading of what such boxes do; a pseudo-terminal",
+        unproven="any box, its delay",
+    ),
 )
 
 
@@ -170,31 +114,19 @@ class HidButtonOptions(ButtonOptions):
     keys: Called = Field(default_factory=lambda: {"button_1": "trigger"})
 
 
-def _hid(site: Site[HidButtonOptions]) -> "ByteLink":
-    from visavis.devices.drivers.buttons.hid import HidButtonLink
-
-    options = site.options
-    return HidButtonLink(
-        site.clock, vid=options.vid, pid=options.pid, serial_number=options.serial_number
-    )
-
-
 HID_BUTTONS = DriverSpec(
     name="hid_buttons",
     kind="responses",
     options=HidButtonOptions,
-    make=driven_by("visavis.devices.drivers.buttons.hid:HidButtons"),
-    real=_hid,
-    simulated=_box("visavis.devices.sim.buttons.gamepad:Gamepad"),
-    carries="bytes",
-    vendor="any",
-    model="HID gamepad or button box",
-    wire="USB HID",
+    product=Product(
+        vendor="any", model="HID gamepad or button box", capabilities=frozenset({"keys"})
+    ),
+    wire=Wire(medium="USB HID", carries="bytes", library=HID),
     remedy="plug it in; on Linux `visavis devices rules` says who may use it",
-    capabilities=frozenset({"keys"}),
-    library=HID,
-    stands_for="gamepads and USB button boxes that are HIDs",
-    checked="our reading of the HID class definition; stand-in for hidapi",
-    unproven="real descriptors, polling interval",
+    claims=Claims(
+        stands_for="gamepads and USB button boxes that are HIDs",
+        checked="our reading of the HID class definition; stand-in for hidapi",
+        unproven="real descriptors, polling interval",
+    ),
 )
 SPECS = (KEYBOARD, XID, BYTES, HID_BUTTONS)

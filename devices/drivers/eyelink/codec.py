@@ -11,14 +11,13 @@ import struct
 from visavis.devices.contracts import SessionName
 from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
-    NAN,
     Eye,
     Sample,
-    Screen,
     diameter_mm,
     gaze_row,
     ray_between,
 )
+from visavis.devices.drivers.streaming.screen import NAN, Screen
 
 SAMPLE = struct.Struct("<dB6d")
 """Time (ms), eyes present (1 left, 2 right), then x, y (px) and pupil of left and right."""

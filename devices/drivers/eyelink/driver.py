@@ -15,7 +15,8 @@ from visavis.devices.drivers.eyelink import codec
 from visavis.devices.drivers.eyelink.library import TIME, VERDICT
 from visavis.devices.drivers.eyelink.spec import EYELINK
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
-from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceTimeout
@@ -53,11 +54,12 @@ class EyeLink(GazeDevice):
         self._pupil = pupil_mm_per_unit
         self._half_m = eye_distance_mm * 5e-4
         extra = {"pupil"} if pupil_mm_per_unit else set()
+        capabilities = EYELINK.product.capabilities | extra
         super().__init__(
             role,
             transport,
             clock,
-            replace(EYELINK, capabilities=EYELINK.capabilities | extra),
+            replace(EYELINK, product=replace(EYELINK.product, capabilities=capabilities)),
             rate_hz=rate_hz,
             lost_after_s=lost_after_s,
             exchange_interval_s=exchange_interval_s,

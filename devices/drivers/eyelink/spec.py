@@ -1,15 +1,12 @@
-"""EyeLink: its options, its wire, its simulator."""
+"""EyeLink: its options and its description."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import Field
 
 from visavis.devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from visavis.devices.libraries import PYLINK
-from visavis.devices.spec import DriverSpec, Site, driven_by, streamed_by
-
-if TYPE_CHECKING:
-    from visavis.devices.transports import MessageTransport
+from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 
 class EyeLinkOptions(ScreenOptions):
@@ -37,38 +34,24 @@ class EyeLinkOptions(ScreenOptions):
         return {**super().for_simulator(), "screen_px": pixels}
 
 
-def _library(site: Site[EyeLinkOptions]) -> "MessageTransport":
-    from visavis.devices.drivers.eyelink.library import EyeLinkLibrary
-
-    given = site.options
-    pixels = (given.screen_width_px, given.screen_height_px)
-    return EyeLinkLibrary(given.address, site.clock, screen_px=pixels, rate_hz=given.rate_hz)
-
-
-def _set_up(site: Site[EyeLinkOptions]) -> str:
-    from visavis.devices.drivers.eyelink.camera_setup import FullScreen, set_up
-    from visavis.devices.drivers.eyelink.library import eyelink_library
-
-    return set_up(site.options.address, FullScreen(), eyelink_library())
-
-
 EYELINK = DriverSpec(
     name="eyelink",
     kind="eye tracker",
     options=EyeLinkOptions,
-    make=driven_by("visavis.devices.drivers.eyelink.driver:EyeLink"),
-    real=_library,
-    simulated=streamed_by("visavis.devices.sim.eyelink:EyeLinkSimulator"),
-    set_up=_set_up,
-    vendor="SR Research",
-    model="EyeLink",
-    wire="vendor library",
-    remedy="switch the EyeLink's host computer on, connect its cable, set this computer's address "
-    "to 100.1.1.2, and check `address`",
-    capabilities=frozenset({"gaze", "per_eye", "screen_frame", "annotation"}),
-    library=PYLINK,
-    stands_for="EyeLink",
-    checked="pylink's own dummy tracker; a strict stand-in for pylink",
-    unproven="everything below pylink",
+    product=Product(
+        vendor="SR Research",
+        model="EyeLink",
+        capabilities=frozenset({"gaze", "per_eye", "screen_frame", "annotation"}),
+    ),
+    wire=Wire(medium="vendor library", library=PYLINK),
+    remedy=(
+        "switch the EyeLink's host computer on, connect its cable, set this computer's address "
+        "to 100.1.1.2, and check `address`"
+    ),
+    claims=Claims(
+        stands_for="EyeLink",
+        checked="pylink's own dummy tracker; a strict stand-in for pylink",
+        unproven="everything below pylink",
+    ),
 )
 SPECS = (EYELINK,)

@@ -9,15 +9,8 @@ import math
 import struct
 from collections.abc import Mapping
 
-from visavis.devices.drivers.streaming.gaze_rays import (
-    LOST,
-    NAN,
-    Eye,
-    Sample,
-    Triple,
-    gaze_row,
-    unit_triple,
-)
+from visavis.devices.drivers.streaming.gaze_rays import LOST, Eye, Sample, gaze_row, unit_triple
+from visavis.devices.drivers.streaming.screen import NAN, Triple
 
 EYE_FRAME = struct.Struct("<QQ" + 2 * "i3fiiif" + "i3f3f")
 """One fetched eye frame: id, µs; per eye (left, right) code and vector, code and state, code and

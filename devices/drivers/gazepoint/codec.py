@@ -14,15 +14,13 @@ from xml.sax.saxutils import escape, unescape
 
 from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
-    NAN,
     Eye,
     Sample,
-    Screen,
-    Triple,
     diameter_mm,
     gaze_row,
     ray_between,
 )
+from visavis.devices.drivers.streaming.screen import NAN, Screen, Triple
 
 MAX_LINE = 65_536
 STREAMS = (

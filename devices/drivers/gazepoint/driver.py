@@ -12,7 +12,8 @@ from visavis.devices.contracts import CalibrationOutcome, DeviceState
 from visavis.devices.drivers.gazepoint import codec
 from visavis.devices.drivers.gazepoint.spec import GAZEPOINT
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
-from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import ProtocolViolation

@@ -1,4 +1,4 @@
-"""Gazepoint: its options, its wire, its simulator."""
+"""Gazepoint: its options and its description."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from visavis.devices.drivers.streaming.options import (
     OffsetMm,
     ScreenOptions,
 )
-from visavis.devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 REMEDY = "start Gazepoint Control, connect the tracker, and check address, port 4242 and firewall"
 
@@ -41,21 +41,19 @@ GAZEPOINT = DriverSpec(
     name="gazepoint",
     kind="eye tracker",
     options=GazepointOptions,
-    make=driven_by("visavis.devices.drivers.gazepoint.driver:Gazepoint"),
-    real=wired_by(
-        "visavis.devices.drivers.links.stream_socket:StreamSocket", "address", "port", remedy=REMEDY
+    product=Product(
+        vendor="Gazepoint",
+        model="Gazepoint",
+        capabilities=(
+            frozenset({"gaze", "per_eye", "pupil", "screen_frame", "calibration", "annotation"})
+        ),
     ),
-    simulated=streamed_by("visavis.devices.sim.gazepoint:GazepointSimulator"),
-    vendor="Gazepoint",
-    model="Gazepoint",
-    wire="TCP",
+    wire=Wire(medium="TCP", dials=True),
     remedy=REMEDY,
-    capabilities=frozenset(
-        {"gaze", "per_eye", "pupil", "screen_frame", "calibration", "annotation"}
+    claims=Claims(
+        stands_for="Gazepoint GP3",
+        checked="our reading of the Open Gaze document; TCP",
+        unproven="axes of eye positions, missing fields",
     ),
-    dials=True,
-    stands_for="Gazepoint GP3",
-    checked="our reading of the Open Gaze document; TCP",
-    unproven="axes of eye positions, missing fields",
 )
 SPECS = (GAZEPOINT,)

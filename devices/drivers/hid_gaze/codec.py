@@ -8,14 +8,8 @@ down, z toward the viewer); the largest value means unavailable. Never raises on
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from visavis.devices.drivers.streaming.gaze_rays import (
-    LOST,
-    NO_EYE,
-    Screen,
-    Triple,
-    gaze_row,
-    ray_between,
-)
+from visavis.devices.drivers.streaming.gaze_rays import LOST, NO_EYE, gaze_row, ray_between
+from visavis.devices.drivers.streaming.screen import Screen, Triple
 
 USAGE_PAGE = 0x12
 EYE_TRACKER = 0x01

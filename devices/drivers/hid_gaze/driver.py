@@ -11,7 +11,8 @@ from dataclasses import replace
 from visavis.devices.drivers.hid_gaze import codec
 from visavis.devices.drivers.hid_gaze.spec import HID_GAZE
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
-from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import Clock
 from visavis.lab.errors import ProtocolViolation

@@ -1,10 +1,10 @@
-"""HID eye trackers: their options, their wire, their simulator."""
+"""HID eye trackers: their options and their description."""
 
 from pydantic import Field
 
 from visavis.devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from visavis.devices.libraries import HID
-from visavis.devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 
 class HidGazeOptions(ScreenOptions):
@@ -22,17 +22,15 @@ HID_GAZE = DriverSpec(
     name="hid_gaze",
     kind="eye tracker",
     options=HidGazeOptions,
-    make=driven_by("visavis.devices.drivers.hid_gaze.driver:HidGaze"),
-    real=wired_by("visavis.devices.drivers.hid_gaze.reports:HidReports", "serial"),
-    simulated=streamed_by("visavis.devices.sim.hid_gaze:HidGazeSimulator"),
-    vendor="HID",
-    model="HID eye tracker",
-    wire="USB HID",
+    product=Product(
+        vendor="HID", model="HID eye tracker", capabilities=frozenset({"gaze", "screen_frame"})
+    ),
+    wire=Wire(medium="USB HID", library=HID),
     remedy="plug the eye tracker in, install its software, and calibrate it there",
-    capabilities=frozenset({"gaze", "screen_frame"}),
-    library=HID,
-    stands_for="USB HID eye tracker, usage page 0x12",
-    checked="our reading of the HID usage tables; genuine hidapi over umockdev",
-    unproven="real descriptors, unit of stamps",
+    claims=Claims(
+        stands_for="USB HID eye tracker, usage page 0x12",
+        checked="our reading of the HID usage tables; genuine hidapi over umockdev",
+        unproven="real descriptors, unit of stamps",
+    ),
 )
 SPECS = (HID_GAZE,)

@@ -15,6 +15,8 @@ from concurrent.futures import TimeoutError as TooLate
 from typing import Any, TypeVar
 
 from visavis.devices.byte_links import Chunk
+from visavis.devices.drivers.links.options import BleBandOptions
+from visavis.devices.wiring import Site
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
@@ -253,6 +255,12 @@ async def _cancel_all() -> None:
     for task in tasks:
         task.cancel()
     await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def ble_band(site: Site[BleBandOptions]) -> BleLink:
+    """Return a band's `real`: the link to the first one that its options fit."""
+    options = site.options
+    return BleLink(site.clock, address=options.address, name=options.name, splits=options.splits)
 
 
 def _library() -> Any:

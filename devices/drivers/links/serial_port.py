@@ -6,11 +6,12 @@ Ports are found by what is plugged in (vendor, product, serial number), never by
 import contextlib
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from errno import EACCES
 from typing import Any
 
-from visavis.devices.byte_links import Chunk
+from visavis.devices.byte_links import ByteLink, Chunk
+from visavis.devices.wiring import Site, linked_by
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
@@ -135,6 +136,14 @@ class SerialLink:
                 port.close()
             if held is not None:
                 held.close()
+
+
+def serial_port(baud: int | None = None) -> Callable[[Site[Any]], ByteLink]:
+    """Return a `real`: the port that a device's options name, at their `baud` or at this one."""
+    where = ("port", "vid", "pid", "serial_number")
+    if baud is None:
+        return linked_by(SerialLink, *where, "baud")
+    return linked_by(SerialLink, *where, baud=baud)
 
 
 def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:

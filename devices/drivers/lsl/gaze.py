@@ -13,7 +13,8 @@ from visavis.devices.drivers.lsl import gaze_codec as codec
 from visavis.devices.drivers.lsl.inlet import read_offset
 from visavis.devices.drivers.lsl.spec import LSL_GAZE, TOBII_LSL
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
-from visavis.devices.drivers.streaming.gaze_rays import Sample, Screen
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.transports import Frames, Message, MessageTransport
 from visavis.lab.clock import Clock
 from visavis.lab.errors import ProtocolViolation

@@ -14,17 +14,15 @@ from xml.etree import ElementTree as ET
 
 from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
-    NAN,
     NO_EYE,
     Eye,
     Sample,
-    Screen,
-    Triple,
     diameter_mm,
     gaze_row,
     ray_between,
     unit_triple,
 )
+from visavis.devices.drivers.streaming.screen import NAN, Screen, Triple
 
 METRES = {"meters": 1.0, "m": 1.0, "metres": 1.0, "millimeters": 1e-3, "mm": 1e-3}
 MILLIMETRES = {"millimeters": 1.0, "mm": 1.0, "meters": 1e3, "m": 1e3}

@@ -1,17 +1,14 @@
-"""Streams of Lab Streaming Layer: options, wires, simulators."""
+"""Streams of Lab Streaming Layer: options and descriptions."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import Field
 
 from visavis.devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from visavis.devices.libraries import LSL
 from visavis.devices.options import StreamOptions
-from visavis.devices.spec import DriverSpec, Site, driven_by, streamed_by
-
-if TYPE_CHECKING:
-    from visavis.devices.transports import MessageTransport
+from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 LISTENS = ("UDP 16571-16604", "TCP 16572-16604")
 GAZE_REMEDY = (
@@ -73,90 +70,48 @@ class LslStreamOptions(StreamOptions):
         return {**super().for_simulator(), **own}
 
 
-BodySite = Site[LslBodyOptions]
-
-
-def _inlet(site: "Site[LslGazeOptions] | Site[LslStreamOptions]") -> "MessageTransport":
-    from visavis.devices.drivers.lsl.inlet import LslInlet
-    from visavis.devices.drivers.lsl.outlet import LslScope
-
-    options = site.options
-    session = options.session_id
-    return LslInlet(
-        site.clock,
-        name=options.stream_name,
-        content_type=options.stream_type,
-        source_id=options.source_id,
-        configuration=LslScope(session).configuration() if session else "",
-    )
-
-
-def _body_inlet(site: BodySite) -> "MessageTransport":
-    from visavis.devices.drivers.lsl.inlet import LslInlet
-
-    options = site.options
-    return LslInlet(
-        site.clock, name=options.name, content_type="MoCap", source_id=options.source_id
-    )
-
-
 LSL_GAZE = DriverSpec(
     name="lsl_gaze",
     kind="eye tracker",
     options=LslGazeOptions,
-    make=driven_by("visavis.devices.drivers.lsl.gaze:LslGaze"),
-    real=_inlet,
-    simulated=streamed_by("visavis.devices.sim.lsl.gaze:LslGazeSimulator"),
-    vendor="LSL",
-    model="LSL gaze stream",
-    wire="LSL",
+    product=Product(
+        vendor="LSL", model="LSL gaze stream", capabilities=frozenset({"gaze", "pupil"})
+    ),
+    wire=Wire(medium="LSL", library=LSL, listens=LISTENS),
     remedy=GAZE_REMEDY,
-    capabilities=frozenset({"gaze", "pupil"}),
-    library=LSL,
-    listens=LISTENS,
-    stands_for="any LSL gaze stream; TittaLSL",
-    checked="genuine liblsl; TittaLSL's labels by our reading of its source",
-    unproven="other senders' meta-data; a Tobii Pro",
+    claims=Claims(
+        stands_for="any LSL gaze stream; TittaLSL",
+        checked="genuine liblsl; TittaLSL's labels by our reading of its source",
+        unproven="other senders' meta-data; a Tobii Pro",
+    ),
 )
 TOBII_LSL = replace(
     LSL_GAZE,
     name="tobii_lsl",
-    make=driven_by("visavis.devices.drivers.lsl.gaze:TobiiLsl"),
-    simulated=streamed_by("visavis.devices.sim.lsl.gaze:TittaSimulator"),
-    vendor="Tobii",
-    model="Tobii by LSL",
+    product=replace(LSL_GAZE.product, vendor="Tobii", model="Tobii by LSL"),
 )
 LSL_BODY = DriverSpec(
     name="lsl_body",
     kind="body tracker",
     options=LslBodyOptions,
-    make=driven_by("visavis.devices.drivers.lsl.body:LslBody"),
-    real=_body_inlet,
-    simulated=streamed_by("visavis.devices.sim.lsl.body:LslBodySimulator"),
-    model="LSL motion stream",
-    wire="LSL",
+    product=Product(model="LSL motion stream"),
+    wire=Wire(medium="LSL", library=LSL, listens=LISTENS),
     remedy="start the program that sends the stream and check name, session id and firewall",
-    library=LSL,
-    listens=LISTENS,
-    stands_for="any LSL motion stream",
-    checked="genuine liblsl",
-    unproven="other senders",
+    claims=Claims(
+        stands_for="any LSL motion stream", checked="genuine liblsl", unproven="other senders"
+    ),
 )
 LSL_STREAM = DriverSpec(
     name="lsl_stream",
     kind="other",
     options=LslStreamOptions,
-    make=driven_by("visavis.devices.drivers.lsl.stream:LslStream"),
-    real=_inlet,
-    simulated=streamed_by("visavis.devices.sim.lsl.stream:LslStreamSimulator"),
-    vendor="LSL",
-    model="LSL stream",
-    wire="LSL",
+    product=Product(vendor="LSL", model="LSL stream"),
+    wire=Wire(medium="LSL", library=LSL, listens=LISTENS),
     remedy="start the program that sends the stream and check name, type, session id and firewall",
-    library=LSL,
-    listens=LISTENS,
-    stands_for="any LSL stream: EEG, skin conductance, markers",
-    checked="pylsl's own outlets of numbers and of texts",
-    unproven="an amplifier's own sender",
+    claims=Claims(
+        stands_for="any LSL stream: EEG, skin conductance, markers",
+        checked="pylsl's own outlets of numbers and of texts",
+        unproven="an amplifier's own sender",
+    ),
 )
 SPECS = (LSL_GAZE, TOBII_LSL, LSL_BODY, LSL_STREAM)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from visavis.devices.drivers.natnet import codec
-from visavis.devices.drivers.natnet.spec import NATNET
+from visavis.devices.drivers.natnet.spec import MOTIVE_BONES, NATNET
 from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
@@ -22,29 +22,6 @@ from visavis.lab.geometry import quat_conjugate, quat_from_yaw_pitch_deg, quat_m
 COMMAND_PORT, DATA_PORT, GROUP = 1510, 1511, "239.255.42.99"
 KEEP_ALIVE_EVERY_NS = NS_PER_S
 ASK_AGAIN_NS = NS_PER_S // 4
-
-MOTIVE_BONES: Mapping[str, str] = {
-    "Hip": "hips",
-    "Ab": "spine",
-    "Chest": "upper_chest",
-    "Neck": "neck",
-    "Head": "head",
-    **{
-        f"{letter}{bone}": f"{side}_{part}"
-        for letter, side in (("L", "left"), ("R", "right"))
-        for bone, part in {
-            "Shoulder": "shoulder",
-            "UArm": "upper_arm",
-            "FArm": "lower_arm",
-            "Hand": "hand",
-            "Thigh": "upper_leg",
-            "Shin": "lower_leg",
-            "Foot": "foot",
-            "Toe": "toes",
-        }.items()
-    },
-}
-"""Motive's names of a skeleton's bones -> ours."""
 
 
 class NatNet(BodyDevice):

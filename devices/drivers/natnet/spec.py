@@ -1,14 +1,35 @@
-"""OptiTrack Motive: its options, its wire, its simulator."""
+"""OptiTrack Motive: its options and its description."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 from pydantic import Field
 
 from visavis.devices.options import StreamOptions
-from visavis.devices.spec import DriverSpec, Site, driven_by, streamed_by
+from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
-if TYPE_CHECKING:
-    from visavis.devices.transports import MessageTransport
+MOTIVE_BONES: Mapping[str, str] = {
+    "Hip": "hips",
+    "Ab": "spine",
+    "Chest": "upper_chest",
+    "Neck": "neck",
+    "Head": "head",
+    **{
+        f"{letter}{bone}": f"{side}_{part}"
+        for letter, side in (("L", "left"), ("R", "right"))
+        for bone, part in {
+            "Shoulder": "shoulder",
+            "UArm": "upper_arm",
+            "FArm": "lower_arm",
+            "Hand": "hand",
+            "Thigh": "upper_leg",
+            "Shin": "lower_leg",
+            "Foot": "foot",
+            "Toe": "toes",
+        }.items()
+    },
+}
+"""Motive's names of a skeleton's bones -> ours."""
 
 
 class NatNetOptions(StreamOptions):
@@ -30,45 +51,25 @@ class NatNetOptions(StreamOptions):
 
     def for_simulator(self) -> dict[str, Any]:
         """Return rate, drift and what moves: the bodies named, or a skeleton."""
-        from visavis.devices.drivers.natnet.driver import MOTIVE_BONES
-
         skeleton = "" if self.bodies else self.skeleton or "Participant"
         bodies = self.bodies or MOTIVE_BONES
         return {**super().for_simulator(), "bodies": bodies, "skeleton": skeleton}
-
-
-Here = Site[NatNetOptions]
-
-
-def _motive(site: Here) -> "MessageTransport":
-    from visavis.devices.datagrams import UdpTransport
-
-    options = site.options
-    group = options.multicast_group
-    return UdpTransport(
-        site.clock,
-        local_address=options.local_address,
-        peer=(options.address, options.port),
-        group=(group, options.data_port) if group else None,
-    )
 
 
 NATNET = DriverSpec(
     name="natnet",
     kind="body tracker",
     options=NatNetOptions,
-    make=driven_by("visavis.devices.drivers.natnet.driver:NatNet"),
-    real=_motive,
-    simulated=streamed_by("visavis.devices.sim.natnet:NatNetSimulator"),
-    vendor="OptiTrack",
-    model="Motive",
-    wire="UDP",
-    remedy="in Motive's streaming settings switch streaming on, with rigid bodies or skeletons "
-    "and y up, choose this network, and let UDP 1510 and 1511 through the firewall",
-    listens=("UDP {data_port}",),
-    binds="data_port",
-    stands_for="OptiTrack Motive 3.0–4.2",
-    checked="our reading of the vendor's SDK; UDP",
-    unproven="any Motive; multicast",
+    product=Product(vendor="OptiTrack", model="Motive"),
+    wire=Wire(medium="UDP", listens=("UDP {data_port}",), binds="data_port"),
+    remedy=(
+        "in Motive's streaming settings switch streaming on, with rigid bodies or skeletons "
+        "and y up, choose this network, and let UDP 1510 and 1511 through the firewall"
+    ),
+    claims=Claims(
+        stands_for="OptiTrack Motive 3.0–4.2",
+        checked="our reading of the vendor's SDK; UDP",
+        unproven="any Motive; multicast",
+    ),
 )
 SPECS = (NATNET,)

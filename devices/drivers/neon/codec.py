@@ -13,14 +13,13 @@ import numpy as np
 
 from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
-    NAN,
     Eye,
     Sample,
-    Triple,
     diameter_mm,
     gaze_row,
     unit_triple,
 )
+from visavis.devices.drivers.streaming.screen import NAN, Triple
 
 STAMP = struct.Struct("<qH")
 """Before each payload: phone's Unix time in ns and the RTP packet's 16-bit number."""

@@ -1,10 +1,10 @@
-"""Neon: its options, its wire, its simulator."""
+"""Neon: its options and its description."""
 
 from pydantic import Field
 
 from visavis.devices.libraries import NEON as NEON_LIBRARY
 from visavis.devices.options import GazeTiming, StreamOptions
-from visavis.devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 REMEDY = (
     "start the Neon Companion app, put phone and computer into one network, and check the "
@@ -34,21 +34,17 @@ NEON = DriverSpec(
     name="neon",
     kind="eye tracker",
     options=NeonOptions,
-    make=driven_by("visavis.devices.drivers.neon.driver:Neon"),
-    real=wired_by(
-        "visavis.devices.drivers.neon.network:NeonNetwork", "address", "port", remedy=REMEDY
+    product=Product(
+        vendor="Pupil Labs",
+        model="Neon",
+        capabilities=frozenset({"gaze", "per_eye", "pupil", "head_frame", "annotation"}),
     ),
-    simulated=streamed_by("visavis.devices.sim.neon:NeonSimulator"),
-    vendor="Pupil Labs",
-    model="Neon",
-    wire="HTTP, RTSP",
+    wire=Wire(medium="HTTP, RTSP", library=NEON_LIBRARY, dials=True, listens=("UDP 49152-65535",)),
     remedy=REMEDY,
-    capabilities=frozenset({"gaze", "per_eye", "pupil", "head_frame", "annotation"}),
-    library=NEON_LIBRARY,
-    dials=True,
-    listens=("UDP 49152-65535",),
-    stands_for="Pupil Labs Neon",
-    checked="payloads as the vendor's client reads them; that client over HTTP, RTSP",
-    unproven="newer payloads, Wi-Fi load",
+    claims=Claims(
+        stands_for="Pupil Labs Neon",
+        checked="payloads as the vendor's client reads them; that client over HTTP, RTSP",
+        unproven="newer payloads, Wi-Fi load",
+    ),
 )
 SPECS = (NEON,)

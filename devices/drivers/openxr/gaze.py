@@ -21,15 +21,14 @@ from visavis.devices.drivers.openxr.packing import LOCATED
 from visavis.devices.drivers.openxr.spec import OPENXR_GAZE
 from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
-    NAN,
     NO_EYE,
     Eye,
     Sample,
-    Triple,
     diameter_mm,
     gaze_row,
 )
 from visavis.devices.drivers.streaming.openness import GazeAndOpenness
+from visavis.devices.drivers.streaming.screen import NAN, Triple
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceNotFound
@@ -79,7 +78,7 @@ class OpenXrGaze(GazeAndOpenness):
         self.info = replace(
             self.info,
             model=f"OpenXR eye gaze ({', '.join(filter(None, (name, per_eye)))})",
-            capabilities=OPENXR_GAZE.capabilities | CAPABILITIES.get(per_eye, frozenset()),
+            capabilities=OPENXR_GAZE.product.capabilities | CAPABILITIES.get(per_eye, frozenset()),
             is_simulated=self._transport.is_simulated,
         )
 

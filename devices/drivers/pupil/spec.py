@@ -1,16 +1,10 @@
-"""Pupil Core: its options, its wire, its simulator."""
-
-from typing import TYPE_CHECKING
+"""Pupil Core: its options and its description."""
 
 from pydantic import Field
 
 from visavis.devices.libraries import ZMQ
 from visavis.devices.options import GazeTiming, StreamOptions
-from visavis.devices.spec import DriverSpec, Site, driven_by, wired_by
-
-if TYPE_CHECKING:
-    from visavis.devices.transports import MessageTransport
-
+from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 REMEDY = (
     "start Pupil Capture, enable the plug-in Pupil Remote on port 50020, and check address and "
@@ -32,38 +26,24 @@ class PupilCoreOptions(GazeTiming, StreamOptions):
     reference_distance_m: float = Field(default=1.0, gt=0, le=20)
 
 
-Here = Site[PupilCoreOptions]
-
-
-def _simulated_capture(site: Here) -> "MessageTransport":
-    """Return a simulator in memory, or on real sockets when the clock is real."""
-    from visavis.devices.sim.zmq_host import ZmqHost
-    from visavis.devices.transports import MemoryTransport, ZmqTransport
-
-    simulator = site.peer("visavis.devices.sim.pupil.capture:PupilCoreSimulator")
-    if site.clock.is_virtual:
-        return MemoryTransport(simulator, site.clock)
-    host = site.stack.enter_context(ZmqHost(simulator, site.clock))
-    return ZmqTransport("127.0.0.1", host.port, site.clock, is_simulated=True)
-
-
 PUPIL_CORE = DriverSpec(
     name="pupil_core",
     kind="eye tracker",
     options=PupilCoreOptions,
-    make=driven_by("visavis.devices.drivers.pupil.driver:PupilCore"),
-    real=wired_by("visavis.devices.transports:ZmqTransport", "address", "port"),
-    simulated=_simulated_capture,
-    vendor="Pupil Labs",
-    model="Core",
-    wire="ZeroMQ",
+    product=Product(
+        vendor="Pupil Labs",
+        model="Core",
+        capabilities=frozenset({"gaze", "calibration", "annotation"}),
+    ),
+    wire=Wire(medium="ZeroMQ", library=ZMQ, dials=True),
     remedy=REMEDY,
-    capabilities=frozenset({"gaze", "calibration", "annotation"}),
-    library=ZMQ,
-    dials=True,
-    stands_for="Pupil Labs Core, Pupil Capture 2.0 or newer",
-    checked="numbers of Capture's own calibration, decoding by our reading of its code; "
-    "genuine ZeroMQ",
-    unproven="axes of the 3-D fields",
+    claims=Claims(
+        stands_for="Pupil Labs Core, Pupil Capture 2.0 or newer",
+        checked=(
+            "numbers of Capture's own calibration, decoding by our reading of its code; "
+            "genuine ZeroMQ"
+        ),
+        unproven="axes of the 3-D fields",
+    ),
 )
 SPECS = (PUPIL_CORE,)

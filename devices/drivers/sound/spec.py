@@ -1,18 +1,10 @@
-"""The sound card: options, library, simulator."""
-
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+"""The sound card: its options and its description."""
 
 from pydantic import Field
 
 from visavis.devices.libraries import SOUNDDEVICE
 from visavis.devices.options import SimulatedOptions
-from visavis.devices.spec import AnySpec, DriverSpec, Site, imported
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from visavis.devices.contracts import Device
+from visavis.devices.spec import AnySpec, Claims, DriverSpec, Product, Wire
 
 
 class SoundCardOptions(SimulatedOptions):
@@ -30,57 +22,22 @@ class SoundCardOptions(SimulatedOptions):
     )
 
 
-def _make(site: Site[SoundCardOptions], load: "Callable[[], Any] | SimulatedCard") -> "Device":
-    make = imported("visavis.devices.drivers.sound.driver:SoundCard")
-    device: Device = make(
-        site.role,
-        load,
-        site.clock,
-        spec=site.spec,
-        device=site.options.device,
-        volume_01=site.options.volume_01,
-        is_simulated=isinstance(load, SimulatedCard),
-    )
-    return device
-
-
-def _real(site: Site[SoundCardOptions]) -> "Callable[[], Any]":
-    return lambda: imported("visavis.devices.sync.audio:sound_library")()
-
-
-@dataclass(frozen=True)
-class SimulatedCard:
-    """Stands where sounddevice would be loaded."""
-
-    site: Site[SoundCardOptions]
-
-    def __call__(self) -> Any:
-        """Return the library of a card that plays to nobody."""
-        options = self.site.options
-        return imported("visavis.devices.sim.sound_card:SimulatedPortAudio")(
-            self.site.clock,
-            faults=self.site.faults,
-            latency_ms=options.latency_ms,
-            drift_ppm=options.drift_ppm,
-        )
-
-
 SOUND_CARD: AnySpec = DriverSpec(
     name="sound_card",
     kind="sound output",
     options=SoundCardOptions,
-    make=_make,
-    real=_real,
-    simulated=SimulatedCard,
-    carries="nothing",
-    vendor="PortAudio",
-    model="sound card",
-    wire="the system's sound output",
+    product=Product(vendor="PortAudio", model="sound card"),
+    wire=Wire(medium="the system's sound output", carries="nothing", library=SOUNDDEVICE),
     remedy="plug it in, and name it as device; `python -m sounddevice` lists what there is",
-    library=SOUNDDEVICE,
-    stands_for="any sound output of the computer, a headset's among them",
-    checked="sounddevice on PortAudio over ALSA's null output; stamps on a stand-in; head model by "
-    "its formulas",
-    unproven="a card: whether its stamps are right (measure with `visavis sync-test --speaker`)",
+    claims=Claims(
+        stands_for="any sound output of the computer, a headset's among them",
+        checked=(
+            "sounddevice on PortAudio over ALSA's null output; stamps on a stand-in; head model by "
+            "its formulas"
+        ),
+        unproven=(
+            "a card: whether its stamps are right (measure with `visavis sync-test --speaker`)"
+        ),
+    ),
 )
 SPECS = (SOUND_CARD,)

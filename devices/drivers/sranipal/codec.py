@@ -11,14 +11,13 @@ from typing import NamedTuple
 
 from visavis.devices.drivers.streaming.gaze_rays import (
     LOST,
-    NAN,
     Eye,
     Sample,
-    Triple,
     diameter_mm,
     gaze_row,
     unit_triple,
 )
+from visavis.devices.drivers.streaming.screen import NAN, Triple
 from visavis.lab.clock import NS_PER_MS
 
 EYE = "Q3f3fff2f"

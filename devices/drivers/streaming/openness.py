@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from visavis.devices.contracts import Health
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
-from visavis.devices.drivers.streaming.gaze_rays import NAN, Sample
+from visavis.devices.drivers.streaming.gaze_rays import Sample
+from visavis.devices.drivers.streaming.screen import NAN
 from visavis.lab.schema import Field, SampleBatch, StreamSchema
 
 OPENNESS = StreamSchema(

@@ -1,13 +1,11 @@
 """Options of the eye trackers that stand before a screen."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.options import GazeTiming, StreamOptions
-
-if TYPE_CHECKING:
-    from visavis.devices.drivers.streaming.gaze_rays import Screen
 
 PositiveMm = Annotated[float, Field(gt=0, le=10_000)]
 OffsetMm = Annotated[float, Field(ge=-5000, le=5000)]
@@ -23,10 +21,8 @@ class ScreenOptions(GazeTiming, StreamOptions):
     screen_center_right_mm: OffsetMm = 0.0
     screen_center_up_mm: OffsetMm = 0.0
 
-    def screen(self) -> "Screen":
+    def screen(self) -> Screen:
         """Return the screen, for driver and simulator."""
-        from visavis.devices.drivers.streaming.gaze_rays import Screen
-
         return Screen(
             **{
                 name.removeprefix("screen_"): getattr(self, name)

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from visavis.devices.byte_links import Chunk
+from visavis.devices.drivers.lsl.outlet import lsl_library
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
@@ -154,8 +155,6 @@ class MarkerLink(_Lines):
     def open(self, deadline_s: float) -> None:
         """Announce the stream."""
         if self._lsl is None:
-            from visavis.devices.drivers.lsl.outlet import lsl_library
-
             self._lsl = lsl_library()
         name, source_id = self._called
         info = self._lsl.StreamInfo(name, "Markers", 1, 0.0, self._lsl.cf_int32, source_id)

@@ -1,18 +1,13 @@
-"""Triggers out: options, wires, simulators."""
+"""Triggers out: options and descriptions."""
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import Field, field_validator
 
 from visavis.devices.drivers.links.options import SerialOptions
 from visavis.devices.libraries import LSL, SERIAL, USB
 from visavis.devices.options import SimulatedOptions
-from visavis.devices.spec import AnySpec, DriverSpec, Site, imported, spoken_by
-
-if TYPE_CHECKING:
-    from visavis.devices.byte_links import ByteLink
-    from visavis.devices.contracts import Device
+from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 LABJACK_VID, U3_PID = 0x0CD5, 0x0003
 
@@ -65,102 +60,56 @@ class LslTriggerOptions(TriggerOptions):
     source_id: str = "visavis-triggers"
 
 
-def _make(site: Site[Any], wire: Any) -> "Device":
-    driver = imported("visavis.devices.drivers.triggers.driver:TriggerOut")
-    device: Device = driver(
-        site.role, wire, site.clock, spec=site.spec, **site.options.for_trigger()
-    )
-    return device
-
-
-def _make_labjack(site: Site[Any], wire: Any) -> "Device":
-    make = imported("visavis.devices.drivers.triggers.driver:labjack")
-    device: Device = make(site.role, wire, site.clock, spec=site.spec, **site.options.for_trigger())
-    return device
-
-
-def _serial(site: Site[SerialTriggerOptions]) -> "ByteLink":
-    return site.options.serial_link(site.clock, site.options.baud)
-
-
-def _parallel(site: Site[ParallelTriggerOptions]) -> "ByteLink":
-    from visavis.devices.drivers.triggers.links import ParallelLink
-
-    return ParallelLink(site.clock, site.options.port)
-
-
-def _labjack(site: Site[LabJackTriggerOptions]) -> "ByteLink":
-    from visavis.devices.drivers.links.usb import UsbLink
-
-    options = site.options
-    return UsbLink(
-        site.clock, vid=options.vid, pid=options.pid, serial_number=options.serial_number
-    )
-
-
-def _markers(site: Site[LslTriggerOptions]) -> "ByteLink":
-    from visavis.devices.drivers.triggers.links import MarkerLink
-
-    return MarkerLink(site.clock, site.options.stream_name, site.options.source_id)
-
-
-SERIAL_TRIGGERS: AnySpec = DriverSpec(
+SERIAL_TRIGGERS = DriverSpec(
     name="serial_triggers",
     kind="triggers",
     options=SerialTriggerOptions,
-    make=_make,
-    real=_serial,
-    simulated=spoken_by("visavis.devices.sim.triggers:LinesPeer"),
-    carries="bytes",
-    model="serial trigger box",
-    wire="serial port",
+    product=Product(model="serial trigger box"),
+    wire=Wire(medium="serial port", carries="bytes", library=SERIAL),
     remedy="plug the box in; `visavis doctor` lists what is plugged in",
-    library=SERIAL,
-    stands_for="trigger boxes on a serial port: a byte sets eight lines, 0 clears them",
-    checked="our reading of such boxes' manuals; pyserial on a pseudo-terminal",
-    unproven="any box: its delay, and whether it clears its lines by itself",
+    claims=Claims(
+        stands_for="trigger boxes on a serial port: a byte sets eight lines, 0 clears them",
+        checked="our reading of such boxes' manuals; pyserial on a pseudo-terminal",
+        unproven="any box: its delay, and whether it clears its lines by itself",
+    ),
 )
-PARALLEL_TRIGGERS = replace(
-    SERIAL_TRIGGERS,
+PARALLEL_TRIGGERS = DriverSpec(
     name="parallel_triggers",
+    kind="triggers",
     options=ParallelTriggerOptions,
-    real=_parallel,
-    vendor="IEEE 1284",
-    model="parallel port",
-    wire="parallel port",
+    product=Product(vendor="IEEE 1284", model="parallel port"),
+    wire=Wire(medium="parallel port", carries="bytes"),
     remedy="see docs/eeg.md: the port's driver, its address, the group lp",
-    library=None,
-    stands_for="parallel port, lines D0 to D7",
-    checked="requests to the kernel compared with pyparallel's; inpoutx64 by our reading",
-    unproven="a port with its kernel driver; any card",
+    claims=Claims(
+        stands_for="parallel port, lines D0 to D7",
+        checked="requests to the kernel compared with pyparallel's; inpoutx64 by our reading",
+        unproven="a port with its kernel driver; any card",
+    ),
 )
-LABJACK_TRIGGERS = replace(
-    SERIAL_TRIGGERS,
+LABJACK_TRIGGERS = DriverSpec(
     name="labjack_triggers",
+    kind="triggers",
     options=LabJackTriggerOptions,
-    make=_make_labjack,
-    real=_labjack,
-    simulated=spoken_by("visavis.devices.sim.triggers:LabJackPeer"),
-    vendor="LabJack",
-    model="U3 or U6",
-    wire="USB",
+    product=Product(vendor="LabJack", model="U3 or U6"),
+    wire=Wire(medium="USB", carries="bytes", library=USB),
     remedy="plug the LabJack in; on Linux, visavis devices rules",
-    library=USB,
-    stands_for="LabJack U3 and U6, lines EIO0 to EIO7",
-    checked="packets compared with LabJackPython's",
-    unproven="a unit: endpoints, delay over USB",
+    claims=Claims(
+        stands_for="LabJack U3 and U6, lines EIO0 to EIO7",
+        checked="packets compared with LabJackPython's",
+        unproven="a unit: endpoints, delay over USB",
+    ),
 )
-LSL_TRIGGERS = replace(
-    SERIAL_TRIGGERS,
+LSL_TRIGGERS = DriverSpec(
     name="lsl_triggers",
+    kind="triggers",
     options=LslTriggerOptions,
-    real=_markers,
-    model="LSL markers",
-    wire="LSL",
+    product=Product(model="LSL markers"),
+    wire=Wire(medium="LSL", carries="bytes", library=LSL),
     remedy="install pylsl, and look for the stream in LabRecorder",
-    library=LSL,
-    stands_for="LSL markers for any recorder",
-    checked="received by pylsl's own inlet",
-    unproven="other recorders",
+    claims=Claims(
+        stands_for="LSL markers for any recorder",
+        checked="received by pylsl's own inlet",
+        unproven="other recorders",
+    ),
 )
 SPECS = (SERIAL_TRIGGERS, PARALLEL_TRIGGERS, LABJACK_TRIGGERS, LSL_TRIGGERS)

@@ -1,8 +1,8 @@
 """Simulate an armband at its wire: link delays and faults, firmware, motors with inertia.
 
-A virtual clock drives it through `visavis.devices.byte_links.MemoryLink`;
-`visavis.devices.testing.armband_pty` hosts the same on a pseudo-terminal. Motors follow their drive
-with a first-order lag; not modelled: skin and strap, motor spread, magnetic coupling, radio
+A virtual clock drives it through `visavis.devices.byte_links.MemoryLink`; for tests
+`tests/devices/wire_ends/armband_pty.py` hosts the same on a pseudo-terminal. Motors follow their
+drive with a first-order lag; not modelled: skin and strap, motor spread, magnetic coupling, radio
 collisions.
 """
 

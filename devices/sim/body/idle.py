@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from visavis.devices.contracts import EYES_DTYPE, OneStretch
 from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
-from visavis.stimuli.motion.skeleton import canonical_skeleton
 
 EYE_X_M = 0.032
 EYE_HEIGHT_M = 1.63
@@ -27,6 +26,9 @@ class IdleBody(OneStretch):
     """Follow the `MovingBody` contract as plain functions of time; remembers what it last felt."""
 
     def __init__(self) -> None:
+        # Late: it loads scipy and numba, which listing devices does without.
+        from visavis.stimuli.motion.skeleton import canonical_skeleton
+
         skeleton = canonical_skeleton()
         self._rest_m = skeleton.rest_m
         self._index = skeleton.index_of

@@ -10,7 +10,7 @@ from typing import Any, Unpack
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from visavis.devices.contracts import GAZE, Body
-from visavis.devices.drivers.streaming.gaze_rays import Screen
+from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from visavis.devices.transports import Frames
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock

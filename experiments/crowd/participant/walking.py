@@ -76,7 +76,7 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import REFERENCE_STATURE_M, bones
-from visavis.stimuli.contact.idle import hang_joint, turned
+from visavis.stimuli.contact.idle import hang_joint, set_turn
 from visavis.stimuli.motion.slerp_kernels import forward_rows
 
 STEP_S: Final = 0.01
@@ -249,18 +249,17 @@ def walker_pose(
     root[0, 0] = x + sway * np.cos(yaw)
     root[0, 1] = _HIP_HEIGHT_M * scale - 0.012 * stepping * (1 - np.cos(2 * phase)) / 2
     root[0, 2] = z - sway * np.sin(yaw)
-    turned(turns, 0, 0.0, yaw + 0.05 * stepping * np.sin(phase), 0.0)
-    turned(turns, _SPINE, -0.03, 0.1 * turn - 0.04 * stepping * np.sin(phase), 0.0)
-    turned(turns, _CHEST, -0.02, 0.1 * turn - 0.06 * stepping * np.sin(phase), 0.0)
-    turned(turns, _NECK, 0.0, -0.4 * turn, 0.0)
-    turned(turns, _HEAD, -0.10, -0.5 * turn + state[LOOK], 0.0)
-    # Legs and arms swing against each other with the phase of the gait, angles in rad.
+    set_turn(turns, 0, 0.0, yaw + 0.05 * stepping * np.sin(phase), 0.0)
+    set_turn(turns, _SPINE, -0.03, 0.1 * turn - 0.04 * stepping * np.sin(phase), 0.0)
+    set_turn(turns, _CHEST, -0.02, 0.1 * turn - 0.06 * stepping * np.sin(phase), 0.0)
+    set_turn(turns, _NECK, 0.0, -0.4 * turn, 0.0)
+    set_turn(turns, _HEAD, -0.10, -0.5 * turn + state[LOOK], 0.0)
     stride = 0.24 * stepping * np.sin(phase)
     knee = 0.35 * stepping
-    turned(turns, _LEFT_LEG, stride, 0.0, -0.02)
-    turned(turns, _RIGHT_LEG, -stride, 0.0, 0.02)
-    turned(turns, _LEFT_LEG + 1, -knee * max(np.cos(phase), 0.0), 0.0, 0.0)
-    turned(turns, _RIGHT_LEG + 1, -knee * max(-np.cos(phase), 0.0), 0.0, 0.0)
+    set_turn(turns, _LEFT_LEG, stride, 0.0, -0.02)
+    set_turn(turns, _RIGHT_LEG, -stride, 0.0, 0.02)
+    set_turn(turns, _LEFT_LEG + 1, -knee * max(np.cos(phase), 0.0), 0.0, 0.0)
+    set_turn(turns, _RIGHT_LEG + 1, -knee * max(-np.cos(phase), 0.0), 0.0, 0.0)
     hang = 1.57 - spread * (1.0 - tuck)
     bend = 0.30 + 0.4 * max(tuck, 0.0)
     lift = 0.12 * max(tuck, 0.0)

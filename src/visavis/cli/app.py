@@ -79,7 +79,7 @@ completion_init()
 
 def _print_version(is_asked: bool) -> None:
     if is_asked:
-        from visavis.lab.version import version
+        from visavis.lab.version import version  # late: it loads importlib.metadata
 
         typer.echo(f"visavis {version()}")
         raise typer.Exit
@@ -170,7 +170,7 @@ def load_lab(
             f"there is no {CONFIG_NAME} in {here} or above it; run `visavis init` to write one "
             "here, or give the path of yours with --config"
         )
-    # Both take pydantic along, which only commands that read a configuration need.
+    # Late: both take pydantic along, which only commands that read a configuration need.
     from visavis.devices.registry import OPTION_MODELS
     from visavis.lab.config import load_config, parse_config, with_devices
 
@@ -186,7 +186,7 @@ def load_lab(
     if not quiet:
         errors.print(f"[dim]configuration: {escape(said)}[/]", soft_wrap=True, highlight=False)
     if config.cast and with_cast:
-        from visavis.study.cast import use_cast_of
+        from visavis.study.cast import use_cast_of  # late: characters, where a lab has its own
 
         use_cast_of(config)
     if devices is None:

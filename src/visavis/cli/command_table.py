@@ -170,10 +170,8 @@ class LazyGroup(TyperGroup):
 
 def load_command(name: str) -> Any:
     """Import the module of a command and return the command it registers."""
-    importlib.import_module(f"visavis.cli.commands.{COMMANDS[name].module}")
-    from visavis.cli.app import app
-
-    registered: Any = typer.main.get_group(app)
+    module = importlib.import_module(f"visavis.cli.commands.{COMMANDS[name].module}")
+    registered: Any = typer.main.get_group(module.app)  # the one application, where it registers
     _name_arguments(registered.commands[name])
     return registered.commands[name]
 

@@ -6,9 +6,10 @@ from pathlib import Path
 from visavis.cli.doctor.findings import Finding
 from visavis.cli.doctor.report import save_with_session
 from visavis.cli.lab_recorder import LabRecorder
+from visavis.cli.lsl_announcer import AnnouncingRecorder, scope_of, set_scope
 from visavis.devices.contracts import Device
 from visavis.recording.writer import Recorder
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 
 
 class LabCompanion:
@@ -28,8 +29,6 @@ class LabCompanion:
         """Return one that streams to LSL too, where the lab wants that."""
         if not request.config.sync.lsl:
             return None
-        from visavis.cli.lsl_announcer import AnnouncingRecorder, scope_of, set_scope
-
         set_scope(scope_of(request.config.sync))
         return AnnouncingRecorder(part_dir, request.clock, is_simulated=is_simulated)
 
@@ -44,8 +43,6 @@ class LabCompanion:
     ) -> None:
         """Announce the open devices' streams, and keep what the doctor says of them."""
         if request.config.sync.lsl:
-            from visavis.cli.lsl_announcer import AnnouncingRecorder, scope_of
-
             assert isinstance(recorder, AnnouncingRecorder)  # noqa: S101 - made above, for this
             recorder.announce(
                 devices,

@@ -14,18 +14,8 @@ from visavis.lab.errors import LabError, UsageError
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1
 AGAIN_S = 0.02
-OURS = (
-    "analysis",
-    "cli",
-    "devices",
-    "experiments",
-    "lab",
-    "protocol",
-    "recording",
-    "stage",
-    "stimuli",
-    "visavis",
-)
+OURS = "visavis"
+"""The first part of the names of all modules of ours."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -42,9 +32,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _say_interrupted()
         place = in_study_file(error)
         if place:
-            from visavis.study.study_errors import in_words
+            from visavis.study.study_errors import explain  # late, as below
 
-            told = f"{place}: {in_words(error)}"
+            told = f"{place}: {explain(error)}"
             errors.print(f"[bold red]error[/]  {_escaped(told)}", highlight=False, soft_wrap=True)
             sys.exit(UsageError.exit_code)
         errors.print_exception(max_frames=12)
@@ -76,7 +66,7 @@ def in_study_file(error: BaseException) -> str:
         module = str(frame.f_globals.get("__name__", ""))
         if module.startswith(MODULE_OF_STUDY):
             place = f"{frame.f_code.co_filename}, line {trace.tb_lineno} in {frame.f_code.co_name}"
-        elif module.split(".")[0] in OURS and frame.f_code.co_name != "__getattr__":
+        elif module.partition(".")[0] == OURS and frame.f_code.co_name != "__getattr__":
             place = ""
         trace = trace.tb_next
     return place

@@ -13,7 +13,7 @@ from visavis.devices.sim.gaze.tracker_error import (
 )
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.geometry import Vector, unit
-from visavis.running.sessions.perform import device_seed
+from visavis.running.sessions.session_request import device_seed
 
 RATE_HZ = 120.0
 TRIAL_SAMPLES = 2304

@@ -14,9 +14,8 @@ from visavis.protocol.people.key_file import KeyFile
 from visavis.recording.bids_about import DatasetAbout
 from visavis.recording.reader import Recording
 from visavis.recording.sharing import TIERS, SharedRecording, Sharing, TextRule, Tier
-from visavis.results.opened_study import overrides_of
+from visavis.results.opened_study import find_study, overrides_of
 from visavis.results.report.methods import own_methods
-from visavis.study.catalogue import find_study
 from visavis.study.responses import Text
 
 BLURRED_RISK = (

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from visavis.cli.app import load_lab
 from visavis.cli.telling import say_when_compiling
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
@@ -16,7 +17,7 @@ from visavis.protocol.plan.questionnaires import available
 from visavis.recording.folder import SIMULATED_ROOT, study_dir
 from visavis.recording.manifest import read_manifest
 from visavis.recording.sealed import copy_path
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.data_root import prepare_data_root
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX, is_study
@@ -27,7 +28,7 @@ from visavis.running.sessions.study_folder import (
     settle,
     wanted_settings,
 )
-from visavis.study.catalogue import SHIPPED, find_study, is_file
+from visavis.study.catalogue import SHIPPED, is_file
 
 DRY_RUNS = "dry_runs"
 """Folder below the data root with a data root for each study that `simulate` made."""
@@ -187,8 +188,6 @@ def folder_of(wanted: Path, config: Path | None, verb: str = "check") -> Path:
     """
     if wanted.is_dir():
         return wanted
-    from visavis.cli.app import load_lab  # late: it loads the models of all devices' options
-
     lab = load_lab(config, only_simulates=True)
     there = [] if is_file(str(wanted)) else _data_of(str(wanted), lab)
     name = str(wanted) if there else study_of_lab(str(wanted), lab).name

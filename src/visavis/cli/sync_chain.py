@@ -11,6 +11,7 @@ from visavis.analysis.sync_test import Delays, Modality, delays
 from visavis.devices.building import build_device
 from visavis.devices.byte_links import MemoryLink
 from visavis.devices.contracts import Armband, Device, Headset
+from visavis.devices.drivers.links.serial_port import SerialLink
 from visavis.devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
 from visavis.devices.sync.audio import SoundCardSensor, SoundCardSpeaker, sound_library
 from visavis.devices.sync.board import BAUD, SyncBoard
@@ -28,7 +29,8 @@ from visavis.protocol.session.sync_test import (
     perform,
 )
 from visavis.running.sessions.device_setup import screen_display
-from visavis.running.sessions.stage_setup import open_on_monitor
+from visavis.running.sessions.drawn_stages import open_on_monitor
+from visavis.stage.card.context import offscreen_context, release_offscreen
 
 if TYPE_CHECKING:
     from visavis.stage.window import Window
@@ -69,8 +71,6 @@ def real_sensor(lab: LabConfig, name: str, clock: Clock, stack: ExitStack) -> Se
         return SoundCardSensor(sound_library(), clock, rest or None)
     if kind == "role":
         return RoleSensor(_real_device(lab, rest, clock, stack))
-    from visavis.devices.drivers.links.serial_port import SerialLink
-
     return SyncBoard(SerialLink(clock, port=name, baud=BAUD), clock)
 
 
@@ -149,8 +149,6 @@ def perform_real(
         StageError: there is nothing that draws, or not the monitor that is described.
         DeviceError: a device fails, or somebody closed the window.
     """
-    from visavis.stage.card.context import offscreen_context, release_offscreen
-
     screen = lab.display.on_screen
     if screen is None and "headset" not in lab.devices:
         raise UsageError(
@@ -223,8 +221,6 @@ def perform_simulated(
 
     The display is a simulated headset, or the screen that `lab` describes, on a simulated monitor.
     """
-    from visavis.stage.card.context import offscreen_context, release_offscreen
-
     clock = SimClock()
     room_rng, board_rng, order_rng = np.random.default_rng(seed).spawn(3)
     room = SimulatedRoom(clock, room_rng, picture, sound)

@@ -71,13 +71,14 @@ TELLING = TerminalTelling()
 @cache
 def say_when_compiling() -> None:
     """Say on stderr, once in a process, that compiling has begun, which nothing else would show."""
-    from visavis.lab.compiled import tell_of_compiling  # late: it loads numba
+    from visavis.lab.compiled import announce_compiling  # late: it loads numba
 
-    tell_of_compiling(lambda: errors.print(f"[dim]{COMPILES_FIRST}[/]", soft_wrap=True))
+    announce_compiling(lambda: errors.print(f"[dim]{COMPILES_FIRST}[/]", soft_wrap=True))
 
 
 def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:
     """Do what would hold up a frame before anything is shown; done already, it takes no time."""
+    # Late: verbs that run no session load neither devices nor pumps.
     from visavis.running.sessions.perform import get_ready
 
     with TELLING.progress(f"getting {experiment.name} ready") as told:

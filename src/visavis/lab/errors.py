@@ -4,7 +4,7 @@
 class LabError(Exception):
     """Base of every error Visavis raises on purpose.
 
-    `exit_code` is what the command line returns (DESIGN section 5).
+    `exit_code` is what the command line returns.
     """
 
     exit_code = 1
@@ -17,7 +17,7 @@ class ConfigError(LabError):
 
 
 class UsageError(LabError):
-    """The command was asked for something impossible; the message gives the way out."""
+    """The command cannot do what was asked; the message says what to do instead."""
 
     exit_code = 2
 

@@ -5,8 +5,7 @@ by the study's own function of what was `Seen`, or by a person without opinions.
 """
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -34,6 +33,7 @@ from visavis.study.responses import (
     SideBySide,
     Text,
 )
+from visavis.study.study_functions import AnswerOf, Seen
 
 if TYPE_CHECKING:
     from visavis.study.moving_camera import FilmSeen
@@ -51,34 +51,6 @@ NOTICE_S: Final = 0.32
 CONTACT_DEG: Final = 5.0
 FITTED_PEOPLE: Final = 11
 """How many people the model of attention was fitted before."""
-
-
-@dataclass(frozen=True)
-class Seen:
-    """What a person has seen since the trial began, as `answer` gets it.
-
-    `first` and `last` are the first and the last lit frame (None: none was), `seconds` the time
-    between them; for the n agents of the last scene `looked_at_me_01` (n,) is the share of that
-    time in which their gaze met the person's eyes. `effect` is False for somebody to whom what
-    was shown makes no difference: answers should then not depend on it.
-    """
-
-    first: SceneFrame | None
-    last: SceneFrame | None
-    seconds: float
-    looked_at_me_01: npt.NDArray[np.float64]
-    effect: bool
-    leaning: float
-    """A standard normal number of this person's own: whether they rather say much or little."""
-    felt: tuple[str, ...] = ()
-    """The armbands (roles) that vibrated since the trial began, in that order."""
-    experience_01: float = 0.0
-    """How experienced this person is; what a questionnaire asks of experience is answered by it."""
-    films: "Mapping[str, FilmSeen]" = field(default_factory=dict)
-    """Films by moving cameras that ran on a page, by where they stood ("film", "left", "right")."""
-
-
-AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
 
 
 class StudyPerson(Observer):

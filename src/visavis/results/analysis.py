@@ -7,33 +7,31 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from visavis.analysis.report.blocks import Status
 from visavis.analysis.statistics import adjust_p
 from visavis.analysis.statistics.results import MINUS
 from visavis.analysis.statistics_report import Outcome, answer
 from visavis.lab.errors import DataError, LabError
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
-from visavis.results.sensitivity import SensitivityRow, sensitivity
-from visavis.study.comparisons import AGREEMENT, THING, Compare
-from visavis.study.declaration import Study
-from visavis.study.exclusions import Selection
-from visavis.study.look_measures import MAIN_MEASURES
-from visavis.study.measures import Measure, aggregated
-from visavis.study.pairs import (
+from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
     Agreement,
     CorrelationTest,
-    Family,
-    Pairs,
     PairTest,
-    Printed,
     Test,
     TestRules,
     compare_pairs,
     results_of,
 )
+from visavis.results.selection import Selection
+from visavis.results.sensitivity import SensitivityRow, sensitivity
+from visavis.study.comparisons import AGREEMENT, THING, Compare
+from visavis.study.declaration import Study
+from visavis.study.look_measures import MAIN_MEASURES
+from visavis.study.measures import Measure, aggregated
+from visavis.study.pairs import Family, Pairs, Printed
 from visavis.study.responses import Rating
+from visavis.study.sections import Conclusion
 
 SIMULATED_COLUMN: Final = "is_simulated"
 DECIDING: Final = ("p_used", "p_above", "p")
@@ -173,32 +171,6 @@ class Results:
 
     of: Family
     tests: tuple[Test, ...] = field(repr=False)
-
-
-@dataclass(frozen=True)
-class Conclusion:
-    """One question of a study with its answer and the sentences of all the tests it rests on.
-
-    `was_tested` is False when a test it needs could not be made at all; `name` is that of
-    `Study.questions`, where the question has one.
-    """
-
-    status: Status
-    question: str
-    answer: str
-    evidence: tuple[str, ...]
-    was_tested: bool = True
-    name: str = ""
-
-    @property
-    def headline(self) -> str:
-        """Question and answer in one line."""
-        return f"{self.question}: {self.answer}"
-
-    @property
-    def is_found(self) -> bool | None:
-        """Tell whether the effect was found in full; None when it was not tested."""
-        return self.status == "found" if self.was_tested else None
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,19 @@
 """How often each option of every `Choice` was taken, by condition: a section and a table."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+import pandas as pd
+
+from visavis.analysis.report import Block, Column, Fold, Paragraph, Section, Table
+from visavis.analysis.report.notation import count_of, percentage
+from visavis.analysis.statistics.binomial import clustered_share
 from visavis.protocol.plan.columns import Column as Described
+from visavis.results.analysis import StudyAnalysis
+from visavis.study.experiment import StudyExperiment
 from visavis.study.responses import Choice
 from visavis.study.sections import Extra
 from visavis.study.texts import label_in_unit, label_of
-
-if TYPE_CHECKING:
-    from visavis.analysis.report import Block
-    from visavis.results.analysis import StudyAnalysis
-    from visavis.study.experiment import StudyExperiment
 
 NAME: Final = "choices"
 MAX_OPEN_ROWS: Final = 24
@@ -28,12 +30,8 @@ COLUMNS: Final = (
 )
 
 
-def chosen(analysis: "StudyAnalysis", experiment: "StudyExperiment") -> Extra:
+def chosen(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
     """Return how often each option of every choice was taken; nothing where none was asked for."""
-    import pandas as pd
-
-    from visavis.analysis.report import Section
-
     rows: list[dict[str, Any]] = []
     blocks: list[Block] = []
     for response in experiment.responses.values():
@@ -47,10 +45,8 @@ def chosen(analysis: "StudyAnalysis", experiment: "StudyExperiment") -> Extra:
     return Extra(section, (), {NAME: pd.DataFrame(rows)}, COLUMNS)
 
 
-def _counts(analysis: "StudyAnalysis", response: Choice) -> Iterator[dict[str, Any]]:
+def _counts(analysis: StudyAnalysis, response: Choice) -> Iterator[dict[str, Any]]:
     """Yield a row for each condition and option, in their order."""
-    from visavis.analysis.statistics.binomial import clustered_share
-
     name, factors = response.name, list(analysis.cells)
     trials = analysis.selection.counted
     given = trials[trials[name].notna()]
@@ -82,12 +78,9 @@ def _counts(analysis: "StudyAnalysis", response: Choice) -> Iterator[dict[str, A
 def _told(
     rows: list[dict[str, Any]],
     response: Choice,
-    analysis: "StudyAnalysis",
-    experiment: "StudyExperiment",
-) -> "Iterator[Block]":
-    from visavis.analysis.report import Column, Fold, Paragraph, Table
-    from visavis.analysis.report.notation import count_of, percentage
-
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+) -> Iterator[Block]:
     texts, factors = experiment.texts, list(analysis.cells)
     words = dict(zip(map(str, response.options), response.options, strict=True))
     names = {

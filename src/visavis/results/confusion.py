@@ -1,20 +1,22 @@
 """A section of a report that tells which option was taken for which, as confusion matrices."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from matplotlib.figure import Figure
+
+from visavis.analysis.plots import BLACK, draw, new_figure
+from visavis.analysis.report import Paragraph, Section
+from visavis.analysis.report.notation import count_of, fraction
 from visavis.protocol.plan.columns import Column as Described
-from visavis.study.sections import Extra
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.report.study_report import picture_of
+from visavis.study.experiment import StudyExperiment
+from visavis.study.sections import Confusion, Extra
 from visavis.study.texts import label_of
-
-if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-    import pandas as pd
-    from matplotlib.figure import Figure
-
-    from visavis.results.analysis import StudyAnalysis
-    from visavis.study.experiment import StudyExperiment
 
 MAX_ACROSS = 3
 PANEL_IN = 4.2
@@ -24,129 +26,101 @@ MAX_LEVEL_TICK = 10
 """Letters of an option from which labels are slanted."""
 
 
-@dataclass(frozen=True)
-class Confusion:
-    """Confusion matrices of a choice; goes into a study's `sections`.
-
-    `shown` is the column that tells what was right, `answered` the `Choice`, whose options are the
-    rows and columns in their order; `by` makes one matrix for each level of a factor. A study that
-    has no such column, choice or factor is refused when it is opened. Trials without an answer are
-    told, not counted. Writes NAME.csv and the figure NAME.
-    """
-
-    shown: str
-    answered: str
-    by: str | None = None
-    title: str = "Which was taken for which"
-    name: str = "confusion"
-
-    def __call__(self, analysis: "StudyAnalysis", experiment: "StudyExperiment") -> Extra:
-        """Return the section, its figure and its table."""
-        from visavis.analysis.plots import draw
-        from visavis.analysis.report import Paragraph, Section
-        from visavis.analysis.report.notation import count_of, fraction
-        from visavis.results.report.study_report import picture_of
-
-        trials = analysis.selection.counted
-        options = tuple(experiment.responses[self.answered].options)
-        levels = (None,) if self.by is None else experiment.levels[self.by]
-        each = {level: self.counts(trials, options, level) for level in levels}
-        drawn = draw(
-            self.name,
-            lambda: self._figure(each, options, experiment),
-            title=self.title,
-            caption="Rows: what was right; columns: the answer. Shades and numbers: share of the "
-            "answers in a row; counts below.",
-            alternative=f"{count_of(len(each), 'confusion matrix', 'confusion matrices')} of "
-            f"{len(options)} options.",
-            is_simulated=analysis.is_simulated,
+def confusion_section(of: Confusion, analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
+    """Return the section on confusion matrices, its figure and its table."""
+    trials = analysis.selection.counted
+    options = tuple(experiment.responses[of.answered].options)
+    levels = (None,) if of.by is None else experiment.levels[of.by]
+    each = {level: confusion_counts(of, trials, options, level) for level in levels}
+    drawn = draw(
+        of.name,
+        lambda: _figure(of, each, options, experiment),
+        title=of.title,
+        caption="Rows: what was right; columns: the answer. Shades and numbers: share of the "
+        "answers in a row; counts below.",
+        alternative=f"{count_of(len(each), 'confusion matrix', 'confusion matrices')} of "
+        f"{len(options)} options.",
+        is_simulated=analysis.is_simulated,
+    )
+    every = confusion_counts(of, trials, options)
+    total = int(every.sum())
+    told = f"No answer is known to {label_of(experiment.texts, of.answered)}."
+    if total:
+        told = (
+            f"{fraction(int(every.trace()) / total)} of {count_of(total, 'answer')} were right, "
+            f"among {len(options)} options."
         )
-        every = self.counts(trials, options)
-        total = int(every.sum())
-        told = f"No answer is known to {label_of(experiment.texts, self.answered)}."
-        if total:
-            told = (
-                f"{fraction(int(every.trace()) / total)} of {count_of(total, 'answer')} were "
-                f"right, among {len(options)} options."
+    if len(trials) > total:
+        told += f" {count_of(len(trials) - total, 'trial')} without an answer are left out."
+    section = Section(of.name, of.title, (picture_of(drawn), Paragraph(told)))
+    columns = tuple(Described(str(o), "1", f"answers that named {o}") for o in options)
+    return Extra(section, (drawn,), {of.name: _table(of, each, options)}, columns)
+
+
+def confusion_counts(
+    of: Confusion, trials: pd.DataFrame, options: tuple[str, ...], level: Any = None
+) -> npt.NDArray[np.int64]:
+    """Return how often an option (row) was answered as an option (column), (n, n)."""
+    chosen = trials if level is None else trials[trials[str(of.by)] == level]
+    right, said = (
+        pd.Categorical(chosen[c], categories=options).codes for c in (of.shown, of.answered)
+    )
+    found = np.zeros((len(options), len(options)), dtype=np.int64)
+    known = (right >= 0) & (said >= 0)
+    np.add.at(found, (right[known], said[known]), 1)
+    return found
+
+
+def _table(
+    of: Confusion, each: Mapping[Any, npt.NDArray[np.int64]], options: tuple[str, ...]
+) -> pd.DataFrame:
+    """Return the matrices as one table, a row per level and option that was right."""
+    rows = [
+        ({} if of.by is None else {of.by: level})
+        | {of.shown: option}
+        | dict(zip(options, row.tolist(), strict=True))
+        for level, counts in each.items()
+        for option, row in zip(options, counts, strict=True)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _figure(
+    of: Confusion,
+    each: Mapping[Any, npt.NDArray[np.int64]],
+    options: tuple[str, ...],
+    experiment: StudyExperiment,
+) -> Figure:
+    names = [
+        experiment.texts.find(f"choices.{of.answered}.{o}") or label_of(experiment.texts, o)
+        for o in map(str, options)
+    ]
+    slanted = max(map(len, names)) > MAX_LEVEL_TICK
+    across = min(len(each), MAX_ACROSS)
+    down = -(-len(each) // across)
+    figure = new_figure(PANEL_IN * across, PANEL_IN * down)
+    panels = figure.subplots(down, across, sharey=True, squeeze=False)
+    for axes in panels.flat[len(each) :]:
+        axes.set_visible(False)
+    for axes, (level, counts) in zip(panels.flat, each.items(), strict=False):
+        shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        axes.imshow(shares, vmin=0, vmax=1, cmap="Blues")
+        for i, j in np.argwhere(counts):
+            axes.text(
+                j,
+                i,
+                f"{fraction(shares[i, j])}\n{counts[i, j]}",
+                ha="center",
+                va="center",
+                fontsize=7.5,
+                color="white" if shares[i, j] > DARK_01 else BLACK,
             )
-        if len(trials) > total:
-            told += f" {count_of(len(trials) - total, 'trial')} without an answer are left out."
-        section = Section(self.name, self.title, (picture_of(drawn), Paragraph(told)))
-        columns = tuple(Described(str(o), "1", f"answers that named {o}") for o in options)
-        return Extra(section, (drawn,), {self.name: self.table(each, options)}, columns)
-
-    def counts(
-        self, trials: "pd.DataFrame", options: tuple[str, ...], level: Any = None
-    ) -> "npt.NDArray[np.int64]":
-        """Return how often an option (row) was answered as an option (column), (n, n)."""
-        import numpy as np
-        import pandas as pd
-
-        chosen = trials if level is None else trials[trials[str(self.by)] == level]
-        right, said = (
-            pd.Categorical(chosen[c], categories=options).codes for c in (self.shown, self.answered)
-        )
-        found = np.zeros((len(options), len(options)), dtype=np.int64)
-        known = (right >= 0) & (said >= 0)
-        np.add.at(found, (right[known], said[known]), 1)
-        return found
-
-    def table(
-        self, each: "dict[Any, npt.NDArray[np.int64]]", options: tuple[str, ...]
-    ) -> "pd.DataFrame":
-        """Return the matrices as one table, a row per level and option that was right."""
-        import pandas as pd
-
-        rows = [
-            ({} if self.by is None else {self.by: level})
-            | {self.shown: option}
-            | dict(zip(options, row.tolist(), strict=True))
-            for level, counts in each.items()
-            for option, row in zip(options, counts, strict=True)
-        ]
-        return pd.DataFrame(rows)
-
-    def _figure(
-        self,
-        each: "dict[Any, npt.NDArray[np.int64]]",
-        options: tuple[str, ...],
-        experiment: "StudyExperiment",
-    ) -> "Figure":
-        import numpy as np
-
-        from visavis.analysis.plots import BLACK, new_figure
-        from visavis.analysis.report.notation import fraction
-
-        names = [
-            experiment.texts.find(f"choices.{self.answered}.{o}") or label_of(experiment.texts, o)
-            for o in map(str, options)
-        ]
-        slanted = max(map(len, names)) > MAX_LEVEL_TICK
-        across = min(len(each), MAX_ACROSS)
-        down = -(-len(each) // across)
-        figure = new_figure(PANEL_IN * across, PANEL_IN * down)
-        panels = figure.subplots(down, across, sharey=True, squeeze=False)
-        for axes in panels.flat[len(each) :]:
-            axes.set_visible(False)
-        for axes, (level, counts) in zip(panels.flat, each.items(), strict=False):
-            shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-            axes.imshow(shares, vmin=0, vmax=1, cmap="Blues")
-            for i, j in np.argwhere(counts):
-                axes.text(
-                    j,
-                    i,
-                    f"{fraction(shares[i, j])}\n{counts[i, j]}",
-                    ha="center",
-                    va="center",
-                    fontsize=7.5,
-                    color="white" if shares[i, j] > DARK_01 else BLACK,
-                )
-            axes.set_xticks(range(len(options)), names, rotation=30 if slanted else 0)
-            axes.set_yticks(range(len(options)), names)
-            axes.set_xlabel("Answered")
-            if level is not None:
-                axes.set_title(label_of(experiment.texts, str(level)).capitalize())
-            axes.grid(visible=False)
-        for axes in panels[:, 0]:
-            axes.set_ylabel("Right")
-        return figure
+        axes.set_xticks(range(len(options)), names, rotation=30 if slanted else 0)
+        axes.set_yticks(range(len(options)), names)
+        axes.set_xlabel("Answered")
+        if level is not None:
+            axes.set_title(label_of(experiment.texts, str(level)).capitalize())
+        axes.grid(visible=False)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("Right")
+    return figure

@@ -22,7 +22,7 @@ from visavis.protocol.plan.questionnaires import (
     unanswered,
 )
 from visavis.protocol.session.gaze_setup import TARGETS
-from visavis.recording.integrity import analysed_trials
+from visavis.recording.integrity import analysed_trials, damage_of
 from visavis.recording.manifest import Manifest
 from visavis.recording.reader import Recording
 from visavis.results.picture_delay import LATE, LatePictures, answered_from_light
@@ -65,6 +65,18 @@ class SessionIntake:
         return sum(not t["is_practice"] for b in blocks for t in b["trials"])
 
 
+@dataclass(frozen=True)
+class SimulatedStudy:
+    """A study simulated without recordings, as the analysis takes it.
+
+    `trials` has one row per trial; `people` one row per participant with the answers and scores
+    of questionnaires, where something is correlated with them.
+    """
+
+    trials: pd.DataFrame
+    people: pd.DataFrame
+
+
 def questionnaire(
     name: str, folders: Sequence[Path], wording: Path | None = None, *, language: str = ""
 ) -> Questionnaire:
@@ -90,7 +102,8 @@ def take_in(
     times to the `answers` run from then (`visavis.results.picture_delay`).
 
     A measure that is a score of a questionnaire asked after blocks stands in every row of its
-    block. `needs` are streams of which a trial must have lost nothing (None: any).
+    block. `needs` are streams of which a trial must have lost nothing (None: any). Where it lost
+    samples of another, the measures that read that stream are missing.
 
     Raises:
         DataError: the session has no trial rows, or a measure cannot be computed.
@@ -109,6 +122,9 @@ def take_in(
     looked: list[dict[str, Any]] = []
     varied: list[dict[str, Any]] = []
     rules = [(on, on.rules(recording.manifest.plan)) for on in looks]
+    unreadable = {
+        (t.part, t.trial_id, t.attempt): frozenset(t.streams) for t in damage_of(recording).trials
+    }
     late = None if picture_delay_ms is None else LatePictures(recording, picture_delay_ms)
     if late is not None:
         rows = _from_light(rows, late, answers)
@@ -118,6 +134,9 @@ def take_in(
             {str(k): v for k, v in row.items()},
             recording,
             gaze.of_part(int(row["recording_part"])) if measured else None,
+            unreadable.get(
+                (row["recording_part"], str(row["trial_id"]), row.get("attempt")), frozenset()
+            ),
         )
         if record.gaze is not None and (late_ms := record.number(LATE.name)) is not None:
             seen_ns = record.gaze.t_ns - round(late_ms * NS_PER_MS)

@@ -20,30 +20,25 @@ from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.protocol.plan.shown_scene import Shown
 from visavis.recording.reader import Recording
 from visavis.results.analysis import StudyAnalysis, analyse_rows, measures_of
-from visavis.results.confusion import Confusion
+from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.intake import SessionIntake, questionnaire, take_in
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
+from visavis.results.selection import Selection, left_out_lines, select
+from visavis.results.tables.dictionary import PEOPLE, of_shown, trial_columns
 from visavis.results.unusual import MAX_LISTED, Striking, striking_trials
 from visavis.results.validation import judge_validation
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.cast import use_recorded_cast
+from visavis.study.catalogue import declared_study
 from visavis.study.declaration import Study
-from visavis.study.exclusions import (
-    ANSWERED,
-    STANDARD_COLUMNS,
-    Exclusion,
-    Selection,
-    left_out_lines,
-    limits_in_force,
-    select,
-)
+from visavis.study.exclusions import ANSWERED, STANDARD_COLUMNS, Exclusion, limits_in_force
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure, lost_gaze, lost_head
-from visavis.study.pairs import DEFAULT_TEST_RULES, TestRules
 from visavis.study.pieces import MeasuredTrial, Pieces
 from visavis.study.responses import Choice
 from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.sections import Confusion
 from visavis.study.study_errors import line_saying
 from visavis.study.texts import label_of
 
@@ -138,9 +133,6 @@ class OpenedStudy:
         self, rule: Exclusion, made: StudyExperiment
     ) -> list[tuple[str, str, tuple[str, ...]]]:
         """Return the slip of a rule whose column no trial and no person can have."""
-        # The dictionary is imported with what writes tables: most commands do without.
-        from visavis.results.tables.dictionary import PEOPLE, of_shown, trial_columns
-
         if rule.level == "participant":
             known = tuple(c.name for c in PEOPLE)
             # What a study's own facts are called is known from data alone.
@@ -159,8 +151,6 @@ class OpenedStudy:
         Raises:
             DataError: naming the line of the study file, and the nearest there is.
         """
-        from visavis.results.tables.dictionary import PEOPLE, trial_columns
-
         own: list[str] = [] if facts is None else list(map(str, facts))
         there = {"trial": list(map(str, rows)), "participant": own}
         described = {
@@ -502,3 +492,13 @@ def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:
         is_list = isinstance(value, str) and value.startswith("[")
         found[name] = json.loads(value) if is_list else value
     return found
+
+
+def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> OpenedStudy:
+    """Return a study by its file's path, or by name; `of_lab` are the lab's own by name.
+
+    Raises:
+        UsageError: there is none, with the nearest name.
+        DesignError: the file cannot be read, or declares no study.
+    """
+    return OpenedStudy(declared_study(wanted, of_lab))

@@ -15,6 +15,8 @@ from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.results.analysis import SIMULATED_COLUMN, Finding, StudyAnalysis
 from visavis.results.choices import chosen
+from visavis.results.confusion import confusion_section
+from visavis.results.family_tests import columns_of_tests, published_cells
 from visavis.results.figures.family_figures import family_figures
 from visavis.results.figures.study_figures import figure_of_quality, study_figures
 from visavis.results.intake import questionnaire
@@ -34,8 +36,7 @@ from visavis.results.tables.dictionary import (
     write_table,
 )
 from visavis.study.experiment import StudyExperiment
-from visavis.study.pairs import columns_of_tests, published_cells
-from visavis.study.sections import Extra, made
+from visavis.study.sections import Confusion, Extra, SectionOf, named
 
 
 def write_study(
@@ -57,7 +58,7 @@ def write_study(
         UsageError: the folder cannot be written to.
         DataError: a column of a table is not described.
     """
-    extras = [made(section)(analysis, experiment) for section in experiment.study.sections]
+    extras = [_section(of, analysis, experiment) for of in experiment.study.sections]
     extras.append(chosen(analysis, experiment))
     quality = quality_of(analysis, facts) if experiment.study.validate else None
     try:
@@ -92,6 +93,16 @@ def write_study(
     return build_report(
         analysis, experiment, provenance, pictures, path, questionnaires, sections, quality
     )
+
+
+def _section(
+    of: SectionOf | Confusion | str, analysis: StudyAnalysis, experiment: StudyExperiment
+) -> Extra:
+    """Make a section that a study declares; one named "module:function" is imported now."""
+    if isinstance(of, Confusion):
+        return confusion_section(of, analysis, experiment)
+    make: SectionOf = named(of) if isinstance(of, str) else of
+    return make(analysis, experiment)
 
 
 def _figures(

@@ -6,10 +6,10 @@ their family. `effect` 0 gives people to whom what is shown makes no difference,
 is significant is false.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,40 +19,59 @@ from visavis.analysis.power import PlannedTestResult, PrintedTest, Source, Verdi
 from visavis.analysis.statistics.results import number
 from visavis.lab.errors import DataError, UsageError
 from visavis.results.analysis import Finding, Results, StudyAnalysis, answered, corrected
-from visavis.results.opened_study import OpenedStudy
-from visavis.running.quick import MakeTracker, quick_study
-from visavis.study.catalogue import find_study
-from visavis.study.comparisons import AGREEMENT, Compare
-from visavis.study.declaration import Study
-from visavis.study.exclusions import COUNTED, Selection
-from visavis.study.experiment import StudyExperiment
-from visavis.study.measures import aggregated
-from visavis.study.pairs import (
+from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
-    Correlate,
     CorrelationTest,
-    Family,
-    Pairs,
     PairTest,
     Test,
     compare_pairs,
     results_of,
     scores_of,
 )
+from visavis.results.intake import SimulatedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.results.selection import COUNTED, Selection
+from visavis.study.comparisons import AGREEMENT, Compare
+from visavis.study.declaration import Study
+from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import aggregated
+from visavis.study.pairs import Correlate, Family, Pairs
+from visavis.study.study_functions import MakeTracker
 
 MIN_N = 3
+
+
+class SimulateStudy(Protocol):
+    """Simulate people of a study without recordings, such as `visavis.running.quick.quick_study`.
+
+    `effect` multiplies what is shown makes of a difference.
+    """
+
+    def __call__(
+        self,
+        opened: OpenedStudy,
+        experiment: StudyExperiment,
+        make_tracker: MakeTracker,
+        indices: Iterable[int],
+        *,
+        seed: int,
+        effect: float,
+    ) -> SimulatedStudy:
+        """Return the trials and the people at these places in the order."""
+        ...
 
 
 @dataclass(frozen=True)
 class KitPower:
     """Implement `visavis.analysis.power.PowerStudy` for a study on the kit.
 
-    `reference` finds the study again in any process; `make_tracker` gives each person a tracker;
-    `overrides` replace parameters of the study.
+    `reference` finds the study again in any process; `make_tracker` gives each person a tracker,
+    with which `simulate_study` performs their trials; `overrides` replace parameters of the study.
     """
 
     reference: str
     make_tracker: MakeTracker = field(repr=False)
+    simulate_study: SimulateStudy = field(repr=False)
     smallest_n: int = MIN_N
     overrides: Mapping[str, Any] = field(default_factory=dict)
 
@@ -182,7 +201,9 @@ class KitPower:
         """
         opened = self._opened
         experiment = opened.experiment(self.overrides)
-        made = quick_study(opened, experiment, self.make_tracker, indices, seed=seed, effect=effect)
+        made = self.simulate_study(
+            opened, experiment, self.make_tracker, indices, seed=seed, effect=effect
+        )
         kept = _counted(opened, experiment, made.trials)
         return _needed(opened, experiment, kept, made.people)
 

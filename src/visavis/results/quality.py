@@ -10,7 +10,7 @@ from visavis.analysis.report.notation import count_of, decimal, percentage
 from visavis.protocol.plan.columns import Column as Described
 from visavis.protocol.plan.questionnaires import load_questionnaire
 from visavis.results.analysis import StudyAnalysis
-from visavis.study.exclusions import mean_error_deg
+from visavis.results.selection import mean_error_deg
 from visavis.study.measures import LOST_COLUMN
 
 ERROR_COLUMN = "calibration_accuracy_deg"

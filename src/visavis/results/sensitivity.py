@@ -9,16 +9,16 @@ import pandas as pd
 from visavis.analysis.statistics.results import Cell
 from visavis.lab.errors import DataError
 from visavis.protocol.plan.columns import Column
-from visavis.study.measures import Measure
-from visavis.study.pairs import (
+from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
-    Pairs,
     PairTest,
     TestRules,
     compare_pairs,
     find_test,
     same_verdicts,
 )
+from visavis.study.measures import Measure
+from visavis.study.pairs import Pairs
 
 PAD_COLUMN = "pad_deg"
 MINIMUM_COLUMN = "minimum_fixation_ms"

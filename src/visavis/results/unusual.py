@@ -11,7 +11,7 @@ import pandas as pd
 from visavis.analysis.report import Cell, Column, Table
 from visavis.analysis.report.notation import count_of, decimal
 from visavis.results.analysis import StudyAnalysis
-from visavis.study.exclusions import COUNTED, PERSON_OUT, PRACTICE, REASON, REPEATED
+from visavis.results.selection import COUNTED, PERSON_OUT, PRACTICE, REASON, REPEATED
 from visavis.study.measures import Measure
 
 VIEWS: Final = "views"

@@ -20,10 +20,10 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
+from visavis.lab.array_cache import digest_of
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Pose
-from visavis.lab.kept import digest_of
 from visavis.lab.plain_files import parse_json, read_plain
 from visavis.lab.version import version
 from visavis.running.page.spoken_digits import spoken_digits
@@ -277,7 +277,7 @@ def _look_of(person: Character) -> str:
     arrays = [a for mesh in person.levels for a in vars(mesh).values()]
     arrays += [m.texture_srgb for m in person.materials]
     arrays += [a for m in person.materials if m.maps for a in vars(m.maps).values()]
-    return digest_of(*(a for a in arrays if isinstance(a, np.ndarray)), said=person.name)
+    return digest_of(*(a for a in arrays if isinstance(a, np.ndarray)), text=person.name)
 
 
 def cache_folder() -> Path:
@@ -300,6 +300,7 @@ def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> 
 
 @lru_cache(maxsize=128)
 def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "FilmSeen":
+    # Saves the director of films with its geometry where every camera stands still.
     from visavis.study.moving_camera import filmed
 
     return filmed(film, _staged(film, makers, folder))
@@ -312,6 +313,7 @@ def _renderer() -> "Iterator[Renderer]":
     A processor draws people moved and lit by compiled loops, all in full detail: with shadow maps
     and light at every pixel one person alone takes it seventeen times as long.
     """
+    # Saves OpenGL wherever films are named, looked at by simulated people or served, not drawn.
     from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
     from visavis.stage.levels import DetailRule
     from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer

@@ -1,4 +1,4 @@
-"""Write the files of a new study: to begin with, or derived from another."""
+"""Write the files of a new study, to begin with or derived from another, and the examples."""
 
 import os
 from collections.abc import Mapping
@@ -11,6 +11,8 @@ from visavis.study.declaration import Study
 from visavis.study.parameters import parameters_in_force
 
 EXAMPLE: Final = Path(__file__).parent / "example"
+READY: Final = Path(__file__).parent / "ready"
+"""Studies that are ready to be performed, and scripts for what they record."""
 LANGUAGES: Final = ("en", "de", "fr")
 
 
@@ -35,6 +37,16 @@ def new_study(name: str, folder: Path, base: Study | None = None) -> tuple[Path,
     }
     if base is None:
         made |= {f"{texts}/{lang}.yaml": _read(f"{lang}.yaml") for lang in LANGUAGES}
+    return written(folder, made)
+
+
+def write_examples(folder: Path) -> tuple[Path, ...]:
+    """Write every example into a folder; return the files.
+
+    Raises:
+        UsageError: one of them is there already.
+    """
+    made = {path.stem: path.read_text("utf-8") for path in sorted(READY.glob("*.txt"))}
     return written(folder, made)
 
 

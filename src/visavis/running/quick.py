@@ -6,9 +6,8 @@ sessions use, and a tracker model handed in makes the errors of the simulated de
 studies of the null hypothesis need hundreds of studies; this is twenty times as fast as sessions.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +18,7 @@ from visavis.devices.body_contract import MovingBody
 from visavis.devices.contracts import GAZE
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
-from visavis.lab.geometry import Pose, Vector
+from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, empty_values
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.questionnaires import Questionnaire, read_answers, score
@@ -29,6 +28,7 @@ from visavis.protocol.plan.steps import (
     Ask,
     BodyView,
     FrameView,
+    Mark,
     NextFrame,
     Plan,
     PlaySound,
@@ -40,53 +40,25 @@ from visavis.protocol.session.boards import HAND
 from visavis.protocol.session.observation import GazeObserver
 from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.protocol.session.streams import gaze_targets_schema
-from visavis.results.intake import questionnaire
+from visavis.results.intake import SimulatedStudy, questionnaire
 from visavis.results.opened_study import OpenedStudy
+from visavis.running.film_store import film_store
+from visavis.running.page.steps import PageStep, Reply, check_reply, ns_of_ms
+from visavis.running.page.trial import perform_on_page
+from visavis.running.page.visitor import visitor_of
 from visavis.stimuli.panels import PanelFrame
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure, TrialRecord, value_of
 from visavis.study.pairs import Correlate
+from visavis.study.study_functions import MakeTracker, TrackerModel
+from visavis.study.trial import TrialScript
 
 DISPLAY_HZ = 45
 TRACKER_HZ = 120
 
 
 _TRACKED = np.ones((1, 1), np.bool_)
-
-
-class TrackerModel(Protocol):
-    """Measure true eye states as an eye tracker would."""
-
-    def measure(
-        self, eyes: npt.NDArray[np.void], *, first_sample: int, stretch: int, fit: int
-    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
-        """Return combined directions in the head frame (n, 3) and validity (n,).
-
-        `first_sample` counts the stretch's samples before these.
-        """
-        ...
-
-    @property
-    def delay_ns(self) -> int:
-        """Time from a sample to its arrival."""
-        ...
-
-
-MakeTracker = Callable[[int, int], TrackerModel]
-"""Makes the tracker of a participant, given the study's seed and the place in the order."""
-
-
-@dataclass(frozen=True)
-class QuickStudy:
-    """A simulated study as the analysis takes it.
-
-    `trials` has one row per trial; `people` one row per participant with the answers and scores
-    of questionnaires, where something is correlated with them.
-    """
-
-    trials: pd.DataFrame
-    people: pd.DataFrame
 
 
 def quick_study(
@@ -97,7 +69,7 @@ def quick_study(
     *,
     seed: int,
     effect: float = 1.0,
-) -> QuickStudy:
+) -> SimulatedStudy:
     """Simulate a study; `effect` multiplies what is shown makes of a difference.
 
     Raises:
@@ -124,7 +96,7 @@ def quick_study(
             known |= answers
             known |= {f"{questions.name}_{k}": v for k, v in score(questions, answers).items()}
         people.append(known)
-    return QuickStudy(pd.concat(tables, ignore_index=True), pd.DataFrame(people))
+    return SimulatedStudy(pd.concat(tables, ignore_index=True), pd.DataFrame(people))
 
 
 def answers_of(person: SimulatedParticipant, questions: Questionnaire) -> dict[str, Any]:
@@ -184,9 +156,7 @@ def quick_rows(
     """
     rows: list[dict[str, Any]] = []
     if experiment.study.on == "browser":
-        from visavis.running.page.quick import page_rows
-
-        done = page_rows(experiment, person, index=index, seed=seed)
+        done = _page_rows(experiment, person, index=index, seed=seed)
         rows = [_row_of(trial, own, index) for trial, own in done]
         return pd.DataFrame(
             [
@@ -205,6 +175,35 @@ def quick_rows(
         counted = [t for t in block.trials if not t.is_practice]
         rows += [_row(experiment, person, tracker, measures, t, index) for t in counted]
     return pd.DataFrame(rows)
+
+
+def _page_rows(
+    experiment: StudyExperiment, person: SimulatedParticipant, *, index: int, seed: int
+) -> Iterator[tuple[Trial, Mapping[str, Any]]]:
+    """Perform every trial of a person's plan but practice; yield each with its row."""
+    store = film_store(experiment)
+    visitor = visitor_of(person, experiment, store)
+    for trial in experiment.plan(index, seed).trials:
+        if trial.is_practice:
+            continue
+        performing = perform_on_page(
+            TrialScript(trial, experiment.settings),
+            experiment.study.trial_plan,
+            lambda film: store.told(film, is_simulated=True),
+        )
+        reply: Reply | None = None
+        told = {"trial": trial.number, "is_practice": False}
+        try:
+            while True:
+                out = performing.send(reply)
+                reply = None
+                if not isinstance(out, Mark):
+                    step = PageStep(out.kind, {**out.content, **told})
+                    content = visitor.reply(step)
+                    check_reply(step, content)
+                    reply = Reply(content, ns_of_ms(visitor.now_ms), ns_of_ms)
+        except StopIteration as end:
+            yield trial, dict(end.value or {})
 
 
 def _row(

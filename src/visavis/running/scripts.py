@@ -15,6 +15,7 @@ from typing import Any
 
 import pandas as pd
 
+from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig, load_config, parse_config, with_devices
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, find_config
@@ -22,7 +23,7 @@ from visavis.lab.errors import ConfigError, UsageError
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.reader import Recording
 from visavis.results.analysis import StudyAnalysis
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.picture_delay import SETTING
 from visavis.running.sessions.damage import require_intact
 from visavis.running.sessions.plan_lock import read_lock, refuse_to_peek
@@ -37,7 +38,6 @@ from visavis.running.sessions.study_folder import (
     wanted_settings,
 )
 from visavis.study.cast import use_recorded_cast
-from visavis.study.catalogue import find_study
 
 
 @dataclass(frozen=True)
@@ -260,8 +260,6 @@ def tables(data: StudyData | str | Path) -> dict[str, pd.DataFrame]:
 
 
 def _lab(config: str | Path | None) -> LabConfig:
-    from visavis.devices.registry import OPTION_MODELS  # pydantic models of every driver
-
     path = Path(config) if config is not None else find_config(Path.cwd())
     if path is None:
         lab = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, OPTION_MODELS, folder=Path.cwd())

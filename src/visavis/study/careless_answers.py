@@ -13,9 +13,10 @@ import pandas as pd
 
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.columns import Column
-from visavis.running.page.spoken_digits import NOT_HEARD
 from visavis.study.exclusions import Exclusion
 
+NOT_HEARD: Final = "sound not heard"
+"""Flags every trial of somebody who did not hear, or mistook, what a page said."""
 MAX_PATTERN: Final = 3
 """The longest pattern that is looked for."""
 SIGNS: Final = {

@@ -12,10 +12,9 @@ from typing import Final
 
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.results.opened_study import OpenedStudy
 from visavis.study.declaration import Study
 from visavis.study.sections import named
-from visavis.study.study_errors import MODULE_OF_STUDY, forgotten_yields, in_words, line_of
+from visavis.study.study_errors import MODULE_OF_STUDY, explain, forgotten_yields, line_of
 from visavis.study.trial import STEPS
 
 SHIPPED: Final[Mapping[str, str]] = {
@@ -31,7 +30,7 @@ GROUP: Final = "visavis.studies"
 """Entry points of installed packages: a name, and a `Study` (or what makes one)."""
 
 
-def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> OpenedStudy:
+def declared_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> Study:
     """Return a study by its file's path, or by name; `of_lab` are the lab's own by name.
 
     Raises:
@@ -39,7 +38,7 @@ def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> OpenedS
         DesignError: the file cannot be read, or declares no study.
     """
     if is_file(wanted):
-        return OpenedStudy(study_of_file(Path(wanted)))
+        return study_of_file(Path(wanted))
     own = of_lab or {}
     if wanted in own:
         found = study_of_file(own[wanted])
@@ -48,7 +47,7 @@ def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> OpenedS
                 f"{own[wanted]} declares the study {found.name}, not {wanted}; correct studies: "
                 "in lab_config.yaml"
             )
-        return OpenedStudy(found)
+        return found
     if wanted in SHIPPED:
         return _of_object(SHIPPED[wanted])
     installed = {point.name: point for point in entry_points(group=GROUP)}
@@ -66,15 +65,9 @@ def is_file(wanted: str) -> bool:
     return wanted.endswith(".py") or "/" in wanted or "\\" in wanted
 
 
-def reference_of(study: OpenedStudy) -> str:
+def reference_of(study: Study) -> str:
     """Return what finds a study again from any folder and any process: its file, or its name."""
-    path = study.study.path
-    return study.name if path is None else str(path)
-
-
-def file_of(study: OpenedStudy) -> Path | None:
-    """Return the file a study was read from; None for one of a package."""
-    return study.study.path
+    return study.name if study.path is None else str(study.path)
 
 
 def digest_of(path: Path) -> str:
@@ -137,18 +130,18 @@ def _module_of(path: Path) -> ModuleType:
     except SyntaxError as error:
         raise DesignError(f"{path}, line {error.lineno}: {error.msg}") from error
     except Exception as error:
-        raise DesignError(f"{line_of(error) or path}: {in_words(error)}") from error
+        raise DesignError(f"{line_of(error) or path}: {explain(error)}") from error
     finally:
         sys.path.remove(str(path.parent))
     return module
 
 
-def _of_object(reference: str) -> OpenedStudy:
+def _of_object(reference: str) -> Study:
     found = named(reference)
     made = found if isinstance(found, Study) else found()
     if not isinstance(made, Study):
         raise DesignError(f"{reference} is a {type(made).__name__}; an entry point names a Study")
-    return OpenedStudy(made)
+    return made
 
 
 def known_studies(of_lab: Iterable[str] = ()) -> tuple[str, ...]:

@@ -12,25 +12,17 @@ Everything else follows from it once, for every study: planning, sessions, simul
 tables with their dictionaries, statistics, figures, report, power.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, get_args
-
-import numpy as np
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, get_args
 
 from visavis.lab.errors import DesignError
-from visavis.people.person import Seen
-from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.design import BlockOrder, Design, Factor, TrialOrder
-from visavis.protocol.plan.experiment import Demands
 from visavis.protocol.plan.orders import Constraint
 from visavis.protocol.plan.parameters import Range, parameters_from
-from visavis.protocol.plan.session_plan import SessionPlan, Trial
-from visavis.protocol.plan.shown_scene import Shown
-from visavis.protocol.plan.steps import Scalar, Step
-from visavis.stimuli.scene import SceneFrame
+from visavis.protocol.plan.steps import Scalar
 from visavis.study.comparisons import Compare
 from visavis.study.exclusions import STANDARD_RULES, Exclusion
 from visavis.study.look_measures import LooksOn
@@ -39,15 +31,22 @@ from visavis.study.pairs import Family
 from visavis.study.pieces import Pieces
 from visavis.study.responses import Response
 from visavis.study.scenes import Maker
-from visavis.study.sections import SectionOf, named
+from visavis.study.sections import ConcludeOf, Confusion, SectionOf, named
+from visavis.study.study_functions import (
+    AnswerOf,
+    DemandsOf,
+    FactsOf,
+    FurtherOf,
+    IntertrialPlan,
+    PeopleOf,
+    PersonOf,
+    PrepareOf,
+    QuickOf,
+    RolesOf,
+    ScaledOf,
+    ViewsOf,
+)
 from visavis.study.trial import TrialPlan, TrialScript
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from visavis.results.analysis import Conclusion, StudyAnalysis
-    from visavis.running.quick import TrackerModel
-    from visavis.study.experiment import StudyExperiment
 
 RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
     "trial",
@@ -69,26 +68,6 @@ SETTABLE: Final = (
 
 On: TypeAlias = Literal["lab", "browser"]
 Screening: TypeAlias = Literal["card", "sound"]
-IntertrialPlan = Callable[[TrialScript], Iterator[Step]]
-"""What happens before a trial: a generator over its script."""
-PersonOf: TypeAlias = Callable[[int, int, bool, "StudyExperiment"], SimulatedParticipant]
-FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
-ViewsOf: TypeAlias = Callable[[Shown, "StudyExperiment"], Iterator[SceneFrame]]
-ScaledOf: TypeAlias = Callable[[int, int, float, "StudyExperiment"], SimulatedParticipant]
-QuickOf: TypeAlias = Callable[
-    ["StudyExperiment", Any, "TrackerModel"],
-    Callable[[SessionPlan], Iterator[tuple[Trial, Mapping[str, Any]]]],
-]
-FurtherOf: TypeAlias = Callable[["StudyAnalysis"], Any]
-ConcludeOf: TypeAlias = Callable[["StudyAnalysis"], "Sequence[Conclusion]"]
-DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
-RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
-PeopleOf: TypeAlias = Callable[[Mapping[str, Any]], int]
-PrepareOf: TypeAlias = Callable[["StudyExperiment"], Sequence[Callable[[], object]]]
-"""What is to be loaded or computed before a session: calls to be made."""
-
-AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
-"""What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
 
 
 class MeanSd(NamedTuple):
@@ -210,8 +189,10 @@ class Study:
     further_of: FurtherOf | None = None
     conclude_of: ConcludeOf | None = None
     views_of: ViewsOf | None = None
-    sections: list[SectionOf | str] = field(default_factory=list)
-    """Makers of sections of the report; "module:function" for one that takes long to import."""
+    sections: list[SectionOf | Confusion | str] = field(default_factory=list)
+    """Sections of the report: functions that make them ("module:function" for one that takes long
+    to import), or confusion matrices.
+    """
     makers: dict[str, Maker] = field(default_factory=dict)
     path: Path | None = None
     """The file it was read from; None for a study of an installed package."""

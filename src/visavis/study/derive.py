@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from visavis.lab.errors import DesignError
 from visavis.lab.yaml_lines import did_you_mean
+from visavis.study.catalogue import declared_study, is_file
 from visavis.study.declaration import Study
 from visavis.study.exclusions import Exclusion
 from visavis.study.parameters import parameters_in_force
@@ -64,12 +65,10 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
 
 
 def _found(base: str | Path, here: Path) -> Study:
-    from visavis.study.catalogue import find_study, is_file  # which derives nothing itself
-
     wanted = str(base)
     if is_file(wanted):
         wanted = str(here / wanted)
-    return find_study(wanted).study
+    return declared_study(wanted)
 
 
 def _parameters(source: Study, changed: Mapping[str, Any]) -> dict[str, Any]:

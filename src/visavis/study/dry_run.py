@@ -32,7 +32,7 @@ from visavis.study.background import Beside
 from visavis.study.films import Shown
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene, Staging, stage
-from visavis.study.study_errors import in_words, line_of, line_reached
+from visavis.study.study_errors import explain, line_of, line_reached
 from visavis.study.trial import (
     SCENE_STREAM,
     Action,
@@ -186,7 +186,7 @@ def read_trial(
             tuple(sound_columns),
         )
     except (DesignError, TypeError) as error:
-        told = in_words(error)
+        told = explain(error)
         if isinstance(error, TypeError) and told.startswith(TypeError.__name__):
             raise  # nothing better can be said of it
         place = line_of(error) or line_reached(steps)

@@ -1,32 +1,18 @@
-"""What does not count, by rules with thresholds that stand in the plan, and the flow they leave.
-
-Rules act in order: trials that were not finished or were performed again, then trials, then
-people. Every row keeps its place in the table with `is_analysed` and the reason.
-"""
+"""What leaves trials and people out of an analysis: rules with limits that stand in the plan."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
-import pandas as pd
 
-from visavis.analysis.report.notation import count_of
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.recording.integrity import DAMAGED, LOST
 from visavis.study.measures import HEAD_LOST_COLUMN, LOST_COLUMN
 
 Level = Literal["trial", "participant"]
-REASON: Final = "left_out_because"
 ANSWERED: Final = "answered_01"
 """Of each person: the share of the required questions of questionnaires that were answered."""
-COUNTED: Final = "is_analysed"
-PRACTICE: Final = "practice"
-NOT_FINISHED: Final = "not finished"
-REPEATED: Final = "performed again later"
-UNREADABLE: Final = "the recording is damaged"
-PERSON_OUT: Final = "participant left out: "
 
 
 COLUMN_WORDS: Final[Mapping[str, str]] = {
@@ -184,84 +170,6 @@ def needs_answer(response: str) -> Exclusion:
     )
 
 
-@dataclass(frozen=True)
-class Left:
-    """What a rule left out: how many trials or people, and its words."""
-
-    rule: str
-    level: Level
-    count: int
-    words: str
-
-
-@dataclass(frozen=True)
-class Selection:
-    """What counts: `rows` holds every trial with `is_analysed` and the reason, `flow` the steps."""
-
-    rows: pd.DataFrame
-    people: pd.DataFrame
-    performed: int
-    left: tuple[Left, ...]
-    limits: Mapping[str, float | None]
-
-    @property
-    def counted(self) -> pd.DataFrame:
-        """The trials that count."""
-        kept: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
-        return kept
-
-    def applied(self, rules: Sequence[Exclusion]) -> list[Exclusion]:
-        """Return the rules that are on and whose column there is."""
-        return [
-            r
-            for r in rules
-            if self.limits[r.name] is not None
-            and r.column in (self.rows if r.level == "trial" else self.people)
-        ]
-
-    @property
-    def finished(self) -> pd.DataFrame:
-        """The trials that were finished, each once, practice left out, whether they count or not.
-
-        What would count without rules.
-        """
-        out = (PRACTICE, UNREADABLE, NOT_FINISHED, REPEATED)
-        done: pd.DataFrame = self.rows[~self.rows[REASON].isin(out)]
-        return done
-
-
-def left_out_lines(selection: Selection, rules: Sequence[Exclusion]) -> list[str]:
-    """Return who and what does not count and why: trials by rule, then each person by name."""
-    trials = [left for left in selection.left if left.level == "trial" and left.rule != PRACTICE]
-    lines = [
-        f"left out: {count_of(left.count, 'trial')}, {rule_words(selection, rules, left.rule)}"
-        for left in trials
-    ]
-    gone = selection.people[~selection.people[COUNTED].astype(bool)]
-    lines += [
-        f"left out: participant {name}, {why}"
-        for name, why in zip(gone["participant"], gone[REASON], strict=True)
-    ]
-    return lines
-
-
-def rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> str:
-    """Return what a step leaves out, in words: of a rule its column and the limit in force."""
-    rule = next((r for r in rules if r.name == name), None)
-    if rule is None:
-        known = {
-            "damaged": f"unreadable, {UNREADABLE}",
-            "unfinished": NOT_FINISHED,
-            "repeated": REPEATED,
-        }
-        return known.get(name, name.replace("_", " "))
-    if rule.if_missing:
-        return rule.words
-    limit = selection.limits[name]
-    what = rule.column_words
-    return f"{what} {'above' if rule.above else 'below'} {limit:g}"
-
-
 def limits_in_force(
     rules: Sequence[Exclusion], overrides: Mapping[str, Any]
 ) -> dict[str, float | None]:
@@ -287,163 +195,3 @@ def _limit(name: str, value: Any) -> float:
         wanted = "a share from 0 to 1" if is_share else "a number from 0"
         raise UsageError(f"{name} is {value}; give {wanted}, or null for no such rule")
     return limit
-
-
-def select(
-    rows: pd.DataFrame,
-    rules: Sequence[Exclusion],
-    limits: Mapping[str, float | None],
-    *,
-    cells: Sequence[str],
-    planned: Mapping[str, int],
-    cell_count: int,
-    facts: pd.DataFrame | None = None,
-) -> Selection:
-    """Decide which trials count.
-
-    Of a trial that was performed again the last finished attempt counts; one without a value that
-    a rule asks for (`if_missing`) takes no other's place. `cells` are the factors
-    within people whose combinations each person must meet, `planned` the number of trials planned
-    for each participant, `cell_count` how many cells each person meets. `facts` are what else is
-    known of people, one row per participant, for rules to name.
-    """
-    table = rows.reset_index(drop=True)  # rows of its own; what was given stays as it is
-    reasons = pd.Series([""] * len(table), dtype=object)
-    left: list[Left] = []
-
-    def leave(out: "pd.Series[bool]", rule: str, level: Level, words: Sequence[str] | str) -> None:
-        fresh = out & (reasons == "")
-        said = [words] * len(table) if isinstance(words, str) else list(words)
-        reasons[fresh] = pd.Series(said, dtype=object)[fresh]
-        count = int(fresh.sum()) if level == "trial" else table.loc[out, "participant"].nunique()
-        if count:
-            left.append(Left(rule, level, int(count), said[int(np.flatnonzero(out)[0])]))
-
-    def judge(rule: Exclusion) -> None:
-        limit = limits[rule.name]
-        values = table[rule.column]
-        out = values.map(lambda v, r=rule, n=limit: r.breaks(v, n)).astype(bool)
-        leave(
-            out,
-            rule.name,
-            "trial",
-            [rule.said(v, limit) if bad else "" for v, bad in zip(values, out, strict=True)],
-        )
-
-    leave(table["is_practice"].astype(bool), "practice", "trial", PRACTICE)
-    unreadable = table["status"].isin((DAMAGED, LOST))
-    leave(unreadable, "damaged", "trial", UNREADABLE)
-    leave(table["status"] != "complete", "unfinished", "trial", NOT_FINISHED)
-    trial_rules = [r for r in rules if r.level == "trial" and r.column in table]
-    for rule in (r for r in trial_rules if r.if_missing):
-        judge(rule)
-    done = table[reasons == ""].sort_values("attempt", kind="stable")
-    again = pd.Series(False, index=table.index)
-    again[done.index[done.duplicated(["participant", "session", "trial_id"], keep="last")]] = True
-    leave(again, "repeated", "trial", REPEATED)
-    finished = table[reasons == ""]
-    for rule in (r for r in trial_rules if not r.if_missing):
-        judge(rule)
-    people = participant_facts(table, finished, reasons == "", cells, planned, cell_count)
-    if facts is not None:
-        people = people.merge(facts, on="participant", how="left")
-    for rule in (r for r in rules if r.level == "participant"):
-        limit = limits[rule.name]
-        said = {}
-        for name, value in zip(people["participant"], people.get(rule.column, ()), strict=False):
-            if rule.breaks(value, limit):
-                said[name] = rule.said(value, limit)
-        out = table["participant"].astype(str).isin(said)
-        leave(
-            out,
-            rule.name,
-            "participant",
-            [f"{PERSON_OUT}{said.get(str(p), '')}" for p in table["participant"]],
-        )
-        for name, words in said.items():
-            at = people["participant"] == name
-            people.loc[at, REASON] = [
-                "; ".join(filter(None, (before, words))) for before in people.loc[at, REASON]
-            ]
-    table[COUNTED] = (reasons == "").to_numpy()
-    table[REASON] = reasons.to_numpy()
-    people[COUNTED] = people[REASON] == ""
-    return Selection(table, people, len(table), tuple(left), dict(limits))
-
-
-def participant_facts(
-    rows: pd.DataFrame,
-    finished: pd.DataFrame,
-    counts: "pd.Series[bool]",
-    cells: Sequence[str],
-    planned: Mapping[str, int],
-    cell_count: int,
-) -> pd.DataFrame:
-    """Return what rules about people look at, one row per participant.
-
-    `completed_01` is the share of planned trials that were finished, those of damaged recordings
-    not counted, `bad_trials_01` the share of
-    finished ones left out, `smallest_cell_trials` the trials that count in the emptiest cell,
-    `smallest_cell_01` their share of those planned for a cell,
-    `calibration_error_deg` the mean error over the validations their trials were made with.
-    """
-    found = []
-    for name in sorted({*rows["participant"].astype(str), *planned}):
-        mine = finished[finished["participant"].astype(str) == name]
-        good = mine[counts.reindex(mine.index, fill_value=False)]
-        gone = _gone(rows, name)
-        intact = planned.get(name, 0) - len(gone)
-        sizes = good.groupby(list(cells)).size() if cells and len(good) else pd.Series([len(good)])
-        smallest = 0 if len(sizes) < cell_count else int(sizes.min())
-        found.append(
-            {
-                "participant": name,
-                "trials_finished": len(mine),
-                "completed_01": len(mine) / intact if intact > 0 else np.nan,
-                "bad_trials_01": (len(mine) - len(good)) / len(mine) if len(mine) else np.nan,
-                "smallest_cell_trials": smallest,
-                "smallest_cell_01": _smallest_share(
-                    good, gone, cells, planned.get(name, 0), cell_count
-                ),
-                "calibration_error_deg": mean_error_deg(mine),
-                REASON: "",
-            }
-        )
-    return pd.DataFrame(found)
-
-
-def _smallest_share(
-    good: pd.DataFrame, gone: pd.DataFrame, cells: Sequence[str], planned: int, cell_count: int
-) -> float:
-    """Return the least share, over cells, of the trials planned for one that count.
-
-    Trials that a damaged recording cost are not counted as planned, those of unknown cell by equal
-    shares.
-    """
-    if not planned:
-        return float("nan")
-    key = list(cells) or (lambda row: 0)
-    sizes = good.groupby(key).size()
-    if len(sizes) < cell_count:
-        return 0.0
-    unknown = gone[list(cells)].isna().any(axis=1)
-    lost = gone[~unknown].groupby(key).size().reindex(sizes.index, fill_value=0)
-    intact = (planned - int(unknown.sum())) / cell_count - lost
-    return float((sizes / intact.clip(lower=1)).min())
-
-
-def _gone(rows: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Return a participant's trials that a damaged recording cost, each once: nobody's doing."""
-    gone = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
-    mine = rows["participant"].astype(str) == name
-    return rows[gone & mine].drop_duplicates("trial_id")
-
-
-def mean_error_deg(rows: pd.DataFrame) -> float:
-    """Return the mean error over the calibrations one participant's trials were made with."""
-    if "calibration_accuracy_deg" not in rows:
-        return float("nan")
-    each = rows.dropna(subset=["calibration_accuracy_deg"])
-    if "calibration_id" in each and each["calibration_id"].notna().all():
-        each = each.drop_duplicates("calibration_id")
-    return float(each["calibration_accuracy_deg"].astype(float).mean()) if len(each) else np.nan

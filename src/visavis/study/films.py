@@ -6,13 +6,14 @@ or a monitor its scene itself is shown.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
+from visavis.protocol.plan.columns import Column
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.study.responses import Response
 from visavis.study.scenes import PAIR, Scene
@@ -22,6 +23,19 @@ MAX_SIDE_PX: Final = 1920
 CODEC: Final = "vp09.00.31.08"
 """How browsers are asked whether they can play our films: VP9, profile 0, level 3.1, 8 bit."""
 MIME: Final = f'video/webm; codecs="{CODEC}"'
+FILM_COLUMNS: Final = (
+    Column("wait_ms", "ms", "from the page's step to the first picture that was presented"),
+    Column("rounds", "1", "whole rounds that were shown (of a pair: of the one with fewer)"),
+    Column("frames_dropped", "1", "pictures of the film that the browser did not present"),
+    Column("stalls", "1", "times the film stood still because the browser waited for it"),
+    Column("hidden_ms", "ms", "time for which the page could not be seen"),
+    Column("apart_ms", "ms", "most that the two films of a pair were apart; empty for one"),
+    Column("sha256", "", "file that was played; of a pair left, right; none in simulations"),
+)
+"""What a page adds to a trial's row beside `film_on_ns`, `film_off_ns` and `film_frames`.
+
+The film's name goes before each of these.
+"""
 
 
 @dataclass(frozen=True)
@@ -192,3 +206,10 @@ def scene_of(shown: Shown) -> Scene:
 def seconds_of(shown: Shown) -> float:
     """Return how long one round takes."""
     return max(film.seconds for film in films_of(shown).values())
+
+
+def film_columns(films: int) -> dict[str, Column]:
+    """Return what describes the columns of so many films (or pairs) in a trial, by name."""
+    names = ["film", *(f"film{k}" for k in range(2, films + 1))][:films]
+    columns = (replace(c, name=f"{name}_{c.name}") for name in names for c in FILM_COLUMNS)
+    return {c.name: c for c in columns}

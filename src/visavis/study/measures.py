@@ -22,6 +22,12 @@ from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
 
 Aggregate = Literal["mean", "median", "share"]
+
+
+class SamplesUnreadable(DataError):
+    """A measure asked for samples of a trial that a damaged recording holds in part only."""
+
+
 LOOKS: Final = replace(DEFAULT_LOOK_PARAMETERS, backward="sort", conflicts="keep_first")
 """A tracker's faulty stamps must not cost a study its session: they are mended."""
 LOST_COLUMN: Final = "gaze_lost_01"
@@ -33,12 +39,14 @@ class TrialRecord:
     """One trial as recorded: its row, and what the session's streams hold of it.
 
     `gaze` are the gaze samples of the whole session's part (None without an eye tracker);
-    `recording` is None for a trial of the quick path of power.
+    `recording` is None for a trial of the quick path of power. `damaged_streams` lost samples of
+    this trial after they were recorded.
     """
 
     row: Mapping[str, Any]
     recording: Recording | None
     gaze: GazeTargets | None = field(repr=False, default=None)
+    damaged_streams: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -74,7 +82,13 @@ class TrialRecord:
         return None if found is None else int(found)
 
     def stream(self, name: str, start_ns: int, end_ns: int) -> dict[str, npt.NDArray[Any]]:
-        """Return a stream's columns between two times of this trial's part."""
+        """Return a stream's columns between two times of this trial's part.
+
+        Raises:
+            SamplesUnreadable: it lost samples of this trial; a measure that asks is missing then.
+        """
+        if name in self.damaged_streams:
+            raise SamplesUnreadable(f"{self.name}: samples of {name} cannot be read")
         if self.recording is None:
             raise UsageError(
                 f"stream {name!r} is measured from recordings, which the quick path of power does "
@@ -244,6 +258,8 @@ def column(
 def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
     """Return a measure of a trial: computed, or as the trial wrote it.
 
+    None where it rests on samples that a damaged recording lost.
+
     Raises:
         DataError: the measure cannot be computed, with the trial and the reason.
     """
@@ -252,6 +268,8 @@ def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
         return None if found is None or found != found else found
     try:
         return measure.of(record)
+    except SamplesUnreadable:
+        return None
     except (KeyError, ValueError, IndexError) as error:
         raise DataError(
             f"{record.name}: {measure.column} could not be measured "

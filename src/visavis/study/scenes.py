@@ -43,7 +43,7 @@ from visavis.stimuli.scenes.audience import (
     audience_scene,
 )
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
-from visavis.study.study_errors import not_taken, taken_by
+from visavis.study.arguments import argument_names, unknown_argument
 
 FOLLOW_STEP_M: Final = 0.005
 """Eyes on the participant follow their head in steps of this size: 0.2° at 1.4 m."""
@@ -265,7 +265,7 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
     if (known := _taken(name, maker, wanted.options)) is not None:
         for option in wanted.options:
             if option not in known:
-                raise DesignError(not_taken(f"scene {name}", option, known))
+                raise DesignError(unknown_argument(f"scene {name}", option, known))
     try:
         return maker(staging, **wanted.options)
     except TypeError as error:
@@ -274,14 +274,14 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
 
 def _taken(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Return the options a scene takes; None where its maker takes whatever it is given."""
-    known = taken_by(maker)[1:]
+    known = argument_names(maker)[1:]
     passes_on = any(q.kind is q.VAR_KEYWORD for q in signature(maker).parameters.values())
     if not passes_on:
         return known
     if maker is not person:
         return None
     does = MOTIONS.get(str(options.get("motion", "idle")))
-    of_motion = taken_by(read_motion)[2:] if does is None else taken_by(does)
+    of_motion = argument_names(read_motion)[2:] if does is None else argument_names(does)
     return (*known, *of_motion)
 
 

@@ -1,7 +1,7 @@
-"""What a study adds to its report: a section of its own, with the figures and tables it needs."""
+"""What a study adds to its report: sections of its own, and answers to its questions."""
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -12,8 +12,14 @@ if TYPE_CHECKING:
 
     from visavis.analysis.plots import ReportFigure
     from visavis.analysis.report import Section
-    from visavis.results.analysis import StudyAnalysis
-    from visavis.study.experiment import StudyExperiment
+    from visavis.analysis.report.blocks import Status
+
+# Functions of a study get its analysis and its experiment. Both hold the study, so their classes
+# stand above its declaration: visavis.results.analysis.StudyAnalysis and
+# visavis.study.experiment.StudyExperiment. Study files name these classes in their own functions;
+# with a protocol here type checkers would refuse them.
+AnalysisOfStudy: TypeAlias = Any
+ExperimentOfStudy: TypeAlias = Any
 
 
 @dataclass(frozen=True)
@@ -31,16 +37,55 @@ class Extra:
     columns: tuple[Column, ...] = ()
 
 
-SectionOf: TypeAlias = Callable[["StudyAnalysis", "StudyExperiment"], Extra]
+SectionOf: TypeAlias = Callable[[AnalysisOfStudy, ExperimentOfStudy], Extra]
 """Makes a section from the analysis of a study, with the parameters in force."""
 
 
-def made(section: SectionOf | str) -> SectionOf:
-    """Return what makes a section; one named "module:function" is imported now."""
-    if not isinstance(section, str):
-        return section
-    found: SectionOf = named(section)
-    return found
+@dataclass(frozen=True)
+class Confusion:
+    """Confusion matrices of a choice; goes into a study's `sections`.
+
+    `shown` is the column that tells what was right, `answered` the `Choice`, whose options are the
+    rows and columns in their order; `by` makes one matrix for each level of a factor. A study that
+    has no such column, choice or factor is refused when it is opened. Trials without an answer are
+    told, not counted. Writes NAME.csv and the figure NAME.
+    """
+
+    shown: str
+    answered: str
+    by: str | None = None
+    title: str = "Which was taken for which"
+    name: str = "confusion"
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """One question of a study with its answer and the sentences of all the tests it rests on.
+
+    `was_tested` is False when a test it needs could not be made at all; `name` is that of
+    `Study.questions`, where the question has one.
+    """
+
+    status: "Status"
+    question: str
+    answer: str
+    evidence: tuple[str, ...]
+    was_tested: bool = True
+    name: str = ""
+
+    @property
+    def headline(self) -> str:
+        """Question and answer in one line."""
+        return f"{self.question}: {self.answer}"
+
+    @property
+    def is_found(self) -> bool | None:
+        """Tell whether the effect was found in full; None when it was not tested."""
+        return self.status == "found" if self.was_tested else None
+
+
+ConcludeOf: TypeAlias = Callable[[AnalysisOfStudy], Sequence[Conclusion]]
+"""Answers the questions of a study from its analysis."""
 
 
 def named(reference: str) -> Any:

@@ -1,4 +1,4 @@
-"""Slips in a study file: where they stand, and what was meant."""
+"""Mistakes in a study file: where they stand, and what was meant."""
 
 import ast
 import inspect
@@ -9,6 +9,9 @@ from typing import Any, Final
 
 from visavis.lab.errors import LabError
 from visavis.lab.yaml_lines import did_you_mean
+from visavis.public_names import HOMES, public_object
+from visavis.study.arguments import argument_names, unknown_argument
+from visavis.study.trial import TrialScript
 
 MODULE_OF_STUDY: Final = "visavis_study_"
 """How the names of modules begin that study files are read as."""
@@ -20,16 +23,7 @@ _NOT_GIVEN: Final = frozenset(("base", "folder", "makers", "path", "plan_folder"
 """What decorators and the reader of a study's file set, beside all that ends in "_of"."""
 
 
-def not_taken(what: str, given: str, known: Iterable[str]) -> str:
-    """Say that something takes no such argument, with the nearest one, or all there are."""
-    names = tuple(known)
-    near = did_you_mean(given, names)
-    if "did you mean" in near:
-        return f"{what} takes no {given!r}{near}"
-    return f"{what} takes no {given!r}; it takes {', '.join(names)}"
-
-
-def in_words(error: BaseException) -> str:
+def explain(error: BaseException) -> str:
     """Return what was wrong, in the words of whoever writes a study.
 
     Of an argument that something of the kit does not take, the message says which there are.
@@ -38,8 +32,10 @@ def in_words(error: BaseException) -> str:
     taker = None if found is None else _of_kit(found["owner"] or "", found["called"])
     if found is not None and taker is not None:
         called = found["owner"] if found["called"] == "__init__" else found["called"]
-        known = tuple(n for n in taken_by(taker) if not n.endswith("_of") and n not in _NOT_GIVEN)
-        return not_taken(str(called), found["given"], known)
+        known = tuple(
+            n for n in argument_names(taker) if not n.endswith("_of") and n not in _NOT_GIVEN
+        )
+        return unknown_argument(str(called), found["given"], known)
     own = isinstance(error, LabError)
     if not own and isinstance(error, AttributeError) and _is_of_kit(error.obj):
         names = tuple(n for n in dir(error.obj) if not n.startswith("_"))
@@ -53,20 +49,10 @@ def _is_of_kit(thing: object) -> bool:
     return type(thing).__module__.partition(".")[0] == "visavis"
 
 
-def taken_by(called: Callable[..., Any]) -> tuple[str, ...]:
-    """Return the arguments that a function or class takes by name."""
-    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    parameters = inspect.signature(called).parameters.values()
-    return tuple(p.name for p in parameters if p.kind in kinds and p.name != "self")
-
-
 def _of_kit(owner: str, called: str) -> Callable[..., Any] | None:
-    import visavis  # late: what it offers is imported when it is asked for
-    from visavis.study.trial import TrialScript
-
     for name in filter(None, (owner, called)):
-        if name in dir(visavis):
-            found = getattr(visavis, name)
+        if name in HOMES:
+            found = public_object(name)
             taker = found if called in ("__init__", name) else getattr(found, called, None)
             return taker if callable(taker) else None
     step = getattr(TrialScript, called, None) if owner in ("", "TrialScript") else None

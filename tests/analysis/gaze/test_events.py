@@ -34,7 +34,7 @@ def near_ms(values, tolerance=2 * 1000 / 120 + 0.01):
     return [pytest.approx(v, abs=tolerance) for v in values]
 
 
-def test_case_29_three_fixations_are_found_within_two_samples():
+def test_three_fixations_are_found_within_two_samples():
     for detect in (detect_ivt, detect_idt):
         f = detect(stamps(len(THREE)), THREE)
         assert near_ms([500, 300, 800]) == found_ms(f)
@@ -44,13 +44,13 @@ def test_case_29_three_fixations_are_found_within_two_samples():
         ).all()
 
 
-def test_case_29_five_looks_of_250_ms_stay_five():
+def test_five_looks_of_250_ms_stay_five():
     gaze = looks([(10 * k, 0) for k in range(5)], [30] * 5)
     assert 5 == len(detect_ivt(stamps(len(gaze)), gaze))
     assert 5 == len(detect_idt(stamps(len(gaze)), gaze))
 
 
-def test_case_29_merging_needs_both_nearness_in_time_and_in_angle():
+def test_merging_needs_both_nearness_in_time_and_in_angle():
     def count(angle_between, rows_between, **settings_):
         out = looks([(0, 0), (8, 0), (angle_between, 0)], [40, rows_between, 40], saccade_rows=1)
         return len(detect_ivt(stamps(len(out)), out, IvtParameters(**settings_)))
@@ -64,7 +64,7 @@ def test_case_29_merging_needs_both_nearness_in_time_and_in_angle():
     assert 2 == count(near, short, merge_ms=10.0)
 
 
-def test_case_29_minimum_and_merge_gap_are_independent():
+def test_minimum_and_merge_gap_are_independent():
     gaze = looks([(0, 0), (10, 0), (20, 0)], [40, 40, 40])
     for minimum_ms in (10.0, 60.0, 200.0):
         assert 3 == len(detect_ivt(stamps(len(gaze)), gaze, IvtParameters(minimum_ms=minimum_ms)))
@@ -124,7 +124,7 @@ turns = st.tuples(st.floats(-180, 180), st.floats(-80, 80))
 
 @settings(max_examples=30, deadline=None)
 @given(turns, st.integers(0, 2**32 - 1))
-def test_case_27_turning_the_world_changes_no_event(turn, seed):
+def test_turning_the_world_changes_no_event(turn, seed):
     gaze = shaken(THREE, 0.05, np.random.default_rng(seed))
     t = stamps(len(gaze))
     turned = rotate(quat_from_yaw_pitch_deg(*turn), gaze)
@@ -135,13 +135,13 @@ def test_case_27_turning_the_world_changes_no_event(turn, seed):
 
 
 @pytest.mark.parametrize(("yaw", "pitch"), [(180, 0), (0, 80), (180, -80)])
-def test_case_27_looks_across_the_seam_are_found(yaw, pitch):
+def test_looks_across_the_seam_are_found(yaw, pitch):
     gaze = rotate(quat_from_yaw_pitch_deg(yaw, pitch), THREE)
     assert near_ms([500, 300, 800]) == found_ms(detect_ivt(stamps(len(gaze)), gaze))
 
 
 @pytest.mark.parametrize("rate_hz", [60.0, 90.0, 120.0, 200.0])
-def test_case_28_events_do_not_depend_on_the_rate(rate_hz):
+def test_events_do_not_depend_on_the_rate(rate_hz):
     rows = [round(s * rate_hz) for s in (0.5, 0.3, 0.8)]
     gaze = looks([(0, 0), (10, 0), (10, 10)], rows, saccade_rows=round(0.04 * rate_hz))
     t = stamps(len(gaze), rate_hz)
@@ -150,7 +150,7 @@ def test_case_28_events_do_not_depend_on_the_rate(rate_hz):
     assert 3 == len(detect_idt(t, gaze))
 
 
-def test_case_30_counter_rotating_eyes_fixate_in_world_and_move_in_head():
+def test_counter_rotating_eyes_fixate_in_world_and_move_in_head():
     t = stamps(240)
     world = np.tile([0.0, 0.0, -1.0], (240, 1))
     head_yaw_deg = 60.0 * t / 1e9

@@ -239,9 +239,7 @@ values = hnp.arrays(
     hnp.arrays(np.bool_, 7),
     st.sampled_from(["head", "world"]),
 )
-def test_case_33_bids_keeps_every_ns_and_nan(
-    tmp_path_factory, t_ns, direction, extra, valid, space
-):
+def test_bids_keeps_every_ns_and_nan(tmp_path_factory, t_ns, direction, extra, valid, space):
     eye = eye_samples(direction, valid=valid, pupil_mm=extra, confidence_01=extra[::-1])
     wrote = GazeRecording(
         "sub-01_task-crowd_run-1",

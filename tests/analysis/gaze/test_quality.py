@@ -97,7 +97,7 @@ def test_moving_precision_finds_the_calm_window():
     assert calmest < 0.3
 
 
-def test_case_21_rows_that_are_no_direction_are_lost():
+def test_rows_that_are_no_direction_are_lost():
     gaze = steady(8, 0.1)
     gaze[1], gaze[2], gaze[3], gaze[4] = 0.0, np.nan, np.inf, 0.5 * gaze[4]
     gaze[5] = 3.0 * gaze[5]
@@ -117,7 +117,7 @@ def test_verdict_openness_and_confidence_lose_samples_and_unknown_does_not():
 
 
 @pytest.mark.parametrize(("rows", "frozen"), [(11, 0), (12, 12), (30, 30)])
-def test_case_22_gaze_frozen_for_100_ms_is_lost_and_reported(rows, frozen):
+def test_gaze_frozen_for_100_ms_is_lost_and_reported(rows, frozen):
     gaze = steady(100, 0.1)
     gaze[40 : 40 + rows] = gaze[40]
     t = stamps(100)
@@ -141,7 +141,7 @@ def test_loss_sees_rows_that_never_came():
     assert 1.0 == found.blink_gaps_01
 
 
-def test_case_17_repeats_are_counted():
+def test_repeats_are_counted():
     rows = np.r_[0:50, 49, 50:100]
     gaze = steady(100, 0.1)
     gaze[71] = gaze[70]
@@ -163,7 +163,7 @@ def test_no_samples_have_no_loss_and_backward_stamps_are_refused():
         loss(stamps(3)[::-1], steady(3), np.ones(3, bool), nominal_rate_hz=120.0)
 
 
-def test_case_31_one_eye_lost_in_mid_look_does_not_jump():
+def test_one_eye_lost_in_mid_look_does_not_jump():
     gaze = looks([(0, 0), (10, 0)], [60, 120])
     left = rotate(quat_from_yaw_pitch_deg(-1.5, 0.4), gaze)
     right = rotate(quat_from_yaw_pitch_deg(1.5, -0.4), gaze)

@@ -7,8 +7,9 @@ from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import Request, perform_new, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import Request, simulated_request
 
 
 def session(folder: Path, **wanted: Any) -> Recording:

@@ -14,7 +14,7 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import NextFrame, Reflex, Silence, TrialInterrupted
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
 
 QUICK = MeasureParameters(surface="capsules")
 HAPTIC_TRIAL = Trial(

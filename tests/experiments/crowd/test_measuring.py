@@ -14,6 +14,7 @@ from tests.experiments.crowd.tables import OPENED
 from visavis.experiments.crowd.measures import MeasureParameters
 from visavis.experiments.crowd.measuring import PIECES, trials_of
 from visavis.lab.errors import ConfigError, DataError, UsageError
+from visavis.recording.integrity import damage_of
 from visavis.recording.reader import Recording
 from visavis.results.intake import SessionIntake
 from visavis.running.sessions.piecewise import (
@@ -175,6 +176,25 @@ def test_a_stream_cut_off_leaves_later_walks_out_and_says_so(path, tmp_path):
     assert intake.source.status.startswith("damaged; body (part 1): ")
     assert "T03" in intake.source.status
     assert "T03" not in [row["trial_id"] for row in walks_of(intake)]
+
+
+@pytest.mark.parametrize("stream", ["body", "head", "haptics_armband_left_forearm", "frames"])
+def test_a_walk_that_lost_samples_of_any_stream_is_marked_and_has_no_measures(
+    stream, path, tmp_path
+):
+    copy = tmp_path / "ses-001"
+    shutil.copytree(path, copy)
+    file = copy / "part-01" / f"{stream}.arrows"
+    file.write_bytes(file.read_bytes()[: file.stat().st_size * 9 // 10])
+    recording = Recording(copy)
+    before = {f"T0{i}": MeasuredTrial({"lost_01": 0.25}) for i in (1, 2, 3)}
+    walked = OPENED.measure(recording, QUICK, before).rows.set_index("trial_id")
+
+    struck = {trial.trial_id for trial in damage_of(recording).trials}
+    assert "T03" in struck
+    assert set(walked.index[walked["status"] == "damaged"]) == struck
+    assert set(walked.index[walked["lost_01"].isna()]) == {"P1", *struck}
+    assert walked["reason"]["T03"] == f"recording damaged: samples of {stream} cannot be read"
 
 
 @pytest.mark.parametrize("content", ["null", "[]", "3", '{"row": {}, "cells": [3]}', ""])

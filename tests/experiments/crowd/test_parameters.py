@@ -5,8 +5,8 @@ import pytest
 from visavis.experiments.crowd.design import CrowdParameters
 from visavis.experiments.crowd.patterns import PATTERNS
 from visavis.lab.errors import ConfigError, DesignError, UsageError
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.study_folder import read_parameters
-from visavis.study.catalogue import find_study
 
 UNUSABLE = (
     "haptic_update_hz=.nan",

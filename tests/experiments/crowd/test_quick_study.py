@@ -15,8 +15,8 @@ from visavis.experiments.crowd.quick_study import block_walks, quick_walk
 from visavis.experiments.crowd.study import plan_session
 from visavis.experiments.crowd.walks import STEP_NS, Walk
 from visavis.lab.body_joints import BODY_JOINTS
+from visavis.results.opened_study import find_study
 from visavis.stimuli.scenes.station_crowd import BOARD_M, START_M
-from visavis.study.catalogue import find_study
 
 ONE = {"configuration": [1]}
 

@@ -6,7 +6,7 @@ from tests.experiments.stare.synthetic_rows import analysed, anxiety_answers, st
 from visavis.experiments.stare.study import study
 from visavis.lab.errors import UsageError
 from visavis.results.opened_study import OpenedStudy
-from visavis.study.exclusions import Selection, mean_error_deg
+from visavis.results.selection import Selection, mean_error_deg
 
 LIMIT_DEG = 2.5
 

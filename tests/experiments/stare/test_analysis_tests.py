@@ -23,8 +23,7 @@ from visavis.experiments.stare.conclusions import conclude
 from visavis.experiments.stare.design import CONDITIONS
 from visavis.experiments.stare.study import experiment_of
 from visavis.lab.errors import DataError
-from visavis.results.outputs import statistics_rows
-from visavis.study.pairs import (
+from visavis.results.family_tests import (
     Agreement,
     agreement,
     compare,
@@ -32,6 +31,7 @@ from visavis.study.pairs import (
     count_agreement,
     find_test,
 )
+from visavis.results.outputs import statistics_rows
 
 N = 20
 

@@ -12,7 +12,7 @@ from visavis.experiments.stare.comparisons import (
 )
 from visavis.experiments.stare.conclusions import RULE, STARED_AT, conclude
 from visavis.experiments.stare.design import CONDITIONS
-from visavis.study.pairs import compare, correlate, count_agreement
+from visavis.results.family_tests import compare, correlate, count_agreement
 
 PAIRS = (("A", "D"), ("A", "AD"), ("A", "DA"))
 

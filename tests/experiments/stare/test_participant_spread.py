@@ -9,6 +9,7 @@ from visavis.experiments.stare.published import MEANS, PARTICIPANTS, TESTS
 from visavis.people.observer import Observer
 from visavis.people.observer.temperament import DEFAULT_POPULATION, draw_temperament
 from visavis.results.power import KitPower
+from visavis.running.quick import quick_study
 from visavis.study.look_measures import DWELL_MS, FIRST_FIXATION_DURATION_MS, FIXATION_COUNT
 
 
@@ -54,7 +55,7 @@ def test_differences_have_the_published_size_and_spread_both_signs_and_little_sk
     # A seed on which nothing was fitted. Slow: forty people, each through a session's trials.
     seed = 2026
     people = even_sample(40, seed, of=400)
-    rows = KitPower("stare", tracker_of).simulate_people(people, effect=1.0, seed=seed)
+    rows = KitPower("stare", tracker_of, quick_study).simulate_people(people, effect=1.0, seed=seed)
     for first, second, measure, tolerance in (
         ("A", "D", DWELL_MS, 0.2),
         ("A", "D", FIXATION_COUNT, 0.2),

@@ -8,9 +8,9 @@ import pytest
 
 from visavis.analysis.report import ReportProvenance
 from visavis.analysis.statistics.published import check_f
-from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.clips import DIRECTIONS, TECHNIQUES
 from visavis.experiments.waving.sections import relative_confusion, warping_section
-from visavis.experiments.waving.study import DIRECTIONS, study
+from visavis.experiments.waving.study import study
 from visavis.lab.errors import DataError
 from visavis.results.opened_study import OpenedStudy
 from visavis.results.outputs import statistics_rows, write_study

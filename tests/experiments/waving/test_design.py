@@ -5,8 +5,8 @@ from collections import Counter
 import pytest
 
 from visavis.experiments.waving import clips
-from visavis.experiments.waving.clips import DEFAULT_MAKING, TECHNIQUES
-from visavis.experiments.waving.study import DIRECTIONS, study, who_question
+from visavis.experiments.waving.clips import DEFAULT_MAKING, DIRECTIONS, TECHNIQUES
+from visavis.experiments.waving.study import study, who_question
 from visavis.lab.errors import DesignError
 from visavis.results.opened_study import OpenedStudy
 from visavis.stimuli.scenes.office import (

@@ -3,9 +3,9 @@
 import pandas as pd
 import pytest
 
-from visavis.experiments.waving.clips import TECHNIQUES
+from visavis.experiments.waving.clips import DIRECTIONS, TECHNIQUES
 from visavis.experiments.waving.sections import relative_confusion
-from visavis.experiments.waving.study import DIRECTIONS, study
+from visavis.experiments.waving.study import study
 from visavis.results.opened_study import OpenedStudy
 from visavis.study.measures import aggregated
 

@@ -7,8 +7,8 @@ import pytest
 import visavis.experiments.waving.clips as clips
 from visavis.experiments.waving.clips import study_wave, wave_of
 from visavis.experiments.waving.study import making_of
+from visavis.results.opened_study import find_study
 from visavis.stimuli.motion.warping.track import Reached
-from visavis.study.catalogue import find_study
 
 
 @pytest.fixture

@@ -9,9 +9,11 @@ from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
 from visavis.results.power import KitPower
-from visavis.running.sessions.perform import perform_new, simulated_request
-from visavis.study.catalogue import find_study
+from visavis.running.quick import quick_study as quick_study_of_kit
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 PILOT = {
     "clerk": ["clerk_left"],
@@ -83,7 +85,7 @@ def test_the_quick_path_answers_as_a_session_does(intake):
 
 
 def test_power_performs_the_quick_path_with_its_waves_made_beforehand():
-    power = KitPower("waving", tracker_of, overrides=PILOT)
+    power = KitPower("waving", tracker_of, quick_study_of_kit, overrides=PILOT)
     made = []
     power.prepare(lambda done, of: made.append((done, of)))
     assert (made[-1][1], made[-1][1]) == made[-1]

@@ -6,14 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from visavis.experiments.waving.clips import UNITS, Making, StudyWave, base_clip, study_wave
-from visavis.experiments.waving.study import (
+from visavis.experiments.waving.clips import (
     SCENE_SEED,
-    study,
-    track_shown,
-    warp_columns,
-    wave_record,
+    UNITS,
+    Making,
+    StudyWave,
+    base_clip,
+    study_wave,
 )
+from visavis.experiments.waving.study import study, track_shown, warp_columns, wave_record
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, angle_deg, rotate, turn_towards, unit
 from visavis.protocol.plan.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
@@ -227,7 +228,7 @@ def test_a_wave_is_warped_again_exactly_as_the_record_says():
     record = wave_record(StudyWave(wave, "", Reached(1.0, 1.0, 1.0)), 0.25)
     keys = []
     for key in (2, 5, 6):
-        shown = shown.corrected(key, rng.normal(0.0, 0.2, len(units)))
+        shown = shown.with_key(key, rng.normal(0.0, 0.2, len(units)))
         keys.append(key_record(shown, key))
     again = track_shown(plain, *json.loads(json.dumps([record, keys])))
     assert np.array_equal(shown.omega_rad, again.warp.omega_rad)

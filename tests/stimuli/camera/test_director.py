@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.stimuli.camera.outlined import outlined_room
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
@@ -20,7 +21,6 @@ from visavis.stimuli.camera.director import (
 )
 from visavis.stimuli.camera.obstacles import NOBODY
 from visavis.stimuli.camera.shots import LogNormalLengths, ShotSize, view_angle_deg
-from visavis.stimuli.rooms.outlined import outlined_room
 
 RING = [[0, 0], [16, 0], [16, 12], [0, 12]]
 BLOCK = [[4, 4], [12, 4], [12, 8], [4, 8]]
@@ -88,7 +88,7 @@ def alternatives(place: FilmedPlace, style: Style, cut: Cut) -> int:
     places = [place_on(graph.nodes_m, graph.edges, edge[i], share[i]) for i in range(n)]
     return sum(
         view_angle_deg(cut.subject_m, cut.from_m, p) >= style.min_angle_deg
-        and is_free(p, moment.people, 0.1, 0.15, *place.obstacles.packed)
+        and is_free(p, moment.people, 0.1, 0.15, *place.obstacles.arrays)
         and place.obstacles.sees(p, head, moment.people)
         for p in places
     )

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import shapely
 
+from tests.stimuli.camera.outlined import outlined_room
 from visavis.lab.errors import DesignError
 from visavis.stimuli.camera.floors import walkable_floors
 from visavis.stimuli.camera.obstacles import Obstacles, triangles_of
 from visavis.stimuli.camera.skeleton import medial_axis
 from visavis.stimuli.picture import Room
 from visavis.stimuli.rooms.office import office
-from visavis.stimuli.rooms.outlined import outlined_room
 from visavis.stimuli.rooms.station import HALF_WIDTH_M, station
 
 SQUARE = [[0, 0], [6, 0], [6, 6], [0, 6]]

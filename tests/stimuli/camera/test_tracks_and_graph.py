@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from tests.stimuli.camera.outlined import outlined_room
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.stimuli.camera.director import Director, Moment, Style, prepare
@@ -23,7 +24,6 @@ from visavis.stimuli.camera.obstacles import Obstacles
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.camera.skeleton import medial_axis
 from visavis.stimuli.camera.tracks import TrackRules, camera_places, tracks_through, wall_tracks
-from visavis.stimuli.rooms.outlined import outlined_room
 from visavis.stimuli.rooms.plain import plain_room
 
 L_SHAPE = [[0, 0], [14, 0], [14, 3], [3, 3], [3, 12], [0, 12]]

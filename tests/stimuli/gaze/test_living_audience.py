@@ -5,13 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.stimuli.gaze.lines import lines_of_gaze
 from visavis.lab.geometry import Vector, angle_deg, rotate, unit
 from visavis.stimuli.dressing.audience import audience_picture
 from visavis.stimuli.dressing.casting import build_of, default_casting
 from visavis.stimuli.dressing.gathering import gathering_picture
 from visavis.stimuli.gaze.behaviour import EyeBehaviour
 from visavis.stimuli.gaze.blinks import Blinks
-from visavis.stimuli.gaze.lines import lines_of_gaze
 from visavis.stimuli.motion.people import PeopleMotion
 from visavis.stimuli.motion.seating import seated_under_eyes
 from visavis.stimuli.motion.skeleton import forward

@@ -5,7 +5,7 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial import cKDTree
 
-from tools.character_making.recipes import CAST as RECIPES
+from character_making.recipes import CAST as RECIPES
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.cast import load_cast, load_character
 from visavis.stimuli.characters.character import Character

@@ -6,11 +6,11 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from tests.stimuli.motion.holding import held_in_hand
 from visavis.lab.geometry import Vector, rotate
 from visavis.stimuli.motion.build import Build, build_of_skeleton
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.errors import MotionError
-from visavis.stimuli.motion.holding import held_in_hand
 from visavis.stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Wave
 from visavis.stimuli.motion.people import Doing, HeldHeads, PeopleMotion, Person
 from visavis.stimuli.motion.seating import eyes_of, seated_under_eyes

@@ -1,12 +1,9 @@
 """Shoes of the cast: closed all round, and none seen through the trousers above them."""
 
-from dataclasses import replace
-
 import pytest
 
-from tools.character_making.feet_seen import MAX_SEEN_M2, POSES, feet_hold, worst_mm2
+from character_making.feet_seen import MAX_SEEN_M2, POSES, worst_mm2
 from visavis.stimuli.characters.cast import cast_names, load_character
-from visavis.stimuli.characters.character import Character
 
 
 @pytest.mark.parametrize("name", cast_names())
@@ -17,31 +14,3 @@ def test_no_slit_in_a_shoe_and_no_shoe_through_trousers(name: str) -> None:
             slit, speck = worst_mm2(person, level, pose)
             assert slit * 1e-6 < MAX_SEEN_M2[level]
             assert speck * 1e-6 < MAX_SEEN_M2[level]
-
-
-def without(person: Character, material: str, low_m: float, high_m: float) -> Character:
-    """Return a person with a hole in a material, between two heights above the ankle."""
-    mesh = person.levels[1]
-    ankle_m = person.skeleton.rest_m[person.skeleton.index("left_foot")][1]
-    above_m = mesh.vertices_m[mesh.triangles].mean(axis=1)[:, 1] - ankle_m
-    worn = mesh.triangle_material == [m.name for m in person.materials].index(material)
-    kept = ~(worn & (above_m > low_m) & (above_m < high_m))
-    holed = replace(
-        mesh,
-        triangles=mesh.triangles[kept],
-        triangle_part=mesh.triangle_part[kept],
-        triangle_material=mesh.triangle_material[kept],
-    )
-    return replace(person, levels=(person.levels[0], holed, person.levels[2]))
-
-
-@pytest.mark.parametrize(
-    ("material", "low_m", "high_m"), [("shoe", -0.1, -0.03), ("bottom", 0.0, 0.1)]
-)
-def test_whoever_is_made_is_made_again_with_a_hole_in_a_shoe_or_in_trousers_above_it(
-    material: str, low_m: float, high_m: float
-) -> None:
-    person = load_character("gabriel")
-
-    assert feet_hold(person, 1)
-    assert not feet_hold(without(person, material, low_m, high_m), 1)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.stimuli.warping.bodies import box_person, waving_clip
+from tests.stimuli.warping.smoothness import peak_turning
 from visavis.lab.geometry import quat_from_yaw_pitch_deg
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.errors import MotionError
@@ -12,7 +13,6 @@ from visavis.stimuli.motion.warping.clips import warp_clip
 from visavis.stimuli.motion.warping.control import ControlSettings
 from visavis.stimuli.motion.warping.features import FeatureTarget
 from visavis.stimuli.motion.warping.outlook import looking_at, outlook
-from visavis.stimuli.motion.warping.smoothness import peak_turning
 from visavis.stimuli.motion.warping.units import units_named
 
 ONE_JOINT = Skeleton(("hips",), np.array([-1]), np.zeros((1, 3)), np.full((1, 3), np.nan))

@@ -15,14 +15,13 @@ from visavis.recording.manifest import Manifest
 from visavis.recording.provenance import provenance
 from visavis.recording.reader import Recording
 from visavis.recording.writer import VIRTUAL_TIME_BATCH_NS, Recorder
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.film_store import film_store
 from visavis.running.page.course import Notes, Visit, course
 from visavis.running.page.desk import PageDesk, Past
 from visavis.running.page.perform import past_of
 from visavis.running.page.steps import PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
-from visavis.study.catalogue import find_study
 from visavis.study.experiment import StudyExperiment
 
 STUDY = Path(__file__).parents[1] / "studies" / "films.py"

@@ -9,7 +9,8 @@ import pytest
 from tests.visavis.page.pages import SEED, config, experiment, study
 from visavis.lab.config import LabConfig
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import perform_new, simulated_request
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
 
 ASKED = ("lively", "livelier", "effort")
 

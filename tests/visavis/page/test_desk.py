@@ -14,10 +14,10 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
 from visavis.running.page.desk import ASLEEP, LEASE_NS, RELOADED, RESTARTED
-from visavis.running.page.errors import OpenElsewhereError, PageError
 from visavis.running.page.server import FILES, SITE
-from visavis.running.page.spoken_digits import HOW_MANY, NOT_HEARD, heard, spoken, spoken_digits
-from visavis.study.careless_answers import Careless
+from visavis.running.page.spoken_digits import HOW_MANY, heard, spoken, spoken_digits
+from visavis.running.page.steps import OpenElsewhereError, PageError
+from visavis.study.careless_answers import NOT_HEARD, Careless
 
 
 def answers_in(path: Path) -> list[tuple[str, Any]]:

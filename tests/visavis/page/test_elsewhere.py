@@ -22,12 +22,12 @@ from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.plan.experiment import untold
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
 from visavis.running.film_store import FilmStore, film_store
 from visavis.running.page.other_hosts.bundle import steps_of_place, write_bundle
 from visavis.running.page.other_hosts.results import import_runs, read_runs
 from visavis.running.page.spoken_digits import heard, spoken_digits
-from visavis.running.sessions.perform import Request
-from visavis.study.catalogue import find_study
+from visavis.running.sessions.session_request import Request
 from visavis.study.experiment import StudyExperiment
 
 PATIENCE_S = 60.0

@@ -10,12 +10,12 @@ import pytest
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
+from visavis.results.opened_study import find_study
 from visavis.running.film_store import FilmStore, film_store
 from visavis.stage.errors import StageError
 from visavis.stimuli.characters.character import Material
 from visavis.stimuli.dressing.picture_of import NOBODY
 from visavis.stimuli.picture import Light, Panel, Picture, PlacedProp, Prop, Room, StaticMesh
-from visavis.study.catalogue import find_study
 from visavis.study.films import Film, Following, Lens, Placed
 from visavis.study.scenes import Scene
 

@@ -22,13 +22,12 @@ from visavis.recording.reader import Recording
 from visavis.running.film_store import film_store
 from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.running.page.client import arrive, visit
-from visavis.running.page.errors import PageError
 from visavis.running.page.perform import about_of
 from visavis.running.page.reception import IDLE_NS, Brake, Reception, Rules
 from visavis.running.page.server import KEY, PageServer
-from visavis.running.page.steps import PageStep
+from visavis.running.page.steps import PageError, PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 from visavis.study.experiment import StudyExperiment
 
 

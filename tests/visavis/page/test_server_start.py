@@ -19,7 +19,7 @@ CODE = """
 import sys
 import visavis.cli.commands.serving
 import visavis.running.page.reception
-from visavis.study.catalogue import find_study
+from visavis.results.opened_study import find_study
 films = find_study(sys.argv[1]).experiment({}).films
 heavy = (
     "matplotlib", "av", "moderngl", "scipy.stats", "scipy.signal", "scipy.optimize",

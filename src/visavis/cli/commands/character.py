@@ -20,6 +20,9 @@ from visavis.cli.app import (
     say_written,
     verbatim,
 )
+from visavis.cli.preview.people import distance_sheet, people_sheet
+from visavis.cli.preview.pictures import check_picture_name
+from visavis.cli.preview.readable_gaze import LIMIT_01, readable_at
 from visavis.cli.telling import say_when_compiling
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
@@ -132,9 +135,6 @@ def sheet_command(
 
     Example: visavis character sheet imported.png
     """
-    from visavis.cli.preview.people import distance_sheet, people_sheet
-    from visavis.cli.preview.pictures import check_picture_name
-
     check_picture_name(png)
     new_file(png)
     distances_m = _distances_m(at)
@@ -168,8 +168,6 @@ def _tell_gaze(
     people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
 ) -> None:
     """Say for everybody how often eyes on the observer are told from eyes 10° aside."""
-    from visavis.cli.preview.readable_gaze import LIMIT_01, readable_at
-
     for person, distance_m, right_01 in readable_at(people, distances_m, px_per_deg):
         line = f"{person.name}: gaze told at {distance_m:g} m in {right_01:.0%} of looks"
         if right_01 < LIMIT_01:

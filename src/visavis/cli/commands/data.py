@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from visavis.analysis.gaze.mapped_csv import read_mapping
 from visavis.analysis.report.notation import count_of
 from visavis.cli.app import (
     ConfigOption,
@@ -20,11 +21,22 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.leaving import leave
+from visavis.cli.sharing import (
+    BLURRED_RISK,
+    LOSS_NAME,
+    dataset_about,
+    loss_page,
+    losses,
+    shared_recording,
+)
 from visavis.cli.studies import folder_of, session_of
+from visavis.experiments.crowd.pedestrian_export import export_walks
 from visavis.lab.config import LabConfig
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError, UsageError
+from visavis.recording.export import export_recording, export_together
 from visavis.recording.reader import Recording
+from visavis.running.sessions.damage import require_intact
 from visavis.running.sessions.folder_check import is_study
 from visavis.running.sessions.study_folder import sessions_of
 
@@ -52,8 +64,8 @@ def import_gaze_files(
 
     Example: visavis import gaze session1.csv --format vive -o out/session1
     """
+    # Late: it loads matplotlib, which `init` and `export` do without.
     from visavis.analysis.gaze.import_report import FORMATS, read_gaze, report
-    from visavis.analysis.gaze.mapped_csv import read_mapping
 
     if format_name not in FORMATS:
         raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
@@ -141,9 +153,6 @@ def export(
 
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
-    from visavis.cli.sharing import BLURRED_RISK, LOSS_NAME, loss_page, losses, shared_recording
-    from visavis.running.sessions.damage import require_intact
-
     if format_name not in FORMATS:
         raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
     sessions = _exported(session_path, config, participant)
@@ -169,9 +178,6 @@ def _written(
     shown: Sequence[Recording], format_name: str, output: Path, lab: LabConfig
 ) -> tuple[Path, ...]:
     """Export recordings: one BIDS data set of all; tables of several in a folder for each."""
-    from visavis.cli.sharing import dataset_about
-    from visavis.recording.export import export_recording, export_together
-
     if format_name == "bids":
         return export_together(shown, output, dataset_about(shown[0], lab))
     written: list[Path] = []
@@ -179,8 +185,6 @@ def _written(
         manifest = recording.manifest
         own = output / f"sub-{manifest.participant}" / f"ses-{manifest.session:03d}"
         if format_name == "pedpy":
-            from visavis.experiments.crowd.pedestrian_export import export_walks
-
             written += export_walks(recording, output)
         else:
             target = own if format_name == "parquet" and len(shown) > 1 else output

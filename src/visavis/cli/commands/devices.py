@@ -1,8 +1,10 @@
 """devices: list, test, identify, setup, rules, capture, replay."""
 
+import shutil
+import subprocess
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -18,11 +20,21 @@ from visavis.cli.app import (
     say_json,
     verbatim,
 )
+from visavis.cli.device_report import print_trials
+from visavis.devices.access_rules import RULES_PATH, access_rules
+from visavis.devices.bench import Trial, capture
+from visavis.devices.captures import device_of, note_of
+from visavis.devices.drivers.armband.status import UNANSWERED
+from visavis.devices.identify import buzz
+from visavis.devices.registry import driver_wiring
+from visavis.devices.states import driver_states, role_states
+from visavis.devices.wirelog import read_wire_log
+from visavis.devices.wires import CapturedWires, ReplayedWires
+from visavis.devices.wiring import Site
+from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DataError, DeviceError, UsageError
-
-if TYPE_CHECKING:
-    from visavis.devices.bench import Trial
+from visavis.lab.yaml_lines import did_you_mean
 
 devices_app = typer.Typer(help="What devices there are, and whether they work.")
 app.add_typer(devices_app, name="devices")
@@ -41,8 +53,6 @@ def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> No
 
     Example: visavis devices list
     """
-    from visavis.devices.states import driver_states, role_states
-
     lab = load_lab(config, quiet=as_json)
     roles, drivers = role_states(lab), driver_states()
     if as_json:
@@ -78,10 +88,6 @@ def listen(
 
     Example: visavis devices test eye_tracker
     """
-    from visavis.cli.device_report import print_trials
-    from visavis.devices.bench import capture
-    from visavis.lab.clock import SystemClock
-
     lab = load_lab(config, quiet=as_json)
     _check_seconds(seconds)
     chosen = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
@@ -107,14 +113,9 @@ def identify(role: RoleArgument, config: ConfigOption = None) -> None:
 
     Example: visavis devices identify armband_left_forearm
     """
-    from visavis.devices.identify import buzz
-    from visavis.lab.clock import SystemClock
-
     lab = load_lab(config)
     bands = [name for name in lab.devices if name.startswith("armband_")]
     if role not in bands:
-        from visavis.lab.yaml_lines import did_you_mean
-
         hint = did_you_mean(role, bands)
         known = ", ".join(bands) or "none: add one under devices in the configuration"
         raise UsageError(f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {known}")
@@ -128,18 +129,14 @@ def set_up_device(role: RoleArgument, config: ConfigOption = None) -> None:
 
     Example: visavis devices setup eye_tracker
     """
-    from visavis.devices.registry import driver_spec
-    from visavis.devices.spec import Site
-    from visavis.lab.clock import SystemClock
-
     device = _device(load_lab(config), role)
-    spec = driver_spec(device.driver)
-    if spec.set_up is None:
+    wiring = driver_wiring(device.driver)
+    if wiring.set_up is None:
         raise UsageError(f"{role} ({device.driver}) has nothing to set up from here")
     if device.simulated:
         raise UsageError(f"{role} is simulated, and simulated devices need no set-up")
-    options = spec.checked_options(role, device.options)
-    say(spec.set_up(Site(spec, role, SystemClock(), options)))
+    options = wiring.spec.checked_options(role, device.options)
+    say(wiring.set_up(Site(wiring.spec, role, SystemClock(), options)))
 
 
 @devices_app.command("rules")
@@ -153,8 +150,6 @@ def print_rules(
 
     Example: visavis devices rules
     """
-    from visavis.devices.access_rules import RULES_PATH, access_rules
-
     rules = access_rules(load_lab(config).devices)
     for note in rules.notes:
         typer.echo(f"# {note}", err=True)
@@ -167,9 +162,6 @@ def print_rules(
 
 def install_rules(text: str, path: Path) -> None:
     """Write rules and let udev read them; raises UsageError where this may not be done."""
-    import shutil
-    import subprocess
-
     udevadm = shutil.which("udevadm")
     if udevadm is None:
         raise UsageError("this computer has no udev; rules are for Linux with udev alone")
@@ -203,12 +195,6 @@ def capture_wire(
 
     Example: visavis devices capture eye_tracker -o eyes.wire
     """
-    from visavis.cli.device_report import print_trials
-    from visavis.devices.bench import capture
-    from visavis.devices.captures import note_of
-    from visavis.devices.wires import CapturedWires
-    from visavis.lab.clock import SystemClock
-
     lab = load_lab(config)
     _check_seconds(seconds)
     device = _device(lab, role)
@@ -251,13 +237,6 @@ def replay(
 
     Example: visavis devices replay eyes.wire
     """
-    from visavis.cli.device_report import print_trials
-    from visavis.devices.bench import capture
-    from visavis.devices.captures import device_of
-    from visavis.devices.wirelog import read_wire_log
-    from visavis.devices.wires import ReplayedWires
-    from visavis.lab.clock import SimClock
-
     if not file.is_file():
         raise UsageError(f"there is no file {file}; write one with `visavis devices capture ROLE`")
     try:
@@ -288,8 +267,6 @@ def _as_recorded(trial: "Trial", *, simulated: bool) -> "Trial":
     The driver does not send the commands that closed the recorded connection, so some of what it
     sends instead finds no answer.
     """
-    from visavis.devices.drivers.armband.status import UNANSWERED
-
     faults = tuple(fault for fault in trial.faults if UNANSWERED not in fault.message)
     return replace(trial, simulated=simulated, faults=faults)
 
@@ -297,8 +274,6 @@ def _as_recorded(trial: "Trial", *, simulated: bool) -> "Trial":
 def _device(lab: LabConfig, role: str) -> DeviceConfig:
     if role in lab.devices:
         return lab.devices[role]
-    from visavis.lab.yaml_lines import did_you_mean
-
     hint = did_you_mean(role, lab.devices)
     known = ", ".join(lab.devices)
     raise UsageError(f"{lab.path} has no role {role!r}{hint or '.'} Its roles: {known}")

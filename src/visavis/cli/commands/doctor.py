@@ -18,7 +18,11 @@ from visavis.cli.app import (
     say_json,
     verbatim,
 )
+from visavis.cli.device_report import print_trials
 from visavis.cli.doctor.findings import Finding
+from visavis.cli.doctor.report import SELF_TEST_S, as_document, examine, verdict
+from visavis.cli.doctor.station import lock as lock_station
+from visavis.lab.clock import SystemClock
 from visavis.lab.errors import DeviceError
 
 SIGNS = {
@@ -50,13 +54,8 @@ def doctor(
 
     Example: visavis doctor
     """
-    from visavis.cli.doctor.report import SELF_TEST_S, as_document, examine, verdict
-    from visavis.lab.clock import SystemClock
-
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     if lock:
-        from visavis.cli.doctor.station import lock as lock_station
-
         path = lock_station(lab, SystemClock())
         if not as_json:
             say(f"timing of this computer locked in [b]{verbatim(path)}[/]")
@@ -70,8 +69,6 @@ def doctor(
             report = examine(lab, SystemClock(), self_test_s=seconds)
         _print(report.findings)
         if report.trials and self_test:
-            from visavis.cli.device_report import print_trials
-
             console.print()
             print_trials(report.trials)
         console.print()

@@ -18,6 +18,7 @@ from visavis.cli.app import (
 from visavis.cli.commands.serving import CompletionOption, built_films, page_study
 from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption
 from visavis.lab.errors import DataError, UsageError
+from visavis.running.page.arrivals import check_completion
 
 
 @app.command("export-web")
@@ -48,7 +49,7 @@ def export_web(
 
     Example: visavis export-web ./lively.py --places 60 -o lively.jzip
     """
-    from visavis.running.page.arrivals import check_completion
+    # Late: aiohttp comes with visavis[browser], which whoever has no pages does without.
     from visavis.running.page.other_hosts.bundle import ARCHIVE, write_bundle
 
     check_completion(completion)
@@ -95,6 +96,7 @@ def import_web(
 
     Example: visavis import-web ./lively.py jatos_results.jrzip
     """
+    # Late, as above.
     from visavis.running.page.other_hosts.results import import_runs, read_runs
 
     here, base = page_study(study, devices, config, seed, assignments, language)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from visavis.cli.app import app, console, say, verbatim
-from visavis.running.examples import write_examples
+from visavis.running.new_study import write_examples
 
 
 @app.command()

@@ -1,7 +1,7 @@
 """film: a recorded trial as a film, by a camera that knows the place."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.progress import Progress
@@ -17,17 +17,16 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.preview import picture_size
+from visavis.cli.film.cameras import CameraKind, Cuts
+from visavis.cli.film.film import Overlay, write_film
 from visavis.cli.leaving import leave, require_whole
 from visavis.cli.studies import session_of
 from visavis.cli.telling import TELLING, Forecast
 from visavis.lab.errors import UsageError
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import study_of_folder
+from visavis.stimuli.camera.shots import ShotSize
 from visavis.study.cast import use_recorded_cast
-
-if TYPE_CHECKING:
-    from visavis.cli.film.cameras import CameraKind
-    from visavis.cli.film.film import Overlay
 
 CAMERAS = "auto, topology, follow, eyes, above, orbit, or the .json of an earlier film's decisions"
 
@@ -65,10 +64,6 @@ def film(
 
     Example: visavis film data/simulated/crowd/sub-S01B/ses-001 --trial T02 -o T02.mp4
     """
-    from visavis.cli.film.cameras import CameraKind, Cuts
-    from visavis.cli.film.film import write_film
-    from visavis.stimuli.camera.shots import ShotSize
-
     looks = _camera_named(camera)
     overlays = _overlays_named(overlay)
     size_px = picture_size(size)
@@ -84,7 +79,7 @@ def film(
         new_file(sheet)
     session_path = session_of(session_path, config, participant)
     require_whole(session_path, accept=accept_damage)
-    recording = KeptRecording(session_path)
+    recording = CachedRecording(session_path)
     use_recorded_cast(recording)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
@@ -137,8 +132,6 @@ def _one_of(option: str, wanted: str, known: list[str]) -> str:
 
 
 def _camera_named(wanted: str) -> "CameraKind | Path":
-    from visavis.cli.film.cameras import CameraKind
-
     if wanted.endswith(".json"):
         return Path(wanted)
     if wanted not in [*CameraKind]:
@@ -147,7 +140,5 @@ def _camera_named(wanted: str) -> "CameraKind | Path":
 
 
 def _overlays_named(wanted: str) -> "list[Overlay]":
-    from visavis.cli.film.film import Overlay
-
     names = [name for name in wanted.replace(" ", "").split(",") if name not in ("", "none")]
     return [Overlay(_one_of("--overlay", name, [*Overlay])) for name in names]

@@ -45,12 +45,13 @@ from visavis.cli.telling import counting, say_when_compiling
 from visavis.lab.clock import StopWatch
 from visavis.lab.errors import UsageError
 from visavis.recording.csv_file import write_csv
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.power import KitPower
+from visavis.running.quick import quick_study
 from visavis.running.sessions.runners import on_scheduler, on_this_machine
 from visavis.running.sessions.simulation import worker_count
 from visavis.running.sessions.study_folder import DEFAULT_SEED, read_parameters
-from visavis.study.catalogue import find_study, reference_of
+from visavis.study.catalogue import reference_of
 
 TESTS_PER_TABLE = 5
 WIDEST_COLUMN = 60
@@ -80,7 +81,7 @@ def power_study(
         raise UsageError(f"{name} offers no power simulation yet; studies on the kit do")
     overrides = read_parameters(list(assignments or ()))
     found.experiment(overrides)  # so that what does not fit is said before anything begins
-    return KitPower(reference_of(found), tracker_of, overrides=overrides)
+    return KitPower(reference_of(found.study), tracker_of, quick_study, overrides=overrides)
 
 
 @app.command()

@@ -24,6 +24,7 @@ from visavis.cli.app import (
 from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption, who_is_shown
 from visavis.cli.film.renderer import film_renderer
 from visavis.cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
+from visavis.cli.preview.on_page import preview_page
 from visavis.cli.preview.pictures import (
     SIMULATED,
     Viewpoint,
@@ -37,6 +38,13 @@ from visavis.cli.studies import study_here
 from visavis.cli.telling import TELLING, Forecast
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import UsageError
+from visavis.stage.card.context import draws_on_processor
+from visavis.stage.card.targets import EyeTarget
+from visavis.stage.mirror import Mirror
+from visavis.stage.movie import film_program, open_movie
+from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
+from visavis.stage.stills import Stills
+from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Camera, Picture
 from visavis.stimuli.scene import SceneFrame
 
@@ -91,14 +99,10 @@ def preview(
         if path is not None:
             check_picture_name(path)
     if video is not None:
-        from visavis.stage.movie import film_program
-
         film_program(video)
     if not (0 <= (at or 0) < inf and 0 < seconds < inf and 1 <= rate <= 240):
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
     size_px = picture_size(size)
-    from visavis.stimuli.dressing.picture_of import picture_of
-
     here = study_here(study, load_lab(config, only_simulates=True))
     on_page = here.study.study.on == "browser"
     if on_page:
@@ -119,8 +123,6 @@ def preview(
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
     if on_page:
-        from visavis.cli.preview.on_page import preview_page
-
         preview_page(capture, here.study, label, size_px, png, sheet, video, at, seconds, rate)
         return
     showing = _Showing(capture, picture_of, view, size_px, label)
@@ -183,8 +185,6 @@ class _Showing:
 
 
 def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
-    from visavis.stage.stills import Stills
-
     frames = showing.frames(USUAL_AT_S if at_s is None else at_s)
     seen = frames[-1]
     length_s = showing.passed_s(seen)
@@ -201,8 +201,6 @@ def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
 
 
 def _write_sheet(showing: _Showing, path: Path) -> None:
-    from visavis.stage.stills import Stills
-
     frames = showing.frames()
     width, height = showing.size_px[0] // 2, showing.size_px[1] // 2
     chosen = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
@@ -216,8 +214,6 @@ def _write_sheet(showing: _Showing, path: Path) -> None:
 
 
 def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> None:
-    from visavis.stage.movie import open_movie
-
     frames = spread(showing.frames(most_s), rate_hz, most_s)
     label = f"{SIMULATED}  ·  from {showing.label} on"
     with (
@@ -236,11 +232,7 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
 
 def _play(showing: _Showing) -> None:
     """Show the trial in a window at its own speed, again and again, until it is closed."""
-    from visavis.stage.card.context import draws_on_processor
-    from visavis.stage.card.targets import EyeTarget
-    from visavis.stage.mirror import Mirror
-    from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
-    from visavis.stage.window import Window
+    from visavis.stage.window import Window  # late: GLFW, which not every server has
 
     display = Window(f"{showing.label}  ·  {SIMULATED}", showing.size_px)
     clock = SystemClock()

@@ -6,6 +6,15 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from visavis.analysis.gaze.session_page import (
+    PAGE_NAME,
+    headline_facts,
+    stream_facts,
+    write_session_page,
+    write_streams_page,
+)
+from visavis.analysis.gaze.session_quality import GAZE, session_quality
+from visavis.analysis.own_streams import own_streams
 from visavis.cli.app import (
     AcceptDamage,
     ConfigOption,
@@ -38,16 +47,6 @@ def quality(
 
     Example: visavis quality data/simulated/stare/sub-S07H/ses-001 -o out/S07H
     """
-    from visavis.analysis.gaze.session_page import (
-        PAGE_NAME,
-        headline_facts,
-        stream_facts,
-        write_session_page,
-        write_streams_page,
-    )
-    from visavis.analysis.gaze.session_quality import GAZE, session_quality
-    from visavis.analysis.own_streams import own_streams
-
     session_path = session_of(session_path, config, participant)
     page = output / PAGE_NAME
     if page.exists():

@@ -4,7 +4,7 @@ import asyncio
 import signal
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 from urllib.parse import urlsplit
 
 import typer
@@ -28,12 +28,12 @@ from visavis.cli.telling import TELLING
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import UsageError
 from visavis.protocol.session.operator import UnattendedOperator
+from visavis.running.film_store import FilmStore, film_store
+from visavis.running.page.arrivals import check_completion
+from visavis.running.page.board import STATES, board_of
 from visavis.running.sessions.data_root import require_space
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 from visavis.study.experiment import StudyExperiment
-
-if TYPE_CHECKING:
-    from visavis.running.film_store import FilmStore
 
 EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
 
@@ -76,8 +76,6 @@ def serve(
 
     Example: visavis serve ./lively.py --public https://study.example.org --participants 40
     """
-    from visavis.running.page.arrivals import check_completion
-
     check_completion(completion)
     parts = urlsplit(public)
     if public and (parts.scheme not in ("http", "https") or not parts.hostname):
@@ -141,8 +139,6 @@ def page_study(
 
 def built_films(base: Request) -> "FilmStore":
     """Return a study's films, built where they are not, with a bar that shows it."""
-    from visavis.running.film_store import film_store
-
     experiment = base.experiment
     assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has looked
     store = film_store(experiment)
@@ -161,6 +157,7 @@ async def _serve(
     quota: int | None,
     completion: str,
 ) -> None:
+    # Late: aiohttp comes with visavis[browser], which the other verbs of this module do without.
     from visavis.running.page.reception import Reception, Rules
     from visavis.running.page.server import LOCAL, PageServer
 
@@ -215,8 +212,6 @@ def board(
 
     `visavis serve` prints the address of the same as a page. Example: visavis board ./lively.py
     """
-    from visavis.running.page.board import STATES, board_of
-
     here = study_here(study, load_lab(config, devices, quiet=as_json))
     made = board_of(here.ledger.list(), here.folder)
     if as_json:

@@ -49,6 +49,7 @@ from visavis.protocol.session.operator import Operator, UnattendedOperator
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
+from visavis.running.film_store import film_store
 from visavis.running.sessions.data_root import require_space
 from visavis.running.sessions.device_setup import (
     check_rig,
@@ -57,7 +58,7 @@ from visavis.running.sessions.device_setup import (
     require_picture,
 )
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX
-from visavis.running.sessions.perform import PageAddress, Request, perform_new, perform_rest
+from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.recorded_design import (
     changes_of_design,
     changes_since,
@@ -65,6 +66,7 @@ from visavis.running.sessions.recorded_design import (
     design_of_session,
     in_words,
 )
+from visavis.running.sessions.session_request import PageAddress, Request
 from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
     StudySettings,
@@ -472,8 +474,6 @@ def _perform(
     simulated = here.is_simulated
     experiment = here.study.experiment(settings.parameters)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
-        from visavis.running.film_store import film_store
-
         with TELLING.progress("building films") as told:
             film_store(experiment).build(experiment.films, told)
     if not fast and on == "lab":

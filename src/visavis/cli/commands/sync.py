@@ -3,19 +3,20 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.progress import Progress
 from rich.table import Table
 
+from visavis.analysis.sync_test import Delays, offsets_ms
 from visavis.cli.app import ConfigOption, JsonOption, app, console, load_lab, say_json, verbatim
+from visavis.cli.sync_chain import AUDIO_CHANNELS, DEFAULT_CHANNELS, perform_real, perform_simulated
 from visavis.cli.sync_records import FOLDER
+from visavis.devices.sim.sync_room import Planted
+from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
-
-if TYPE_CHECKING:
-    from visavis.analysis.sync_test import Delays
 
 SIMULATED_PICTURE, SIMULATED_SOUND = (9.0, 1.0), (22.0, 3.0)
 
@@ -47,16 +48,6 @@ def sync_test(
 
     Example: visavis sync-test --sensor /dev/ttyACM0 --speaker default --band armband_left
     """
-    from visavis.analysis.sync_test import offsets_ms
-    from visavis.cli.sync_chain import (
-        AUDIO_CHANNELS,
-        DEFAULT_CHANNELS,
-        perform_real,
-        perform_simulated,
-    )
-    from visavis.devices.sim.sync_room import Planted
-    from visavis.lab.clock import SystemClock
-
     lab = load_lab(config, quiet=as_json)
     if simulated == bool(sensor):
         raise UsageError("say --sensor (the board's port, audio, role:ROLE), or --simulated")

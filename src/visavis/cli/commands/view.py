@@ -18,9 +18,12 @@ from visavis.cli.app import (
 )
 from visavis.cli.leaving import leave, require_whole
 from visavis.cli.studies import session_of
+from visavis.cli.viewer.content import page_content, trial_lengths_ns
+from visavis.cli.viewer.page import page_of
+from visavis.cli.viewer.rerun_file import write_rerun
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.cast import use_recorded_cast
 
@@ -56,11 +59,8 @@ def view(
 
     Example: visavis view data/simulated/stare/sub-S01B/ses-001 --trial T07 -o T07.html
     """
-    from visavis.cli.viewer.content import page_content, trial_lengths_ns
-    from visavis.cli.viewer.page import page_of
-
     session_path = session_of(session_path, config, participant)
-    recording = KeptRecording(session_path)
+    recording = CachedRecording(session_path)
     use_recorded_cast(recording)
     manifest = recording.manifest
     name = f"{manifest.study}_{manifest.participant}_ses-{manifest.session:03}.html"
@@ -78,8 +78,6 @@ def view(
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("looking at trials", total=len(wanted))
         if rerun is not None:
-            from visavis.cli.viewer.rerun_file import write_rerun
-
             write_rerun(
                 study,
                 recording,

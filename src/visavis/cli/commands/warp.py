@@ -10,12 +10,25 @@ import typer
 from rich.progress import Progress
 
 from visavis.cli.app import JsonOption, app, console, say, verbatim
+from visavis.cli.warp_sheet import write_curves, write_sheet
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import Character
+from visavis.stimuli.motion.baking import KINDS_BY_NAME, bake
+from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.bvh import write_bvh
+from visavis.stimuli.motion.bvh_clip import bvh_of_clip
 from visavis.stimuli.motion.clip import Clip
-from visavis.stimuli.motion.warping.outlook import Outlook
-from visavis.stimuli.motion.warping.perceived import SeenBody
+from visavis.stimuli.motion.clip_file import write_clip
+from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
+from visavis.stimuli.motion.people import Person
+from visavis.stimuli.motion.warping.cases import CASES, SEARCHED, case_named, stage_case
+from visavis.stimuli.motion.warping.clips import warp_clip
+from visavis.stimuli.motion.warping.features import parse_feature
+from visavis.stimuli.motion.warping.outlook import Outlook, looking_at, outlook
+from visavis.stimuli.motion.warping.perceived import SeenBody, body_of
+from visavis.stimuli.motion.warping.units import units_named
 
 VIEW_RADIUS_M = 1.05
 SIZE_PX = 128
@@ -55,16 +68,6 @@ def warp(
     Example: visavis warp wave --observer 1.5,1.6,-2.5 --feature coverage:face,right_hand:+0.25
     --units right_arm,spine,neck_head -o out
     """
-    from visavis.cli.warp_sheet import write_curves, write_sheet
-    from visavis.stimuli.characters.cast import load_character
-    from visavis.stimuli.motion.bvh import write_bvh
-    from visavis.stimuli.motion.bvh_clip import bvh_of_clip
-    from visavis.stimuli.motion.clip_file import write_clip
-    from visavis.stimuli.motion.warping.cases import CASES, SEARCHED, case_named, staged
-    from visavis.stimuli.motion.warping.clips import warp_clip
-    from visavis.stimuli.motion.warping.features import parse_feature
-    from visavis.stimuli.motion.warping.units import units_named
-
     if cases:
         for known in CASES.values():
             console.print(f"[b]{known.name:<13}[/] {verbatim(known.about)}", highlight=False)
@@ -73,7 +76,7 @@ def warp(
         raise UsageError(f"{output} is not empty; give a new folder with --output")
     who = load_character(character)
     if case is not None:
-        stage = staged(case_named(case), who)
+        stage = stage_case(case_named(case), who)
         motion, body, view = stage.clip, stage.body, stage.view
         targets, allowed, things = stage.case.targets, stage.units, stage.case.things()
         lamps, settings = stage.case.lamps(), stage.case.settings
@@ -111,8 +114,8 @@ def warp(
         "units": [unit.name for unit in allowed],
         "settings": vars(settings),
         "original": warped.original.mean(axis=0).tolist(),
-        "wanted": warped.wanted.mean(axis=0).tolist(),
-        "reached": warped.reached.mean(axis=0).tolist(),
+        "wanted": warped.goal.mean(axis=0).tolist(),
+        "reached": warped.final.mean(axis=0).tolist(),
         "reached_share_01": float(warped.is_reached.mean()),
         "pose_reached_share_01": float(warped.pose_reached.mean()),
         "frame_s": warped.frame_s.tolist(),
@@ -132,16 +135,9 @@ def _posed(
     name: str, who: Character, eye_m: Vector, seconds: float, unit_m: float
 ) -> tuple[Clip, SeenBody, Outlook]:
     """Return the motion on the character, its body, and the observer's view of it."""
-    from visavis.stimuli.motion.baking import KINDS_BY_NAME, baked
-    from visavis.stimuli.motion.build import build_of_character
-    from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
-    from visavis.stimuli.motion.people import Person
-    from visavis.stimuli.motion.warping.outlook import looking_at, outlook
-    from visavis.stimuli.motion.warping.perceived import body_of
-
     path = Path(name)
     if name in KINDS_BY_NAME:
-        motion = baked(Person(build_of_character(who), KINDS_BY_NAME[name], seed=5), seconds)
+        motion = bake(Person(build_of_character(who), KINDS_BY_NAME[name], seed=5), seconds)
     elif path.suffix.lower() in MOTION_SUFFIXES:
         motion = read_motion(path, who.skeleton, unit_m=unit_m)
     else:

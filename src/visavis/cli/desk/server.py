@@ -20,8 +20,8 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import DeviceError, LabError
 from visavis.protocol.session.operator import Action, Command
-from visavis.running.page.errors import PageError
 from visavis.running.page.server import KEY, LOCAL, LocalServer, body_of
+from visavis.running.page.steps import PageError
 from visavis.running.sessions.device_setup import is_simulated
 
 SITE: Final = Path(__file__).parent / "site"

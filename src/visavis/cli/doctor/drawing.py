@@ -9,7 +9,7 @@ from visavis.cli.doctor.findings import Finding
 from visavis.lab.clock import Clock
 from visavis.lab.config import LabConfig
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
-from visavis.running.sessions.stage_setup import USUAL_EYE_PX, quality_of
+from visavis.running.sessions.drawn_stages import USUAL_EYE_PX, quality_of
 from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
 from visavis.stage.frame_cost import CHOICES, Choice, best_choice, fits, stereo_frame_ms
 from visavis.stage.renderer import Renderer

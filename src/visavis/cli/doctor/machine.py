@@ -9,6 +9,7 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
+from visavis.cli.doctor.drawing import measured
 from visavis.cli.doctor.findings import Finding
 from visavis.devices.libraries import LSL, Library
 from visavis.devices.registry import driver_spec, driver_specs
@@ -82,11 +83,11 @@ def _lsl_session(lab: LabConfig) -> tuple[Finding, ...]:
 
 def libraries(lab: LabConfig) -> tuple[Finding, ...]:
     """Return versions and licences of what drivers need; missing ones matter if a role asks."""
-    wanted = {driver_spec(d.driver).library for d in lab.devices.values() if not d.simulated}
+    wanted = {driver_spec(d.driver).wire.library for d in lab.devices.values() if not d.simulated}
     if lab.sync.lsl:
         wanted.add(LSL)
     known = sorted(
-        {f.library for f in driver_specs() if f.library is not None}, key=lambda k: k.distribution
+        {f.wire.library for f in driver_specs() if f.wire.library}, key=lambda k: k.distribution
     )
     present = [k for k in known if is_installed(k)]
     rows = [Finding(LIBRARIES, "installed", "ok", ", ".join(map(_version, present)) or "none")]
@@ -218,8 +219,6 @@ def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
     if lab.display.show != "headset" or clock.is_virtual:
         return ()
     try:
-        from visavis.cli.doctor.drawing import measured
-
         return (measured(lab, clock),)
     except (ImportError, LabError) as problem:
         text = f"no frame could be measured: {problem}"

@@ -181,7 +181,7 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
 
 def _without_runtime(device: DeviceConfig, absent: Mapping[str, Finding]) -> Trial | None:
     """Return the failure of a device whose runtime is missing: opening it would tell no more."""
-    runtime = RUNTIME_NAMES.get(driver_spec(device.driver).runtime, "")
+    runtime = RUNTIME_NAMES.get(driver_spec(device.driver).wire.runtime, "")
     if device.simulated or runtime not in absent:
         return None
     return Trial(device.role, device.driver, False, error=f"needs {runtime}, which is missing")
@@ -222,5 +222,5 @@ def _device(device: DeviceConfig, trial: Trial) -> Finding:
 
 
 def _licences() -> dict[str, str]:
-    names = sorted({f.library.distribution for f in driver_specs() if f.library is not None})
+    names = sorted({f.wire.library.distribution for f in driver_specs() if f.wire.library})
     return {name: licence_of(name) for name in names}

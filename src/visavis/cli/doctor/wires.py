@@ -10,10 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from visavis.cli.doctor.findings import Finding
+from visavis.devices.drivers.hid_gaze.reports import found_trackers, hid_library
+from visavis.devices.drivers.openxr.offer import ask
 from visavis.devices.libraries import HID, OPENXR, SERIAL
 from visavis.devices.registry import driver_spec
 from visavis.devices.states import is_installed
 from visavis.lab.config import DeviceConfig, LabConfig
+from visavis.lab.errors import DeviceNotFound
 
 RUNTIME_NAMES = {"openvr": "SteamVR", "openxr": "OpenXR", "fove": "FOVE"}
 RUNTIMES, PORTS, NETWORK = "runtimes", "ports", "network"
@@ -39,7 +42,7 @@ NOBODY = ("192.0.2.1", 9)
 
 def runtimes(lab: LabConfig) -> tuple[Finding, ...]:
     """Return which headset runtimes and vendor libraries are installed."""
-    wanted = {driver_spec(d.driver).runtime for d in lab.devices.values() if not d.simulated}
+    wanted = {driver_spec(d.driver).wire.runtime for d in lab.devices.values() if not d.simulated}
     looked_for = (
         (RUNTIME_NAMES["openvr"], "openvr", openvr_runtime(), "install and start SteamVR"),
         (RUNTIME_NAMES["openxr"], "openxr", openxr_runtime(), XR_REMEDY),
@@ -68,8 +71,6 @@ def _eyes(lab: LabConfig) -> tuple[Finding, ...]:
     active = next((m for m in _openxr_manifests() if m.is_file()), None)
     if not asked or active is None or not is_installed(OPENXR):
         return ()
-    from visavis.devices.drivers.openxr.offer import ask
-
     found = ask(active)
     name = _runtime_name(active) if found is None else found.runtime
     if found is not None and found.tells_gaze:
@@ -228,9 +229,6 @@ def _serial_ports() -> list[Finding]:
 def _hid_devices() -> list[Finding]:
     if not is_installed(HID):
         return [Finding(PORTS, "USB HID", "note", "cannot be listed", f"run: {HID.install}")]
-    from visavis.devices.drivers.hid_gaze.reports import found_trackers, hid_library
-    from visavis.lab.errors import DeviceNotFound
-
     try:
         library = hid_library()
         trackers, count = found_trackers(library), len(library.enumerate())
@@ -253,13 +251,13 @@ def network(lab: LabConfig, *, are_open: bool = False) -> tuple[Finding, ...]:
     real = [d for d in lab.devices.values() if not d.simulated]
     specs = [(d, driver_spec(d.driver)) for d in real]
     if not are_open:
-        rows += [_dial(d) for d, spec in specs if spec.dials]
+        rows += [_dial(d) for d, spec in specs if spec.wire.dials]
         rows += [row for d in real for row in _taken(d)]
     let_in = sorted(
         {
             rule.format(**spec.checked_options(d.role, d.options).model_dump())
             for d, spec in specs
-            for rule in spec.listens
+            for rule in spec.wire.listens
         }
     )
     if let_in:
@@ -304,7 +302,7 @@ def _dial(device: DeviceConfig) -> Finding:
 
 
 def _taken(device: DeviceConfig) -> Sequence[Finding]:
-    key = driver_spec(device.driver).binds
+    key = driver_spec(device.driver).wire.binds
     if not key:
         return ()
     port = int(device.options[key])

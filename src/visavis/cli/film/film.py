@@ -43,6 +43,7 @@ from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import is_on_page
 from visavis.stage.identity import IdentityBuffer
+from visavis.stage.movie import open_movie
 from visavis.stage.renderer import ON_PROCESSOR, Renderer
 from visavis.stimuli.camera.filming import capsules
 from visavis.stimuli.camera.sheet import SEEN_FROM_01, FilmLog, Sheet
@@ -111,8 +112,6 @@ def write_film(
             place in this room from where the camera could film.
         StageError: the film cannot be written, or nothing draws here.
     """
-    from visavis.stage.movie import open_movie
-
     if not 1 <= rate_hz <= 240:
         raise UsageError(f"--rate {rate_hz}; give 1 to 240 pictures a second")
     if is_on_page(recording):
@@ -229,7 +228,7 @@ class FilmedTrial:
         self._looked_ns = t_ns
         seen = self._identity.views(picture, [camera], LOOK_PX, level=1).person
         share = float((seen == len(picture.cast)).mean())  # who stands in comes last
-        self._log.seen.append((t_ns, share >= SEEN_FROM_01))
+        self._log.visibility.append((t_ns, share >= SEEN_FROM_01))
 
     def pictures(
         self, times: list[int], image: Callable[..., npt.NDArray[np.uint8]]

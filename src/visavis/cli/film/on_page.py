@@ -16,6 +16,7 @@ from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import FilmStore
 from visavis.running.page.seen_trial import Question, SeenStep, seen_trial
+from visavis.stage.movie import open_movie
 from visavis.stimuli.picture import Picture
 from visavis.study.films import Film
 
@@ -90,7 +91,6 @@ def write_page_film(
         UsageError: the session has no such trial.
         StageError: the film cannot be written, or nothing draws here.
     """
-    from visavis.stage.movie import open_movie
 
     def times_of(start_ns: int, end_ns: int) -> list[int]:
         if seconds is not None:

@@ -2,10 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from visavis.stage.renderer import Quality, Renderer
+from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
+from visavis.stage.renderer import Quality, Renderer
 
 
 @contextmanager
@@ -13,9 +12,6 @@ def film_renderer(on_processor: "Quality | None" = None) -> "Iterator[Renderer]"
     """Open a renderer; where a processor draws, of that quality, or without the smoothing that
     takes it so long.
     """
-    from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
-    from visavis.stage.renderer import Quality, Renderer
-
     context = offscreen_context()
     try:
         lighter = Quality(samples=0) if on_processor is None else on_processor

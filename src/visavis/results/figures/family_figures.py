@@ -23,13 +23,14 @@ from visavis.analysis.plots.panels import (
 from visavis.analysis.report.notation import count_of, fraction, probability, threshold
 from visavis.analysis.statistics.ranks import average_ranks
 from visavis.results.analysis import StudyAnalysis
+from visavis.results.family_tests import scores_of
 from visavis.results.figures.study_figures import (
     COLOURS,
     trials_of_who_is_out,
     trials_with_left_out,
 )
 from visavis.study.measures import Measure, aggregated
-from visavis.study.pairs import Correlate, Pairs, scores_of
+from visavis.study.pairs import Correlate, Pairs
 from visavis.study.texts import Texts, label_of
 
 COLUMNS = 3

@@ -37,7 +37,8 @@ from visavis.analysis.plots.panels import (
 from visavis.analysis.report.notation import count_of
 from visavis.results.analysis import Finding, StudyAnalysis
 from visavis.results.quality import QUALITY_COLUMNS, Quality
-from visavis.study.exclusions import COUNTED, Exclusion, Selection, rule_words
+from visavis.results.selection import COUNTED, Selection, rule_words
+from visavis.study.exclusions import Exclusion
 from visavis.study.measures import aggregated
 from visavis.study.texts import Texts, label_of
 

@@ -6,12 +6,12 @@ from typing import Any, Final
 
 from visavis.recording.journal import as_json
 from visavis.recording.provenance import Provenance
+from visavis.results.family_tests import DEFAULT_TEST_RULES
 from visavis.results.picture_delay import SETTING, delay_of
 from visavis.study.comparisons import Compare
 from visavis.study.exclusions import limits_in_force
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure
-from visavis.study.pairs import DEFAULT_TEST_RULES
 
 LOCK_VERSION: Final = 1
 VERSIONS: Final = "versions"

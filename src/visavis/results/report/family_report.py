@@ -26,16 +26,16 @@ from visavis.analysis.report.notation import (
     threshold,
 )
 from visavis.results.analysis import StudyAnalysis
-from visavis.results.figures.family_figures import figure_names
-from visavis.study.pairs import (
+from visavis.results.family_tests import (
     Agreement,
     CorrelationTest,
     PairTest,
-    Printed,
     agreement,
     count_agreement,
     same_verdicts,
 )
+from visavis.results.figures.family_figures import figure_names
+from visavis.study.pairs import Printed
 
 HERE, PRINTED = "This study", "Published"
 ARROWS = {1: "↗", -1: "↘"}

@@ -42,9 +42,9 @@ from visavis.results.report.family_report import (
 )
 from visavis.results.report.methods import method_paragraphs, spoken
 from visavis.results.report.reporting_list import Kept, reporting_table
+from visavis.results.selection import rule_words
 from visavis.results.unusual import VIEWS, looks_table, striking_trials
 from visavis.study.comparisons import trials_of
-from visavis.study.exclusions import rule_words
 from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import LooksOn
 from visavis.study.measures import aggregated

@@ -1,0 +1,1 @@
+"""What every column of every table is, and of which type."""

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from visavis.lab.errors import UsageError
 from visavis.protocol.plan.session_plan import SessionPlan
-from visavis.running.page.errors import PageError
+from visavis.running.page.steps import PageError
 
 LINK: Final = "link"
 """Stands for a panel where a lab's own link says who comes."""

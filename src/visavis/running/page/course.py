@@ -15,9 +15,10 @@ import numpy as np
 from visavis.protocol.plan.questionnaires import Question, Questionnaire, read_answer
 from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial, asked_after
 from visavis.protocol.plan.steps import Mark, Row
-from visavis.running.page.spoken_digits import HOW_MANY, NOT_HEARD, spoken, spoken_digits
+from visavis.running.page.spoken_digits import HOW_MANY, spoken, spoken_digits
 from visavis.running.page.steps import PageStep, Reply, mapping, number, put
 from visavis.running.page.trial import FilmFailed, FilmFiles, perform_on_page
+from visavis.study.careless_answers import NOT_HEARD
 from visavis.study.experiment import StudyExperiment
 from visavis.study.trial import TrialScript
 

@@ -8,8 +8,9 @@ from typing import Any, Final
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.recording.writer import Recorder
 from visavis.running.page.course import DONE, Course, Event, Notes, TrialRow
-from visavis.running.page.errors import OpenElsewhereError, PageError
 from visavis.running.page.steps import (
+    OpenElsewhereError,
+    PageError,
     PageStep,
     Reply,
     check_reply,

@@ -33,16 +33,10 @@ from visavis.running.page.desk import PageDesk, Past
 from visavis.running.page.server import Held, PageServer
 from visavis.running.page.visitor import Visitor, visitor_of
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.perform import (
-    PageAddress,
-    Request,
-    behaviour_seed,
-    recorded_part,
-    recorder_of,
-    refuse_other_plan,
-)
 from visavis.running.sessions.plan_lock import carried_by_session
 from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
+from visavis.running.sessions.recorded_part import recorded_part, recorder_of, refuse_other_plan
+from visavis.running.sessions.session_request import PageAddress, Request, behaviour_seed
 from visavis.study.cast import use_cast_of, use_recorded_cast
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import MIME

@@ -27,7 +27,6 @@ from visavis.running.page.arrivals import (
 )
 from visavis.running.page.board import COUNTING, Board, Place, board_of
 from visavis.running.page.course import DONE, WITHDRAWN, texts_of_page
-from visavis.running.page.errors import PageError
 from visavis.running.page.perform import (
     ENDINGS,
     SERVED,
@@ -39,8 +38,10 @@ from visavis.running.page.perform import (
     past_of,
 )
 from visavis.running.page.server import Ended, Held, PageServer
+from visavis.running.page.steps import PageError
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.perform import Request, end_part, recorder_of, refuse_other_plan
+from visavis.running.sessions.recorded_part import end_part, recorder_of, refuse_other_plan
+from visavis.running.sessions.session_request import Request
 
 IDLE_NS: Final = 30 * 60 * NS_PER_S
 """A page that was not heard for so long was left; its place is filled again, its session kept."""

@@ -12,8 +12,7 @@ from aiohttp import web
 from visavis.lab.errors import DeviceError, RecordingError
 from visavis.lab.plain_files import parse_json
 from visavis.running.page.desk import PageDesk
-from visavis.running.page.errors import OpenElsewhereError, PageError
-from visavis.running.page.steps import number
+from visavis.running.page.steps import OpenElsewhereError, PageError, number
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {

@@ -13,8 +13,6 @@ OURS: Final = Path(__file__).parent / "digits"
 FOLDER: Final = "digits"
 """Where a lab's own lie, beside its study: digits/LANGUAGE/0.wav to 9.wav."""
 HOW_MANY: Final = 3
-NOT_HEARD: Final = "sound not heard"
-"""Flags every trial of somebody who did not hear, or mistook, what a page said."""
 PAUSE_S: Final = 0.35
 MAX_BYTES: Final = 40_000
 """The largest file of one digit: a page waits for three."""

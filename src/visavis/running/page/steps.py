@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_MS
-from visavis.protocol.plan.columns import Column
-from visavis.running.page.errors import PageError
+from visavis.lab.errors import LabError
 from visavis.study.responses import Choice, Number, Rating, Response, SideBySide, Text
 
 WAYS: Final = ("keys", "mouse", "touch", "pen")
@@ -18,26 +17,14 @@ MAX_TEXT: Final = 10_000
 """Characters of an answer in words that are kept."""
 MIN_PX_PER_MM: Final = 0.5
 MAX_PX_PER_MM: Final = 40.0
-FILM_COLUMNS: Final = (
-    ("wait_ms", "ms", "from the page's step to the first picture that was presented"),
-    ("rounds", "1", "whole rounds that were shown (of a pair: of the one with fewer)"),
-    ("frames_dropped", "1", "pictures of the film that the browser did not present"),
-    ("stalls", "1", "times the film stood still because the browser waited for it"),
-    ("hidden_ms", "ms", "time for which the page could not be seen"),
-    ("apart_ms", "ms", "most that the two films of a pair were apart; empty for one"),
-    ("sha256", "", "file that was played; of a pair left, right; none in simulations"),
-)
-"""What a page adds to a trial's row beside `film_on_ns`, `film_off_ns` and `film_frames`."""
 
 
-def film_columns(films: int) -> dict[str, Column]:
-    """Return what describes the columns of so many films (or pairs) in a trial, by name."""
-    found = {}
-    for k in range(1, films + 1):
-        name = "film" if k == 1 else f"film{k}"
-        for ending, unit, words in FILM_COLUMNS:
-            found[f"{name}_{ending}"] = Column(f"{name}_{ending}", unit, words)
-    return found
+class PageError(LabError):
+    """A page sent what no page of ours sends; nothing of it was taken."""
+
+
+class OpenElsewhereError(LabError):
+    """The session is open in another tab or browser."""
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ def unheard_keyboards(config: LabConfig) -> tuple[str, ...]:
     return tuple(
         role
         for role, device in config.devices.items()
-        if not device.simulated and driver_spec(device.driver).hears_window
+        if not device.simulated and driver_spec(device.driver).wire.hears_window
     )
 
 

@@ -1,139 +1,59 @@
 """Perform a session, new or resumed, and leave a closed recording behind."""
 
-import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Protocol
+from types import ModuleType
+from typing import Any
 from weakref import WeakSet
 
-from visavis.devices.contracts import Armband, Device, DeviceInfo, OwnRecording, SessionName
+from visavis.devices.contracts import Armband, DeviceInfo, OwnRecording, SessionName
 from visavis.devices.haptic_safety import HapticGuard
 from visavis.devices.shared_body import SharedBody
-from visavis.lab.clock import Clock, SimClock, require_fine_clock
+from visavis.lab.clock import Clock, require_fine_clock
 from visavis.lab.compiled import forget_old_kernels
 from visavis.lab.config import INCIDENTS, LabConfig, with_devices
-from visavis.lab.errors import ConfigError, LabError, RecordingError, SessionAborted
+from visavis.lab.errors import ConfigError, LabError, SessionAborted
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
-from visavis.protocol.plan.experiment import Respondent, demands_of, untold
-from visavis.protocol.plan.session_plan import SessionPlan
-from visavis.protocol.session.gaze_setup import TargetTiming
-from visavis.protocol.session.operator import Operator, UnattendedOperator
+from visavis.protocol.plan.experiment import Experiment, Respondent, untold
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.session.progress import Progress, progress_of_recording
 from visavis.protocol.session.rig import Rig
 from visavis.protocol.session.session import Session
-from visavis.protocol.session.session_setup import LOST_DEVICE_S, SessionSetup
+from visavis.protocol.session.session_setup import SessionSetup
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
-from visavis.recording.journal import as_json
 from visavis.recording.manifest import Manifest
 from visavis.recording.provenance import provenance
 from visavis.recording.reader import Recording
 from visavis.recording.writer import (
-    REAL_TIME_BATCH_NS,
-    VIRTUAL_TIME_BATCH_NS,
-    CloseStatus,
     Recorder,
 )
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.device_setup import build_rig, check_room, devices_for, is_simulated
 from visavis.running.sessions.plan_lock import carried_by_session
 from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
-from visavis.running.sessions.rehearsal import FewTrials
-from visavis.running.sessions.stage_setup import build_stage
-from visavis.stage.contracts import Stage, Viewer
+from visavis.running.sessions.recorded_part import recorded_part, recorder_of, refuse_other_plan
+from visavis.running.sessions.session_request import (
+    Request,
+    behaviour_seed,
+    body_of,
+    device_seed,
+    simulated_request,
+)
+from visavis.stage.contracts import GeometryStage, Stage, Viewer
 from visavis.study.cast import use_cast_of, use_recorded_cast
 from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import read_texts
 
+REHEARSED_TRIALS, REHEARSED_S = 8, 130.0
+"""So many trials are rehearsed, or so long, beside the first trial of every block.
 
-@dataclass(frozen=True)
-class Request:
-    """What to perform: whom, which study, on what, with which clock and operator.
-
-    `without` are roles of devices that the operator goes on without. `on` is "lab" or "browser",
-    left out where the study says it; a `page` is served at its address. `body` ("female" or
-    "male") is the one that participants see as their own in a study that wants it, `stature_m` how
-    tall they say they are.
-    """
-
-    study: OpenedStudy
-    experiment: StudyExperiment
-    config: LabConfig
-    participant_label: str
-    participant_index: int
-    group: str
-    session: int
-    seed: int
-    clock: Clock
-    operator: Operator
-    respondent: Respondent | None = None
-    effect: bool = True
-    blind: bool = False
-    consent_version: str = ""
-    on_trial: Callable[[str, int, int], None] | None = None
-    timing: TargetTiming = field(default_factory=TargetTiming)
-    lost_device_s: float = LOST_DEVICE_S
-    stage_for: Callable[[Sequence[Viewer]], Stage] | None = None
-    companion: "Companion | None" = None
-    without: tuple[str, ...] = ()
-    on: str = ""
-    page: "PageAddress | None" = None
-    body: str = ""
-    stature_m: float | None = None
-
-    @property
-    def is_on_page(self) -> bool:
-        """Whether it is performed on a page in a browser; the study says so, or whoever asks."""
-        study = self.study.study if isinstance(self.study, OpenedStudy) else None
-        return (self.on or getattr(study, "on", "lab")) == "browser"
-
-
-@dataclass(frozen=True)
-class PageAddress:
-    """Where a page is served (port 0: a free one); `told` hears the address to be opened."""
-
-    port: int = 0
-    told: Callable[[str], None] | None = None
-
-
-class Companion(Protocol):
-    """What goes along with a session in real time: streams to other programs, a note of the lab.
-
-    A simulated study's files depend on its seed alone, so nothing goes along on a virtual clock.
-    """
-
-    def recorder(self, request: Request, part_dir: Path, *, is_simulated: bool) -> Recorder | None:
-        """Return a recorder that tells others what it records; None for the usual one."""
-        ...
-
-    def opened(
-        self,
-        request: Request,
-        part_dir: Path,
-        devices: Mapping[str, Device],
-        recorder: Recorder,
-        *,
-        is_simulated: bool,
-    ) -> None:
-        """Hear that the devices are open and their streams declared."""
-        ...
-
-    def closed(self) -> None:
-        """Hear that the session's part has ended, however it did; its files are closed."""
-        ...
-
-
-def behaviour_seed(request: "Request") -> int:
-    """Return the seed of what is simulated: another one in every further session of a person."""
-    return request.seed + 1_000_003 * (request.session - 1)
-
-
-def device_seed(seed: int, participant_index: int) -> int:
-    """Return the seed of a participant's simulated devices."""
-    return seed * 100_003 + participant_index
+A level more brings other numbers, seldom other code.
+"""
 
 
 def perform_new(request: Request) -> Path:
@@ -205,33 +125,21 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         return folder.path
 
 
-def refuse_other_plan(recording: Recording, plan: SessionPlan) -> None:
-    """Refuse to go on with a session whose plan this version would not make.
-
-    Raises:
-        ConfigError: naming the session.
-    """
-    if as_json(plan) != recording.manifest.plan:
-        raise ConfigError(
-            f"{recording.path}: the plan recorded with this session differs from the plan this "
-            "version of Visavis makes; check out the version named in manifest.json "
-            "(provenance) and resume with that"
-        )
-
-
-def _pages() -> Any:
-    """Return what performs sessions on pages, which not every lab needs.
+def _pages() -> ModuleType:
+    """Return what performs sessions on pages.
 
     Raises:
         ConfigError: its libraries are not installed.
     """
     try:
-        return importlib.import_module("visavis.running.page.perform")
+        # Pages need aiohttp, which not every lab has installed.
+        from visavis.running.page import perform as pages
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"a page in a browser needs {error.name}, which is not installed; run: pip install "
             "'visavis[browser]'"
         ) from error
+    return pages
 
 
 def _locked(request: Request, config: LabConfig) -> dict[str, Any]:
@@ -262,6 +170,38 @@ def of_no_session() -> Iterator[None]:
         if isinstance(ended.__cause__, KeyboardInterrupt):
             raise KeyboardInterrupt from ended
         raise
+
+
+@dataclass(frozen=True, eq=False)
+class FewTrials(StudyExperiment):
+    """An experiment whose plan holds the first trial of every block, and levels not met there."""
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return the plan with those trials alone."""
+        made = super().plan(participant_index, seed, group)
+        first = [block.trials[0] for block in made.blocks if block.trials]
+        most = min(REHEARSED_TRIALS, int(REHEARSED_S / max(self.trial_s, 1.0)))
+        kept = {t.trial_id for t in (*first, *_of_other_levels(made.trials, first, most))}
+        blocks = (
+            replace(b, trials=tuple(t for t in b.trials if t.trial_id in kept)) for b in made.blocks
+        )
+        return replace(made, blocks=tuple(blocks))
+
+
+def _of_other_levels(trials: Sequence[Trial], met_in: Sequence[Trial], most: int) -> list[Trial]:
+    """Return trials in which further levels are met, those of the smallest factors first."""
+    everything = {level for trial in trials for level in trial.factors.items()}
+    worth = Counter(name for name, _ in everything)
+    met = {level for trial in met_in for level in trial.factors.items()}
+    chosen: list[Trial] = []
+    while len(chosen) < most and met != everything:
+        best = max(
+            trials,
+            key=lambda t: sum(1 / worth[k] for k, v in t.factors.items() if (k, v) not in met),
+        )
+        chosen.append(best)
+        met |= set(best.factors.items())
+    return chosen
 
 
 _READY: WeakSet[StudyExperiment] = WeakSet()
@@ -375,49 +315,6 @@ def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Record
     return recorder_of(part_dir, clock, is_simulated=simulated, awaits_disk=not clock.is_virtual)
 
 
-def recorder_of(
-    part_dir: Path, clock: Clock, *, is_simulated: bool, awaits_disk: bool = False
-) -> Recorder:
-    """Return the recorder of a part, in a thread and with short batches in real time."""
-    return Recorder(
-        part_dir,
-        clock,
-        threaded=not clock.is_virtual,
-        max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
-        is_simulated=is_simulated,
-        awaits_disk=awaits_disk,
-    )
-
-
-@contextmanager
-def recorded_part(
-    clock: Clock, folder: SessionFolder, make: Callable[[Path], Recorder], kept: str
-) -> Iterator[Recorder]:
-    """Record a part of a session; however the block is left, files and manifest say how.
-
-    `make` gets the part's folder, `kept` tells whoever interrupts what is not lost.
-
-    Raises:
-        SessionAborted: it ended early.
-    """
-    part_dir = folder.begin_part(clock)
-    recorder: Recorder | None = None
-    try:
-        recorder = make(part_dir)
-        yield recorder
-    except KeyboardInterrupt as error:
-        reason = "interrupted from the keyboard or by the system"
-        end_part(clock, folder, recorder, "aborted", reason, error)
-        raise SessionAborted(f"{reason}; {kept}") from error
-    except SessionAborted as error:
-        end_part(clock, folder, recorder, "aborted", str(error).partition(";")[0], error)
-        raise
-    except BaseException as error:
-        end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
-        raise
-    end_part(clock, folder, recorder, "complete", "", None)
-
-
 @contextmanager
 def _guarded(devices: _Devices, clock: Clock) -> Iterator[_Devices]:
     """Watch over the armbands from here on: they are silent however this block is left."""
@@ -507,37 +404,26 @@ def _stage(request: Request, devices: _Devices) -> Stage:
     return build_stage(config, request.experiment, devices.rig, request.clock, viewers)
 
 
-def body_of(request: Request) -> str:
-    """Return which body the participant sees as their own: "female", "male" or "none".
-
-    What the lab writes is for every study; otherwise a study that wants one gives the participant's
-    own. Who is simulated has one by turns.
-    """
-    if request.config.display.own_body != "none":
-        return request.config.display.own_body
-    if not demands_of(request.experiment).own_body:
-        return "none"
-    if request.body or not is_simulated(request.config):
-        return request.body or "none"
-    return ("female", "male")[request.participant_index % 2]
-
-
-def end_part(
+def build_stage(
+    config: LabConfig,
+    experiment: Experiment,
+    rig: Rig,
     clock: Clock,
-    folder: SessionFolder,
-    recorder: Recorder | None,
-    status: CloseStatus,
-    reason: str,
-    cause: BaseException | None,
-) -> None:
-    """Close files and manifest; what fails then never hides what went wrong before."""
-    try:
-        summary = recorder.close(status) if recorder is not None else None
-        folder.end_part(clock, summary, reason=reason)
-    except RecordingError as error:
-        if cause is None:
-            raise
-        cause.add_note(str(error))
+    viewers: Sequence[Viewer],
+) -> Stage:
+    """Build the stage `display.show` asks for; without drawing, no graphics library is loaded.
+
+    Raises:
+        ConfigError: the headset cannot show pictures.
+        StageError: there is no screen, or nothing that draws on it.
+    """
+    show, asks = config.display.show, config.display.questions != "terminal"
+    if show == "none" or (clock.is_virtual and show != "offscreen"):
+        return GeometryStage(viewers, asks=asks)
+    # Saves OpenGL, GLFW and the renderer wherever nothing is drawn: most simulated sessions.
+    from visavis.running.sessions.drawn_stages import build_drawn_stage
+
+    return build_drawn_stage(config, experiment, rig, clock, viewers)
 
 
 def _simulated_participant(request: Request) -> SimulatedParticipant | None:
@@ -551,32 +437,3 @@ def _simulated_participant(request: Request) -> SimulatedParticipant | None:
     )
     # On a real clock the simulated tracker's thread measures while the session moves the body.
     return participant if request.clock.is_virtual else SharedBody(participant)
-
-
-def simulated_request(
-    study: OpenedStudy,
-    experiment: StudyExperiment,
-    config: LabConfig,
-    *,
-    label: str,
-    index: int,
-    seed: int,
-    effect: bool = True,
-    group: str = "",
-    on_trial: Callable[[str, int, int], None] | None = None,
-) -> Request:
-    """Return a request on the virtual clock, unattended."""
-    return Request(
-        study=study,
-        experiment=experiment,
-        config=config,
-        participant_label=label,
-        participant_index=index,
-        group=group,
-        session=1,
-        seed=seed,
-        clock=SimClock(),
-        operator=UnattendedOperator(),
-        effect=effect,
-        on_trial=on_trial,
-    )

@@ -13,9 +13,9 @@ from visavis.recording.durable import replace_file
 from visavis.recording.reader import Recording
 from visavis.recording.sealed import read_sealed, seal
 from visavis.results.intake import SessionIntake
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.study.cast import use_recorded_cast
-from visavis.study.catalogue import find_study, reference_of
+from visavis.study.catalogue import reference_of
 from visavis.study.pieces import MeasuredTrial, Pieces
 
 
@@ -68,7 +68,7 @@ def measure_sessions(
     Each trial is written to `store` as soon as it is measured, so a later call goes on where
     this one was stopped. `on_trial` is told how many of how many trials are done.
     """
-    how, reference = pieces.how_with(settings), reference_of(study)
+    how, reference = pieces.how_with(settings), reference_of(study.study)
     recordings = [Recording(path) for path in sessions]
     for recording in recordings:  # told before hours of measuring
         study.experiment_of(recording)

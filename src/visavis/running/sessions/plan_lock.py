@@ -18,7 +18,7 @@ from visavis.results.locked_plan.deviations import Deviation, deviations_between
 from visavis.results.locked_plan.preregistration import markdown
 from visavis.results.locked_plan.review import CONFIGURATION_KEY, LockedPlan, Peek, PlanReview
 from visavis.results.opened_study import OpenedStudy
-from visavis.study.catalogue import digest_of, file_of
+from visavis.study.catalogue import digest_of
 from visavis.study.experiment import StudyExperiment
 
 LOCK_NAME: Final = "plan_lock.json"
@@ -75,7 +75,7 @@ def content_now(
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return what a study plans as it is declared now."""
-    file = file_of(study)
+    file = study.study.path
     return plan_content(
         experiment,
         study.measures(experiment),

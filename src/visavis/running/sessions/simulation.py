@@ -10,9 +10,10 @@ from typing import Any
 from visavis.lab.config import LabConfig
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.running.sessions.perform import perform_new, perform_rest, simulated_request
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.session_request import simulated_request
 from visavis.study.cast import use_cast_of, use_recorded_cast
-from visavis.study.catalogue import find_study
 
 
 @dataclass(frozen=True)

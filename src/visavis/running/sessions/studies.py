@@ -27,6 +27,7 @@ from visavis.results.locked_plan.deviations import marked
 from visavis.results.locked_plan.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for
+from visavis.results.selection import COUNTED
 from visavis.results.unusual import Striking
 from visavis.running.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.running.sessions.data_root import prepare_data_root
@@ -67,7 +68,6 @@ from visavis.running.sessions.study_folder import (
 )
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import reference_of
-from visavis.study.exclusions import COUNTED
 from visavis.study.pieces import Pieces
 
 
@@ -121,7 +121,7 @@ def simulate_study(
     Raises:
         UsageError: the folder was begun with other settings, or with another design.
     """
-    study, effect = reference_of(chosen), wanted.effect
+    study, effect = reference_of(chosen.study), wanted.effect
     data_root = data_root.resolve()
     lab = lab.model_copy(update={"data_root": data_root})
     folder = data_root / SIMULATED_ROOT / chosen.name
@@ -258,7 +258,9 @@ def analyse_study(
             chosen, pieces, sessions, folder, processes, scheduler, settings, telling
         )
     else:
-        ordered = _measured(reference_of(chosen), sessions, processes, scheduler, settings, telling)
+        ordered = _measured(
+            reference_of(chosen.study), sessions, processes, scheduler, settings, telling
+        )
     # One manifest of each session is held, not two: of a hundred people it is what takes most.
     ordered = [replace(one, manifest=m) for one, m in zip(ordered, manifests, strict=True)]
     halves = _unfinished(ordered)

@@ -13,8 +13,8 @@ from visavis.lab.errors import DataError, UsageError
 from visavis.recording.durable import make_folder
 from visavis.recording.manifest import read_manifest
 from visavis.recording.sealed import copy_path, read_sealed, write_sealed
-from visavis.results.opened_study import OpenedStudy
-from visavis.study.catalogue import digest_of, file_of, find_study
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.study.catalogue import digest_of
 from visavis.study.texts import DEFAULT_LANGUAGE
 
 SETTINGS_NAME = "study.json"
@@ -137,7 +137,7 @@ def wanted_settings(
             parameters["language"] = language
     if effect is None:
         effect = True if begun is None else begun.effect
-    file = file_of(study)
+    file = study.study.path
     return StudySettings(
         study.name,
         DEFAULT_SEED if seed is None else seed,

@@ -35,8 +35,9 @@ from visavis.recording.manifest import Part, write_manifest
 from visavis.recording.reader import PART_COLUMN, Recording, component_names
 from visavis.recording.stream_file import Columns
 from visavis.results.opened_study import OpenedStudy, overrides_of
-from visavis.running.sessions.perform import Request, of_no_session, perform_new, perform_rest
+from visavis.running.sessions.perform import of_no_session, perform_new, perform_rest
 from visavis.running.sessions.reevaluation import TARGETS, targets_again
+from visavis.running.sessions.session_request import Request
 
 DRAWN: Final = ("drawn", "drawn_gpu", "drawn_views", "mirror")
 """Streams of what was drawn: nothing is drawn when a session is performed again."""

@@ -25,7 +25,7 @@ from visavis.running.page.perform import about_of, experiment_of
 from visavis.running.page.server import FILES, SITE
 from visavis.running.page.steps import PageStep, Reply
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.perform import Request
+from visavis.running.sessions.session_request import Request
 
 FORMAT: Final = 1
 ARCHIVE: Final = ".jzip"

@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from visavis.lab.clock import ToldClock
+from visavis.lab.clock import StampClock
 from visavis.lab.errors import DataError, LabError, LedgerError
 from visavis.lab.plain_files import MAX_UNPACKED_BYTES, parse_json, read_plain
 from visavis.protocol.people.ledger import Ledger, Participant
@@ -26,13 +26,13 @@ from visavis.running.film_store import FilmStore
 from visavis.running.page.arrivals import LINK, Arrival, arrival_of
 from visavis.running.page.course import DONE, WITHDRAWN, course
 from visavis.running.page.desk import PageDesk, Past
-from visavis.running.page.errors import PageError
 from visavis.running.page.other_hosts.bundle import FORMAT, digest_of, steps_of_place, visit_of
 from visavis.running.page.perform import ENDINGS, experiment_of, held_of, manifest_of, past_of
 from visavis.running.page.reception import LEFT
-from visavis.running.page.steps import PageStep, count, mapping, number
+from visavis.running.page.steps import PageError, PageStep, count, mapping, number
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.perform import Request, end_part
+from visavis.running.sessions.recorded_part import end_part
+from visavis.running.sessions.session_request import Request
 
 IMPORTED: Final = "imported"
 """Where a session's configuration says which run of which bundle it was."""
@@ -326,7 +326,7 @@ def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
     lines = one.run.lines_after(opened, taken)
     if not lines:
         return False
-    clock = ToldClock(number(lines[0].get("at_ms"), "at_ms"))
+    clock = StampClock(number(lines[0].get("at_ms"), "at_ms"))
     folder, _ = open_session(session)
     with folder:
         manifest = folder.manifest
@@ -366,7 +366,7 @@ def _checked(base: Request, store: FilmStore, run: Run) -> str:
             "what it was shown is not what this study shows now; import it with the study's files "
             "and options (--set, --language) as they were when the bundle was written"
         )
-    clock = ToldClock(run.begun_ms)
+    clock = StampClock(run.begun_ms)
     plan = experiment_of(base).plan(run.place, base.seed)
     visit = replace(visit_of(base, store.told, run.place, plan.group), now_ns=clock.now_ns)
     recorder: Any = _Nobody()
@@ -400,7 +400,7 @@ def _plain(step: PageStep) -> Any:
     return step.kind, json.loads(json.dumps(dict(step.content)))
 
 
-def _led(desk: PageDesk, clock: ToldClock, run: Run) -> Iterator[Mapping[str, Any]]:
+def _led(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, Any]]:
     """Give a desk what a page did, at its times; yields each line after it."""
     for line in run.lines:
         clock.tell(number(line.get("at_ms"), "at_ms"))
@@ -427,7 +427,7 @@ def _import(
     identify: Callable[[str, Mapping[str, str]], None],
 ) -> tuple[str, Path, int]:
     run = one.run
-    experiment, clock = experiment_of(base), ToldClock(run.begun_ms)
+    experiment, clock = experiment_of(base), StampClock(run.begun_ms)
     group = experiment.plan(run.place, base.seed).group
     entry = registered or ledger.add(index=_free_place(base, ledger, run.place, group), group=group)
     if one.arrival.identifier:
@@ -458,7 +458,7 @@ def _record(
 ) -> None:
     """Record a part of a session from lines of a run, by their own times."""
     clock = request.clock
-    assert isinstance(clock, ToldClock)  # noqa: S101  # both callers made it
+    assert isinstance(clock, StampClock)  # noqa: S101  # both callers made it
     part_dir = folder.begin_part(clock)
     recorder: Recorder | None = None
     try:

@@ -1,0 +1,588 @@
+"""The tests of a family: pairs of levels compared, and scores correlated, beside a source.
+
+Two levels are compared by the decision path of many reports of looking: paired t where
+Shapiro–Wilk does not reject the normality of the differences, Wilcoxon's signed-rank test
+otherwise. A family shares its alpha (Bonferroni). Scores of questionnaires are correlated by
+Spearman's coefficient.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from math import factorial
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from visavis.analysis.report.notation import count_of, decimal, threshold
+from visavis.analysis.statistics import (
+    Correlation,
+    PairedComparison,
+    SignedRank,
+    adjust_p,
+    compare_paired,
+    spearman,
+)
+from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.results import Cell, p_text
+from visavis.lab.errors import DataError, UsageError
+from visavis.protocol.plan.columns import Column
+from visavis.study.measures import Measure, aggregated
+from visavis.study.pairs import Correlate, Family, Pairs, Printed
+
+MIN_CORRELATED: Final = 4
+"""A rank correlation of fewer says nothing."""
+
+
+@dataclass(frozen=True)
+class TestRules:
+    """Thresholds of testing; `analyse --set alpha=0.01` replaces one for a study's whole analysis.
+
+    Raises:
+        UsageError: a threshold is out of range.
+    """
+
+    __test__ = False  # not a test of pytest's
+    alpha: float = 0.05
+    normality_alpha: float = 0.05
+    interval_level: float = 0.95
+    minimum_participants: int = 3
+
+    def __post_init__(self) -> None:
+        for name in ("alpha", "normality_alpha", "interval_level"):
+            if not 0 < getattr(self, name) < 1:
+                raise UsageError(f"{name} is {getattr(self, name)}; give a number between 0 and 1")
+        if self.minimum_participants < 3:
+            raise UsageError(
+                f"minimum_participants is {self.minimum_participants}; a paired test needs 3"
+            )
+
+    def with_settings(self, settings: Mapping[str, Any]) -> "TestRules":
+        """Return the rules with what was set in place of the usual."""
+        known = {f.name for f in fields(self)}
+        return replace(self, **{k: v for k, v in settings.items() if k in known})
+
+
+DEFAULT_TEST_RULES: Final = TestRules()
+
+
+@dataclass(frozen=True)
+class PairTest:
+    """One paired test, `first` minus `second`, or why it could not be made.
+
+    Means and standard deviations are over the `n_pairs` participants who have both values;
+    `n_incomplete` others have one only. `where` names the level of `each`, or is empty.
+    `outcome` None comes with `problem`.
+    """
+
+    of: Pairs = field(repr=False)
+    where: str
+    measure: Measure
+    first: str
+    second: str
+    n_pairs: int
+    n_incomplete: int
+    first_mean: float
+    first_sd: float
+    second_mean: float
+    second_sd: float
+    alpha: float
+    n_tests: int
+    outcome: PairedComparison | None
+    problem: str = ""
+    family: str = ""
+
+    @property
+    def name(self) -> str:
+        """The comparison in short: 'A – D'."""
+        return f"{self.first} – {self.second}"
+
+    @property
+    def threshold(self) -> float:
+        """What p must stay below."""
+        return self.alpha / max(self.n_tests, 1)
+
+    @property
+    def is_significant(self) -> bool | None:
+        """Tell whether the difference is significant; None when there was no test."""
+        return None if self.outcome is None else self.outcome.significant
+
+    @property
+    def holds_corrected(self) -> bool | None:
+        """Tell the decision that headlines are made of: the threshold shares alpha already."""
+        return self.is_significant
+
+    @property
+    def stars(self) -> str:
+        """Return '', '*', '**' or '***' after correction; nothing when there was no test."""
+        return "" if self.outcome is None else self.outcome.stars
+
+    @property
+    def direction(self) -> int:
+        """+1 when the second mean is greater, −1 when smaller, 0 when equal or unknown."""
+        difference = self.second_mean - self.first_mean
+        return int(np.sign(difference)) if np.isfinite(difference) else 0
+
+    @property
+    def can_reach(self) -> bool | None:
+        """Tell whether any data of this size could be significant; None when there was no test.
+
+        The exact signed-rank test of n non-zero differences cannot go below p = 2/2ⁿ; a t test
+        has no such bound.
+        """
+        if self.outcome is None:
+            return None
+        ranks = self.outcome.test
+        if not isinstance(ranks, SignedRank) or ranks.method != "exact":
+            return True
+        return 2.0 / 2.0**ranks.n_nonzero < self.threshold
+
+    @property
+    def printed(self) -> Printed | None:
+        """What the source prints of it."""
+        return None if self.of.printed is None else self.of.printed(self)
+
+    def sentence(self) -> str:
+        """Return the conclusion with test, n, statistic, p, effect size and threshold."""
+        what = self.measure.words + (f" ({self.where.replace('_', ' ')})" if self.where else "")
+        noun = f" {self.of.noun}" if self.of.noun else ""
+        names = f"{self.of.called(self.first)} and {self.of.called(self.second)}{noun}"
+        if self.outcome is None:
+            return f"{what}, {names}: not tested, {self.problem}."
+        unit = f" {self.measure.unit}" if self.measure.unit not in ("", "1") else ""
+        first, second = (
+            decimal(m, self.measure.digits) + unit for m in (self.first_mean, self.second_mean)
+        )
+        verdict = "differs" if self.outcome.significant else "does not differ significantly"
+        kind = "paired t test" if self.outcome.is_parametric else "Wilcoxon signed-rank test"
+        incomplete = (
+            f" ({count_of(self.n_incomplete, 'participant')} without both values)"
+            if self.n_incomplete
+            else ""
+        )
+        effect = str(self.outcome.effect).replace("r_rb", "rank-biserial r")
+        eta = "" if self.outcome.eta is None else f", {self.outcome.eta}"
+        return (
+            f"{what} {verdict} between {names} ({first} and {second}): {kind} of "
+            f"{self.of.called(self.first)} minus {self.of.called(self.second)}, "
+            f"n = {self.n_pairs}{incomplete}, {self.statistic()}, "
+            f"{p_text(self.outcome.p)}, {effect}{eta}; threshold "
+            f"{threshold(self.threshold)} ({threshold(self.alpha)} over {self.n_tests} tests)."
+        )
+
+    def statistic(self) -> str:
+        """Return V and z, or t with its degrees of freedom."""
+        if self.outcome is None:
+            return ""
+        test = self.outcome.test
+        if isinstance(test, SignedRank):
+            return f"V = {decimal(test.V, 1)}, z = {decimal(test.z)}"
+        return f"t({test.df:.0f}) = {decimal(test.t)}"
+
+    def row(self) -> dict[str, Cell]:
+        """Return the test as one row of the statistics table."""
+        row: dict[str, Cell] = {
+            "family": self.family or self.of.family,
+            "where": self.where,
+            "measure": self.measure.column,
+            "first": self.first,
+            "second": self.second,
+            "n_pairs": self.n_pairs,
+            "n_incomplete": self.n_incomplete,
+            "first_mean": self.first_mean,
+            "first_sd": self.first_sd,
+            "second_mean": self.second_mean,
+            "second_sd": self.second_sd,
+            "n_tests": self.n_tests,
+            "threshold": self.threshold,
+            "problem": self.problem,
+            "sentence": self.sentence(),
+        }
+        if self.outcome is not None:
+            row |= {k: v for k, v in self.outcome.row().items() if k not in row and k != "n"}
+            if self.outcome.eta is not None and self.outcome.eta.interval is not None:
+                row["eta_p2_ci_low"] = self.outcome.eta.interval.low
+                row["eta_p2_ci_high"] = self.outcome.eta.interval.high
+        return row
+
+
+@dataclass(frozen=True)
+class CorrelationTest:
+    """One correlation with a score, or why there is none.
+
+    `p_adjusted` is Holm's over all correlations of the family that could be computed.
+    """
+
+    of: Correlate = field(repr=False)
+    measure: Measure
+    level: str
+    n: int
+    alpha: float
+    outcome: Correlation | None
+    problem: str = ""
+    p_adjusted: float = float("nan")
+
+    @property
+    def is_significant(self) -> bool | None:
+        """Tell whether p stays below alpha, uncorrected."""
+        return None if self.outcome is None else self.outcome.p < self.alpha
+
+    @property
+    def holds_corrected(self) -> bool | None:
+        """Tell whether Holm's p stays below alpha: the decision that headlines are made of."""
+        return None if self.outcome is None else self.p_adjusted < self.alpha
+
+    @property
+    def direction(self) -> int:
+        """The sign of the coefficient."""
+        return 0 if self.outcome is None else int(np.sign(self.outcome.r))
+
+    @property
+    def can_reach(self) -> bool | None:
+        """Tell whether any data of this size could be significant: exact p is at least 2/n!."""
+        if self.outcome is None:
+            return None
+        return self.outcome.method != "exact" or 2.0 / factorial(self.n) < self.alpha
+
+    @property
+    def printed(self) -> Printed | None:
+        """What the source prints of it."""
+        return None if self.of.printed is None else self.of.printed(self)
+
+    def sentence(self) -> str:
+        """Return the conclusion with test, n, statistic, p, interval and threshold."""
+        noun = f" {self.of.noun}" if self.of.noun else ""
+        what = f"{self.measure.words} under {self.of.names.get(self.level, self.level)}{noun}"
+        if self.outcome is None:
+            return f"{what} and {self.of.score_words}: not tested, {self.problem}."
+        verdict = "is" if self.is_significant else "is not significantly"
+        return (
+            f"{what} {verdict} correlated with {self.of.score_words}: Spearman, "
+            f"{self.outcome.sentence()}; threshold {threshold(self.alpha)} uncorrected, "
+            f"Holm-adjusted {p_text(self.p_adjusted)}."
+        )
+
+    def row(self) -> dict[str, Cell]:
+        """Return the test as one row of the statistics table."""
+        row: dict[str, Cell] = {
+            "family": self.of.family,
+            "where": "",
+            "measure": self.measure.column,
+            "first": self.level,
+            "second": self.of.score,
+            "n_pairs": self.n,
+            "threshold": self.alpha,
+            "problem": self.problem,
+            "sentence": self.sentence(),
+        }
+        if self.outcome is not None:
+            row |= {k: v for k, v in self.outcome.row().items() if k != "n"}
+            row |= {"p_adjusted": self.p_adjusted, "significant": self.is_significant}
+        return row
+
+
+Test = PairTest | CorrelationTest
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One published verdict beside ours.
+
+    `ours` None: not tested. `is_decidable` False: with so few participants the test could not
+    reach its threshold, so it neither agrees nor disagrees. Verdicts agree when both are not
+    significant, or both are in the same direction; the direction counts only where one is printed.
+    """
+
+    published: bool
+    ours: bool | None
+    same_direction: bool = True
+    is_decidable: bool = True
+
+    @property
+    def agrees(self) -> bool | None:
+        """Tell whether the verdicts agree; None when there is none to compare."""
+        if self.ours is None or not self.is_decidable:
+            return None
+        return self.published == self.ours and (not self.published or self.same_direction)
+
+
+@dataclass(frozen=True)
+class AgreementCount:
+    """How many verdicts agree among those compared, of all published ones."""
+
+    agree: int
+    compared: int
+    published: int
+
+    def __str__(self) -> str:
+        text = f"{self.agree} of {self.published}"
+        left = self.published - self.compared
+        return f"{text} ({left} undecided)" if left else text
+
+
+def agreement(test: Test) -> Agreement | None:
+    """Hold a test against what the source prints of it; None where it prints nothing."""
+    printed = test.printed
+    if printed is None:
+        return None
+    same = printed.direction in (0, test.direction)
+    return Agreement(printed.is_significant, test.is_significant, same, test.can_reach is not False)
+
+
+def published_cells(test: Test) -> dict[str, Cell]:
+    """Return the source's verdict beside ours, as cells of the statistics table."""
+    found = agreement(test)
+    if found is None:
+        return {}
+    return {"published_significant": found.published, "agrees_with_published": found.agrees}
+
+
+def count_agreement(tests: Iterable[Test]) -> AgreementCount:
+    """Count the verdicts that agree."""
+    found = [a for a in map(agreement, tests) if a is not None]
+    compared = [a for a in found if a.agrees is not None]
+    return AgreementCount(sum(bool(a.agrees) for a in compared), len(compared), len(found))
+
+
+def compare(
+    means: pd.DataFrame,
+    measure: Measure,
+    pair: tuple[str, str],
+    of: Pairs,
+    rules: TestRules = DEFAULT_TEST_RULES,
+    *,
+    n_tests: int,
+    where: str = "",
+    family: str = "",
+) -> PairTest:
+    """Compare two levels over the participants who have both values.
+
+    `means` has one row per participant and level.
+    """
+    wide = means.pivot(index="participant", columns=of.factor, values=measure.column)
+    first, second = (
+        wide[c] if c in wide else pd.Series(float("nan"), index=wide.index) for c in pair
+    )
+    has_both = first.notna() & second.notna()
+    incomplete = int((first.notna() ^ second.notna()).sum())
+    x, y = first[has_both].to_numpy(float), second[has_both].to_numpy(float)
+    outcome, problem = None, ""
+    if len(x) < rules.minimum_participants:
+        problem = (
+            f"{count_of(len(x), 'participant')} with both values, "
+            f"{rules.minimum_participants} needed"
+        )
+    else:
+        try:
+            outcome = compare_paired(
+                x,
+                y,
+                names=pair,
+                alpha=rules.alpha,
+                n_tests=n_tests,
+                normality_alpha=rules.normality_alpha,
+                level=rules.interval_level,
+            )
+        except StatisticsError as error:
+            problem = str(error)
+    several = len(x) > 1
+    return PairTest(
+        of=of,
+        where=where,
+        measure=measure,
+        first=pair[0],
+        second=pair[1],
+        n_pairs=len(x),
+        n_incomplete=incomplete,
+        first_mean=float(x.mean()) if len(x) else float("nan"),
+        first_sd=float(x.std(ddof=1)) if several else float("nan"),
+        second_mean=float(y.mean()) if len(y) else float("nan"),
+        second_sd=float(y.std(ddof=1)) if several else float("nan"),
+        alpha=rules.alpha,
+        n_tests=n_tests,
+        outcome=outcome,
+        problem=problem,
+        family=family,
+    )
+
+
+def compare_pairs(
+    of: Pairs,
+    trials: pd.DataFrame,
+    measures: Mapping[str, Measure],
+    levels: Mapping[str, Sequence[Any]],
+    rules: TestRules = DEFAULT_TEST_RULES,
+    *,
+    family: str = "",
+    only: Collection[tuple[tuple[str, str], str]] | None = None,
+) -> tuple[PairTest, ...]:
+    """Make every test of a family on the trials that count, or those of some pairs and measures.
+
+    `levels` are those of this design by factor or derived column. A pair of which a level was
+    left out of the design is not tested, says so, and shares no alpha.
+    """
+    chosen = [measures[name] for name in of.measures]
+    there = set(map(str, levels[of.factor]))
+    places = [str(v) for v in levels[of.each]] if of.each else [""]
+    possible = [pair for pair in of.levels if there >= set(pair)]
+    sizes = {"measures": len(chosen), "levels": len(possible), "each": len(places)}
+    n_tests = int(np.prod([sizes[name] for name in of.shared]))
+    means = aggregated(trials, chosen, [of.factor, *([of.each] if of.each else [])])
+    found = []
+    for place in places:
+        here = means[means[of.each].astype(str) == place] if of.each else means
+        for pair in of.levels:
+            for measure in (m for m in chosen if only is None or (pair, m.column) in only):
+                made = compare(
+                    here, measure, pair, of, rules, n_tests=n_tests, where=place, family=family
+                )
+                absent = " and ".join(level for level in pair if level not in there)
+                if absent:
+                    made = replace(
+                        made, outcome=None, problem=f"the study was performed without {absent}"
+                    )
+                found.append(made)
+    return tuple(found)
+
+
+def scores_of(people: pd.DataFrame, column: str) -> "pd.Series[float]":
+    """Return a score by participant; nobody without one.
+
+    Raises:
+        DataError: a participant has two scores.
+    """
+    if people.empty or column not in people:
+        return pd.Series(dtype=float)
+    known = people.dropna(subset=[column])
+    names = known["participant"].astype(str)
+    if names.duplicated().any():
+        twice = names[names.duplicated()].iloc[0]
+        raise DataError(f"participant {twice} has two scores {column}; keep the valid one")
+    return pd.Series(known[column].to_numpy(float), index=names.to_numpy()).sort_index()
+
+
+def correlate(
+    of: Correlate,
+    means: pd.DataFrame,
+    scores: "pd.Series[float]",
+    measures: Mapping[str, Measure],
+    levels: Sequence[Any],
+    rules: TestRules = DEFAULT_TEST_RULES,
+) -> tuple[CorrelationTest, ...]:
+    """Correlate every measure at every level with the score.
+
+    `means` has one row per participant and level.
+    """
+    found = [
+        _correlated(of, means, scores, measures[name], str(level), rules)
+        for name in of.measures
+        for level in levels
+    ]
+    tested = [i for i, c in enumerate(found) if c.outcome is not None]
+    if not tested:
+        return tuple(found)
+    adjusted = adjust_p([c.outcome.p for c in found if c.outcome is not None])
+    for i, p in zip(tested, adjusted.tolist(), strict=True):
+        found[i] = replace(found[i], p_adjusted=p)
+    return tuple(found)
+
+
+def _correlated(
+    of: Correlate,
+    means: pd.DataFrame,
+    scores: "pd.Series[float]",
+    measure: Measure,
+    level: str,
+    rules: TestRules,
+) -> CorrelationTest:
+    at_level = means[means[of.factor].astype(str) == level]
+    here = at_level.set_index("participant")[measure.column].dropna()
+    both = here.index.intersection(scores.index)
+    n, alpha = len(both), rules.alpha
+    needed = max(MIN_CORRELATED, rules.minimum_participants)
+    if n < needed:
+        problem = f"{count_of(n, 'participant')} with measure and score, {MIN_CORRELATED} needed"
+        return CorrelationTest(of, measure, level, n, alpha, None, problem)
+    try:
+        outcome = spearman(
+            scores[both].to_numpy(float),
+            here[both].to_numpy(float),
+            level=rules.interval_level,
+            names=(of.score_name, measure.words),
+        )
+    except StatisticsError as error:
+        return CorrelationTest(of, measure, level, n, alpha, None, str(error))
+    return CorrelationTest(of, measure, level, n, alpha, outcome)
+
+
+def results_of(
+    of: Family,
+    trials: pd.DataFrame,
+    people: pd.DataFrame,
+    measures: Mapping[str, Measure],
+    levels: Mapping[str, Sequence[Any]],
+    rules: TestRules = DEFAULT_TEST_RULES,
+) -> tuple[Test, ...]:
+    """Make every test of a family: pairs of levels, or correlations with a score."""
+    if isinstance(of, Pairs):
+        return compare_pairs(of, trials, measures, levels, rules)
+    means = aggregated(trials, [measures[name] for name in of.measures], [of.factor])
+    return correlate(of, means, scores_of(people, of.score), measures, levels[of.factor], rules)
+
+
+def same_verdicts(first: Sequence[PairTest], second: Sequence[PairTest]) -> int:
+    """Count the tests, in the same order, with the same verdict and direction."""
+    return sum(
+        a.is_significant == b.is_significant
+        and (not a.is_significant or a.direction == b.direction)
+        for a, b in zip(first, second, strict=True)
+    )
+
+
+def find_test(
+    tests: Iterable[Test], measure: str, pair: tuple[str, str], where: str = ""
+) -> PairTest:
+    """Return the test of one measure between two levels.
+
+    Raises:
+        KeyError: it is not there.
+    """
+    for test in tests:
+        if isinstance(test, PairTest) and test.measure.column == measure:
+            if (test.first, test.second, test.where) == (*pair, where):
+                return test
+    raise KeyError(f"no test of {measure} between {pair[0]} and {pair[1]} {where}".strip())
+
+
+def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
+    """Return what tables of these tests have beside, or otherwise than, every table of tests."""
+    made = list(families)
+    kinds = {of.family: of.words for of in made}
+    names = {level: name for of in made for level, name in of.names.items()}
+    seconds = {**names, **{of.score: of.score_words for of in made if isinstance(of, Correlate)}}
+    of_measure = "unit of the measure"
+    described = (
+        Column("family", "", "tests made together", kinds),
+        Column("where", "", "place at which the tests were made; empty: everywhere"),
+        Column("first", "", "first level compared; the level in correlations", names),
+        Column("second", "", "second level compared, or the score in correlations", seconds),
+        Column("n_pairs", "1", "participants with both values"),
+        Column("n_incomplete", "1", "participants with one value only"),
+        Column("first_mean", of_measure, "mean of the first level over the pairs"),
+        Column("first_sd", of_measure, "standard deviation of the first level"),
+        Column("second_mean", of_measure, "mean of the second level over the pairs"),
+        Column("second_sd", of_measure, "standard deviation of the second level"),
+        Column("n_tests", "1", "tests that share alpha (Bonferroni)"),
+        Column("problem", "", "why there was no test; empty: there was"),
+        Column("estimate", of_measure, "mean (t) or median (Wilcoxon) of first minus second"),
+        Column("effect", "", "name of the effect size, first minus second",
+               {"dz": "standardised mean difference", "r_rb": "rank-biserial correlation"}),
+        Column("eta_p2_ci_low", "1", "lower end of the confidence interval of eta_p2"),
+        Column("eta_p2_ci_high", "1", "upper end of it"),
+        Column("p_adjusted", "1", "p after correction: Bonferroni; correlations: Holm"),
+        Column("significant", "", "below the threshold; correlations: uncorrected"),
+        Column("stars", "", "level reached after correction",
+               {"*": "alpha", "**": "a fifth of it", "***": "a fiftieth of it"}),
+        Column("r", "1", "Spearman's coefficient"),
+    )  # fmt: skip
+    return {c.name: c for c in described}

@@ -1,0 +1,93 @@
+"""Record a part of a session, and close it however it ends."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from visavis.lab.clock import Clock
+from visavis.lab.errors import ConfigError, RecordingError, SessionAborted
+from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.recording.folder import SessionFolder
+from visavis.recording.journal import as_json
+from visavis.recording.reader import Recording
+from visavis.recording.writer import (
+    REAL_TIME_BATCH_NS,
+    VIRTUAL_TIME_BATCH_NS,
+    CloseStatus,
+    Recorder,
+)
+
+
+def recorder_of(
+    part_dir: Path, clock: Clock, *, is_simulated: bool, awaits_disk: bool = False
+) -> Recorder:
+    """Return the recorder of a part, in a thread and with short batches in real time."""
+    return Recorder(
+        part_dir,
+        clock,
+        threaded=not clock.is_virtual,
+        max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
+        is_simulated=is_simulated,
+        awaits_disk=awaits_disk,
+    )
+
+
+@contextmanager
+def recorded_part(
+    clock: Clock, folder: SessionFolder, make: Callable[[Path], Recorder], kept: str
+) -> Iterator[Recorder]:
+    """Record a part of a session; however the block is left, files and manifest say how.
+
+    `make` gets the part's folder, `kept` tells whoever interrupts what is not lost.
+
+    Raises:
+        SessionAborted: it ended early.
+    """
+    part_dir = folder.begin_part(clock)
+    recorder: Recorder | None = None
+    try:
+        recorder = make(part_dir)
+        yield recorder
+    except KeyboardInterrupt as error:
+        reason = "interrupted from the keyboard or by the system"
+        end_part(clock, folder, recorder, "aborted", reason, error)
+        raise SessionAborted(f"{reason}; {kept}") from error
+    except SessionAborted as error:
+        end_part(clock, folder, recorder, "aborted", str(error).partition(";")[0], error)
+        raise
+    except BaseException as error:
+        end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
+        raise
+    end_part(clock, folder, recorder, "complete", "", None)
+
+
+def end_part(
+    clock: Clock,
+    folder: SessionFolder,
+    recorder: Recorder | None,
+    status: CloseStatus,
+    reason: str,
+    cause: BaseException | None,
+) -> None:
+    """Close files and manifest; what fails then never hides what went wrong before."""
+    try:
+        summary = recorder.close(status) if recorder is not None else None
+        folder.end_part(clock, summary, reason=reason)
+    except RecordingError as error:
+        if cause is None:
+            raise
+        cause.add_note(str(error))
+
+
+def refuse_other_plan(recording: Recording, plan: SessionPlan) -> None:
+    """Refuse to go on with a session whose plan this version would not make.
+
+    Raises:
+        ConfigError: naming the session.
+    """
+    if as_json(plan) != recording.manifest.plan:
+        raise ConfigError(
+            f"{recording.path}: the plan recorded with this session differs from the plan this "
+            "version of Visavis makes; check out the version named in manifest.json "
+            "(provenance) and resume with that"
+        )

@@ -1,0 +1,304 @@
+"""Check a study before anybody is invited: what the test beside a study's file calls.
+
+A study is checked without sessions: plans are made, every text is filled in every language, and
+every condition is performed by a simulated person on the short path that power uses. Trials are
+performed a second time with the levels of all factors renamed; people must not notice.
+"""
+
+import dataclasses
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from visavis.analysis.report.notation import count_of
+from visavis.lab.errors import DesignError, LabError
+from visavis.lab.geometry import Vector, unit
+from visavis.protocol.plan.design import combinations_of
+from visavis.protocol.plan.orders import Cell, Constraint
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.plan.steps import Scalar
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.results.tables.dictionary import trial_columns, undescribed
+from visavis.running.quick import quick_rows
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.study.declaration import Study
+from visavis.study.dry_run import still_view
+from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import Measure
+from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.texts import languages_in, own_texts, placeholders_of
+from visavis.study.trial import TrialScript
+
+SEED: Final = 1
+PEOPLE: Final = 4
+"""How many people's plans are looked at."""
+OWN_NUMBERS: Final = ("choices.", "labels.")
+"""Texts below these may name numbers: each stands for one option or level."""
+RENAMED: Final = "level_"
+Derived: TypeAlias = Callable[[Mapping[str, Any]], Scalar]
+
+
+def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None = None) -> None:
+    """Check a study, given itself, its file, or its name; `parameters` replace some of its own.
+
+    Raises:
+        UsageError: there is no such study.
+        DesignError: listing everything that is wrong with it.
+    """
+    opened = OpenedStudy(study) if isinstance(study, Study) else find_study(str(study))
+    set_to = dict(parameters or {})
+    problems: list[str] = []
+    try:
+        problems += text_problems(opened.study)
+        experiment = opened.experiment(set_to)
+        _ = experiment.sounds  # files that cannot be played are told
+        problems += plan_problems(experiment)
+        for language in languages_of(opened.study):
+            opened.experiment({**set_to, "language": language}).plan(0, SEED)
+        problems += picture_problems(experiment)
+        problems += performing_problems(opened, experiment)
+    except LabError as error:
+        problems.append(str(error))
+    if problems:
+        listed = "\n  ".join(problems)
+        raise DesignError(
+            f"study {opened.name} has {count_of(len(problems), 'problem')}:\n  {listed}"
+        )
+
+
+def plan_problems(experiment: StudyExperiment) -> list[str]:
+    """Say where a plan differs when it is made again, or holds a condition more often."""
+    problems = []
+    design = experiment.study.design(experiment.parameters)
+    groups = max(1, len(combinations_of(design.between)))
+    for index in range(PEOPLE * groups):
+        plan = experiment.plan(index, SEED)
+        if plan != experiment.plan(index, SEED):
+            problems.append(f"the plan of participant {index + 1} differs when it is made again")
+        names = [f.name for f in design.within]
+        counted = [t for t in plan.trials if not t.is_practice]
+        times = Counter(tuple(t.factors[n] for n in names) for t in counted)
+        expected = len(combinations_of(design.within))
+        if len(times) != expected or len(set(times.values())) > 1:
+            problems.append(
+                f"participant {index + 1} does not meet every condition equally often: "
+                + ", ".join(f"{' '.join(map(str, k))} {v} times" for k, v in sorted(times.items()))
+            )
+    return problems
+
+
+def languages_of(study: Study) -> tuple[str, ...]:
+    """Return the languages in which a study has all of its texts."""
+    each = [set(languages_in(folder)) for folder in study.text_folders]
+    return tuple(sorted(set.intersection(*each))) if each else ()
+
+
+def text_problems(study: Study) -> list[str]:
+    """Say where languages differ in names or placeholders, and where a text names a number."""
+    problems = []
+    for folder in study.text_folders:
+        texts = {
+            language: own_texts(folder / f"{language}.yaml") for language in languages_in(folder)
+        }
+        everything = {name for entries in texts.values() for name in entries}
+        for language, entries in texts.items():
+            at = folder / f"{language}.yaml"
+            problems += [
+                f"{at} has no {n}, which another language has"
+                for n in sorted(everything - set(entries))
+            ]
+            problems += [
+                f"{at}, {name}: the text is empty" for name, text in entries.items() if not text
+            ]
+            for name, text in entries.items():
+                bare = re.sub(r"\{[^{}]*\}", "", text)
+                if re.search(r"\d", bare) and not name.startswith(OWN_NUMBERS):
+                    problems.append(
+                        f"{at}, {name}: it names a number itself, which a parameter may "
+                        f"contradict; use a placeholder, such as {{trials}}: {text!r}"
+                    )
+        for name in sorted(everything):
+            used = {
+                language: sorted({_bare(p) for p in placeholders_of(entries[name])})
+                for language, entries in texts.items()
+                if name in entries
+            }
+            if len({tuple(p) for p in used.values()}) > 1:
+                listed = "; ".join(f"{k}: {', '.join(v) or 'none'}" for k, v in used.items())
+                problems.append(f"{folder}, {name}: placeholders differ ({listed})")
+    return problems
+
+
+def _bare(placeholder: str) -> str:
+    """Return a placeholder without its form: languages choose between digits and words."""
+    return placeholder.removesuffix("_in_words").removesuffix("_ordinal")
+
+
+def picture_problems(experiment: StudyExperiment) -> list[str]:
+    """Say which scenes cannot be made into pictures."""
+    problems = []
+    for key, read in experiment.read.items():
+        for wanted in read.scenes:
+            try:
+                shown = first_view(experiment, wanted)
+                if shown is not None:
+                    picture_of(shown)
+            except LabError as error:
+                problems.append(f"trial {dict(key)}, scene {wanted.name}: {error}")
+    return problems
+
+
+def first_view(experiment: StudyExperiment, wanted: Scene) -> Any:
+    """Return what the first frame of a scene shows."""
+    staging = Staging(np.random.default_rng(0), 1.0, 0, experiment.settings.folder)
+    return stage(wanted, staging, experiment.study.makers).frame(still_view(), 0)
+
+
+def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> list[str]:
+    """Say what went wrong when a simulated person performed every condition once."""
+    measures = opened.measures(experiment)
+    rows = _performed(opened, experiment, measures)
+    known = trial_columns(experiment, measures)
+    problems = [
+        f"column {name!r} of the trials is not described; name it in columns or measures"
+        for name in undescribed(rows.columns, known)
+    ]
+    other = OpenedStudy(renamed(opened.study))
+    same = renamed_parameters(opened.study, experiment.overrides)
+    again = _performed(other, other.experiment(same), measures)
+    names = {f.name for f in opened.study.factors}
+    problems += [
+        f"{column!r} changes when the conditions are called otherwise: somebody is told them"
+        for column in rows.columns
+        if column not in names and not (column in again and rows[column].equals(again[column]))
+    ]
+    return problems
+
+
+def renamed(study: Study) -> Study:
+    """Return a study whose conditions are called otherwise and are the same: level_1, level_2."""
+    new = {
+        f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
+        for f in study.factors
+    }
+    old = {name: {v: k for k, v in levels.items()} for name, levels in new.items()}
+
+    def told(plan: Callable[[TrialScript], Iterator[Any]]) -> Callable[[TrialScript], Any]:
+        def plan_of(script: TrialScript) -> Iterator[Any]:
+            factors = _told(script.trial.factors, old)
+            script.trial = dataclasses.replace(script.trial, factors=factors)
+            return (yield from plan(script))
+
+        return plan_of
+
+    def check_of(parameters: Mapping[str, Any]) -> None:
+        if study.check_of is not None:
+            study.check_of(_told_levels(parameters, old))
+
+    practice = study.practice
+    return dataclasses.replace(
+        study,
+        factors=tuple(
+            dataclasses.replace(f, levels=tuple(new[f.name].values())) for f in study.factors
+        ),
+        practice=practice if isinstance(practice, int) else [_told(c, new) for c in practice],
+        derived={name: _of_old(of, old) for name, of in study.derived.items()},
+        constraints=[_unrenamed(rule, old) for rule in study.constraints],
+        plan_of=told(study.trial_plan),
+        intertrial_of=None if study.intertrial_of is None else told(study.intertrial_of),
+        check_of=check_of,
+        ranges={k: v for k, v in study.ranges.items() if k not in new},
+        prepare_of=None,  # which is only sooner
+        compare=(),
+        makers=dict(study.makers),
+        sections=[],
+    )
+
+
+def _told(cell: Mapping[str, Any], names: Mapping[str, Mapping[Any, Any]]) -> dict[str, Any]:
+    return {k: names[k].get(v, v) if k in names else v for k, v in cell.items()}
+
+
+def _unrenamed(rule: Constraint, old: Mapping[str, Mapping[Any, Any]]) -> Constraint:
+    """Return a rule of order that is asked about conditions by their old names."""
+
+    def allows(previous: Sequence[Cell], candidate: Cell) -> bool:
+        return rule.allows([_told(cell, old) for cell in previous], _told(candidate, old))
+
+    return dataclasses.replace(rule, allows=allows)
+
+
+def _of_old(of: Derived, old: Mapping[str, Mapping[Any, Any]]) -> Derived:
+    return lambda factors: of(_told(factors, old))
+
+
+def renamed_parameters(study: Study, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters for a renamed study, levels of its factors by their new names."""
+    new = {
+        f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
+        for f in study.factors
+    }
+    return _told_levels(parameters, new)
+
+
+def _told_levels(
+    parameters: Mapping[str, Any], names: Mapping[str, Mapping[Any, Any]]
+) -> dict[str, Any]:
+    """Return parameters in which the levels of factors are called as `names` says."""
+    return {
+        name: [names[name][level] for level in value] if name in names else value
+        for name, value in parameters.items()
+    }
+
+
+class _EachOnce(StudyExperiment):
+    """An experiment whose plan holds the first trial of every condition."""
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return the plan with those trials alone."""
+        made = super().plan(participant_index, seed, group)
+        seen: set[tuple[Scalar, ...]] = set()
+
+        def is_new(trial: Trial) -> bool:
+            key = tuple(trial.factors.values())
+            fresh = not trial.is_practice and key not in seen
+            seen.update([key] if fresh else [])
+            return fresh
+
+        blocks = [
+            dataclasses.replace(b, trials=tuple(t for t in b.trials if is_new(t)))
+            for b in made.blocks
+        ]
+        return dataclasses.replace(made, blocks=tuple(b for b in blocks if b.trials))
+
+
+class _Exact:
+    """A tracker without errors that sees every eye that is open."""
+
+    delay_ns = 8_000_000
+
+    def measure(
+        self, eyes: npt.NDArray[np.void], *, first_sample: int, stretch: int, fit: int
+    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
+        """Return combined directions in the head frame (n, 3) and validity (n,)."""
+        both = eyes["left_direction_head"] + eyes["right_direction_head"]
+        return unit(both), np.asarray(eyes["openness_01"] > 0.5, np.bool_)
+
+
+def _performed(
+    opened: OpenedStudy, experiment: StudyExperiment, measures: Sequence[Measure]
+) -> pd.DataFrame:
+    each = _EachOnce(experiment.study, experiment.overrides)
+    wanted = [m for m in measures if m.of is None or m.needs_gaze]
+    rows = []
+    groups = len(combinations_of(experiment.study.design(experiment.parameters).between)) or 1
+    for index in range(groups):
+        person = opened.participant(index, SEED, effect=True, experiment=each)
+        rows.append(quick_rows(each, person, _Exact(), wanted, index=index, seed=SEED))
+    return pd.concat(rows, ignore_index=True)

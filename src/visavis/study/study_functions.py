@@ -1,0 +1,99 @@
+"""What the functions of a study file get and return, but for those of the report (`sections`)."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.geometry import Vector
+from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.experiment import Demands
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.plan.shown_scene import Shown
+from visavis.protocol.plan.steps import Step
+from visavis.stimuli.scene import SceneFrame
+from visavis.study.responses import Response
+from visavis.study.sections import AnalysisOfStudy, ExperimentOfStudy
+from visavis.study.trial import TrialScript
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from visavis.study.moving_camera import FilmSeen
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a person has seen since the trial began, as `answer` gets it.
+
+    `first` and `last` are the first and the last lit frame (None: none was), `seconds` the time
+    between them; for the n agents of the last scene `looked_at_me_01` (n,) is the share of that
+    time in which their gaze met the person's eyes. `effect` is False for somebody to whom what
+    was shown makes no difference: answers should then not depend on it.
+    """
+
+    first: SceneFrame | None
+    last: SceneFrame | None
+    seconds: float
+    looked_at_me_01: npt.NDArray[np.float64]
+    effect: bool
+    leaning: float
+    """A standard normal number of this person's own: whether they rather say much or little."""
+    felt: tuple[str, ...] = ()
+    """The armbands (roles) that vibrated since the trial began, in that order."""
+    experience_01: float = 0.0
+    """How experienced this person is; what a questionnaire asks of experience is answered by it."""
+    films: "Mapping[str, FilmSeen]" = field(default_factory=dict)
+    """Films by moving cameras that ran on a page, by where they stood ("film", "left", "right")."""
+
+
+class TrackerModel(Protocol):
+    """Measure true eye states as an eye tracker would."""
+
+    def measure(
+        self, eyes: npt.NDArray[np.void], *, first_sample: int, stretch: int, fit: int
+    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
+        """Return combined directions in the head frame (n, 3) and validity (n,).
+
+        `first_sample` counts the stretch's samples before these.
+        """
+        ...
+
+    @property
+    def delay_ns(self) -> int:
+        """Time from a sample to its arrival."""
+        ...
+
+
+MakeTracker: TypeAlias = Callable[[int, int], TrackerModel]
+"""Makes the tracker of a participant, given the study's seed and the place in the order."""
+
+IntertrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Step]]
+"""What happens before a trial: a generator over its script."""
+DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
+"""What a study asks of a lab, given its parameters."""
+RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
+"""Roles of devices, or names of questionnaires, given the parameters."""
+PeopleOf: TypeAlias = Callable[[Mapping[str, Any]], int]
+"""At most how many people are seen at once, given the parameters."""
+PrepareOf: TypeAlias = Callable[[ExperimentOfStudy], Sequence[Callable[[], object]]]
+"""What is to be loaded or computed before a session: calls to be made."""
+AnswerOf: TypeAlias = Callable[[Seen, Response, np.random.Generator], Any]
+"""What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
+PersonOf: TypeAlias = Callable[[int, int, bool, ExperimentOfStudy], SimulatedParticipant]
+"""The simulated participant at a place in the order, for a seed, with or without an effect."""
+ScaledOf: TypeAlias = Callable[[int, int, float, ExperimentOfStudy], SimulatedParticipant]
+"""The same with a multiple of the usual effect."""
+QuickOf: TypeAlias = Callable[
+    [ExperimentOfStudy, Any, TrackerModel],
+    Callable[[SessionPlan], Iterator[tuple[Trial, Mapping[str, Any]]]],
+]
+"""What performs a plan for a person and a tracker without the engine: trials with their rows."""
+ViewsOf: TypeAlias = Callable[[Shown, ExperimentOfStudy], Iterator[SceneFrame]]
+"""The views that a recorded frame may have shown, the likeliest first."""
+FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
+"""What follows from all trials for each participant."""
+FurtherOf: TypeAlias = Callable[[AnalysisOfStudy], Any]
+"""What a study finds besides in its analysis."""
