@@ -45,7 +45,7 @@ class Selection:
     limits: Mapping[str, float | None]
 
     @property
-    def count_of(self) -> pd.DataFrame:
+    def counted(self) -> pd.DataFrame:
         """The trials that count."""
         kept: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
         return kept
