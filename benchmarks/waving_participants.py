@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.waving_quick import quick_analysis, quick_study
+from tests.experiments.waving.quick_sessions import quick_analysis, quick_study
 from visavis.cli.quick_tracker import tracker_of
 from visavis.devices.registry import OPTION_MODELS
 from visavis.experiments.waving.clips import DIRECTIONS, TECHNIQUES

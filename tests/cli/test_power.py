@@ -9,7 +9,7 @@ import pytest
 from scipy import special
 from typer.testing import CliRunner
 
-from benchmarks.stare_studies import condition_means
+from tests.experiments.stare.simulated_studies import condition_means
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
 from visavis.analysis.power import (
     PlannedTestResult,
