@@ -37,13 +37,6 @@ def model_matrix(
     return np.hstack(blocks), place
 
 
-def cell_rows(levels: Sequence[int]) -> tuple[Array, dict[tuple[int, ...], slice]]:
-    """Return one model row per cell of the full factorial, cells in C order."""
-    n = int(np.prod(levels)) if levels else 1
-    codes = np.unravel_index(np.arange(n), tuple(levels)) if levels else ()
-    return model_matrix([np.asarray(c) for c in codes], levels, n)
-
-
 def residual_ss(X: Array, y: Array) -> float:
     """Return the residual sum of squares of a least-squares fit."""
     beta = np.linalg.lstsq(X, y, rcond=None)[0]

@@ -32,7 +32,6 @@ LEVELS = (
 """The levels of detail of everybody, from the finest to the lightest."""
 _HEAD = [PART_INDEX[p] for p in ("face", "left_eye", "right_eye", "scalp", "neck")]
 _HEAD_IMPORTANCE = 1.7
-_EYES = (PART_INDEX["left_eye"], PART_INDEX["right_eye"])
 _EYE_SHARES = (0.014, 0.06)
 """Shares of the triangles that eyeballs and lids get."""
 _KEEPS_ALL = 12000
