@@ -16,12 +16,12 @@ KEY: Final = ["trial_id", "attempt"]
 
 
 def motion_of(recording: Recording) -> dict[str, float]:
-    """Return how high, fast and quick in turning the head was, and the body's hands apart.
+    """Return height, speed and turning speed of the head and of the body's hips.
 
-    Medians of speed and turning between samples and of height, in units as named; what was not
-    recorded is left out.
+    Medians over samples, and over pairs of samples for speeds, in units as named; streams that were
+    not recorded are left out.
     """
-    found: dict[str, float] = {}
+    medians: dict[str, float] = {}
     for name in recording.stream_names:
         schema = recording.stream_schema(name)
         kind = None if schema is None else kind_of(schema)
@@ -34,19 +34,21 @@ def motion_of(recording: Recording) -> dict[str, float]:
         valid = columns["valid"].reshape(n, -1)[:, 0].astype(bool)
         place, turn = place[valid], turn[valid]
         spent_s = np.diff(columns["t_host_ns"][valid]) / NS_PER_S
-        kept = spent_s > 0
-        if not kept.any():
+        has_time = spent_s > 0
+        if not has_time.any():
             continue
         what = "head" if kind == "head" else "hips"
-        found[f"{what}_height_m"] = float(np.median(place[:, 1]))
+        medians[f"{what}_height_m"] = float(np.median(place[:, 1]))
         moved_m = np.linalg.norm(np.diff(place, axis=0), axis=1)
-        found[f"{what}_speed_m_s"] = float(np.median(moved_m[kept] / spent_s[kept]))
-        turned_deg = _turned_deg(turn)
-        found[f"{what}_turning_deg_s"] = float(np.median(turned_deg[kept] / spent_s[kept]))
-    return found
+        medians[f"{what}_speed_m_s"] = float(np.median(moved_m[has_time] / spent_s[has_time]))
+        turned_deg = _turns_deg(turn)
+        medians[f"{what}_turning_deg_s"] = float(
+            np.median(turned_deg[has_time] / spent_s[has_time])
+        )
+    return medians
 
 
-def _turned_deg(turn: Vector) -> Vector:
+def _turns_deg(turn: Vector) -> Vector:
     between = quat_multiply(quat_conjugate(turn[:-1]), turn[1:])
     sine = np.linalg.norm(between[:, 1:], axis=1)
     return np.asarray(np.degrees(2 * np.arctan2(sine, np.abs(between[:, 0]))))
@@ -65,8 +67,8 @@ def loss_table(
     that are gone, `mean_change` is the mean of the absolute differences.
     """
     pairs: dict[str, list[tuple[float, float]]] = {}
-    for raw, shown, own in zip(before, after, online, strict=True):
-        left, right = (rows.set_index(KEY) for rows in (raw, shown))
+    for raw, blurred, own in zip(before, after, online, strict=True):
+        left, right = (rows.set_index(KEY) for rows in (raw, blurred))
         for column in [c for c in left if c not in own and c in right]:
             if not pd.api.types.is_numeric_dtype(left[column]) or left[column].dtype == bool:
                 continue
@@ -83,13 +85,15 @@ def _row(name: str, values: Vector) -> dict[str, Any] | None:
     there = np.isfinite(values[:, 0])
     if not there.any():
         return None
-    kept = values[there & np.isfinite(values[:, 1])]
-    known = len(kept) > 0
+    pairs = values[there & np.isfinite(values[:, 1])]
+    has_pairs = len(pairs) > 0
     return {
         "measure": name,
         "n": int(there.sum()),
-        "before": float(kept[:, 0].mean()) if known else float(values[there, 0].mean()),
-        "after": float(kept[:, 1].mean()) if known else float("nan"),
-        "mean_change": float(np.abs(kept[:, 1] - kept[:, 0]).mean()) if known else float("nan"),
-        "missing_after": int(there.sum()) - len(kept),
+        "before": float(pairs[:, 0].mean()) if has_pairs else float(values[there, 0].mean()),
+        "after": float(pairs[:, 1].mean()) if has_pairs else float("nan"),
+        "mean_change": float(np.abs(pairs[:, 1] - pairs[:, 0]).mean())
+        if has_pairs
+        else float("nan"),
+        "missing_after": int(there.sum()) - len(pairs),
     }

@@ -1,7 +1,7 @@
 """Judge recordings made elsewhere by their times alone: XDF files and BIDS data sets.
 
-What LabRecorder and others do not name: streams without clock offsets, stamps that go back, gaps,
-rates off the nominal, streams that began or ended apart from the others.
+Reports what LabRecorder and others do not: streams without clock offsets, stamps that go back,
+gaps, rates off the nominal, streams that began or ended apart from the others.
 """
 
 import struct
@@ -23,7 +23,7 @@ GAP_PERIODS = 1.5
 LONG_GAP_S = 1.0
 RATE_AMBER_01, RATE_RED_01 = 0.01, 0.05
 APART_S = 5.0
-"""Streams that begin or end further from the others than this are told."""
+"""Streams that begin or end further from the others than this are reported."""
 MAX_HEADER_BYTES = 16 * 1024 * 1024
 _HEADER, _SAMPLES, _OFFSET, _FOOTER = 2, 3, 4, 6
 _SIZES = {"int8": 1, "int16": 2, "int32": 4, "float32": 4, "int64": 8, "double64": 8}
@@ -47,7 +47,7 @@ class ForeignStream:
 
 @dataclass(frozen=True)
 class StreamVerdict:
-    """What is wrong with one stream, and what to do about it, pair by pair."""
+    """Verdict on one stream; `findings` are pairs of a problem and its remedy."""
 
     name: str
     samples: int
@@ -73,14 +73,16 @@ def check_foreign(path: Path) -> tuple[StreamVerdict, ...]:
 def _verdict(
     stream: ForeignStream, spans: Sequence[tuple[float, float]], *, several_hosts: bool
 ) -> StreamVerdict:
-    found: list[tuple[Level, str, str]] = []
+    findings: list[tuple[Level, str, str]] = []
     stamps, rate_hz = stream.stamps_s, stream.rate_hz
     n = len(stamps)
     if not n:
-        found.append((Level.RED, "no sample", "see whether the program that sends it was running"))
+        findings.append(
+            (Level.RED, "no sample", "see whether the program that sends it was running")
+        )
     if stream.offsets == 0:
         level = Level.RED if several_hosts else Level.AMBER
-        found.append(
+        findings.append(
             (
                 level,
                 "no clock offset",
@@ -91,40 +93,42 @@ def _verdict(
     steps = np.diff(stamps)
     back = int((steps < 0).sum())
     if back:
-        found.append(
+        findings.append(
             (
                 Level.RED,
                 f"stamps go back {back} times, by up to {-steps.min() * 1000:.0f} ms",
                 "do not sort blindly: the sender stamps wrongly, or two senders share one name",
             )
         )
-    measured = None
+    measured_hz = None
     if rate_hz and n > 2 and stamps[-1] > stamps[0]:
-        measured = float(1 / np.median(steps[steps > 0])) if (steps > 0).any() else None
+        measured_hz = float(1 / np.median(steps[steps > 0])) if (steps > 0).any() else None
         gaps = steps[steps > GAP_PERIODS / rate_hz]
         if len(gaps):
             level = Level.RED if gaps.max() > LONG_GAP_S else Level.AMBER
-            found.append(
+            findings.append(
                 (
                     level,
                     f"{len(gaps)} gaps, the longest {gaps.max():.3f} s",
                     "samples were lost on the way or never sent; leave out trials they overlap",
                 )
             )
-        kept = (n - 1) / float(stamps[-1] - stamps[0] - gaps.sum() + len(gaps) / rate_hz)
-        off = abs(kept / rate_hz - 1)
+        mean_hz = (n - 1) / float(stamps[-1] - stamps[0] - gaps.sum() + len(gaps) / rate_hz)
+        off = abs(mean_hz / rate_hz - 1)
         if off > RATE_AMBER_01:
-            found.append(
+            findings.append(
                 (
                     Level.RED if off > RATE_RED_01 else Level.AMBER,
-                    f"{kept:.2f} Hz instead of {rate_hz:g} Hz nominal",
+                    f"{mean_hz:.2f} Hz instead of {rate_hz:g} Hz nominal",
                     "use the stamps, not the nominal rate; find out which of the two is right",
                 )
             )
     if rate_hz and n > 1 and len(spans) > 1:
-        found += _apart(float(stamps[0]), float(stamps[-1]), spans)
-    level = max((f[0] for f in found), default=Level.GREEN)
-    return StreamVerdict(stream.name, n, measured, level, tuple((w, do) for _, w, do in found))
+        findings += _apart(float(stamps[0]), float(stamps[-1]), spans)
+    level = max((f[0] for f in findings), default=Level.GREEN)
+    return StreamVerdict(
+        stream.name, n, measured_hz, level, tuple((w, do) for _, w, do in findings)
+    )
 
 
 def _apart(
@@ -181,7 +185,7 @@ def read_xdf_times(path: Path) -> tuple[ForeignStream, ...]:
                 file.seek(at + size)
     except (OSError, struct.error, ValueError, KeyError, ET.ParseError, EOFError) as error:
         raise DataError(f"{path} cannot be read as XDF: {error}; copy it anew") from error
-    return tuple(_mapped(s) for _, s in sorted(streams.items()))
+    return tuple(_on_common_clock(s) for _, s in sorted(streams.items()))
 
 
 def _take_chunk(file: BufferedReader, tag: int, size: int, streams: dict[int, _Xdf]) -> None:
@@ -190,13 +194,13 @@ def _take_chunk(file: BufferedReader, tag: int, size: int, streams: dict[int, _X
         if size > MAX_HEADER_BYTES:
             raise ValueError(f"the header of stream {number} is larger than {MAX_HEADER_BYTES} B")
         info = ET.fromstring(file.read(size - 4))  # noqa: S314 - expat bounds entities by itself
-        said = {e.tag: (e.text or "").strip() for e in info}
+        header = {e.tag: (e.text or "").strip() for e in info}
         streams[number] = _Xdf(
-            said.get("name", f"stream {number}"),
-            said["channel_format"],
-            int(said["channel_count"]),
-            float(said.get("nominal_srate") or 0),
-            said.get("hostname", ""),
+            header.get("name", f"stream {number}"),
+            header["channel_format"],
+            int(header["channel_count"]),
+            float(header.get("nominal_srate") or 0),
+            header.get("hostname", ""),
         )
     elif tag == _OFFSET:
         streams[number].offsets.append(struct.unpack("<dd", file.read(16)))
@@ -233,7 +237,7 @@ def _length(file: BufferedReader) -> int | None:
     return int.from_bytes(file.read(width[0]), "little")
 
 
-def _mapped(stream: _Xdf) -> ForeignStream:
+def _on_common_clock(stream: _Xdf) -> ForeignStream:
     stamps = np.array(stream.stamps, np.float64)
     if stream.offsets:
         at, by = np.array(stream.offsets, np.float64).T
@@ -253,21 +257,21 @@ def read_bids_times(root: Path) -> tuple[ForeignStream, ...]:
     """
     if not (root / "dataset_description.json").is_file():
         raise DataError(f"{root} is no BIDS data set: it has no dataset_description.json")
-    found = []
+    streams = []
     for path in sorted((*root.rglob("*_physio.tsv.gz"), *root.rglob("*_motion.tsv"))):
         side = path.with_name(path.name.removesuffix(".gz").removesuffix(".tsv") + ".json")
         try:
-            said = {**parse_json(read_plain(side))}
-            stamps = _times_of(path, said)
-            rate_hz = float(said.get("SamplingFrequency") or 0)
+            sidecar = {**parse_json(read_plain(side))}
+            stamps = _times_of(path, sidecar)
+            rate_hz = float(sidecar.get("SamplingFrequency") or 0)
         except (OSError, ValueError, EOFError, LookupError, TypeError, OverflowError) as error:
             raise DataError(f"{path} cannot be read with {side.name}: {error}") from error
         if stamps is not None:
-            found.append(ForeignStream(path.relative_to(root).as_posix(), stamps, rate_hz))
-    return tuple(found)
+            streams.append(ForeignStream(path.relative_to(root).as_posix(), stamps, rate_hz))
+    return tuple(streams)
 
 
-def _times_of(path: Path, said: Mapping[str, Any]) -> Times | None:
+def _times_of(path: Path, sidecar: Mapping[str, Any]) -> Times | None:
     """Return a file's times: its column timestamp, or its channel latency; None without one."""
     if path.name.endswith("_motion.tsv"):
         channels = path.with_name(path.name.replace("_motion.tsv", "_channels.tsv"))
@@ -275,7 +279,7 @@ def _times_of(path: Path, said: Mapping[str, Any]) -> Times | None:
         names = [line.split("\t")[0] for line in lines[1:]]
         column, text = "latency", read_plain(path).decode()
     else:
-        names, column = [str(c) for c in said["Columns"]], "timestamp"
+        names, column = [str(c) for c in sidecar["Columns"]], "timestamp"
         text = read_packed(path).decode()
     if column not in names:
         return None

@@ -75,6 +75,7 @@ def interpolate_rows(
         t = grid_ns[i]
         while j < n - 2 and t_ns[j + 1] <= t:
             j += 1
+        # At the very time of a sample its neighbour must not turn it into NaN.
         at_sample = n > 0 and t == t_ns[j]
         k = j if at_sample else j + 1
         if not at_sample and (
@@ -90,6 +91,7 @@ def interpolate_rows(
             dot = 0.0
             for c in range(4):
                 dot += orientation[j, s, c] * orientation[k, s, c]
+            # q and −q are one rotation; the nearer sign gives the shorter way.
             sign = -1.0 if dot < 0 else 1.0
             size = 0.0
             for c in range(4):
@@ -100,7 +102,7 @@ def interpolate_rows(
                 out_orientation[i, s, c] /= np.sqrt(size)
 
 
-def resampled(
+def resample(
     t_ns: npt.NDArray[np.int64],
     position: Vector,
     orientation: Vector,
@@ -130,32 +132,32 @@ def walk_measures(
         nan = float("nan")
         return WalkMeasures(nan, nan, nan, nan, nan, 0, 0.0, nan)
     dt_s = np.diff(t_ns) / 1e9
-    moved = np.linalg.norm(np.diff(place_m, axis=0), axis=1)
-    known = np.isfinite(moved)
-    speed = moved / dt_s
+    steps_m = np.linalg.norm(np.diff(place_m, axis=0), axis=1)
+    is_known = np.isfinite(steps_m)
+    speed = steps_m / dt_s
     to_board = np.linalg.norm(place_m - np.asarray(board_m, float), axis=1)
-    walking = known.copy()
+    walking = is_known.copy()
     if np.isfinite(to_board).any():
         nearest = place_m[int(np.nanargmin(to_board))]
         with np.errstate(invalid="ignore"):
             away = np.linalg.norm(place_m - nearest, axis=1) > step_m
         walking &= away[:-1] & away[1:]
-    slow = _smooth(np.where(known, speed, np.nan), dt_s) < HESITATION_BELOW_M_S
-    moving = np.flatnonzero(known & ~slow)
-    begun = moving[0] if len(moving) else len(known)
-    runs = [(a, b) for a, b in _runs(slow & walking) if a >= begun]
+    slow = _smooth(np.where(is_known, speed, np.nan), dt_s) < HESITATION_BELOW_M_S
+    moving = np.flatnonzero(is_known & ~slow)
+    first_moving = moving[0] if len(moving) else len(is_known)
+    runs = [(a, b) for a, b in _runs(slow & walking) if a >= first_moving]
     long = [float(dt_s[a:b].sum()) for a, b in runs]
     long = [s for s in long if s >= HESITATION_AT_LEAST_S]
-    is_whole = dt_s[~known].sum() <= PATH_LOST_01 * dt_s.sum()
+    is_whole = dt_s[~is_known].sum() <= PATH_LOST_01 * dt_s.sum()
     return WalkMeasures(
-        speed_m_s=_ratio(moved[walking].sum(), dt_s[walking].sum()),
-        speed_whole_m_s=_ratio(moved[known].sum(), dt_s[known].sum()),
-        path_m=float(moved[known].sum()) if is_whole else float("nan"),
+        speed_m_s=_ratio(steps_m[walking].sum(), dt_s[walking].sum()),
+        speed_whole_m_s=_ratio(steps_m[is_known].sum(), dt_s[is_known].sum()),
+        path_m=float(steps_m[is_known].sum()) if is_whole else float("nan"),
         time_s=float((t_ns[-1] - t_ns[0]) / 1e9),
-        stop_s=float(dt_s[known & ~walking].sum()),
+        stop_s=float(dt_s[is_known & ~walking].sum()),
         hesitations=len(long),
         hesitation_s=float(sum(long)),
-        lost_s=float(dt_s[~known].sum()),
+        lost_s=float(dt_s[~is_known].sum()),
     )
 
 
@@ -194,11 +196,11 @@ def _smooth(speed: Vector, dt_s: Vector) -> Vector:
     """Average speed over a quarter of a second, so that no single sample makes a stop."""
     width = max(round(0.25 / float(np.median(dt_s))), 1)
     kernel = np.ones(width) / width
-    padded = np.concatenate(
+    with_ends = np.concatenate(
         [np.full(width // 2, speed[0]), speed, np.full(width - 1 - width // 2, speed[-1])]
     )
-    smoothed: Vector = np.convolve(padded, kernel, mode="valid")
-    return smoothed
+    mean_speed: Vector = np.convolve(with_ends, kernel, mode="valid")
+    return mean_speed
 
 
 def _runs(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -1,4 +1,4 @@
-"""What devices of the lab's own recorded: every column described and drawn, whatever it is.
+"""Streams of the lab's own devices: every column described and drawn.
 
 Such a stream (a belt, an amplifier) is known by nothing but its columns and their units.
 """
@@ -16,15 +16,15 @@ from visavis.analysis.report.notation import decimal, percentage
 from visavis.devices.meter import GAP_PERIODS
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.config import ARMBAND_ROLE, ROLES, TAKEN_STREAMS
-from visavis.recording.reader import PART_COLUMN, Recording, flattened
+from visavis.recording.reader import PART_COLUMN, Recording, flat_components
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from visavis.analysis.plots import Drawn
+    from visavis.analysis.plots import ReportFigure
 
 MAX_CURVES: Final = 12
-"""Columns of one stream that are drawn; an amplifier's others look like them."""
+"""Most columns drawn of one stream; an amplifier's further ones look alike."""
 BINS: Final = 400
 """Points along a curve; each is drawn with the range of what lies in it."""
 OF_VISAVIS: Final = frozenset({*ROLES, *TAKEN_STREAMS})
@@ -34,7 +34,7 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class OwnColumn:
-    """One column; NaN where nothing is known. `curve` is its course over the session.
+    """One column; NaN where it has no values. `curve` is its course over the session.
 
     `curve` has shape (n, 4): seconds, lowest, middle, highest of the samples around.
     """
@@ -75,12 +75,10 @@ def is_own_stream(name: str) -> bool:
 
 def own_streams(recording: Recording) -> tuple[OwnStream, ...]:
     """Describe every stream of the lab's own devices in a session."""
-    return tuple(
-        _described(recording, name) for name in recording.stream_names if is_own_stream(name)
-    )
+    return tuple(_stream(recording, name) for name in recording.stream_names if is_own_stream(name))
 
 
-def _described(recording: Recording, name: str) -> OwnStream:
+def _stream(recording: Recording, name: str) -> OwnStream:
     schema = recording.stream_schema(name)
     arrays = recording.stream_arrays(name)
     t_ns, parts = arrays["t_host_ns"], arrays[PART_COLUMN]
@@ -111,24 +109,24 @@ def _described(recording: Recording, name: str) -> OwnStream:
             _column(column, field.unit, t_ns, values.astype(np.float64))
             for field in fields
             if field.unit != "ns" and (field.dtype != "u1" or not field.shape)  # times, texts
-            for column, values in flattened(field.name, arrays[field.name])
+            for column, values in flat_components(field.name, arrays[field.name])
         ),
     )
 
 
 def _column(name: str, unit: str, t_ns: npt.NDArray[np.int64], values: Values) -> OwnColumn:
-    known = values[np.isfinite(values)]
-    if not known.size:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         nothing = np.zeros((0, 4))
         return OwnColumn(name, unit, np.nan, np.nan, np.nan, np.nan, 1.0, nothing)
     return OwnColumn(
         name,
         unit,
-        float(known.mean()),
-        float(known.std(ddof=1)) if known.size > 1 else np.nan,
-        float(known.min()),
-        float(known.max()),
-        1 - known.size / values.size,
+        float(finite.mean()),
+        float(finite.std(ddof=1)) if finite.size > 1 else np.nan,
+        float(finite.min()),
+        float(finite.max()),
+        1 - finite.size / values.size,
         _curve((t_ns - t_ns[0]) / NS_PER_S, values),
     )
 
@@ -140,9 +138,9 @@ def _curve(t_s: Values, values: Values) -> Values:
     edges = np.searchsorted(t_s, np.linspace(t_s[0], t_s[-1], BINS + 1)[1:-1])
     points = []
     for times, group in zip(np.split(t_s, edges), np.split(values, edges), strict=True):
-        known = group[np.isfinite(group)]
+        finite = group[np.isfinite(group)]
         if times.size:
-            middle = (known.min(), float(np.median(known)), known.max()) if known.size else ()
+            middle = (finite.min(), float(np.median(finite)), finite.max()) if finite.size else ()
             points.append((times.mean(), *(middle or (np.nan,) * 3)))
     return np.array(points)
 
@@ -227,26 +225,28 @@ def _numbers(streams: Sequence[OwnStream]) -> Table:
     )
 
 
-def figures_of_streams(streams: Sequence[OwnStream]) -> "Iterator[Drawn]":
+def figures_of_streams(streams: Sequence[OwnStream]) -> "Iterator[ReportFigure]":
     """Yield a figure per stream that has numbers, drawn as asked for: columns over the session."""
-    return (_drawn(stream) for stream in streams if any(len(c.curve) for c in stream.columns))
+    return (
+        _figure_of_stream(stream) for stream in streams if any(len(c.curve) for c in stream.columns)
+    )
 
 
-def _drawn(stream: OwnStream) -> "Drawn":
+def _figure_of_stream(stream: OwnStream) -> "ReportFigure":
     from visavis.analysis.plots import (
         draw,  # late: half a second of matplotlib that a page's server saves
     )
 
-    shown = [c for c in stream.columns if len(c.curve)][:MAX_CURVES]
-    left_out = len(stream.columns) - len(shown)
+    drawable_columns = [c for c in stream.columns if len(c.curve)][:MAX_CURVES]
+    left_out = len(stream.columns) - len(drawable_columns)
     more = f" {left_out} further columns are not drawn." if left_out else ""
     return draw(
         f"stream_{stream.name}_{stream.participant}",
-        partial(_figure, shown),
+        partial(_figure, drawable_columns),
         title=f"{stream.name} of {stream.participant}, session {stream.session}",
         caption="Every column over the session: the middle of the samples around each moment, and "
         f"shaded their range.{more}",
-        alternative=f"Course of {', '.join(c.name for c in shown)} over the session.",
+        alternative=f"Course of {', '.join(c.name for c in drawable_columns)} over the session.",
         is_simulated=stream.is_simulated,
     )
 

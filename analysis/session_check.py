@@ -1,4 +1,4 @@
-"""Can they leave? Compare what a session planned with what its recording holds.
+"""Check a session before the participant leaves: compare its plan with its recording.
 
 Every threshold is an argument with a default: a trial is out above 30 % of lost gaze, a validation
 is accepted up to 1.5° (docs/gaze.md, "Quality").
@@ -46,7 +46,7 @@ def check_session(recording: Recording, limits: CheckLimits | None = None) -> Se
         DataError: trials or events hold, under checksums that agree, what no session writes.
     """
     try:
-        return _checked(recording, limits or CheckLimits())
+        return _check(recording, limits or CheckLimits())
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise DataError(
             f"{recording.path}: its trials or events hold what no session of this Visavis writes "
@@ -55,7 +55,7 @@ def check_session(recording: Recording, limits: CheckLimits | None = None) -> Se
         ) from error
 
 
-def _checked(recording: Recording, limits: CheckLimits) -> SessionCheck:
+def _check(recording: Recording, limits: CheckLimits) -> SessionCheck:
     plan: Mapping[str, Any] = recording.manifest.plan
     journals = [recording.journal(part.number) for part in recording.manifest.parts]
     events = [(str(e["name"]), e["payload"]) for journal in journals for e in journal.events]
@@ -70,7 +70,7 @@ def _checked(recording: Recording, limits: CheckLimits) -> SessionCheck:
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, rows, recording),
     ]
-    if recording.status == "running":  # nothing of it is to be done again yet
+    if recording.status == "running":  # there is nothing to redo yet
         findings = [f if f.subject == "recording" else replace(f, redo="") for f in findings]
     return SessionCheck(
         level=max((f.level for f in findings), default=Level.GREEN),
@@ -94,14 +94,14 @@ def _recording_findings(recording: Recording) -> list[Finding]:
             )
         ]
     damage = damage_of(recording)
-    found = [
+    findings = [
         Finding(Level.RED, "recording", text, RESTORE)
         for text in dict.fromkeys((*damage.summary(), *damage.problems))
     ]
     parts = recording.manifest.parts
     if not parts or parts[-1].status != "complete":
         is_aborted = bool(parts) and parts[-1].status == "aborted"
-        found.append(
+        findings.append(
             Finding(
                 Level.RED,
                 "recording",
@@ -110,8 +110,10 @@ def _recording_findings(recording: Recording) -> list[Finding]:
                 RESUME,
             )
         )
-    found = found or [Finding(Level.GREEN, "recording", "complete: every file closed and verified")]
-    return [*found, *(Finding(Level.AMBER, "recording", note) for note in damage.notes)]
+    findings = findings or [
+        Finding(Level.GREEN, "recording", "complete: every file closed and verified")
+    ]
+    return [*findings, *(Finding(Level.AMBER, "recording", note) for note in damage.notes)]
 
 
 # ---- trials ----------------------------------------------------------------------------------
@@ -120,17 +122,17 @@ def _recording_findings(recording: Recording) -> list[Finding]:
 def _check_trials(
     plan: Mapping[str, Any], rows: Rows, events: Events, limits: CheckLimits
 ) -> list[TrialCheck]:
-    started: dict[str, int] = {}
+    n_starts: dict[str, int] = {}
     for payload in _payloads(events, "trial_start"):
-        started[payload["trial_id"]] = started.get(payload["trial_id"], 0) + 1
+        n_starts[payload["trial_id"]] = n_starts.get(payload["trial_id"], 0) + 1
     last: dict[str, Mapping[str, Any]] = {}
     for row in rows:
-        kept = last.get(str(row["trial_id"]))
+        earlier = last.get(str(row["trial_id"]))
         broke_off = row.get("status") == "interrupted"
-        if kept is None or not broke_off or kept.get("status") == "interrupted":
+        if earlier is None or not broke_off or earlier.get("status") == "interrupted":
             last[str(row["trial_id"])] = row
     return [
-        _check_trial(trial, last.get(trial["trial_id"]), started, limits)
+        _check_trial(trial, last.get(trial["trial_id"]), n_starts, limits)
         for block in plan.get("blocks", ())
         for trial in block["trials"]
     ]
@@ -139,24 +141,24 @@ def _check_trials(
 def _check_trial(
     trial: Mapping[str, Any],
     row: Mapping[str, Any] | None,
-    started: Mapping[str, int],
+    n_starts: Mapping[str, int],
     limits: CheckLimits,
 ) -> TrialCheck:
     trial_id = trial["trial_id"]
-    attempts = started.get(trial_id, 0)
+    attempts = n_starts.get(trial_id, 0)
     if row is None or row["status"] == "interrupted":
         status = "interrupted" if attempts else "missing"
         return TrialCheck(
             trial_id, trial["block"], status, attempts, Level.RED, None, None, None, None, None, ""
         )
-    expected, received, valid = (
+    n_expected, n_received, n_valid = (
         int(row[c]) for c in ("gaze_expected", "gaze_received", "gaze_valid")
     )
     level = Level.GREEN
-    if expected:
+    if n_expected:
         level = max(
-            _share_level(received / expected, limits.received_amber_01, limits.received_red_01),
-            _share_level(valid / expected, limits.valid_amber_01, limits.valid_red_01),
+            _share_level(n_received / n_expected, limits.received_amber_01, limits.received_red_01),
+            _share_level(n_valid / n_expected, limits.valid_amber_01, limits.valid_red_01),
         )
     flags = str(row.get("flags") or "")
     return TrialCheck(
@@ -165,9 +167,9 @@ def _check_trial(
         str(row["status"]),
         attempts,
         level,
-        expected,
-        received,
-        valid,
+        n_expected,
+        n_received,
+        n_valid,
         int(row["frames"]),
         int(row["frames_dropped"]),
         flags,
@@ -183,35 +185,39 @@ def _share_level(share_01: float, amber_01: float, red_01: float) -> Level:
 def _trial_findings(trials: list[TrialCheck], practice: int) -> list[Finding]:
     complete = sum(t.status == "complete" for t in trials)
     besides = f", {practice} of them practice" if practice else ""
-    found = [
+    findings = [
         Finding(
             Level.GREEN if complete == len(trials) else Level.AMBER,
             "trials",
             f"{complete} of {len(trials)} planned trials complete{besides}",
         )
     ]
-    undone = [t.trial_id for t in trials if t.status in ("missing", "interrupted")]
-    if undone:
-        found.append(
+    open_trials = [t.trial_id for t in trials if t.status in ("missing", "interrupted")]
+    if open_trials:
+        findings.append(
             Finding(
                 Level.RED,
                 "trials",
-                f"not done: {_listed(undone)}",
+                f"not done: {_name_list(open_trials)}",
                 "continue with `visavis resume`; it performs the missing trials",
             )
         )
-    skipped = [t.trial_id for t in trials if t.status == "skipped"]
-    if skipped:
-        found.append(Finding(Level.AMBER, "trials", f"skipped with a reason: {_listed(skipped)}"))
+    skipped_trials = [t.trial_id for t in trials if t.status == "skipped"]
+    if skipped_trials:
+        findings.append(
+            Finding(Level.AMBER, "trials", f"skipped with a reason: {_name_list(skipped_trials)}")
+        )
     for level, word in ((Level.RED, "too little"), (Level.AMBER, "less than usual")):
         poor = [t.trial_id for t in trials if t.status == "complete" and t.gaze_level is level]
         if poor:
             redo = "recalibrate, then redo these trials in a further session" if level > 1 else ""
-            found.append(Finding(level, "gaze", f"{word} valid gaze in {_listed(poor)}", redo))
-    flagged = [f"{t.trial_id} ({t.flags.replace(';', ', ')})" for t in trials if t.flags]
-    if flagged:
-        found.append(Finding(Level.AMBER, "trials", f"flagged: {_listed(flagged)}"))
-    return found
+            findings.append(
+                Finding(level, "gaze", f"{word} valid gaze in {_name_list(poor)}", redo)
+            )
+    flag_texts = [f"{t.trial_id} ({t.flags.replace(';', ', ')})" for t in trials if t.flags]
+    if flag_texts:
+        findings.append(Finding(Level.AMBER, "trials", f"flagged: {_name_list(flag_texts)}"))
+    return findings
 
 
 def _practice_trials(plan: Mapping[str, Any]) -> int:
@@ -219,7 +225,7 @@ def _practice_trials(plan: Mapping[str, Any]) -> int:
     return sum(bool(trial.get("is_practice")) for trial in every)
 
 
-def _listed(names: list[str], most: int = 12) -> str:
+def _name_list(names: list[str], most: int = 12) -> str:
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
@@ -245,24 +251,24 @@ def _check_streams(recording: Recording, limits: CheckLimits) -> list[StreamChec
             duration_s += float(times[-1] - times[0]) / 1e9
             if len(times) > 1:
                 longest_ms = max(longest_ms, float(np.diff(times).max()) / 1e6)
-        expected = round(duration_s * nominal_hz)
-        share_01 = len(t_ns) / expected if expected else 0.0
+        n_expected = round(duration_s * nominal_hz)
+        share_01 = len(t_ns) / n_expected if n_expected else 0.0
         level = _share_level(share_01, limits.received_amber_01, limits.received_red_01)
         rate_hz = len(t_ns) / duration_s if duration_s > 0 else 0.0
-        checks.append(StreamCheck(name, len(t_ns), expected, rate_hz, longest_ms, level))
+        checks.append(StreamCheck(name, len(t_ns), n_expected, rate_hz, longest_ms, level))
     return checks
 
 
 def stream_findings(streams: Sequence[StreamCheck]) -> list[Finding]:
-    """Return what streams lack; those that lack the same, as all of one busy computer do, once."""
-    found = []
+    """Return what streams lack; streams that lack the same (one busy computer) share a finding."""
+    findings = []
     alike: dict[tuple[Level, str], list[str]] = {}
     for stream in streams:
         if stream.expected is None:
             continue
         if stream.rows == 0:
             message, redo = "delivered nothing", "check the device, then redo the session"
-            found.append(Finding(Level.RED, stream.stream, message, redo))
+            findings.append(Finding(Level.RED, stream.stream, message, redo))
         elif stream.level is not Level.GREEN:
             share = 100 * stream.rows / stream.expected
             message = (
@@ -271,10 +277,10 @@ def stream_findings(streams: Sequence[StreamCheck]) -> list[Finding]:
             alike.setdefault((stream.level, message), []).append(stream.stream)
     for (level, message), (first, *others) in alike.items():
         also = f"; so {', '.join(others)}" if others else ""
-        found.append(Finding(level, first, message + also))
+        findings.append(Finding(level, first, message + also))
     if not streams:
-        found.append(Finding(Level.RED, "streams", "nothing was recorded", "redo the session"))
-    return found
+        findings.append(Finding(Level.RED, "streams", "nothing was recorded", "redo the session"))
+    return findings
 
 
 def _is_on_page(recording: Recording) -> bool:
@@ -299,16 +305,16 @@ def _calibration_findings(
                 Level.RED, "calibration", "no validation was recorded", "calibrate and validate"
             )
         ]
-    found = []
+    findings = []
     in_force = {v["block"]: v for v in validations if v["moment"] == "block_start"}
     for block, v in in_force.items():
         if not v["accepted"]:
-            found.append(
+            findings.append(
                 Finding(Level.AMBER, "calibration", f"block {block} not accepted: {v['reason']}")
             )
     ends = [v for v in validations if v["moment"] == "end"]
     if not ends:
-        found.append(
+        findings.append(
             Finding(
                 Level.AMBER,
                 "calibration",
@@ -316,8 +322,8 @@ def _calibration_findings(
             )
         )
     else:
-        found.append(_drift_finding(list(in_force.values()), ends[-1], limits))
-    return found
+        findings.append(_drift_finding(list(in_force.values()), ends[-1], limits))
+    return findings
 
 
 def _drift_finding(
@@ -342,7 +348,7 @@ def _drift_finding(
 
 
 def drift_words(start_deg: float | None, end_deg: float) -> str:
-    """Return what became of the accuracy since the last block began; nothing where none is known.
+    """Return how accuracy changed since the last block began; empty where that is unknown.
 
     Gaze that got worse has drifted; one that got better was measured at a better moment.
     """
@@ -362,7 +368,7 @@ def _questionnaire_findings(plan: Mapping[str, Any], events: Events) -> list[Fin
     blocks = plan.get("blocks", ())
     if not plan.get("questionnaires") and not any(b.get("questionnaires") for b in blocks):
         return []  # nobody is asked anything
-    found = [
+    findings = [
         Finding(
             Level.RED,
             "questionnaires",
@@ -385,14 +391,14 @@ def _questionnaire_findings(plan: Mapping[str, Any], events: Events) -> list[Fin
             left_out[p["questionnaire"]] = left_out.get(p["questionnaire"], 0) + 1
     for name, count in left_out.items():
         level = Level.GREEN if name == "free_comment" else Level.AMBER
-        found.append(Finding(level, "questionnaires", f"{name}: {count} left out"))
-    if not found:
-        found.append(Finding(Level.GREEN, "questionnaires", "all answered"))
-    return found
+        findings.append(Finding(level, "questionnaires", f"{name}: {count} left out"))
+    if not findings:
+        findings.append(Finding(Level.GREEN, "questionnaires", "all answered"))
+    return findings
 
 
 def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> list[Finding]:
-    found = [
+    findings = [
         Finding(
             Level.AMBER,
             "interruption",
@@ -403,34 +409,40 @@ def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> lis
     ]
     for row in (r for r in rows if r.get("status") == "interrupted"):
         message = f"{row['trial_id']}, attempt {row['attempt']}, was interrupted"
-        found.append(Finding(Level.AMBER, "trials", message + _because(row["reason"])))
-    repeated = [p["trial_id"] for p in _payloads(events, "trial_repeat")]
-    if repeated:
-        message = f"repeated on the operator's request: {_listed(repeated)}"
-        found.append(Finding(Level.AMBER, "trials", message))
+        findings.append(Finding(Level.AMBER, "trials", message + _because(row["reason"])))
+    repeats = [p["trial_id"] for p in _payloads(events, "trial_repeat")]
+    if repeats:
+        message = f"repeated on the operator's request: {_name_list(repeats)}"
+        findings.append(Finding(Level.AMBER, "trials", message))
+    # A fault that repeats with other numbers is one finding with the range of its numbers.
     faults: dict[tuple[str, str], list[str]] = {}
     for p in _payloads(_once_calibrated(events), "fault"):
         message = str(p["message"])
         faults.setdefault((str(p["role"]), _NUMBER.sub("#", message)), []).append(message)
-    found += [
+    findings += [
         Finding(
-            Level.AMBER, role, in_one(said) + (f" ({len(said)} times)" if len(said) > 1 else "")
+            Level.AMBER,
+            role,
+            in_one(messages) + (f" ({len(messages)} times)" if len(messages) > 1 else ""),
         )
-        for (role, _), said in faults.items()
+        for (role, _), messages in faults.items()
     ]
-    found += [
+    findings += [
         Finding(Level.AMBER, str(p["role"]), f"was away for {p['away_s']:.1f} s, then came back")
         for p in _payloads(events, "device_back")
     ]
-    found += [
+    findings += [
         Finding(Level.AMBER, role, "the operator went on without it; trials are flagged")
         for role in dict.fromkeys(str(p["role"]) for p in _payloads(events, "device_done_without"))
     ]
-    failed = [p["message"] for p in _payloads(events, "calibration") if not p["succeeded"]]
-    if failed:
-        found.append(
+    # Of calibrations that failed the last message is the one to act on.
+    failures = [p["message"] for p in _payloads(events, "calibration") if not p["succeeded"]]
+    if failures:
+        findings.append(
             Finding(
-                Level.AMBER, "calibration", f"calibrations that failed: {len(failed)}; {failed[-1]}"
+                Level.AMBER,
+                "calibration",
+                f"calibrations that failed: {len(failures)}; {failures[-1]}",
             )
         )
     for name, text in (
@@ -440,21 +452,21 @@ def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> lis
         count = len(_payloads(events, name))
         if count:
             level = Level.GREEN if name == "pause_start" else Level.AMBER
-            found.append(Finding(level, "deviation", f"{text}: {count}"))
-    asked = _payloads(events, "operator")
-    given = Counter(str(p["code"]) for p in asked if p.get("code"))
-    if given:
-        listed = "; ".join(
+            findings.append(Finding(level, "deviation", f"{text}: {count}"))
+    requests = _payloads(events, "operator")
+    reason_counts = Counter(str(p["code"]) for p in requests if p.get("code"))
+    if reason_counts:
+        reasons = "; ".join(
             f"{reason_words(code, recording)} {'once' if count == 1 else f'{count} times'}"
-            for code, count in sorted(given.items())
+            for code, count in sorted(reason_counts.items())
         )
-        found.append(Finding(Level.AMBER, "reasons", f"given by the operator: {listed}"))
-    flags = sum(p["action"] == "flag" for p in asked)
+        findings.append(Finding(Level.AMBER, "reasons", f"given by the operator: {reasons}"))
+    flags = sum(p["action"] == "flag" for p in requests)
     if flags:
-        found.append(Finding(Level.AMBER, "flag", f"moments flagged by the operator: {flags}"))
-    notes = [p["text"] for p in asked if p["action"] in ("note", "reason")]
-    found += [Finding(Level.AMBER, "note", str(text)) for text in notes if text]
-    return found
+        findings.append(Finding(Level.AMBER, "flag", f"moments flagged by the operator: {flags}"))
+    notes = [p["text"] for p in requests if p["action"] in ("note", "reason")]
+    findings += [Finding(Level.AMBER, "note", str(text)) for text in notes if text]
+    return findings
 
 
 def in_one(messages: Sequence[str]) -> str:
@@ -477,6 +489,6 @@ def _because(reason: object) -> str:
 
 
 def _once_calibrated(events: Events) -> Events:
-    """Leave out what stands before the first calibration: a tracker that wants one is no fault."""
+    """Leave out events before the first calibration: a tracker that asks for one is no fault."""
     first = next((i for i, (name, _) in enumerate(events) if name == "calibration"), 0)
     return events[first:]

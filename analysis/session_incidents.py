@@ -1,4 +1,4 @@
-"""What happened in a session besides its trials: pauses and their reasons, ends before the end."""
+"""Incidents between the trials of a session: pauses with their reasons, flags, early ends."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ def incidents_of(recording: Recording) -> tuple[Incident, ...]:
     flags and reasons within trials stand in their rows.
     """
     events = recording.events()
-    found: list[Incident] = []
+    incidents: list[Incident] = []
     for part in recording.manifest.parts:
         mine = events[events["recording_part"] == part.number]
         trials = [
@@ -52,16 +52,16 @@ def incidents_of(recording: Recording) -> tuple[Incident, ...]:
             for e in recording.trial_entries(part.number)
             if e["row"].get("t_start_ns") is not None
         ]
-        found += _of_part(
+        incidents += _of_part(
             [(int(e["t_ns"]), str(e["name"]), e["payload"]) for e in mine.to_dict("records")],
             trials,
             partial(reason_words, recording=recording),
         )
         if part.status in ("aborted", "crashed"):
-            ended = "ended early" if part.status == "aborted" else "broke off"
+            ending = "ended early" if part.status == "aborted" else "broke off"
             where = f"after {trials[-1].name}" if trials else "before the first trial"
-            found.append(Incident(where, f"part {part.number} {ended}", part.reason))
-    return tuple(found)
+            incidents.append(Incident(where, f"part {part.number} {ending}", part.reason))
+    return tuple(incidents)
 
 
 def _of_part(
@@ -73,43 +73,47 @@ def _of_part(
         code, text = payload.get("code"), payload.get("text")
         return ": ".join(filter(None, (code and words(str(code)), text and str(text))))
 
-    found: list[Incident] = []
-    explained, began_ns = -1, 0  # which of those found the next reason is about
+    incidents: list[Incident] = []
+    open_incident, began_ns = -1, 0  # the incident that the next reason is about
     for t_ns, name, payload in events:
         action = payload.get("action") if name == "operator" else None
         within = any(t.start_ns <= t_ns <= t.end_ns for t in trials)
         if name == "pause_start":
             began_ns = t_ns
-            if explained < 0 or found[explained].what != "pause":
-                found.append(Incident(_before(t_ns, trials), "pause"))
-                explained = len(found) - 1
+            if open_incident < 0 or incidents[open_incident].what != "pause":
+                incidents.append(Incident(_before(t_ns, trials), "pause"))
+                open_incident = len(incidents) - 1
             else:
-                found[explained] = replace(found[explained], where=_before(t_ns, trials))
-        elif name == "pause_end" and found and found[explained].what == "pause":
-            lasted_s = (t_ns - began_ns) / NS_PER_S
-            found[explained] = replace(found[explained], what=f"pause of {lasted_s:.0f} s")
-        elif action == "pause" and explained >= 0 and found[explained].what == "pause":
-            both = "; ".join(filter(None, (found[explained].why, why(payload))))
-            found[explained] = replace(found[explained], why=both)
+                incidents[open_incident] = replace(
+                    incidents[open_incident], where=_before(t_ns, trials)
+                )
+        elif name == "pause_end" and incidents and incidents[open_incident].what == "pause":
+            pause_s = (t_ns - began_ns) / NS_PER_S
+            incidents[open_incident] = replace(
+                incidents[open_incident], what=f"pause of {pause_s:.0f} s"
+            )
+        elif action == "pause" and open_incident >= 0 and incidents[open_incident].what == "pause":
+            both = "; ".join(filter(None, (incidents[open_incident].why, why(payload))))
+            incidents[open_incident] = replace(incidents[open_incident], why=both)
         elif action == "pause":
-            found.append(Incident(_before(t_ns, trials), "pause", why(payload)))
-            explained = len(found) - 1
+            incidents.append(Incident(_before(t_ns, trials), "pause", why(payload)))
+            open_incident = len(incidents) - 1
         elif action == "flag":
-            explained = -1
+            open_incident = -1
             if not within:
-                found.append(Incident(_before(t_ns, trials), "moment flagged", why(payload)))
-                explained = len(found) - 1
-        elif action == "reason" and explained >= 0:
-            both = "; ".join(filter(None, (found[explained].why, why(payload))))
-            found[explained] = replace(found[explained], why=both)
+                incidents.append(Incident(_before(t_ns, trials), "moment flagged", why(payload)))
+                open_incident = len(incidents) - 1
+        elif action == "reason" and open_incident >= 0:
+            both = "; ".join(filter(None, (incidents[open_incident].why, why(payload))))
+            incidents[open_incident] = replace(incidents[open_incident], why=both)
         elif action == "reason" and not within:
-            found.append(Incident(_before(t_ns, trials), "reason given", why(payload)))
-    return found
+            incidents.append(Incident(_before(t_ns, trials), "reason given", why(payload)))
+    return incidents
 
 
 def _before(t_ns: int, trials: Sequence[_Trial]) -> str:
     """Return where in a part a moment is."""
-    begun = [t for t in trials if t.start_ns <= t_ns]
-    if not begun:
+    earlier = [t for t in trials if t.start_ns <= t_ns]
+    if not earlier:
         return "before the first trial"
-    return f"{'in' if t_ns <= begun[-1].end_ns else 'after'} {begun[-1].name}"
+    return f"{'in' if t_ns <= earlier[-1].end_ns else 'after'} {earlier[-1].name}"

@@ -1,4 +1,4 @@
-"""What a session check says: limits, findings, verdict."""
+"""The parts of a session check: limits, findings, verdict."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -40,7 +40,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class TrialCheck:
-    """What one planned trial delivered; counts are None when it was never finished."""
+    """Data of one planned trial; counts are None when it was never finished."""
 
     trial_id: str
     block: int
@@ -57,7 +57,7 @@ class TrialCheck:
 
 @dataclass(frozen=True)
 class StreamCheck:
-    """What one stream delivered over the whole session; expected None for irregular streams."""
+    """Data of one stream over the whole session; `expected` is None for irregular streams."""
 
     stream: str
     rows: int

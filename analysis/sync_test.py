@@ -104,7 +104,9 @@ def onset_ns(
     return float(before_ns + share * (after_ns - before_ns))
 
 
-def lasted_ns(t_ns: npt.NDArray[np.int64], level: npt.NDArray[np.float64], asked_ns: int) -> float:
+def flash_duration_ns(
+    t_ns: npt.NDArray[np.int64], level: npt.NDArray[np.float64], asked_ns: int
+) -> float:
     """Return how long a flash stayed above half of its height, NaN if there was none."""
     begin, end = np.searchsorted(
         t_ns,
@@ -135,15 +137,17 @@ def delays(
     For pictures `flash_ns` and `frame_ns` say how long a flash should last and a frame lasts.
     """
     oscillates = modality != "picture"
-    found = np.array([onset_ns(t_ns, level, at, is_oscillation=oscillates) for at in asked_ns])
-    asked = np.asarray(asked_ns, np.int64)
-    late_ms = (found - asked) / NS_PER_MS
+    onsets_ns = np.array([onset_ns(t_ns, level, at, is_oscillation=oscillates) for at in asked_ns])
+    request_ns = np.asarray(asked_ns, np.int64)
+    late_ms = (onsets_ns - request_ns) / NS_PER_MS
     there = np.isfinite(late_ms)
-    values, at_min = late_ms[there], (asked[there] - asked[:1].sum()) / NS_PER_MIN
+    values, at_min = late_ms[there], (request_ns[there] - request_ns[:1].sum()) / NS_PER_MIN
     wrong = 0
     if modality == "picture" and flash_ns and frame_ns:
-        lasted = np.array([lasted_ns(t_ns, level, int(at)) for at in asked[there]])
-        wrong = int(np.sum(np.abs(lasted - flash_ns) > frame_ns / 2))
+        durations_ns = np.array(
+            [flash_duration_ns(t_ns, level, int(at)) for at in request_ns[there]]
+        )
+        wrong = int(np.sum(np.abs(durations_ns - flash_ns) > frame_ns / 2))
     nan = float("nan")
     slope = low = high = median = mean = sd = p5 = p95 = least = most = nan
     if values.size >= MIN_FOUND:
@@ -171,15 +175,15 @@ def delays(
     )
 
 
-def offsets_ms(found: Sequence[Delays]) -> dict[str, float]:
-    """Return the delay of each source that analysis should apply: what its stamps are early by.
+def offsets_ms(all_delays: Sequence[Delays]) -> dict[str, float]:
+    """Return the delay of each source that analysis should apply: how early its stamps are.
 
-    Left out is what too few stimuli answered. The key is the modality, with the role of a band:
+    Sources that answered too few stimuli are left out. The key is the modality, with a band's role:
     "picture_delay_ms", "sound_delay_ms", "vibration_delay_ms.armband_left".
     """
     return {
         f"{one.modality}_delay_ms"
         + (f".{one.source}" if one.modality == "vibration" else ""): round(one.median_ms, 3)
-        for one in found
+        for one in all_delays
         if one.is_sound
     }

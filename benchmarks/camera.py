@@ -144,9 +144,9 @@ class TimedDirector(Director):
         super()._decide()
         self.update_ms.append(1e3 * (cpu_time_s() - before))
 
-    def _moved(self, t_ns: int) -> tuple[Vector, Vector, Vector, Vector]:
+    def _state_at(self, t_ns: int) -> tuple[Vector, Vector, Vector, Vector]:
         before = cpu_time_s()
-        found = super()._moved(t_ns)
+        found = super()._state_at(t_ns)
         self.step_ms.append(1e3 * (cpu_time_s() - before))
         return found
 
@@ -166,7 +166,7 @@ def could_keep_angle(place: FilmedPlace, style: Style, cut: Cut, moment: Moment)
     )
     return any(
         view_angle_deg(cut.subject_m, cut.from_m, p) >= style.min_angle_deg
-        and is_free(p, moment.people, style.clear_m, style.people_clear_m, *place.obstacles.packed)
+        and is_free(p, moment.people, style.clear_m, style.people_clear_m, *place.obstacles.arrays)
         and place.obstacles.sees(p, head_of(moment), moment.people)
         for p in (place_on(graph.nodes_m, graph.edges, edge[i], share[i]) for i in range(n))
     )
@@ -189,7 +189,7 @@ def judged(
         for t, a, b, _ in ways
     )
     inside = sum(
-        not is_free(v.position_m, m.people, 0.0, 0.0, *o.packed)
+        not is_free(v.position_m, m.people, 0.0, 0.0, *o.arrays)
         for v, m in zip(views, moments, strict=True)
     )
     later = director.cuts[1:]

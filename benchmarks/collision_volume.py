@@ -2,13 +2,13 @@
 
     python -m benchmarks.collision_volume [--pairs N] [--small-pairs N] [--peer-pairs N] [--json]
 
-People are generated in new poses (`benchmarks.posed_bodies`), pairs have overlapping boxes. Truth
-is the same pair with columns 1.5 mm apart (finer where small), checked against an exact
-integration of the first pairs. Few of these pairs graze each other, so others are moved apart
-until they do, to judge errors near the threshold of a collision. Times are CPU milliseconds on
-one thread, the least of `ROUNDS` per pair. Peers run on the first pairs when they are installed:
-rays down 1 cm columns by Open3D with triangles culled to the common box, and manifold3d's boolean.
-Ratio is limit / value: 1 or more is within the limit.
+People are generated in new poses (`tests.analysis.collisions.posed_bodies`), pairs have overlapping
+boxes. Truth is the same pair with columns 1.5 mm apart (finer where small), checked against an
+exact integration of the first pairs. Few of these pairs graze each other, so others are moved apart
+until they do, to judge errors near the threshold of a collision. Times are CPU milliseconds on one
+thread, the least of `ROUNDS` per pair. Peers run on the first pairs when they are installed: rays
+down 1 cm columns by Open3D with triangles culled to the common box, and manifold3d's boolean. Ratio
+is limit / value: 1 or more is within the limit.
 """
 
 import argparse
@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.posed_bodies import posed_pair
 from benchmarks.table import Row, show
+from tests.analysis.collisions.posed_bodies import posed_pair
 from visavis.analysis.collisions import ClosedMesh, Settings, common_volume
 from visavis.lab.clock import cpu_time_s
 

@@ -32,7 +32,7 @@ from visavis.experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC, 
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.experiments.crowd.participant.traits import DEFAULT_POPULATION
 from visavis.experiments.crowd.quick_measures import Cell
-from visavis.experiments.crowd.quick_study import walked
+from visavis.experiments.crowd.quick_study import block_walks
 from visavis.experiments.crowd.study import study
 from visavis.lab.clock import StopWatch
 from visavis.lab.geometry import Vector
@@ -103,7 +103,7 @@ def quick_study(
     cells: list[frozenset[Cell]] = []
     for index in range(participants):
         plan = experiment.plan(index, seed)
-        for block in walked(CrowdParticipant(index, seed, effect), plan, params):
+        for block in block_walks(CrowdParticipant(index, seed, effect), plan, params):
             for trial, row, visited in block:
                 which = {"participant": index, "group": plan.group, "trial_id": trial.trial_id}
                 rows.append({**which, **trial.factors, **row})

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from visavis.analysis.gait import resampled
+from visavis.analysis.gait import resample
 from visavis.experiments.crowd.measures import MeasureParameters, measure_walk
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.experiments.crowd.quick_study import quick_walk
@@ -42,7 +42,7 @@ def simulated_walks(n: int) -> list[Walk]:
         t_ns = np.rint(quick.t_s * NS_PER_S).astype(np.int64)
         now_ns += int(t_ns[-1]) + 4 * NS_PER_S
         grid = np.arange(0, t_ns[-1], STEP_NS, dtype=np.int64)
-        position, turn = resampled(t_ns, quick.position_m, quick.orientation_wxyz, grid)
+        position, turn = resample(t_ns, quick.position_m, quick.orientation_wxyz, grid)
         row = {"t_start_ns": 0, "trial_id": trial.trial_id, **trial.factors}
         found.append(Walk(trial.trial_id, row, quick.crowd, grid, position, turn, quick.stature_m))
         if len(found) == n:

@@ -16,11 +16,11 @@ import numpy as np
 
 from visavis.analysis import statistics
 from visavis.analysis.statistics.anova import anova_of_design
-from visavis.analysis.statistics.bent_scales import bent_interactions
 from visavis.analysis.statistics.clmm import clmm
 from visavis.analysis.statistics.errors import StatisticsError
 from visavis.analysis.statistics.gee import Family, gee
 from visavis.analysis.statistics.lmm import linear_mixed
+from visavis.analysis.statistics.nonlinear_scales import nonlinear_scale_interactions
 from visavis.analysis.statistics.power import proportion_interval
 from visavis.analysis.statistics.results import Array
 from visavis.analysis.statistics_report.prepare import uneven_changes, uneven_groups
@@ -119,7 +119,7 @@ def anova(frame: Frame, null: str, **options: Any) -> Tested:
 
 def bent(made: statistics.Anova, null: str) -> list[str]:
     """Return the warnings that the report adds to an ANOVA about one effect."""
-    notes = bent_interactions(made.design, made.effects, ALPHA)
+    notes = nonlinear_scale_interactions(made.design, made.effects, ALPHA)
     return [n for n in notes if n.startswith(f"{null}: ")]
 
 

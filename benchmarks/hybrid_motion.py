@@ -17,9 +17,9 @@ from functools import partial
 import numpy as np
 
 from benchmarks.motion import cpu_ms
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.build import build_of_skeleton
-from visavis.stimuli.motion.clip import Clip, placed_joints, sampled
+from visavis.stimuli.motion.clip import Clip, placed_joints, sample_clip
 from visavis.stimuli.motion.interpolation import Squad
 from visavis.stimuli.motion.kinds import Crouch, Idle, Kind, Run, Walk
 from visavis.stimuli.motion.people import Person
@@ -55,14 +55,14 @@ class Row:
 def source_of(name: str) -> Clip:
     """Return the motion from which frames and poses are taken."""
     person = Person(build_of_skeleton(canonical_skeleton()), KINDS[name], seed=1)
-    return baked(person, 6.0, rate_hz=120.0)
+    return bake(person, 6.0, rate_hz=120.0)
 
 
 def rows_of(name: str) -> list[Row]:
     """Measure all variants of one clip."""
     source = source_of(name)
     n = FRAMES[name]
-    played = replace(sampled(source, 3.0, 1.0 / n, n), looped=True)
+    played = replace(sample_clip(source, 3.0, 1.0 / n, n), is_loop=True)
     variants = {
         f"hybrid, increment {i}": authored_poses(name, source, 3.0, 3.5, i)
         for i in INCREMENTS[name]

@@ -14,7 +14,7 @@ import sys
 import numpy as np
 import pandas as pd
 
-from benchmarks.simulated_tracker import tracker_of
+from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.hybrid.clips import CLIPS
 from visavis.experiments.hybrid.study import study
 from visavis.results.opened_study import OpenedStudy

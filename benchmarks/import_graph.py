@@ -2,7 +2,7 @@
 
 An import under `TYPE_CHECKING` and one inside a function count like any other: a reader follows
 them all. `from package import name` leads to the module `package.name` where there is one, else to
-`package`.
+`package`. `import_module` of a name that is written out counts, too.
 """
 
 import ast
@@ -91,6 +91,8 @@ def _imports(
 def _targets(node: ast.AST, package: str, modules: Mapping[str, SourceFile]) -> set[str]:
     if isinstance(node, ast.Import):
         return {alias.name for alias in node.names} & modules.keys()
+    if isinstance(node, ast.Call):
+        return _named_in_a_call(node) & modules.keys()
     if not isinstance(node, ast.ImportFrom):
         return set()
     parts = package.split(".")
@@ -98,6 +100,13 @@ def _targets(node: ast.AST, package: str, modules: Mapping[str, SourceFile]) -> 
     base = ".".join([*above, *filter(None, [node.module])])
     targets = {base if (full := f"{base}.{a.name}") not in modules else full for a in node.names}
     return targets & modules.keys()
+
+
+def _named_in_a_call(call: ast.Call) -> set[str]:
+    """Return the module of `import_module("package.module")`: a string hides an import only."""
+    if ast.unparse(call.func) not in ("import_module", "importlib.import_module"):
+        return set()
+    return {a.value for a in call.args if isinstance(a, ast.Constant) and isinstance(a.value, str)}
 
 
 def deferred_statements(imports: list[Import]) -> int:

@@ -18,8 +18,8 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 import pandas as pd
 
-from benchmarks.simulated_tracker import tracker_of
 from visavis.analysis.statistics import oneway_anova, tukey_hsd
+from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.interpolation import published
 from visavis.experiments.interpolation.gestures import GESTURES, METHODS
 from visavis.experiments.interpolation.study import study

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from benchmarks.stare_studies import StudyOutcome, simulate_studies
+from tests.experiments.stare.simulated_studies import StudyOutcome, simulate_studies
 from visavis.experiments.stare.comparisons import MEASURES
 from visavis.experiments.stare.published import COMPARISONS
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from benchmarks.stare_studies import StudyOutcome, simulate_studies
+from tests.experiments.stare.simulated_studies import StudyOutcome, simulate_studies
 from visavis.experiments.stare import published
 from visavis.experiments.stare.design import CONDITIONS
 from visavis.results.family_tests import agreement, count_agreement

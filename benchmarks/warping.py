@@ -31,7 +31,7 @@ from tests.stimuli.warping.smoothness import peak_turning
 from visavis.lab.clock import StopWatch, cpu_time_s
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.motion.joint_limits import beyond_deg
-from visavis.stimuli.motion.warping.cases import CASES, StagedCase, case_named, staged
+from visavis.stimuli.motion.warping.cases import CASES, StagedCase, case_named, stage_case
 from visavis.stimuli.motion.warping.clips import warp_clip
 from visavis.stimuli.motion.warping.control import (
     ControlSettings,
@@ -46,7 +46,7 @@ from visavis.stimuli.motion.warping.control import (
 )
 from visavis.stimuli.motion.warping.features import FeatureTarget
 from visavis.stimuli.motion.warping.outlook import outlook
-from visavis.stimuli.motion.warping.perceived import SeenBody, body_of, perceived
+from visavis.stimuli.motion.warping.perceived import SeenBody, body_of, perceived_parts
 from visavis.stimuli.motion.warping.units import WarpingUnit, units_named
 
 Row = dict[str, Any]
@@ -63,7 +63,7 @@ LONG_RUNS: tuple[dict[str, Any], ...] = (
     {"error_cap": 1.0, "step_cap_deg": 15.0},
 )
 """Settings that try for 60 steps what five did not reach."""
-ONE_CORE_HZ, TWO_CORES_HZ, P99_MS = 60.0, 100.0, 11.0
+ONE_CORE_HZ, TWO_CORES_HZ = 60.0, 100.0
 TARGETS = (
     FeatureTarget("coverage", ("face", "hands"), 0.25),
     FeatureTarget("horizontal_extension", ("arms",), 0.1),
@@ -138,7 +138,7 @@ def _steps_of(moment: Situation) -> list[Row]:
     roots = np.repeat(moment.root_m[None], 45, axis=0)
     turns = np.repeat(moment.local_wxyz[None], 45, axis=0)
     turns[:, 0] = np.array([[np.cos(a), 0, np.sin(a), 0] for a in np.linspace(0, 0.1, 45)])
-    all_s = least_s(lambda: perceived(body, moment.view, roots, turns), cpu_time_s, 20)
+    all_s = least_s(lambda: perceived_parts(body, moment.view, roots, turns), cpu_time_s, 20)
     count = f"{len(body.triangles)} triangles"
     return [
         row(f"control steps, one core, {count}", 1 / one_s, "1/s", ONE_CORE_HZ),
@@ -159,7 +159,7 @@ def presets(names: Sequence[str], moments: int = 10) -> list[Row]:
     who = load_character("anna")
     rows: list[Row] = []
     for case in map(case_named, names):
-        stage = staged(case, who)
+        stage = stage_case(case, who)
         met, reachable, best, missed, late = 0, 0, [], [], []
         for t_s in np.linspace(0.05, 0.95, moments) * stage.clip.duration_s:
             pose = stage.clip.at(t_s)
@@ -222,7 +222,7 @@ def _wants_more_than_there_is(moment: Situation, found: Outcome) -> bool:
     bare = replace(moment, view=outlook(moment.view.camera, moment.view.size_px[1]))
     there_is = see(bare, np.zeros((1, len(moment.units))))[0]
     covers = np.array([t.kind == "coverage" for t in moment.targets])
-    return bool((covers & (found.wanted > there_is)).any())
+    return bool((covers & (found.goal > there_is)).any())
 
 
 def clips(names: Sequence[str]) -> list[Row]:
@@ -230,7 +230,7 @@ def clips(names: Sequence[str]) -> list[Row]:
     who = load_character("anna")
     rows: list[Row] = []
     for case in map(case_named, names):
-        stage = staged(case, who)
+        stage = stage_case(case, who)
         found = warp_clip(
             stage.clip, stage.body, stage.view, case.targets, stage.units, case.settings
         )
@@ -263,11 +263,11 @@ def clips(names: Sequence[str]) -> list[Row]:
 
 def _least_share(found: Outcome) -> float:
     """Return how much of the wanted change was reached, of the feature that came least far."""
-    wanted = found.wanted - found.original
+    wanted = found.goal - found.original
     changes = np.abs(wanted) > 0
     if not changes.any():
         return 1.0
-    return float(((found.reached - found.original)[changes] / wanted[changes]).min())
+    return float(((found.final - found.original)[changes] / wanted[changes]).min())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -280,7 +280,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if chosen.clips:
         rows = clips(chosen.cases)
     else:
-        stage = staged(case_named("view_change"), load_character("anna"))
+        stage = stage_case(case_named("view_change"), load_character("anna"))
         rows = [*steps(stage), *presets(chosen.cases)]
     if chosen.json:
         json.dump(rows, sys.stdout, indent=2)

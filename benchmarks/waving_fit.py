@@ -47,7 +47,7 @@ from visavis.experiments.waving.judgement import (
     noise_deg,
 )
 from visavis.experiments.waving.quick_study import STIMULI, evidence_for
-from visavis.experiments.waving.study import COMPARED, MEAN_ACCURACY
+from visavis.experiments.waving.study import COMPARISON, MEAN_ACCURACY
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
@@ -60,7 +60,7 @@ FIT_SEED, FRESH_SEED, CHECK_SEED = 20_230_000, 30_000_000, 50_000
 """Of studies searched over, of those a find is held against, and of those of the test."""
 PEOPLE, STUDIES, CHECK_STUDIES, FRESH_STUDIES = 16, 300, 200, 600
 TERMS = ("technique", "direction", "technique:direction")
-PRINTED = KitPower("waving", tracker_of, quick_study).printed["is_right:technique"]
+PRINTED = KitPower("waving", tracker_of, quick_study).printed_tests["is_right:technique"]
 PRINTED_DZ = PRINTED.dz
 """Mean over SD of people's differences between techniques, as the printed F implies."""
 CANDIDATES, STEP = 12, 0.15
@@ -104,7 +104,7 @@ TARGETS = (
     *(_about(f"accuracy {t}", MEAN_ACCURACY[t][0], MEAN_LIMIT / 2, 0.02) for t in TECHNIQUES),
     *(_about(f"SD {t}", MEAN_ACCURACY[t][1], SD_LIMIT, 0.02) for t in TECHNIQUES),
     *(_about(f"SD over cells {t}", MEAN_ACCURACY[t][1], SD_LIMIT, 0.01) for t in TECHNIQUES),
-    _about("power of technique", PRINTED.power(PEOPLE, COMPARED.alpha), 0.08, 0.05),
+    _about("power of technique", PRINTED.power(PEOPLE, COMPARISON.alpha), 0.08, 0.05),
     Target("power of direction", SHARE_LIMITS["is_right", "direction"][1], math.inf, 0.05),
     Target(
         "power of technique:direction",
@@ -292,7 +292,7 @@ def expected(waves: Waves, population: Population) -> Expected:
     shares = cells.reshape(-1, PEOPLE, 2, 3)
     means = shares.mean(axis=3)
     gain = means[:, :, 1] - means[:, :, 0]
-    technique, direction, interaction = (art_p(shares) < COMPARED.alpha).mean(axis=1).tolist()
+    technique, direction, interaction = (art_p(shares) < COMPARISON.alpha).mean(axis=1).tolist()
     by_cell = shares.transpose(0, 2, 1, 3).reshape(len(shares), 2, -1)
     return Expected(
         shares.mean(axis=(0, 1)),

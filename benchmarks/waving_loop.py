@@ -89,14 +89,15 @@ def wave_rows(waves: int, frames: int, looks: int) -> list[dict[str, object]]:
     for clerk, place in chosen:
         wave = study_wave(clerk, place, WARPING)
         track, eye_m, bare = wave.waving.warp, eye_at(place), replace(wave.waving, warp=None)
-        if wave.planned is None or track is None:
+        if wave.plan_result is None or track is None:
             continue
-        planned.append((wave.planned.met_01, wave.planned.reachable_01))
+        planned.append((wave.plan_result.met_01, wave.plan_result.reachable_01))
         rows.append(
             {
                 "name": f"{clerk} at {place}: frames on target",
-                "value": wave.planned.met_01,
-                "beside": f"within reach of the planning search {wave.planned.reachable_01:.2f}",
+                "value": wave.plan_result.met_01,
+                "beside": "within reach of the planning search "
+                f"{wave.plan_result.reachable_01:.2f}",
             }
         )
         turned = study_wave(
@@ -189,7 +190,7 @@ def frame_rows(seconds: float) -> list[dict[str, object]]:
                 found = _round(clock, scene, still, loop, round_s)
                 if rounds:  # the first one starts the process
                     work_ms += found
-                    taken += loop.taken if loop else 0
+                    taken += loop.n_taken if loop else 0
                     late += loop.late if loop else 0
                 rounds += 1
         how = "with the loop beside" if corrects else "without the loop"

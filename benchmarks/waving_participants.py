@@ -18,13 +18,13 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.waving_quick import quick_analysis, quick_study
+from tests.experiments.waving.quick_sessions import quick_analysis, quick_study
 from visavis.cli.quick_tracker import tracker_of
 from visavis.devices.registry import OPTION_MODELS
 from visavis.experiments.waving.clips import DIRECTIONS, TECHNIQUES
 from visavis.experiments.waving.judgement import DEFAULT_POPULATION, Population
 from visavis.experiments.waving.quick_study import STIMULI, evidence_for
-from visavis.experiments.waving.study import COMPARED, MEAN_ACCURACY
+from visavis.experiments.waving.study import COMPARISON, MEAN_ACCURACY
 from visavis.lab.clock import cpu_time_s
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
@@ -74,7 +74,7 @@ def study_rows(
                 key = (finding.compare.dv, term.name)
                 hits[key] = hits.get(key, 0) + int(term.is_significant)
     rows: list[dict[str, object]] = []
-    printed = KitPower("waving", tracker_of, quick_study_of_kit).printed
+    printed = KitPower("waving", tracker_of, quick_study_of_kit).printed_tests
     for name, values in means.items():
         row: dict[str, object] = {"name": name, "value": float(np.mean(values))}
         row |= {"spread": float(np.std(values))}
@@ -97,7 +97,7 @@ def study_rows(
                 holds = share >= limit if word == "at least" else share <= limit
                 row |= {"beside": f"{word} {limit}", "holds": holds}
             if f"{measure}:{term}" in printed:
-                closed = printed[f"{measure}:{term}"].power(participants, COMPARED.alpha)
+                closed = printed[f"{measure}:{term}"].power(participants, COMPARISON.alpha)
                 row["beside"] = f"{row.get('beside', '')} (printed F alone: {closed:.2f})".strip()
             rows.append(row)
     return rows

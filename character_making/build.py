@@ -42,8 +42,14 @@ from visavis.stimuli.characters.capsules import fitted_capsules
 from visavis.stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
 from visavis.stimuli.characters.coverage import seen_tags, view_from
 from visavis.stimuli.characters.errors import CharacterError
-from visavis.stimuli.characters.levels import LEVELS, LevelBudget, joined, lighter, thinned
-from visavis.stimuli.characters.measuring import MEASURING_TRIANGLES, matched, worst_area_error
+from visavis.stimuli.characters.levels import (
+    LEVELS,
+    LevelBudget,
+    join_skinned_meshes,
+    lighter,
+    thin_mesh,
+)
+from visavis.stimuli.characters.measuring import MEASURING_TRIANGLES, match_areas, worst_area_error
 from visavis.stimuli.characters.tagging import face_of_head, parts_of_weights
 
 SOURCE = "Visavis, from the MakeHuman base mesh"
@@ -202,7 +208,7 @@ def closed_body(figure: Figure, body: Piece) -> SkinnedMesh:
     bare = replace(body, corner_uv=None, morphs={})
     mesh = assembled(figure, [bare], (Material("skin", "skin"),))
     whole = replace(mesh, triangle_part=np.zeros_like(mesh.triangle_part))
-    thin = thinned(whole, 15000)
+    thin = thin_mesh(whole, 15000)
     dense = np.zeros((len(thin.vertices_m), len(figure.rig.skeleton.names)))
     np.put_along_axis(dense, thin.joints.astype(np.int64), thin.weights.astype(float), axis=1)
     parts = parts_of_weights(dense, thin.triangles.astype(np.int64), figure.rig.skeleton.names)
@@ -311,7 +317,7 @@ def levels_of(
     """
     # Among large surfaces the folds of a collar would be thinned to rags.
     whole = assembled(figure, [p for p in pieces if not p.is_trim], materials)
-    trim = [thinned(assembled(figure, [p], materials), _TRIM) for p in pieces if p.is_trim]
+    trim = [thin_mesh(assembled(figure, [p], materials), _TRIM) for p in pieces if p.is_trim]
     # Teeth and lashes are smaller than what thinning leaves: from afar they would poke out.
     far, unshaded = (
         assembled(figure, [p for p in some if p.material not in ("teeth", "lash")], materials)
@@ -331,10 +337,10 @@ def levels_of(
             n_rest = budget.triangles - fewer - len(mine.triangles)
             if not levels:
                 n_trim = sum(len(mesh.triangles) for mesh in trim)
-                surfaces = joined([thinned(whole, n_rest - n_trim), *trim])
+                surfaces = join_skinned_meshes([thin_mesh(whole, n_rest - n_trim), *trim])
             else:
                 surfaces = lighter(far, LevelBudget(n_rest, budget.face))
-            level = joined([surfaces, mine])
+            level = join_skinned_meshes([surfaces, mine])
             if holds((*levels, level)):
                 break
         else:
@@ -349,9 +355,9 @@ def levels_of(
         tried: list[tuple[float, SkinnedMesh]] = []
         for fewer, first in _TRIED:
             mine = hair_at(coarse, first) if first else locks_of[coarse]
-            thin = thinned(unshaded, n - fewer - len(mine.triangles))
-            copy = joined([_coloured_as(thin, unshaded, far), mine])
-            copy = matched(copy, levels[0])
+            thin = thin_mesh(unshaded, n - fewer - len(mine.triangles))
+            copy = join_skinned_meshes([_coloured_as(thin, unshaded, far), mine])
+            copy = match_areas(copy, levels[0])
             tried.append((worst_area_error(copy, levels[0]), copy))
             if tried[-1][0] < (_FAIR_COPY if first else _GOOD_COPY):
                 break

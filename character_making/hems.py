@@ -13,7 +13,7 @@ from character_making.figure import SIDES
 from character_making.pieces import Indices
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.character import Character, SkinnedMesh
-from visavis.stimuli.characters.levels import kept
+from visavis.stimuli.characters.levels import keep_triangles
 from visavis.stimuli.characters.rest_pose import heaviest
 
 LENGTH = 0.048
@@ -56,7 +56,7 @@ def with_hems(character: Character, length: float = LENGTH) -> Character:
             _trouser_leg(cloth, side, drawn_in=i < n)
             _stiff_if_coarse(cloth, side)
         # All of it is below clothes; an open front would show what is left where one sits.
-        meshes.append(kept(cloth.mesh(), ~cloth.bare_hips()) if i < n else cloth.mesh())
+        meshes.append(keep_triangles(cloth.mesh(), ~cloth.bare_hips()) if i < n else cloth.mesh())
     return replace(character, levels=tuple(meshes[:n]), measuring=tuple(meshes[n:]))
 
 

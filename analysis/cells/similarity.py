@@ -175,15 +175,15 @@ def compare_blocks_together(
         halves[i, one] = 1.0
     stay = np.zeros(n, bool)
     within, between = _over_crowds(visits, halves, stay, variant)
-    observed = within - between
+    difference = within - between
     as_extreme = 1
     for _ in range(n_permutations):
         w, v = _over_crowds(visits, halves, rng.random(n) < 0.5, variant)
-        as_extreme += w - v >= observed - 1e-12
+        as_extreme += w - v >= difference - 1e-12
     return BlockComparison(
         within=within,
         between=between,
-        difference=observed,
+        difference=difference,
         p=as_extreme / (n_permutations + 1),
         variant=variant,
         n_people=n,
@@ -233,15 +233,15 @@ def _mean_over_crowds(pairs: Vector) -> Vector:
 
 
 def _mean_of_known(values: Vector, axis: int) -> Vector:
-    known = np.isfinite(values)
-    total = np.where(known, values, 0.0).sum(axis=axis)
-    count = known.sum(axis=axis)
+    is_known = np.isfinite(values)
+    total = np.where(is_known, values, 0.0).sum(axis=axis)
+    count = is_known.sum(axis=axis)
     mean: Vector = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return mean
 
 
 class Visits:
-    """Who visited which cell in two blocks of one crowd: `first`, `second` (people, cells) 0 or 1.
+    """Cells visited in two blocks of one crowd: `first`, `second` (people, cells) hold 0 or 1.
 
     `present` (people,) tells who walked in both blocks; rows of others are empty.
     """
@@ -272,10 +272,12 @@ class Visits:
                 self._dice = 2 * (rows @ rows.T) / np.where(total > 0, total, np.nan)
         return self._dice
 
-    def exchanged(self, swap: npt.NDArray[np.bool_]) -> tuple[Vector, Vector]:
+    def with_exchange(self, swap: npt.NDArray[np.bool_]) -> tuple[Vector, Vector]:
         """Return both blocks' matrices with the paths of some people exchanged."""
-        chosen = swap[:, None]
-        return np.where(chosen, self.second, self.first), np.where(chosen, self.first, self.second)
+        swap_rows = swap[:, None]
+        return np.where(swap_rows, self.second, self.first), np.where(
+            swap_rows, self.first, self.second
+        )
 
     def order(self, swap: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.intp], ...]:
         """Return the rows of `dice` that hold each block when some people's are exchanged."""
@@ -312,12 +314,12 @@ def _over_crowds(
     visits: Sequence[Visits], halves: Vector, swap: npt.NDArray[np.bool_], variant: Variant
 ) -> tuple[float, float]:
     """Return mean similarity within and between blocks over crowds and splits."""
-    found = np.array([_matched(v, halves, swap, variant) for v in visits])
-    within, between = np.nanmean(found, axis=0)
+    pairs = np.array([_within_and_between(v, halves, swap, variant) for v in visits])
+    within, between = np.nanmean(pairs, axis=0)
     return float(within), float(between)
 
 
-def _matched(
+def _within_and_between(
     visits: Visits, halves: Vector, swap: npt.NDArray[np.bool_], variant: Variant
 ) -> tuple[float, float]:
     one, other = halves * visits.present, (1 - halves) * visits.present
@@ -327,24 +329,24 @@ def _matched(
 
         def pairs(p: npt.NDArray[np.intp], q: npt.NDArray[np.intp]) -> Vector:
             block = np.nan_to_num(dice[np.ix_(p, q)])
-            known = np.isfinite(dice[np.ix_(p, q)]).astype(float)
+            is_known = np.isfinite(dice[np.ix_(p, q)]).astype(float)
             total = ((one @ block) * other).sum(axis=1)
-            count = ((one @ known) * other).sum(axis=1)
+            count = ((one @ is_known) * other).sum(axis=1)
             means: Vector = total / np.where(count > 0, count, np.nan)
             return means
 
         within = pairs(rows_a, rows_a) + pairs(rows_b, rows_b)
         between = pairs(rows_a, rows_b) + pairs(rows_b, rows_a)
     else:
-        a, b = visits.exchanged(swap)
-        sums = [_shared(half, block, variant) for half in (one, other) for block in (a, b)]
+        a, b = visits.with_exchange(swap)
+        sums = [_visit_shares(half, block, variant) for half in (one, other) for block in (a, b)]
         a_one, b_one, a_other, b_other = sums
         within = _dice_rows(a_one, a_other) + _dice_rows(b_one, b_other)
         between = _dice_rows(a_one, b_other) + _dice_rows(b_one, a_other)
     return float(np.nanmean(within)) / 2, float(np.nanmean(between)) / 2
 
 
-def _shared(half: Vector, block: Vector, variant: Variant) -> Vector:
+def _visit_shares(half: Vector, block: Vector, variant: Variant) -> Vector:
     """Return (splits, cells) what a half visits: yes or no, or by what share of it."""
     visits: Vector = half @ block
     if variant == "union":

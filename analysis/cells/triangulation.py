@@ -94,22 +94,22 @@ def triangulate(
         raise SamePlace(f"characters {who} stand at the same place; move one of them")
     if cocircular == "jitter" and rng is None:
         raise Cocircular("jitter needs a random generator (rng), so that it can be repeated")
-    moved = points
+    jittered_points = points
     while True:
-        listed = [(int(x), int(y)) for x, y in moved]
+        point_list = [(int(x), int(y)) for x, y in jittered_points]
         try:
-            triangles = _delaunay(listed)
+            triangles = _delaunay(point_list)
         except Cocircular:
             if cocircular == "refuse" or rng is None:
                 raise
-            moved = points + rng.integers(-JITTER_UM, JITTER_UM + 1, points.shape)
+            jittered_points = points + rng.integers(-JITTER_UM, JITTER_UM + 1, points.shape)
             continue
         beside = {}
         for a, b, c in triangles:
             beside[a, b], beside[b, c], beside[c, a] = c, a, b
-        shift = int(np.abs(moved - points).max())
+        shift = int(np.abs(jittered_points - points).max())
         return Triangulation(
-            np.array(positions_m, float), tuple(listed), tuple(triangles), beside, shift
+            np.array(positions_m, float), tuple(point_list), tuple(triangles), beside, shift
         )
 
 

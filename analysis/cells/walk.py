@@ -70,25 +70,25 @@ def walk(triangulation: Triangulation, path_m: npt.ArrayLike) -> CellPath:
     path = np.asarray(path_m, float)
     if path.ndim != 2 or path.shape[1] != 2:
         raise MalformedPositions(f"the path has shape {path.shape}; give (n, 2) in metres")
-    lost = np.isnan(path).any(axis=1)
-    if lost.all():
+    is_lost = np.isnan(path).any(axis=1)
+    if is_lost.all():
         raise MalformedPositions("the path has no sample; leave out trials without tracking")
-    whole = to_micrometres(np.where(lost[:, None], 0.0, path), "path")
+    whole = to_micrometres(np.where(is_lost[:, None], 0.0, path), "path")
     points = [(int(x), int(y)) for x, y in whole]
     cells: list[Cell | None] = []
     crossings: list[Crossing] = []
     starts: list[int] = []
     triangle: Cell | None = None
     for i, point in enumerate(points):
-        if lost[i]:
+        if is_lost[i]:
             continue
-        if i == 0 or lost[i - 1]:
+        if i == 0 or is_lost[i - 1]:
             triangle = locate(triangulation, point)
             starts.append(len(cells))
             cells.append(None if triangle is None else as_cell(triangle))
-        if i + 1 < len(points) and not lost[i + 1]:
+        if i + 1 < len(points) and not is_lost[i + 1]:
             triangle = _step(triangulation, triangle, points, i, cells, crossings)
-    return CellPath(tuple(cells), tuple(crossings), tuple(starts), int(lost.sum()))
+    return CellPath(tuple(cells), tuple(crossings), tuple(starts), int(is_lost.sum()))
 
 
 def locate(triangulation: Triangulation, point_um: Point) -> Cell | None:

@@ -14,7 +14,12 @@ from visavis.analysis.collisions.errors import (
     OpenMesh,
     TooLargeForVoxels,
 )
-from visavis.analysis.collisions.meshes import ClosedMesh, closed_mesh, enclosed_volume_m3, posed
+from visavis.analysis.collisions.meshes import (
+    ClosedMesh,
+    closed_mesh,
+    enclosed_volume_m3,
+    mesh_in_pose,
+)
 from visavis.analysis.collisions.series import Collision, find_collisions, nearest_part, speed_at
 from visavis.analysis.collisions.shapes import box, capsule, inside_out, sphere, union
 from visavis.analysis.collisions.volume import (
@@ -46,8 +51,8 @@ __all__ = [
     "enclosed_volume_m3",
     "find_collisions",
     "inside_out",
+    "mesh_in_pose",
     "nearest_part",
-    "posed",
     "speed_at",
     "sphere",
     "union",

@@ -41,6 +41,7 @@ def sides_of(vertices_m: Vector, low_m: Vector, high_m: Vector) -> npt.NDArray[n
     x1, y1, z1 = high_m[0], high_m[1], high_m[2]
     for i in range(n):
         x, y, z = vertices_m[i, 0], vertices_m[i, 1], vertices_m[i, 2]
+        # Outcodes (Cohen-Sutherland): faces whose corners share a bit lie beyond that side.
         code = np.int32(1) if x < x0 else np.int32(0)
         code |= np.int32(2) if x > x1 else np.int32(0)
         code |= np.int32(4) if y < y0 else np.int32(0)
@@ -80,6 +81,7 @@ def sweep(
 
     `order[start:end]` are the column's crossings in any order; they are sorted here.
     """
+    # Insertion sort by height: a column has a handful of crossings, so nothing else is faster.
     for i in range(start + 1, end):
         one = order[i]
         w = height[one]
@@ -88,6 +90,7 @@ def sweep(
             order[j + 1] = order[j]
             j -= 1
         order[j + 1] = one
+    # Walk upwards and count how often each surface winds round: `change` is ±1 for a, ±2 for b.
     n = 0
     begin = low_w
     inside = winding_a > 0 and winding_b > 0
@@ -129,8 +132,10 @@ def columns_in_both(
 
     The box (2, 3) as (u, v in columns, w) holds all that the bodies can share, surfaces that cross
     between columns included; it is inverted when they can share nothing.
-    Column number is row * n_u + i. Where more crossings than `room` are met, all is cast once more.
+    Column number is row * n_u + i. When there are more crossings than `room`, the buffers grow and
+    everything is cast again.
     """
+    # 1. Heights of both bodies by tile, spread to the neighbours that a face may reach into.
     cells = n_u * n_v
     across = tiles_across(n_u)
     tiles = across * tiles_across(n_v)
@@ -142,10 +147,11 @@ def columns_in_both(
     low_b, high_b = spread(low_b, across, -1.0), spread(high_b, across, 1.0)
     far_a = np.zeros(vertices_a.shape[0], np.uint8)
     far_b = np.zeros(vertices_b.shape[0], np.uint8)
-    met_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a, far_a)
-    met_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b, far_b)
+    candidates_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a, far_a)
+    candidates_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b, far_b)
     live = np.empty((2, 3))
     live[0], live[1] = np.inf, -np.inf
+    # 2. `live` is the box of all tiles in which the heights of both bodies overlap.
     for k in range(tiles):  # both bodies can only be between these heights
         low_a[k] = max(low_a[k], low_b[k], low_w)
         high_a[k] = min(high_a[k], high_b[k], high_w)
@@ -160,6 +166,8 @@ def columns_in_both(
         return np.empty(0, np.int32), np.empty((0, 2)), live
     over_a = over(place_a, first_a, n_u, high_a, far_a)
     over_b = over(place_b, first_b, n_u, high_a, far_b)
+    # 3. Cast both surfaces. `n` counts on when the buffers are full, so that a second round, if one
+    # is needed, has exactly the room.
     while True:
         below_a = np.zeros(cells, np.int32)
         below_b = np.zeros(cells, np.int32)
@@ -171,7 +179,7 @@ def columns_in_both(
             place_a,
             first_a,
             faces_a,
-            met_a,
+            candidates_a,
             over_a,
             n_u,
             n_v,
@@ -189,7 +197,7 @@ def columns_in_both(
             place_b,
             first_b,
             faces_b,
-            met_b,
+            candidates_b,
             over_b,
             n_u,
             n_v,
@@ -206,6 +214,7 @@ def columns_in_both(
         if n <= room:
             break
         room = n
+    # 4. Counting sort of the crossings by column.
     begin = np.empty(cells + 1, np.int32)
     total = 0
     longest = 0
@@ -215,15 +224,16 @@ def columns_in_both(
         longest = max(longest, count[k])
     begin[cells] = total
     order = np.empty(total, np.int32)
-    filled = begin[:cells].copy()
+    next_place = begin[:cells].copy()
     for i in range(n):
         at = np.uint32(column[i])
-        order[filled[at]] = i
-        filled[at] += 1
+        order[next_place[at]] = i
+        next_place[at] += 1
     intervals = np.empty((longest + 1, 2))
-    found_column = np.empty(total + cells, np.int32)
-    found = np.empty((total + cells, 2))
-    n_found = 0
+    columns = np.empty(total + cells, np.int32)
+    stretches = np.empty((total + cells, 2))
+    n_stretches = 0
+    # 5. Sweep every column that a crossing touches, or that lies inside both bodies throughout.
     for k in range(cells):
         if count[k] == 0 and (below_a[k] <= 0 or below_b[k] <= 0):
             continue
@@ -241,7 +251,7 @@ def columns_in_both(
             intervals,
         )
         for i in range(m):
-            found_column[n_found] = k
-            found[n_found, 0], found[n_found, 1] = intervals[i, 0], intervals[i, 1]
-            n_found += 1
-    return found_column[:n_found], found[:n_found], live
+            columns[n_stretches] = k
+            stretches[n_stretches, 0], stretches[n_stretches, 1] = intervals[i, 0], intervals[i, 1]
+            n_stretches += 1
+    return columns[:n_stretches], stretches[:n_stretches], live

@@ -28,6 +28,7 @@ def crossing_box(
     Only faces that reach into the box `low_m`..`high_m` are looked at. Zero meetings mean that
     the surfaces are apart or one encloses the other.
     """
+    # Divide the box into buckets of about 3 cm, so that a face is compared with near ones alone.
     size = np.empty(3)
     shape = np.empty(3, np.int64)
     for k in range(3):
@@ -36,12 +37,14 @@ def crossing_box(
         size[k] = extent / shape[k]
     boxes, spans = _boxes(vertices_b, faces_b, near_b, low_m, high_m, size, shape)
     mine, reach = _boxes(vertices_a, faces_a, near_a, low_m, high_m, size, shape)
-    marked = np.zeros(shape[0] * shape[1] * shape[2], np.uint8)
-    _mark(spans, shape, marked, 1)
-    if not _mark(reach, shape, marked, 2):
+    # Bit 1: surface b reaches the bucket, bit 2: a does. Without a common bucket nothing crosses.
+    marks = np.zeros(shape[0] * shape[1] * shape[2], np.uint8)
+    _mark(spans, shape, marks, 1)
+    if not _mark(reach, shape, marks, 2):
         return 0, np.full((2, 3), np.nan)
-    head = np.full(marked.size, -1, np.int32)
-    entries = _entries(spans, shape, marked)
+    # Faces of b as linked lists, one for each bucket that both surfaces reach.
+    head = np.full(marks.size, -1, np.int32)
+    entries = _entries(spans, shape, marks)
     after = np.empty(entries, np.int32)
     owner = np.empty(entries, np.int32)
     n = 0
@@ -50,14 +53,15 @@ def crossing_box(
             for y in range(spans[j, 1], spans[j, 4]):
                 for z in range(spans[j, 2], spans[j, 5]):
                     bucket = (x * shape[1] + y) * shape[2] + z
-                    if marked[bucket] != 3:
+                    if marks[bucket] != 3:
                         continue
                     after[n], owner[n] = head[bucket], j
                     head[bucket] = n
                     n += 1
-    found = np.empty((2, 3))
-    found[0], found[1] = np.inf, -np.inf
-    met = 0
+    # A pair that shares several buckets is met in each; only zero or not matters to callers.
+    box = np.empty((2, 3))
+    box[0], box[1] = np.inf, -np.inf
+    n_meetings = 0
     for i in range(near_a.shape[0]):
         for x in range(reach[i, 0], reach[i, 3]):
             for y in range(reach[i, 1], reach[i, 4]):
@@ -76,36 +80,40 @@ def crossing_box(
                         ):
                             continue
                         f, g = near_a[i], near_b[j]
-                        met += edges_through(vertices_a, faces_a, f, vertices_b, faces_b, g, found)
-                        met += edges_through(vertices_b, faces_b, g, vertices_a, faces_a, f, found)
-    return met, found
+                        n_meetings += edges_through(
+                            vertices_a, faces_a, f, vertices_b, faces_b, g, box
+                        )
+                        n_meetings += edges_through(
+                            vertices_b, faces_b, g, vertices_a, faces_a, f, box
+                        )
+    return n_meetings, box
 
 
 @compiled
 def _mark(
-    spans: Crossings, shape: npt.NDArray[np.int64], marked: npt.NDArray[np.uint8], bit: int
+    spans: Crossings, shape: npt.NDArray[np.int64], marks: npt.NDArray[np.uint8], bit: int
 ) -> bool:
     """Set a bit in all buckets reached; tell whether one of them had another bit already."""
-    shared = False
+    any_overlap = False
     for j in range(spans.shape[0]):
         for x in range(spans[j, 0], spans[j, 3]):
             for y in range(spans[j, 1], spans[j, 4]):
                 for z in range(spans[j, 2], spans[j, 5]):
                     bucket = (x * shape[1] + y) * shape[2] + z
-                    marked[bucket] |= bit
-                    shared |= marked[bucket] != bit
-    return shared
+                    marks[bucket] |= bit
+                    any_overlap |= marks[bucket] != bit
+    return any_overlap
 
 
 @compiled
-def _entries(spans: Crossings, shape: npt.NDArray[np.int64], marked: npt.NDArray[np.uint8]) -> int:
+def _entries(spans: Crossings, shape: npt.NDArray[np.int64], marks: npt.NDArray[np.uint8]) -> int:
     """Count the buckets that both surfaces reach, each as often as it is reached."""
     n = 0
     for j in range(spans.shape[0]):
         for x in range(spans[j, 0], spans[j, 3]):
             for y in range(spans[j, 1], spans[j, 4]):
                 for z in range(spans[j, 2], spans[j, 5]):
-                    n += marked[(x * shape[1] + y) * shape[2] + z] == 3
+                    n += marks[(x * shape[1] + y) * shape[2] + z] == 3
     return n
 
 
@@ -137,6 +145,7 @@ def _boxes(
             end = int(min(max((most - low_m[k]) / size[k], 0.0), shape[k] - 1.0)) + 1
             spans[i, k], spans[i, k + 3] = begin, end
         if apart:
+            # an empty range along x: the face reaches no bucket
             spans[i, 3] = spans[i, 0] = 0
     return boxes, spans
 
@@ -149,9 +158,10 @@ def edges_through(
     vertices_b: Vector,
     faces_b: Faces,
     g: int,
-    found: Vector,
+    box: Vector,
 ) -> int:
-    """Count edges of face f that meet face g, touching included; widen `found` by the points."""
+    """Count edges of face f that meet face g, touching included; widen `box` by the points."""
+    # Coordinates from a corner of face g, which keeps digits far from the origin.
     g0, g1, g2 = faces_b[g, 0], faces_b[g, 1], faces_b[g, 2]
     ox, oy, oz = vertices_b[g0, 0], vertices_b[g0, 1], vertices_b[g0, 2]
     px, py, pz = vertices_b[g1, 0] - ox, vertices_b[g1, 1] - oy, vertices_b[g1, 2] - oz
@@ -160,24 +170,26 @@ def edges_through(
     area = nx * nx + ny * ny + nz * nz
     if area == 0.0:
         return 0
-    met = 0
+    n_meetings = 0
     for k in range(3):
         i, j = faces_a[f, k], faces_a[f, (k + 1) % 3]
         ax, ay, az = vertices_a[i, 0] - ox, vertices_a[i, 1] - oy, vertices_a[i, 2] - oz
         bx, by, bz = vertices_a[j, 0] - ox, vertices_a[j, 1] - oy, vertices_a[j, 2] - oz
+        # Signed distances from the plane of g, times twice its area.
         da = nx * ax + ny * ay + nz * az
         db = nx * bx + ny * by + nz * bz
         if (da > 0.0 and db > 0.0) or (da < 0.0 and db < 0.0) or da == db:
             continue
         t = da / (da - db)
         x, y, z = ax + t * (bx - ax), ay + t * (by - ay), az + t * (bz - az)
+        # Barycentric coordinates of the piercing point, times the squared normal.
         along_q = nx * (py * z - pz * y) + ny * (pz * x - px * z) + nz * (px * y - py * x)
         along_p = nx * (y * qz - z * qy) + ny * (z * qx - x * qz) + nz * (x * qy - y * qx)
         slack = _SLACK * area
         if along_q < -slack or along_p < -slack or along_q + along_p > area + slack:
             continue
-        met += 1
-        found[0, 0], found[1, 0] = min(found[0, 0], x + ox), max(found[1, 0], x + ox)
-        found[0, 1], found[1, 1] = min(found[0, 1], y + oy), max(found[1, 1], y + oy)
-        found[0, 2], found[1, 2] = min(found[0, 2], z + oz), max(found[1, 2], z + oz)
-    return met
+        n_meetings += 1
+        box[0, 0], box[1, 0] = min(box[0, 0], x + ox), max(box[1, 0], x + ox)
+        box[0, 1], box[1, 1] = min(box[0, 1], y + oy), max(box[1, 1], y + oy)
+        box[0, 2], box[1, 2] = min(box[0, 2], z + oz), max(box[1, 2], z + oz)
+    return n_meetings

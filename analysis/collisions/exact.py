@@ -17,7 +17,7 @@ from visavis.lab.geometry import Vector
 
 _GAUSS = 0.5 / np.sqrt(3.0)
 _ROUNDING_M3 = 1e-18
-"""Sums of rounding errors stay below; a millionth of a cubic millimetre is a thousand times it."""
+"""Rounding errors sum to less; a millionth of a cubic millimetre is a thousand times as much."""
 
 
 @compiled
@@ -46,6 +46,7 @@ def exact_volume(
     for i in range(n):
         begins[i] = min(corners[i, 0, 0], corners[i, 1, 0], corners[i, 2, 0])
         ends[i] = max(corners[i, 0, 0], corners[i, 1, 0], corners[i, 2, 0])
+    # Sweep along x: `active` are the faces that reach across the slab between two events.
     order = np.argsort(begins)
     active = np.empty(n, np.int64)
     n_active, following = 0, 0
@@ -59,12 +60,13 @@ def exact_volume(
             active[n_active] = order[following]
             n_active += 1
             following += 1
-        kept = 0
+        n_kept = 0
         for i in range(n_active):
             if ends[active[i]] > middle:
-                active[kept] = active[i]
-                kept += 1
-        n_active = kept
+                active[n_kept] = active[i]
+                n_kept += 1
+        n_active = n_kept
+        # The area is quadratic within a slab, so two Gauss points integrate it exactly.
         for side in (-_GAUSS, _GAUSS):
             x = middle + side * width
             area, area_z, area_y = _section(corners, active[:n_active], n_a, x, low[2], high[2])
@@ -81,9 +83,9 @@ def exact_volume(
 def _events(corners: Vector, low_x: float, high_x: float) -> Vector:
     """Return sorted places along x where the cross-section changes its shape."""
     n = corners.shape[0]
-    found = np.empty(3 * n + 1024)
-    found[0], found[1] = low_x, high_x
-    used = 2
+    places = np.empty(3 * n + 1024)
+    places[0], places[1] = low_x, high_x
+    n_places = 2
     vertices = corners.reshape((3 * n, 3))
     faces = np.arange(3 * n).astype(np.int32).reshape((n, 3))
     boxes = np.empty((n, 6))
@@ -92,8 +94,9 @@ def _events(corners: Vector, low_x: float, high_x: float) -> Vector:
             p, q, r = corners[i, 0, k], corners[i, 1, k], corners[i, 2, k]
             boxes[i, k], boxes[i, k + 3] = min(p, q, r), max(p, q, r)
             if low_x < corners[i, k, 0] < high_x:
-                found[used] = corners[i, k, 0]
-                used += 1
+                places[n_places] = corners[i, k, 0]
+                n_places += 1
+    # Faces in order of their lowest x, so that a face is compared only with those that overlap it.
     order = np.argsort(boxes[:, 0])
     span = np.empty((2, 3))
     for one in range(n):
@@ -110,15 +113,16 @@ def _events(corners: Vector, low_x: float, high_x: float) -> Vector:
             ):
                 continue
             span[0], span[1] = np.inf, -np.inf
-            met = edges_through(vertices, faces, i, vertices, faces, j, span)
-            met += edges_through(vertices, faces, j, vertices, faces, i, span)
-            if met == 0:
+            n_meetings = edges_through(vertices, faces, i, vertices, faces, j, span)
+            n_meetings += edges_through(vertices, faces, j, vertices, faces, i, span)
+            if n_meetings == 0:
                 continue
-            if used + 2 > found.size:
-                found = np.append(found, np.empty(found.size))
-            found[used], found[used + 1] = span[0, 0], span[1, 0]
-            used += 2
-    events = np.sort(found[:used])
+            # Two crossing faces share a segment; the cross-section changes at both of its ends.
+            if n_places + 2 > places.size:
+                places = np.append(places, np.empty(places.size))
+            places[n_places], places[n_places + 1] = span[0, 0], span[1, 0]
+            n_places += 2
+    events = np.sort(places[:n_places])
     return events[(events >= low_x) & (events <= high_x)]
 
 
@@ -132,10 +136,11 @@ def _section(
     step = np.empty(n, np.int8)
     places = np.empty(2 * n + 66)
     places[0], places[1] = low_z, high_z
-    used = 2
+    n_places = 2
     k = 0
     for m in range(n):
         f = active[m]
+        # The face cuts the plane in a segment; its direction says on which side of it inside lies.
         z_up = z_down = y_up = y_down = 0.0
         for c in range(3):
             p, q = corners[f, c], corners[f, (c + 1) % 3]
@@ -157,9 +162,10 @@ def _section(
             step[k] = 1
         if f >= n_a:
             step[k] *= 2
-        places[used], places[used + 1] = ends[k, 0], ends[k, 2]
-        used += 2
+        places[n_places], places[n_places + 1] = ends[k, 0], ends[k, 2]
+        n_places += 2
         k += 1
+    # Where two segments cross, the order of heights changes: another place along z.
     order = np.argsort(ends[:k, 0])
     for one in range(k):
         i = order[one]
@@ -174,11 +180,12 @@ def _section(
             gap = ends[j, 1] - (ends[i, 1] + (ends[j, 0] - ends[i, 0]) * slope_i)
             z = ends[j, 0] + gap / (slope_i - slope_j)
             if ends[j, 0] < z < min(ends[i, 2], ends[j, 2]):
-                if used == places.size:
+                if n_places == places.size:
                     places = np.append(places, np.empty(places.size))
-                places[used] = z
-                used += 1
-    places = np.sort(places[:used])
+                places[n_places] = z
+                n_places += 1
+    places = np.sort(places[:n_places])
+    # Sweep along z. Heights are kept sorted by insertion: the order hardly changes between places.
     area = area_z = area_y = 0.0
     active_here = np.empty(k, np.int64)
     heights = np.empty(k)
@@ -193,21 +200,22 @@ def _section(
             active_here[n_here] = order[following]
             n_here += 1
             following += 1
-        kept = 0
+        n_kept = 0
         for i in range(n_here):
             s = active_here[i]
             if ends[s, 2] <= z:
                 continue
-            active_here[kept] = s
+            active_here[n_kept] = s
             t = (z - ends[s, 0]) / (ends[s, 2] - ends[s, 0])
             y = ends[s, 1] + t * (ends[s, 3] - ends[s, 1])
-            j = kept - 1
+            j = n_kept - 1
             while j >= 0 and heights[j] > y:
                 heights[j + 1], steps[j + 1] = heights[j], steps[j]
                 j -= 1
             heights[j + 1], steps[j + 1] = y, step[s]
-            kept += 1
-        n_here = kept
+            n_kept += 1
+        n_here = n_kept
+        # Upwards along y the winding numbers tell which stretches lie inside both bodies.
         in_a = in_b = 0
         for i in range(n_here - 1):
             if steps[i] == 1 or steps[i] == -1:

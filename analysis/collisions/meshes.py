@@ -1,4 +1,4 @@
-"""Hold closed, outward-facing triangle meshes, and make them of what a file or a rig gives."""
+"""Closed, outward-facing triangle meshes, and how to build them from a file or a rig."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ class ClosedMesh:
     `vertices_m` (n, 3) float64, `faces` (m, 3) int32, counter-clockwise seen from outside. A point
     is inside where the surface winds round it more than zero times, so overlapping parts count
     once and a cavity (a part turned inside out within another) counts as outside. `repairs` says
-    in words what `closed_mesh` changed. Build it with `closed_mesh`, move it with `posed`.
+    in words what `closed_mesh` changed. Build it with `closed_mesh`, move it with `mesh_in_pose`.
     """
 
     vertices_m: Vector
@@ -40,33 +40,35 @@ def closed_mesh(
 ) -> ClosedMesh:
     """Check a mesh, and repair it where that cannot change the body.
 
-    Vertices at equal places are joined, collapsed faces dropped, one side kept of a surface that is
-    there from both, faces turned to agree with
-    their neighbours, parts that are inside out turned (a cavity inside another part stays), and
-    holes of a perimeter up to `largest_hole_m` closed. Vertices keep their number and order, so a
-    rig's skin still fits. Raises NonFiniteMesh, MalformedMesh (also when nothing is
-    enclosed), OpenMesh or NotOrientable, each naming the mesh.
+    Vertices at equal places are joined, collapsed faces are dropped, a surface drawn from both
+    sides keeps one of them, faces are turned to agree with their neighbours, parts that are inside
+    out are turned (a cavity inside another part stays), and holes of a perimeter up to
+    `largest_hole_m` are closed. Vertices keep their number and order, so a rig's skin still fits.
+    Raises NonFiniteMesh, MalformedMesh (also when nothing is enclosed), OpenMesh or NotOrientable,
+    each naming the mesh.
     """
     vertices = np.array(vertices_m, dtype=np.float64, order="C")
-    given = np.array(faces)
+    triangles = np.array(faces)
     if vertices.ndim != 2 or vertices.shape[1:] != (3,):
         raise MalformedMesh(f"{name}: vertices have shape {vertices.shape}; give (n, 3)")
-    if given.ndim != 2 or given.shape[1:] != (3,) or len(given) == 0:
-        raise MalformedMesh(f"{name}: faces have shape {given.shape}; give (m, 3) triangles")
-    if not np.issubdtype(given.dtype, np.integer):
-        raise MalformedMesh(f"{name}: faces are {given.dtype}; give whole vertex numbers")
-    if given.min() < 0 or given.max() >= len(vertices):
-        row = int(np.argmax((given < 0).any(1) | (given >= len(vertices)).any(1)))
+    if triangles.ndim != 2 or triangles.shape[1:] != (3,) or len(triangles) == 0:
+        raise MalformedMesh(f"{name}: faces have shape {triangles.shape}; give (m, 3) triangles")
+    if not np.issubdtype(triangles.dtype, np.integer):
+        raise MalformedMesh(f"{name}: faces are {triangles.dtype}; give whole vertex numbers")
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        row = int(np.argmax((triangles < 0).any(1) | (triangles >= len(vertices)).any(1)))
         raise MalformedMesh(
-            f"{name}: face {row} names vertex {given[row].tolist()} of {len(vertices)}; "
+            f"{name}: face {row} names vertex {triangles[row].tolist()} of {len(vertices)}; "
             "export the mesh again"
         )
     require_finite(vertices, name)
-    closed, repairs = repaired_faces(vertices, given.astype(np.int32), name, largest_hole_m)
-    return ClosedMesh(vertices, closed, repairs)
+    outward_faces, repairs = repaired_faces(
+        vertices, triangles.astype(np.int32), name, largest_hole_m
+    )
+    return ClosedMesh(vertices, outward_faces, repairs)
 
 
-def posed(mesh: ClosedMesh, vertices_m: npt.ArrayLike, *, name: str = "mesh") -> ClosedMesh:
+def mesh_in_pose(mesh: ClosedMesh, vertices_m: npt.ArrayLike, *, name: str = "mesh") -> ClosedMesh:
     """Return the mesh with its vertices elsewhere; only their number and values are checked."""
     vertices = np.ascontiguousarray(vertices_m, dtype=np.float64)
     if vertices.shape != mesh.vertices_m.shape:

@@ -1,4 +1,4 @@
-"""Measure what two surfaces have in common, coarsely first and again where that is small."""
+"""Measure the common volume of two surfaces: coarsely first, finely again where it is small."""
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,7 @@ def measure_pair(
     farther apart than an eighth of `cell_m`, four times as close. The centre is NaN where nothing
     is common.
     """
+    # Nothing is common outside the common box.
     box_a, box_b = bounds(vertices_a), bounds(vertices_b)
     low, high = np.maximum(box_a[0], box_b[0]), np.minimum(box_a[1], box_b[1])
     return measure_within(
@@ -64,18 +65,21 @@ def measure_within(
     own_b, shape_b = _in_shadow(vertices_b, faces_b, axis, low, high)
     if shape_a.shape[0] == 0 or shape_b.shape[0] == 0:
         return 0.0, nothing, cell_m, 0, 0
-    volume, centre, n, active, shared = measure_box(
+    # Coarse pass over the whole box.
+    volume, centre, n, active, common_box = measure_box(
         own_a, shape_a, own_b, shape_b, axis, low, high, cell_m
     )
     if volume >= refine_below_m3:
         return volume, centre, cell_m, n, -1
-    if shared[0, axis] > shared[1, axis]:
+    if common_box[0, axis] > common_box[1, axis]:
         return 0.0, nothing, cell_m, 0, 0
-    low, high = np.maximum(low, shared[0]), np.minimum(high, shared[1])
+    # Small or zero: the surfaces must cross if they share anything that columns have missed, so
+    # look again where they do.
+    low, high = np.maximum(low, common_box[0]), np.minimum(high, common_box[1])
     near_a = faces_near(shape_a, sides_of(own_a, low, high))
     near_b = faces_near(shape_b, sides_of(own_b, low, high))
-    met, crossing = crossing_box(own_a, shape_a, near_a, own_b, shape_b, near_b, low, high)
-    if met == 0:
+    n_meetings, crossing = crossing_box(own_a, shape_a, near_a, own_b, shape_b, near_b, low, high)
+    if n_meetings == 0:
         return volume, centre, cell_m, n, 0
     if n > 0:
         for k in range(3):
@@ -86,25 +90,26 @@ def measure_within(
         np.maximum(low, crossing[0] - slack),
         np.minimum(high, crossing[1] + slack),
     )
+    # So close that about `columns_wanted` columns cover the footprint.
     sides = fine_high - fine_low
     footprint = sides[(axis + 1) % 3] * sides[(axis + 2) % 3]
     fine_m = min(cell_m / 2, np.sqrt(footprint / columns_wanted))
     own_a, shape_a = _in_shadow(own_a, shape_a, axis, fine_low, fine_high)
     own_b, shape_b = _in_shadow(own_b, shape_b, axis, fine_low, fine_high)
-    volume, centre, n, active, shared = measure_box(
+    volume, centre, n, active, common_box = measure_box(
         own_a, shape_a, own_b, shape_b, axis, fine_low, fine_high, fine_m
     )
     closer = 1.0
     if volume < refine_below_m3 * _LITTLE and fine_m > cell_m * _WIDE:
-        closer = 4.0  # little, in places far from each other: a long box, and columns far apart
+        closer = 4.0  # a little volume in scattered places: a long box, so columns lie far apart
     elif volume < refine_below_m3 * _LEAST:
         closer = 2.0
     if closer > 1.0:
         fine_m /= closer
-        volume, centre, n, active, shared = measure_box(
+        volume, centre, n, active, common_box = measure_box(
             own_a, shape_a, own_b, shape_b, axis, fine_low, fine_high, fine_m
         )
-    return volume, centre, fine_m, n, met
+    return volume, centre, fine_m, n, n_meetings
 
 
 @compiled
@@ -131,6 +136,7 @@ def measure_box(
     """Return volume, centre (3,), stretches inside both, and the box (2, 3) they may fill,
     and the box that holds all the bodies can share.
     """
+    # Columns run along `axis` (w); u and v are the two other axes in cyclic order.
     iu, iv = (axis + 1) % 3, (axis + 2) % 3
     n_u = min(_MAX_PIECES, max(1, int(np.ceil((high_m[iu] - low_m[iu]) / cell_m))))
     n_v = min(_MAX_PIECES, max(1, int(np.ceil((high_m[iv] - low_m[iv]) / cell_m))))
@@ -145,6 +151,7 @@ def measure_box(
     moment = np.zeros(3)
     box = np.empty((2, 3))
     box[0], box[1] = np.inf, -np.inf
+    # Midpoint rule: a column stands for a cell of step_u × step_v round it.
     for k in range(column.shape[0]):
         begin, end = stretch[k, 0], stretch[k, 1]
         u = low_m[iu] + (column[k] % n_u + 0.5) * step[iu]
@@ -159,12 +166,12 @@ def measure_box(
     centre = np.full(3, np.nan)
     if length > 0.0:
         centre = moment / length
-    shared = np.empty((2, 3))
+    common_box = np.empty((2, 3))
     for k in range(2):
-        shared[k, iu] = low_m[iu] + (live[k, 0] + 0.5) * step[iu]
-        shared[k, iv] = low_m[iv] + (live[k, 1] + 0.5) * step[iv]
-        shared[k, axis] = live[k, 2]
-    return length * step[iu] * step[iv], centre, column.shape[0], box, shared
+        common_box[k, iu] = low_m[iu] + (live[k, 0] + 0.5) * step[iu]
+        common_box[k, iv] = low_m[iv] + (live[k, 1] + 0.5) * step[iv]
+        common_box[k, axis] = live[k, 2]
+    return length * step[iu] * step[iv], centre, column.shape[0], box, common_box
 
 
 @compiled

@@ -14,7 +14,7 @@ Faces = npt.NDArray[np.int32]
 Edge = tuple[int, int]
 
 NOTHING_01 = 1e-14
-"""Share of the cube of its size that rounding may leave of a surface that encloses nothing."""
+"""A surface with less volume than this share of its size cubed encloses nothing: rounding alone."""
 
 
 def repaired_faces(
@@ -24,44 +24,45 @@ def repaired_faces(
 
     Raises OpenMesh, NotOrientable, or MalformedMesh when nothing is enclosed.
     """
-    done: list[str] = []
-    faces = _joined(vertices_m, faces, done)
-    faces = _without_collapsed(faces, name, done)
-    faces = _one_sided(faces, done)
-    if _unbalanced(faces):
-        faces = _agreeing(faces, name, done)
-        faces = _without_holes(vertices_m, faces, name, largest_hole_m, done)
-    faces = _outward(vertices_m, faces, name, done)
-    return np.ascontiguousarray(faces, dtype=np.int32), tuple(done)
+    repairs: list[str] = []
+    faces = _with_equal_corners_joined(vertices_m, faces, repairs)
+    faces = _without_collapsed(faces, name, repairs)
+    faces = _one_sided(faces, repairs)
+    if _has_unpaired_edges(faces):
+        faces = _agreeing(faces, name, repairs)
+        faces = _without_holes(vertices_m, faces, name, largest_hole_m, repairs)
+    faces = _outward(vertices_m, faces, name, repairs)
+    return np.ascontiguousarray(faces, dtype=np.int32), tuple(repairs)
 
 
-def _joined(vertices_m: Vector, faces: Faces, done: list[str]) -> Faces:
+def _with_equal_corners_joined(vertices_m: Vector, faces: Faces, repairs: list[str]) -> Faces:
     _, first, inverse = np.unique(vertices_m + 0.0, axis=0, return_index=True, return_inverse=True)
-    used = np.unique(faces)
+    corners = np.unique(faces)
     keep = first[inverse.reshape(-1)]
-    moved = int((keep[used] != used).sum())
-    if moved == 0:
+    n_joined = int((keep[corners] != corners).sum())
+    if n_joined == 0:
         return faces
-    done.append(f"joined {moved} vertices at equal places")
-    joined: Faces = keep[faces].astype(np.int32)
-    return joined
+    repairs.append(f"joined {n_joined} vertices at equal places")
+    with_shared_corners: Faces = keep[faces].astype(np.int32)
+    return with_shared_corners
 
 
-def _without_collapsed(faces: Faces, name: str, done: list[str]) -> Faces:
+def _without_collapsed(faces: Faces, name: str, repairs: list[str]) -> Faces:
     a, b, c = faces.T
-    collapsed = (a == b) | (b == c) | (c == a)
-    if collapsed.all():
+    is_collapsed = (a == b) | (b == c) | (c == a)
+    if is_collapsed.all():
         raise MalformedMesh(f"{name}: no face has three different corners; export it again")
-    if not collapsed.any():
+    if not is_collapsed.any():
         return faces
-    done.append(f"dropped {int(collapsed.sum())} collapsed faces")
-    kept: Faces = faces[~collapsed]
-    return kept
+    repairs.append(f"dropped {int(is_collapsed.sum())} collapsed faces")
+    rest: Faces = faces[~is_collapsed]
+    return rest
 
 
-def _one_sided(faces: Faces, done: list[str]) -> Faces:
-    """Keep one of every two faces that cover each other back to back, when all do: such a surface,
-    drawn from both sides, winds round nothing.
+def _one_sided(faces: Faces, repairs: list[str]) -> Faces:
+    """Keep one face of every back-to-back pair, if all faces are in such pairs.
+
+    A surface drawn from both sides has winding number zero everywhere, so it encloses nothing.
     """
     corners, which = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
     which = which.reshape(-1)
@@ -73,34 +74,34 @@ def _one_sided(faces: Faces, done: list[str]) -> Faces:
     down = np.bincount(which, weights=turn < 0, minlength=len(corners))
     if not (up == down).all():
         return faces
-    done.append(f"kept one side of {len(corners)} faces that were there from both")
+    repairs.append(f"kept one side of {len(corners)} faces that were there from both")
     first = np.unique(which, return_index=True)[1]
-    kept: Faces = faces[np.sort(first)]
-    return kept
+    one_side: Faces = faces[np.sort(first)]
+    return one_side
 
 
-def _directed(faces: Faces) -> npt.NDArray[np.int64]:
+def _directed_edges(faces: Faces) -> npt.NDArray[np.int64]:
     """Return (3 m, 2) directed edges, face by face."""
     return np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2).astype(np.int64)
 
 
 def _balance(faces: Faces) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Return undirected edges (k, 2) and how often each runs up minus down, (k,)."""
-    directed = _directed(faces)
-    up = np.where(directed[:, 0] < directed[:, 1], 1, -1)
-    edges, inverse = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
+    edges_of_faces = _directed_edges(faces)
+    up = np.where(edges_of_faces[:, 0] < edges_of_faces[:, 1], 1, -1)
+    edges, inverse = np.unique(np.sort(edges_of_faces, axis=1), axis=0, return_inverse=True)
     return edges, np.bincount(inverse.reshape(-1), weights=up).astype(np.int64)
 
 
-def _unbalanced(faces: Faces) -> bool:
+def _has_unpaired_edges(faces: Faces) -> bool:
     return bool(_balance(faces)[1].any())
 
 
-def _agreeing(faces: Faces, name: str, done: list[str]) -> Faces:
+def _agreeing(faces: Faces, name: str, repairs: list[str]) -> Faces:
     """Turn faces so that neighbours across an edge of two faces run it in opposite directions."""
-    directed = _directed(faces)
+    edges = _directed_edges(faces)
     _, inverse, count = np.unique(
-        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
+        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
     )
     inverse = inverse.reshape(-1)
     neighbours: list[list[tuple[int, bool]]] = [[] for _ in faces]
@@ -108,50 +109,50 @@ def _agreeing(faces: Faces, name: str, done: list[str]) -> Faces:
     starts = np.cumsum(count) - count
     for start in starts[count == 2]:
         i, j = order[start], order[start + 1]
-        same = bool((directed[i] == directed[j]).all())
+        same = bool((edges[i] == edges[j]).all())
         neighbours[i // 3].append((int(j // 3), same))
         neighbours[j // 3].append((int(i // 3), same))
-    turned = np.full(len(faces), -1, np.int8)
+    is_turned = np.full(len(faces), -1, np.int8)
     for seed in range(len(faces)):
-        if turned[seed] >= 0:
+        if is_turned[seed] >= 0:
             continue
-        turned[seed] = 0
+        is_turned[seed] = 0
         waiting = [seed]
         patch = [seed]
         while waiting:
             face = waiting.pop()
             for other, same in neighbours[face]:
-                wanted = turned[face] ^ same
-                if turned[other] < 0:
-                    turned[other] = wanted
+                must_turn = is_turned[face] ^ same
+                if is_turned[other] < 0:
+                    is_turned[other] = must_turn
                     waiting.append(other)
                     patch.append(other)
-                elif turned[other] != wanted:
+                elif is_turned[other] != must_turn:
                     raise NotOrientable(
                         f"{name}: faces {face} and {other} cannot both face outward; "
                         "the surface has no inside, repair it in a modelling program"
                     )
-        if 2 * int(turned[patch].sum()) > len(patch):
-            turned[patch] ^= 1
-    flip = turned == 1
+        if 2 * int(is_turned[patch].sum()) > len(patch):
+            is_turned[patch] ^= 1
+    flip = is_turned == 1
     if flip.any():
-        done.append(f"turned {int(flip.sum())} faces to agree with their neighbours")
+        repairs.append(f"turned {int(flip.sum())} faces to agree with their neighbours")
         faces = faces.copy()
         faces[flip] = faces[flip][:, ::-1]
     return faces
 
 
 def _without_holes(
-    vertices_m: Vector, faces: Faces, name: str, largest_hole_m: float, done: list[str]
+    vertices_m: Vector, faces: Faces, name: str, largest_hole_m: float, repairs: list[str]
 ) -> Faces:
-    """Close small holes by fans between vertices that are there, so a pose closes them too."""
+    """Close small holes by fans between existing vertices, so that every pose closes them too."""
     edges, balance = _balance(faces)
     after: dict[int, list[int]] = {}
     single = balance != 0
     for (a, b), up in zip(edges[single].tolist(), balance[single].tolist(), strict=True):
         start, end = (b, a) if up > 0 else (a, b)  # the missing face runs the other way
         after.setdefault(start, []).extend([end] * abs(up))
-    added = []
+    new_faces = []
     n_holes = 0
     while after:
         loop = _take_loop(after)
@@ -164,11 +165,11 @@ def _without_holes(
                 f"({x:.3f}, {y:.3f}, {z:.3f}); close it in a modelling program, or allow larger "
                 "holes to be closed (largest_hole_m)"
             )
-        added += [[loop[0], loop[i], loop[i + 1]] for i in range(1, len(loop) - 1)]
+        new_faces += [[loop[0], loop[i], loop[i + 1]] for i in range(1, len(loop) - 1)]
         n_holes += 1
     if n_holes:
-        done.append(f"closed {n_holes} holes with {len(added)} faces")
-        faces = np.concatenate([faces, np.array(added, np.int32)])
+        repairs.append(f"closed {n_holes} holes with {len(new_faces)} faces")
+        faces = np.concatenate([faces, np.array(new_faces, np.int32)])
     return faces
 
 
@@ -189,10 +190,10 @@ def _take_loop(after: dict[int, list[int]]) -> list[int]:
         path.append(follow)
 
 
-def _outward(vertices_m: Vector, faces: Faces, name: str, done: list[str]) -> Faces:
+def _outward(vertices_m: Vector, faces: Faces, name: str, repairs: list[str]) -> Faces:
     """Turn parts that are inside out, unless they are a cavity of another part."""
     n = len(vertices_m)
-    pairs = _directed(faces)
+    pairs = _directed_edges(faces)
     graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     _, part_of_vertex = connected_components(graph, directed=False)
     part = part_of_vertex[faces[:, 0]]
@@ -205,10 +206,10 @@ def _outward(vertices_m: Vector, faces: Faces, name: str, done: list[str]) -> Fa
             "give it thickness in a modelling program"
         )
     present = np.unique(part)
-    inverted = [int(p) for p in present if volume[p] < 0]
+    inside_out = [int(p) for p in present if volume[p] < 0]
     flip = np.zeros(len(faces), bool)
     solid = np.isin(part, [p for p in present if volume[p] > 0])
-    for p in inverted:
+    for p in inside_out:
         mine = part == p
         points = vertices_m[faces[mine][:: max(1, int(mine.sum()) // 16), 0]]
         within = solid.any() and all(
@@ -218,7 +219,7 @@ def _outward(vertices_m: Vector, faces: Faces, name: str, done: list[str]) -> Fa
             flip |= mine
     if flip.any():
         count = np.unique(part[flip]).size
-        done.append(f"turned {count} part{'s' * (count != 1)} that faced inward")
+        repairs.append(f"turned {count} part{'s' * (count != 1)} that faced inward")
         faces = faces.copy()
         faces[flip] = faces[flip][:, ::-1]
     return faces

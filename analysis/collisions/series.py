@@ -66,7 +66,7 @@ def find_collisions(
     if (volumes < 0).any() or np.isinf(volumes).any():
         row, character = np.argwhere((volumes < 0) | np.isinf(volumes))[0]
         raise MalformedSeries(f"row {row}, character {character}: no volume; measure it again")
-    found = []
+    collisions = []
     n = len(t_ns)
     for character in range(volumes.shape[1]):
         column = volumes[:, character]
@@ -77,7 +77,7 @@ def find_collisions(
             after_known = past < n and not np.isnan(column[past])
             peak = int(start + np.argmax(column[start:past]))
             duration = int(t_ns[past - 1] - t_ns[start])
-            found.append(
+            collisions.append(
                 Collision(
                     character=character,
                     start_ns=int(t_ns[start]),
@@ -90,7 +90,7 @@ def find_collisions(
                     rule=rule,
                 )
             )
-    return tuple(sorted(found, key=lambda c: (c.start_ns, c.character)))
+    return tuple(sorted(collisions, key=lambda c: (c.start_ns, c.character)))
 
 
 def speed_at(t_ns: npt.NDArray[np.int64], position_m: Vector, at_ns: int) -> float:
@@ -104,8 +104,8 @@ def speed_at(t_ns: npt.NDArray[np.int64], position_m: Vector, at_ns: int) -> flo
     i = min(i, len(t_ns) - 1)
     if i == 0:
         return float("nan")
-    moved = np.linalg.norm(position_m[i] - position_m[i - 1])
-    return float(moved / ((t_ns[i] - t_ns[i - 1]) / 1e9))
+    distance_m = np.linalg.norm(position_m[i] - position_m[i - 1])
+    return float(distance_m / ((t_ns[i] - t_ns[i - 1]) / 1e9))
 
 
 def nearest_part(

@@ -3,7 +3,7 @@
 Linear blend skinning. A cheap and strict test comes before any volume: every piece of a surface
 (the vertices that one joint moves most) lies in the box of its images by the joints that move it,
 because a blended vertex lies between its images. Where no boxes meet, nothing is shared. Once
-posed, the boxes of the faces of each slice of a piece are tighter and are asked again.
+posed, the boxes of the faces of each slice of a piece are tighter and are tested again.
 """
 
 from collections.abc import Sequence
@@ -23,8 +23,8 @@ Bones = npt.NDArray[np.int16]
 Index = npt.NDArray[np.int64]
 
 SLICE_M = 0.08
-"""Pieces are cut into slices so thick across their longest side at rest; each is a ring or a cap of
-the surface, so its box holds what lies inside, too."""
+"""Thickness of the slices into which a piece is cut along its longest side at rest. Each is a ring
+or a cap of the surface, so its box holds what lies inside, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,9 @@ class SkinnedBody:
                 f"weights of vertex {row} sum to {self.weights[row].sum():g}; make them sum to 1"
             )
 
-    def posed(self, position_m: Vector, orientation_wxyz: Vector, scale: float = 1.0) -> ClosedMesh:
+    def mesh_at(
+        self, position_m: Vector, orientation_wxyz: Vector, scale: float = 1.0
+    ) -> ClosedMesh:
         """Return the surface at joints (j, 3) and (j, 4) in world, at `scale` times its size."""
         vertices = np.empty_like(self.rest_m)
         moves = np.empty((len(self.joints_m), 3, 4))
@@ -149,10 +151,10 @@ def _pieces(body: SkinnedBody) -> tuple[Index, Index, Vector, Vector]:
     groups, joints, centres, halves = [], [], [], []
     for number, bone in enumerate(np.unique(strongest).tolist()):
         members = np.flatnonzero(strongest == bone)
-        moved = body.bones[members]
-        weighted = body.weights[members] > 0
-        for joint in np.unique(moved[weighted]).tolist():
-            own = members[((moved == joint) & weighted).any(axis=1)]
+        joints_of_members = body.bones[members]
+        has_weight = body.weights[members] > 0
+        for joint in np.unique(joints_of_members[has_weight]).tolist():
+            own = members[((joints_of_members == joint) & has_weight).any(axis=1)]
             low, high = body.rest_m[own].min(axis=0), body.rest_m[own].max(axis=0)
             groups.append(number)
             joints.append(joint)
@@ -166,6 +168,7 @@ def joint_moves(
     position: Vector, world: Vector, joints_m: Vector, scale: float, moves: Vector
 ) -> None:
     """Write what takes points at rest to world, (j, 3, 4), from joints (j, 3) and (j, 4)."""
+    # x ↦ s·R·(x − joint at rest) + joint now, as one 3 × 4 matrix.
     for j in range(position.shape[0]):
         m = moves[j]
         write_matrix((world[j, 0], world[j, 1], world[j, 2], world[j, 3]), m)
@@ -180,6 +183,7 @@ def joint_moves(
 @compiled
 def skin_vertices(rest: Vector, bones: Bones, weights: Vector, moves: Vector, out: Vector) -> None:
     """Write vertices (v, 3) moved by the blend of their four joints."""
+    # Linear blend skinning: Σ weight · move(vertex) over the four joints.
     for v in range(rest.shape[0]):
         x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
         px = py = pz = 0.0
@@ -212,6 +216,7 @@ def group_boxes(
     for q in range(group.shape[0]):
         g, m = group[q], moves[joint[q]]
         for r in range(3):
+            # The box of a turned box: |R| · half sides round the moved centre.
             at = m[r, 3]
             reach = 0.0
             for c in range(3):
@@ -273,6 +278,7 @@ def box_of_meetings(a: Vector, n_a: int, b: Vector, n_b: int, whole_b: Vector, b
         for j in range(n_b):
             if not boxes_meet(a[i], b[j]):
                 continue
+            # Union of the pairwise intersections; `box` stays inverted where no pair meets.
             for k in range(3):
                 box[0, k] = min(box[0, k], max(a[i, k], b[j, k]))
                 box[1, k] = max(box[1, k], min(a[i, k + 3], b[j, k + 3]))

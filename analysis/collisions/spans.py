@@ -5,8 +5,8 @@ from its lower end, so both triangles at an edge find the same number bit for bi
 belong half-open to what lies between two edges: every column crosses a closed surface in
 balanced signs, also through vertices and along edges.
 
-Three loops in place of one, each over what the one before has kept: what a row costs is mostly
-branches that a processor cannot foresee, and these have none.
+Three loops in place of one, each over the output of the one before: most of a row's cost is
+branches that the processor mispredicts, and these loops have none.
 """
 
 import numpy as np
@@ -40,10 +40,10 @@ _ENDS = _edges_across()
 
 
 @compiled
-def rows_met(
+def rows_of_faces(
     first: npt.NDArray[np.int16],
     faces: Faces,
-    met: Crossings,
+    candidates: Crossings,
     start: int,
     above: npt.NDArray[np.uint8],
     n_v: int,
@@ -51,28 +51,28 @@ def rows_met(
     row: Crossings,
 ) -> tuple[int, int]:
     """Write faces and the rows they meet until the buffers are full; return how many, and the
-    place in `met` to go on from.
+    place in `candidates` to go on from.
 
     Faces whose corners all lie `above` are left out. Buffers hold four rows more than there are.
     """
     room = face.shape[0] - 4
     n = 0
-    for i in range(start, met.shape[0]):
-        f = met[i]
+    for i in range(start, candidates.shape[0]):
+        f = candidates[i]
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         ra, rb, rc = int(first[a, 1]), int(first[b, 1]), int(first[c, 1])
         low = max(min(ra, rb, rc), 0)
         k = (min(max(ra, rb, rc), n_v) - low) * (1 - int(above[a] & above[b] & above[c]))
         if n + k > room:
             return n, i
-        for j in range(4):  # most triangles meet no more, and four are written without asking
+        for j in range(4):  # most triangles meet no more rows; writing four always saves a branch
             face[n + j] = f
             row[n + j] = low + j
         for j in range(4, k):
             face[n + j] = f
             row[n + j] = low + j
         n += k
-    return n, met.shape[0]
+    return n, candidates.shape[0]
 
 
 @compiled
@@ -96,6 +96,7 @@ def spans_of(
     most_u = float(n_u)
     for k in range(n):
         f, r = np.uint32(face[k]), row[k]
+        # One bit per corner at or below the row picks the two edges across it without a branch.
         lower = np.uint32(
             int(first[np.uint32(faces[f, 0]), 1] <= r)
             + 2 * int(first[np.uint32(faces[f, 1]), 1] <= r)
@@ -108,12 +109,14 @@ def spans_of(
         down = (v - place[c, 1]) / (place[d, 1] - place[c, 1])
         u_up = place[a, 0] + up * (place[b, 0] - place[a, 0])
         u_down = place[c, 0] + down * (place[d, 0] - place[c, 0])
+        # Half-open, [begin, end): neighbours that share an edge never both take its column.
         begin = np.int32(np.ceil(max(min(u_up, u_down), 0.0)))
         end = np.int32(np.ceil(min(max(u_up, u_down), most_u)))
         ends[m, 0], ends[m, 1] = u_up, u_down
         ends[m, 2] = place[a, 2] + up * (place[b, 2] - place[a, 2])
         ends[m, 3] = place[c, 2] + down * (place[d, 2] - place[c, 2])
         span[m, 0], span[m, 1], span[m, 2] = r, begin, end
+        # Spans without a column are overwritten by the next one.
         m += int(begin < end)
     return m
 
@@ -123,7 +126,7 @@ def cast(
     place: Vector,
     first: npt.NDArray[np.int16],
     faces: Faces,
-    met: Crossings,
+    candidates: Crossings,
     above: npt.NDArray[np.uint8],
     n_u: int,
     n_v: int,
@@ -134,7 +137,7 @@ def cast(
     column: Crossings,
     height: Vector,
     change: npt.NDArray[np.int8],
-    n_found: int,
+    n_crossings: int,
     body: int,
 ) -> int:
     """Append the crossings of one surface with the columns; return their number so far.
@@ -143,17 +146,30 @@ def cast(
     When the number returned exceeds the buffers, what did not fit was not stored. `change` is ±1
     for body 0, ±2 for body 1.
     """
+    # In batches that fit the cache; a face may need all rows, and `rows_of_faces` writes 4 ahead.
     most = max(_BATCH, n_v) + 4
     face, row = np.empty(most, np.int32), np.empty(most, np.int32)
     span, ends = np.empty((most, 3), np.int32), np.empty((most, 4))
     start = 0
-    while start < met.shape[0]:
-        n, start = rows_met(first, faces, met, start, above, n_v, face, row)
+    while start < candidates.shape[0]:
+        n, start = rows_of_faces(first, faces, candidates, start, above, n_v, face, row)
         n = spans_of(place, first, faces, face, row, n, n_u, span, ends)
-        n_found = cross(
-            span, ends, n, n_u, low_w, high_w, below, count, column, height, change, n_found, body
+        n_crossings = cross(
+            span,
+            ends,
+            n,
+            n_u,
+            low_w,
+            high_w,
+            below,
+            count,
+            column,
+            height,
+            change,
+            n_crossings,
+            body,
         )
-    return n_found
+    return n_crossings
 
 
 @compiled
@@ -169,7 +185,7 @@ def cross(
     column: Crossings,
     height: Vector,
     change: npt.NDArray[np.int8],
-    n_found: int,
+    n_crossings: int,
     body: int,
 ) -> int:
     """Append the crossings of columns in some spans; return their number so far."""
@@ -178,6 +194,7 @@ def cross(
     for k in range(n):
         r, begin, end = span[k, 0], span[k, 1], span[k, 2]
         u_up, u_down, w_up, w_down = ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3]
+        # Which edge is on the left gives the side: upwards, +1 enters the body and −1 leaves it.
         upward = u_up < u_down
         left = min(u_up, u_down)
         w_left = w_up if upward else w_down
@@ -188,16 +205,18 @@ def cross(
         for i in range(begin, end):
             w = w_left + (i - left) * slope
             tile = np.uint32(tiles + ((i + MARGIN) >> TILE))
+            # Above the tile nothing matters; below it only the winding number at its floor does.
             if w >= high_w[tile]:
                 continue
             cell = np.uint32(at + i)
             if w < low_w[tile]:
                 below[cell] += sign
                 continue
-            if n_found < room:
-                column[n_found] = cell
-                height[n_found] = w
-                change[n_found] = sign * (body + 1)
+            # Counted even without room: the caller casts again with buffers of that size.
+            if n_crossings < room:
+                column[n_crossings] = cell
+                height[n_crossings] = w
+                change[n_crossings] = sign * (body + 1)
                 count[cell] += 1
-            n_found += 1
-    return n_found
+            n_crossings += 1
+    return n_crossings

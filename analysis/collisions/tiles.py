@@ -48,11 +48,13 @@ def to_lattice(
         u = (vertices_m[k, iu] - low_u) * per_u - 0.5
         v = (vertices_m[k, iv] - low_v) * per_v - 0.5
         w = vertices_m[k, axis]
+        # Columns stand at integers; the first one at or after a place is its ceiling.
         place[k, 0] = u
         place[k, 1] = v
         place[k, 2] = w
         first[k, 0] = np.int16(np.ceil(min(max(u, least), most_u)))
         first[k, 1] = np.int16(np.ceil(min(max(v, least), most_v)))
+        # Heights count within the border alone: faces further out meet no column.
         if least < u < most_u and least < v < most_v:
             tile = np.uint32(tile_of(first[k, 0], first[k, 1], across))
             low_w[tile] = min(low_w[tile], w)
@@ -75,6 +77,7 @@ def tile_of(column: int, row: int, across: int) -> int:
 @compiled
 def spread(heights: Vector, across: int, sign: float) -> Vector:
     """Return for each tile the largest of sign * height of it and its neighbours, times sign."""
+    # A maximum over 3 × 3 tiles is separable: along u first, then along v.
     down = heights.size // across
     spread_u = np.empty(heights.size)
     for v in range(down):
@@ -109,7 +112,7 @@ def reach(
     A face no longer than a tile lies within the tiles next to each of its corners; longer ones
     are entered here, after heights were spread to neighbours, and their corners marked in `far`.
     """
-    met = np.empty(faces.shape[0] + 1, np.int32)
+    candidates = np.empty(faces.shape[0] + 1, np.int32)
     across = tiles_across(n_u)
     n = 0
     for f in range(faces.shape[0]):
@@ -120,8 +123,10 @@ def reach(
         begin, end = min(ca, cb, cc), max(ca, cb, cc)
         near = (past_row >= 0) & (row <= n_v) & (end >= 0) & (begin <= n_u)
         hit = near & (row < past_row) & (begin < end)
-        met[n] = f
+        # Written always, counted only if the face lies between columns: no branch to mispredict.
+        candidates[n] = f
         n += hit
+        # Longer than a tile: enter its heights in every tile that its box covers.
         if near and (past_row - row >= MARGIN or end - begin >= MARGIN):
             low = min(place[a, 2], place[b, 2], place[c, 2])
             high = max(place[a, 2], place[b, 2], place[c, 2])
@@ -131,7 +136,7 @@ def reach(
                     tile = tile_of(u, v, across)
                     low_w[tile] = min(low_w[tile], low)
                     high_w[tile] = max(high_w[tile], high)
-    return met[:n]
+    return candidates[:n]
 
 
 @compiled

@@ -46,12 +46,12 @@ class Settings:
 
 @dataclass(frozen=True)
 class CommonVolume:
-    """What two bodies have in common.
+    """The common volume of two bodies.
 
     `volume_m3` by `rule`; `centre_m` (3,) its centroid, NaN where there is none; `cell_m` the
     distance of columns or side of cubes that gave it, 0 where it was integrated exactly;
     `n_cells` the cubes counted, or the stretches of column measured. `contact` tells whether the
-    bodies truly share volume; None where the rule was told not to find out.
+    bodies truly share volume; None where `require_contact` is off.
     """
 
     volume_m3: float

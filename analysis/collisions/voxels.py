@@ -48,6 +48,7 @@ def cubes_centred_in(
     count = 0
     total = np.zeros(3)
     for k in range(column.size):
+        # Centres lie at (n + 1/2) · cell; those from `begin` up to `end` are within the stretch.
         begin = int(np.ceil(stretch[k, 0] / cell_m - 0.5))
         end = int(np.ceil(stretch[k, 1] / cell_m - 0.5))
         count += end - begin
@@ -68,19 +69,19 @@ def cubes_touching(
     cell_m: float,
 ) -> tuple[int, Vector]:
     """Return how many open cubes touch both bodies, and the sum (3,) of their centres."""
-    touched = np.zeros((shape[0], shape[1], shape[2]), np.uint8)
+    cubes = np.zeros((shape[0], shape[1], shape[2]), np.uint8)
     # bit 4: the other body may touch the cube; few cubes are then looked at closely
-    _fill(vertices_b, faces_b, first, shape, cell_m, touched, 2 | 4)
-    _touch(vertices_b, faces_b, first, cell_m, touched, 4, 0, False)
-    _fill(vertices_a, faces_a, first, shape, cell_m, touched, 1)
-    _touch(vertices_a, faces_a, first, cell_m, touched, 1, 4, True)
-    _touch(vertices_b, faces_b, first, cell_m, touched, 2, 1, True)
+    _fill(vertices_b, faces_b, first, shape, cell_m, cubes, 2 | 4)
+    _touch(vertices_b, faces_b, first, cell_m, cubes, 4, 0, False)
+    _fill(vertices_a, faces_a, first, shape, cell_m, cubes, 1)
+    _touch(vertices_a, faces_a, first, cell_m, cubes, 1, 4, True)
+    _touch(vertices_b, faces_b, first, cell_m, cubes, 2, 1, True)
     count = 0
     total = np.zeros(3)
     for i in range(shape[0]):
         for j in range(shape[1]):
             for k in range(shape[2]):
-                if touched[i, j, k] & 3 == 3:
+                if cubes[i, j, k] & 3 == 3:
                     count += 1
                     total[0] += (first[0] + i + 0.5) * cell_m
                     total[1] += (first[1] + j + 0.5) * cell_m
@@ -95,7 +96,7 @@ def _fill(
     first: npt.NDArray[np.int64],
     shape: npt.NDArray[np.int64],
     cell_m: float,
-    touched: npt.NDArray[np.uint8],
+    cubes: npt.NDArray[np.uint8],
     bit: int,
 ) -> None:
     """Mark cubes whose centre lies in a body."""
@@ -106,12 +107,13 @@ def _fill(
     column, stretch, _ = columns_in_both(
         vertices_m, faces, vertices_m, faces, 1, low, step, nz, nx, low[1], top, _ROOM
     )
+    # The body against itself: the columns' stretches are those inside it.
     for k in range(column.size):
         z, x = column[k] % shape[2], column[k] // shape[2]
         begin = int(np.ceil(stretch[k, 0] / cell_m - 0.5)) - first[1]
         end = int(np.ceil(stretch[k, 1] / cell_m - 0.5)) - first[1]
         for y in range(max(begin, 0), min(end, shape[1])):
-            touched[x, y, z] |= bit
+            cubes[x, y, z] |= bit
 
 
 @compiled
@@ -120,7 +122,7 @@ def _touch(
     faces: Faces,
     first: npt.NDArray[np.int64],
     cell_m: float,
-    touched: npt.NDArray[np.uint8],
+    cubes: npt.NDArray[np.uint8],
     bit: int,
     where: int,
     closely: bool,
@@ -129,7 +131,7 @@ def _touch(
     bit `where`; all cubes in the boxes of its faces unless `closely`.
     """
     low = first.astype(np.float64) * cell_m
-    high = low + np.array(touched.shape).astype(np.float64) * cell_m
+    high = low + np.array(cubes.shape).astype(np.float64) * cell_m
     near = faces_near(faces, sides_of(vertices_m, low, high))
     begin, end = np.empty(3, np.int64), np.empty(3, np.int64)
     p = np.empty((3, 3))
@@ -140,15 +142,16 @@ def _touch(
         for k in range(3):
             least, most = min(p[0, k], p[1, k], p[2, k]), max(p[0, k], p[1, k], p[2, k])
             begin[k] = max(0, int(np.floor(least)))
-            end[k] = min(touched.shape[k], int(np.floor(most)) + 1)
+            end[k] = min(cubes.shape[k], int(np.floor(most)) + 1)
+        # Only cubes in the face's box, and of these only those the other body may touch.
         for i in range(begin[0], end[0]):
             for j in range(begin[1], end[1]):
                 for k in range(begin[2], end[2]):
-                    here = touched[i, j, k]
+                    here = cubes[i, j, k]
                     if here & bit or here & where != where:
                         continue
                     if not closely or _passes(p, i, j, k):
-                        touched[i, j, k] = here | bit
+                        cubes[i, j, k] = here | bit
 
 
 @compiled
@@ -157,13 +160,16 @@ def _passes(p: Vector, i: int, j: int, k: int) -> bool:
     q = np.empty((3, 3))
     for c in range(3):
         q[c, 0], q[c, 1], q[c, 2] = p[c, 0] - i - 0.5, p[c, 1] - j - 0.5, p[c, 2] - k - 0.5
+    # Separating axes of a box and a triangle (Akenine-Möller 2001): the three sides of the cube,
     for d in range(3):
         if min(q[0, d], q[1, d], q[2, d]) >= 0.5 or max(q[0, d], q[1, d], q[2, d]) <= -0.5:
             return False
+    # the triangle's normal,
     e, g = q[1] - q[0], q[2] - q[0]
     nx, ny, nz = e[1] * g[2] - e[2] * g[1], e[2] * g[0] - e[0] * g[2], e[0] * g[1] - e[1] * g[0]
     if abs(nx * q[0, 0] + ny * q[0, 1] + nz * q[0, 2]) >= 0.5 * (abs(nx) + abs(ny) + abs(nz)):
         return False
+    # and the nine cross products of edges; touching from outside is not passing.
     for c in range(3):
         edge = q[(c + 1) % 3] - q[c]
         for d in range(3):

@@ -35,25 +35,27 @@ def _decide(
         if hit[i] == LOST:
             out[i] = LOST
             continue
-        best, best_ratio, seen = NONE, np.inf, m == 0
+        best, best_ratio, any_head_located = NONE, np.inf, m == 0
         for j in range(m):
+            # The recording holds float32, so the online decision uses the same rounded values.
             angle = np.float64(np.float32(angle_deg[i, j]))
             radius = np.float64(np.float32(radius_deg[i, j]))
             if not np.isfinite(angle):
                 continue
-            seen = True
+            any_head_located = True
             if not radius > 0.0:
                 continue
             limit = np.float64(np.float32(pad_limit_deg[i, j]))
             pad = max(0.0, min(pad_deg, limit))
             if not angle <= radius + pad:
                 continue
+            # Within the radius the ray meets something else first: the head is hidden there.
             if angle < radius * (1.0 - _RIM_SHARE) and hit[i] != j:
                 continue
             ratio = angle / radius
             if ratio < best_ratio:
                 best, best_ratio = j, ratio
-        out[i] = best if seen else LOST
+        out[i] = best if any_head_located else LOST
 
 
 def aoi_of_samples(
@@ -72,7 +74,7 @@ def aoi_of_samples(
     the ray, -1 none, -2 lost.
 
     A head holds the gaze when angle <= radius + min(pad, pad limit), unless the ray lies within
-    its radius and something else comes first (`hit` is not it). Of several the smallest
+    its radius and something else comes first (`hit` is not it). Among several heads the smallest
     angle / radius wins, then the lowest index. Angles are rounded to float32 before anything is
     compared, so a decision made online and one made again from the recording are the same.
 

@@ -59,7 +59,7 @@ def write_bids(
             raise UsageError(f"{what} {label!r}: BIDS labels are letters and digits only")
     folder = root / f"sub-{subject}" / "beh"
     make_folder(folder, exist_ok=True)
-    written = []
+    paths = []
     for name, eye in recording.eyes.items():
         stem = f"sub-{subject}_task-{task}_run-{run}_recording-{_EYES[name][0]}_physio"
         path = folder / f"{stem}.tsv.gz"
@@ -71,12 +71,12 @@ def write_bids(
             lines.write("\t".join(row) + "\n")
         # A fixed mtime: the same data give the same bytes.
         path.write_bytes(gzip.compress(lines.getvalue().encode(), mtime=0))
-        described = json.dumps(_sidecar(recording, name, tuple(columns)), indent=2)
-        beside = folder / f"{stem}.json"
-        beside.write_text(described + "\n", encoding="utf-8")
-        protect_files([path, beside])
-        written.append(path)
-    return tuple(written)
+        description = json.dumps(_sidecar(recording, name, tuple(columns)), indent=2)
+        sidecar_path = folder / f"{stem}.json"
+        sidecar_path.write_text(description + "\n", encoding="utf-8")
+        protect_files([path, sidecar_path])
+        paths.append(path)
+    return tuple(paths)
 
 
 def _columns_of(recording: GazeRecording, eye: EyeSamples) -> dict[str, list[str]]:
@@ -160,7 +160,7 @@ def read_bids(path: Path) -> GazeRecording:
     table, sidecar = first
     space = sidecar["SampleCoordinateSystem"]
     unit = str(sidecar.get("device_timestamp", {}).get("Units", "ns"))
-    stated = sidecar.get("SamplingFrequencyStated", True)
+    rate_is_stated = sidecar.get("SamplingFrequencyStated", True)
     return GazeRecording(
         name=head or path.stem,
         t_ns=t_ns,
@@ -175,27 +175,29 @@ def read_bids(path: Path) -> GazeRecording:
         head_orientation_wxyz=table.vectors(_HEAD_ORIENTATION)
         if table.has(*_HEAD_ORIENTATION)
         else None,
-        rate_hz=float(sidecar["SamplingFrequency"]) if stated else None,
+        rate_hz=float(sidecar["SamplingFrequency"]) if rate_is_stated else None,
         notes=sidecar.get("Notes", {"format": "BIDS"}),
     )
 
 
 def _read_sidecar(path: Path) -> dict[str, Any]:
-    beside = path.with_name(path.name.removesuffix(".tsv.gz") + ".json")
+    sidecar_path = path.with_name(path.name.removesuffix(".tsv.gz") + ".json")
     try:
-        content = parse_json(read_plain(beside))
+        content = parse_json(read_plain(sidecar_path))
     except FileNotFoundError as error:
-        raise DataError(f"{beside}: no such file; every physio table needs its sidecar") from error
+        raise DataError(
+            f"{sidecar_path}: no such file; every physio table needs its sidecar"
+        ) from error
     except (OSError, ValueError) as error:
-        raise DataError(f"{beside}: not JSON ({error}); mend the sidecar") from error
+        raise DataError(f"{sidecar_path}: not JSON ({error}); mend the sidecar") from error
     if not isinstance(content, dict):
-        raise DataError(f"{beside}: not a JSON object; mend the sidecar")
-    required = ["Columns", "SamplingFrequency"]
+        raise DataError(f"{sidecar_path}: not a JSON object; mend the sidecar")
+    required_keys = ["Columns", "SamplingFrequency"]
     if content.get("PhysioType") == "eyetrack":
-        required += ["RecordedEye", "SampleCoordinateSystem"]
-    missing = [key for key in required if key not in content]
+        required_keys += ["RecordedEye", "SampleCoordinateSystem"]
+    missing = [key for key in required_keys if key not in content]
     if missing:
-        raise DataError(f"{beside}: {', '.join(missing)} missing; add what BIDS requires")
+        raise DataError(f"{sidecar_path}: {', '.join(missing)} missing; add what BIDS requires")
     return content
 
 
@@ -218,10 +220,10 @@ def _time_unit(path: Path, sidecar: Mapping[str, Any]) -> str:
 
 def _eye_name(path: Path, sidecar: Mapping[str, Any]) -> str:
     names = {"left": "left", "right": "right", "cyclopean": "combined"}
-    recorded = str(sidecar["RecordedEye"]).lower()
-    if recorded not in names:
-        raise DataError(f"{path}: RecordedEye {recorded!r}; use left, right or cyclopean")
-    return names[recorded]
+    recorded_eye = str(sidecar["RecordedEye"]).lower()
+    if recorded_eye not in names:
+        raise DataError(f"{path}: RecordedEye {recorded_eye!r}; use left, right or cyclopean")
+    return names[recorded_eye]
 
 
 def _read_eye(path: Path, table: TextTable, sidecar: Mapping[str, Any]) -> EyeSamples:

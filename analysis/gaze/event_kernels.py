@@ -38,6 +38,7 @@ def fill_gaps(t_ns: Times, v: Vector, longest_ns: int, step_ns: int) -> npt.NDAr
         elif i - last > 1:
             span = t_ns[i] - t_ns[last]
             for g in range(last + 1, i):
+                # Along the chord, back onto the sphere: close to a great circle over short losses.
                 share = (t_ns[g] - t_ns[last]) / span
                 length = 0.0
                 for k in range(3):
@@ -79,6 +80,7 @@ def speeds_deg_s(
             b += 1
         if b == a:
             continue
+        # Slope = Σ(t − mean t)·v / Σ(t − mean t)² by component; times in s from this row.
         mean_s = 0.0
         for j in range(a, b + 1):
             mean_s += (t_ns[j] - t_ns[i]) * 1e-9
@@ -161,6 +163,7 @@ def merge_runs(
     after = np.empty((2, 3))
     pair = np.empty((2, 3))
     _border(v, t_ns, runs[0, 0], runs[0, 1], border_ns, before)
+    # `runs` is shortened in place: k runs are final, r is read ahead of them.
     for r in range(1, count):
         _border(v, t_ns, runs[r, 0], runs[r, 1], border_ns, after)
         pair[0] = before[1]
@@ -193,6 +196,7 @@ def compact_runs(
     filling. Returns k.
     """
     n = t_ns.shape[0]
+    # Squared chords in place of angles: chord = 2 sin(angle / 2), so no arctangent per pair.
     widest_chord = 4.0 * np.sin(0.5 * widest_rad) ** 2
     k = 0
     start = 0
@@ -207,6 +211,7 @@ def compact_runs(
                 if t_ns[i] - t_ns[last] - step_ns > bridge_ns:
                     break
                 wide = False
+                # The new row against every row of the run.
                 j = i - 1
                 while j >= start:
                     chord = 0.0
@@ -226,5 +231,6 @@ def compact_runs(
             k += 1
             start = last + 1
         else:
+            # Too short: try again one row later, as published (Salvucci & Goldberg 2000).
             start += 1
     return k

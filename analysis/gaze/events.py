@@ -33,7 +33,7 @@ class IvtParameters:
     turn: the next, wider one is taken while the median speed exceeds `noise_share` of the
     threshold, so a noisy tracker is smoothed and a good one is not.
     Runs are joined when the time between them and the angle across it (mean directions of
-    `border_ms` on either side) are both within limits; the minimum duration is apart from that.
+    `border_ms` on either side) are both within limits; the minimum duration is a separate test.
     """
 
     threshold_deg_s: float = 30.0
@@ -90,7 +90,7 @@ class Fixations:
         return int(self.onset_ns.shape[0])
 
 
-def prepared(
+def checked_samples(
     t_ns: Times, direction: npt.NDArray[np.floating], rate_hz: float | None
 ) -> tuple[Times, Vector, int]:
     """Return stamps, unit directions (n, 3) and the step in ns; refuse what cannot be used."""
@@ -118,7 +118,7 @@ def half_window(window_ms: float, step_ns: int) -> int:
     return max(1, whole + (2 * (rest - SLACK_NS) > step_ns))
 
 
-def _gathered(
+def _fixations_of_runs(
     t_ns: Times,
     v: Vector,
     runs: npt.NDArray[np.int64],
@@ -159,16 +159,19 @@ def detect_ivt(
     the eyes is movement); NaN or zero rows are lost. Losses up to `fill_ms` are interpolated.
     Raises DataError for backward stamps, UsageError for repeated ones.
     """
-    t, v, step_ns = prepared(t_ns, direction, params.nominal_rate_hz)
-    measured = v.copy()
+    t, v, step_ns = checked_samples(t_ns, direction, params.nominal_rate_hz)
+    gaze_without_fill = v.copy()
     stretch = fill_gaps(t, v, limit_ns(params.fill_ms), step_ns)
     speed = np.empty(t.shape[0])
     window_ms = params.windows_ms[0]
     for window_ms in params.windows_ms:
         half = half_window(window_ms, step_ns)
         speeds_deg_s(t, v, stretch, half, speed)
-        known = speed[np.isfinite(speed)]
-        if not known.size or np.median(known) <= params.noise_share * params.threshold_deg_s:
+        finite_speed = speed[np.isfinite(speed)]
+        if (
+            not finite_speed.size
+            or np.median(finite_speed) <= params.noise_share * params.threshold_deg_s
+        ):
             break
     runs = np.empty((t.shape[0], 2), np.int64)
     count = runs_where(speed <= params.threshold_deg_s, stretch, runs)
@@ -183,7 +186,7 @@ def detect_ivt(
         step_ns,
     )
     minimum_ns = limit_ns(params.minimum_ms, -1)
-    return _gathered(t, measured, runs[:count], minimum_ns, step_ns, window_ms)
+    return _fixations_of_runs(t, gaze_without_fill, runs[:count], minimum_ns, step_ns, window_ms)
 
 
 def detect_idt(
@@ -195,7 +198,7 @@ def detect_idt(
 
     Arguments and errors as for `detect_ivt`.
     """
-    t, v, step_ns = prepared(t_ns, direction, params.nominal_rate_hz)
+    t, v, step_ns = checked_samples(t_ns, direction, params.nominal_rate_hz)
     runs = np.empty((t.shape[0], 2), np.int64)
     minimum_ns = limit_ns(params.minimum_ms, -1)
     count = compact_runs(
@@ -207,4 +210,4 @@ def detect_idt(
         step_ns,
         runs,
     )
-    return _gathered(t, v, runs[:count], minimum_ns, step_ns, None)
+    return _fixations_of_runs(t, v, runs[:count], minimum_ns, step_ns, None)

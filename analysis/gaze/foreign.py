@@ -59,8 +59,8 @@ class GazeRecording:
     @property
     def eyes(self) -> Mapping[str, EyeSamples]:
         """The eyes the file has, by name."""
-        named = {"left": self.left, "right": self.right, "combined": self.combined}
-        return {name: eye for name, eye in named.items() if eye is not None}
+        by_name = {"left": self.left, "right": self.right, "combined": self.combined}
+        return {name: eye for name, eye in by_name.items() if eye is not None}
 
 
 def eye_samples(
@@ -71,25 +71,26 @@ def eye_samples(
     openness_01: Column | None = None,
     confidence_01: Column | None = None,
 ) -> EyeSamples:
-    """Build an eye; what is not given is valid, or unknown."""
+    """Build one eye's samples: valid where `valid` is left out, NaN in other missing columns."""
     n = direction.shape[0]
-    unknown = np.full(n, np.nan)
+    all_missing = np.full(n, np.nan)
     return EyeSamples(
         direction,
         np.ones(n, bool) if valid is None else valid,
-        unknown if pupil_mm is None else pupil_mm,
-        unknown if openness_01 is None else openness_01,
-        unknown if confidence_01 is None else confidence_01,
+        all_missing if pupil_mm is None else pupil_mm,
+        all_missing if openness_01 is None else openness_01,
+        all_missing if confidence_01 is None else confidence_01,
     )
 
 
 def without_zeros(direction: Vector) -> Vector:
     """Turn zero vectors (n, 3), which some trackers write for lost gaze, into NaN.
 
-    Other lengths stay as they are, so that a vector that is no direction can be told later.
+    Vectors of other lengths stay as they are, so that a later check finds those that are no
+    directions.
     """
-    kept: Vector = np.where((direction == 0).all(axis=1)[:, None], np.nan, direction)
-    return kept
+    without: Vector = np.where((direction == 0).all(axis=1)[:, None], np.nan, direction)
+    return without
 
 
 def axes_matrix(right: str, up: str, forward: str) -> Vector:
@@ -110,5 +111,5 @@ def axes_matrix(right: str, up: str, forward: str) -> Vector:
 
 def orientations_in_our_axes(wxyz: Vector, matrix: Vector) -> Vector:
     """Turn quaternions (n, 4) given in a maker's axes into ours; mirrored axes included."""
-    turned: Vector = float(np.linalg.det(matrix)) * (wxyz[:, 1:] @ matrix.T)
-    return np.column_stack([wxyz[:, :1], turned])
+    vector_part: Vector = float(np.linalg.det(matrix)) * (wxyz[:, 1:] @ matrix.T)
+    return np.column_stack([wxyz[:, :1], vector_part])

@@ -44,7 +44,7 @@ def draw_import(
     )
     yaw, pitch = yaw_pitch_deg_of(direction)
     for axis, angle, colour, label in (
-        (axes[0], _unwrapped(-yaw), _AZIMUTH, "azimuth"),
+        (axes[0], _without_seam_jumps(-yaw), _AZIMUTH, "azimuth"),
         (axes[1], pitch, _ELEVATION, "elevation"),
     ):
         _shade(axis, fixations, t_ns)
@@ -61,9 +61,9 @@ def draw_import(
         axes[3].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
     else:
         axes[3].text(0.5, 0.5, "no pupil data", ha="center", transform=axes[3].transAxes)
-    for k, (name, seen) in enumerate(usable.items()):
+    for k, (name, is_usable) in enumerate(usable.items()):
         axes[4].fill_between(
-            t_s, k + 0.1, k + 0.9, where=~seen, step="post", color=colours[name], lw=0
+            t_s, k + 0.1, k + 0.9, where=~is_usable, step="post", color=colours[name], lw=0
         )
     axes[4].set_yticks(np.arange(len(usable)) + 0.5, [f"{name} lost" for name in usable])
     axes[4].set_ylim(0, len(usable))
@@ -78,21 +78,21 @@ def _shade(axis: Axes, fixations: Fixations, t_ns: Times) -> None:
         axis.axvspan(start, start + duration / 1e9, color="0.88", lw=0)
 
 
-def _unwrapped(angle_deg: Vector) -> Vector:
+def _without_seam_jumps(angle_deg: Vector) -> Vector:
     """Remove jumps of 360° across the seam, passing over NaN; for drawing only."""
     out = angle_deg.copy()
-    seen = np.isfinite(out)
-    if seen.any():
-        out[seen] = np.unwrap(out[seen], period=360.0)
-        out -= 360.0 * np.round(np.median(out[seen]) / 360.0)
+    is_finite = np.isfinite(out)
+    if is_finite.any():
+        out[is_finite] = np.unwrap(out[is_finite], period=360.0)
+        out -= 360.0 * np.round(np.median(out[is_finite]) / 360.0)
     return out
 
 
 def _speed_panel(axis: Axes, t_s: Vector, t_ns: Times, direction: Vector) -> None:
-    seen = np.isfinite(direction[:, 0])
+    is_finite = np.isfinite(direction[:, 0])
     step_ns = typical_step_ns(t_ns)
-    breaks = np.concatenate([[False], np.diff(t_ns) > _HOLE_STEPS * step_ns]) | ~seen
-    stretch = np.where(seen, np.cumsum(breaks), -1)
+    breaks = np.concatenate([[False], np.diff(t_ns) > _HOLE_STEPS * step_ns]) | ~is_finite
+    stretch = np.where(is_finite, np.cumsum(breaks), -1)
     speed = np.empty(len(t_ns))
     speeds_deg_s(t_ns, np.ascontiguousarray(direction), stretch, 1, speed)
     axis.semilogy(t_s, np.maximum(speed, 0.1), lw=0.6, color="0.3")

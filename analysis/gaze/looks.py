@@ -75,7 +75,7 @@ class Fixation:
 
 @dataclass(frozen=True, slots=True)
 class LookMeasures:
-    """What one trial (or one part of it) says about one target.
+    """Look measures of one trial (or one part of it) for one target.
 
     Exact in nanoseconds: dwell + excluded + off + lost = duration. `off_ns` is valid gaze
     elsewhere, other heads included. `on_at_onset`: the first sample was on the target;
@@ -173,6 +173,7 @@ def _runs(
         begin = max(t_ns[i], start_ns)
         if begin >= end_ns:
             break
+        # A sample holds until the next one, at most `hold_ns`.
         until = min(t_ns[i] + hold_ns, end_ns)
         if i + 1 < n:
             until = min(until, t_ns[i + 1])
@@ -185,6 +186,7 @@ def _runs(
             on_ns += until - begin
             if first_valid and begin - start_ns <= hold_ns:
                 on_at_onset = True
+            # A short loss is bridged: it counts in the look's duration, not in its dwell.
             if is_open and begin - out[k - 1, 1] <= bridge_ns:
                 out[k - 1, 1] = until
                 out[k - 1, 2] += until - begin
@@ -215,6 +217,7 @@ def _sums(
         if until <= begin or aoi[i] == LOST:
             continue
         place = aoi[i] if aoi[i] >= 0 else out.shape[0] - 2
+        # `out[-1]` starts as the whole duration; what a sample covers is not lost.
         out[place] += until - begin
         out[-1] -= until - begin
 
@@ -254,7 +257,7 @@ def _check_span(start_ns: int, end_ns: int) -> None:
         raise DataError(f"the trial ends at {end_ns} ns, before it starts at {start_ns} ns")
 
 
-def _found(
+def _looks_in_span(
     track: _Track, target: int, start_ns: int, end_ns: int, params: LookParameters
 ) -> tuple[Looks, int, int, bool]:
     out = np.empty((track.t_ns.shape[0], 3), np.int64)
@@ -279,10 +282,10 @@ def looks_on(
 ) -> Looks:
     """Return every look on `target` between two times, cut at both."""
     _check_span(t_start_ns, t_end_ns)
-    return _found(_track(t_ns, aoi, params), target, t_start_ns, t_end_ns, params)[0]
+    return _looks_in_span(_track(t_ns, aoi, params), target, t_start_ns, t_end_ns, params)[0]
 
 
-def _measured(
+def _measures_of_span(
     track: _Track,
     target: int,
     start_ns: int,
@@ -290,14 +293,14 @@ def _measured(
     params: LookParameters,
     excluded_until_ns: int,
 ) -> LookMeasures:
-    looks, on_ns, off_ns, on_at_onset = _found(track, target, start_ns, end_ns, params)
+    looks, on_ns, off_ns, on_at_onset = _looks_in_span(track, target, start_ns, end_ns, params)
     cut = bool(looks.onset_ns.size and looks.onset_ns[-1] + looks.duration_ns[-1] == end_ns)
-    kept = looks.onset_ns >= excluded_until_ns
-    where = np.flatnonzero(looks.is_fixation & kept)
-    ranked = [
+    counts = looks.onset_ns >= excluded_until_ns
+    where = np.flatnonzero(looks.is_fixation & counts)
+    first_two = [
         Fixation(int(looks.onset_ns[i]) - start_ns, int(looks.duration_ns[i])) for i in where[:2]
     ]
-    excluded_ns = int(looks.dwell_ns[~kept].sum())
+    excluded_ns = int(looks.dwell_ns[~counts].sum())
     return LookMeasures(
         duration_ns=end_ns - start_ns,
         dwell_ns=on_ns - excluded_ns,
@@ -306,9 +309,9 @@ def _measured(
         lost_ns=end_ns - start_ns - on_ns - off_ns,
         excluded_ns=excluded_ns,
         fixation_count=len(where),
-        glance_count=int(kept.sum()) - len(where),
-        first_fixation=ranked[0] if ranked else None,
-        second_fixation=ranked[1] if len(ranked) > 1 else None,
+        glance_count=int(counts.sum()) - len(where),
+        first_fixation=first_two[0] if first_two else None,
+        second_fixation=first_two[1] if len(first_two) > 1 else None,
         on_at_onset=on_at_onset,
         cut_at_end=cut,
         repeated=track.repeated,
@@ -339,10 +342,10 @@ def measure_trial(
     track = _track(t_ns, aoi, params)
     excluded_until_ns = t_start_ns
     if params.onset == "exclude":
-        looks, _, _, on_at_onset = _found(track, target, t_start_ns, t_end_ns, params)
+        looks, _, _, on_at_onset = _looks_in_span(track, target, t_start_ns, t_end_ns, params)
         if on_at_onset:
             excluded_until_ns = int(looks.onset_ns[0] + looks.duration_ns[0])
-    whole = _measured(track, target, t_start_ns, t_end_ns, params, excluded_until_ns)
+    whole = _measures_of_span(track, target, t_start_ns, t_end_ns, params, excluded_until_ns)
     if switch_ns is None:
         return whole
     if not t_start_ns <= switch_ns <= t_end_ns:
@@ -350,6 +353,6 @@ def measure_trial(
             f"the switch at {switch_ns} ns lies outside the trial, {t_start_ns} to "
             f"{t_end_ns} ns; check that both come from the same clock"
         )
-    before = _measured(track, target, t_start_ns, switch_ns, params, excluded_until_ns)
-    after = _measured(track, target, switch_ns, t_end_ns, params, excluded_until_ns)
+    before = _measures_of_span(track, target, t_start_ns, switch_ns, params, excluded_until_ns)
+    after = _measures_of_span(track, target, switch_ns, t_end_ns, params, excluded_until_ns)
     return replace(whole, parts=(before, after))

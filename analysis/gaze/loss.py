@@ -21,8 +21,8 @@ class LossParameters:
     """When a sample counts as lost although a row is there.
 
     `frozen_ms`: the same direction, to the last bit, for this long is a tracker repeating
-    itself. `openness_01` and `confidence_01` are the least that still count (Agtzidis et al.
-    2019 for the confidence).
+    itself. `openness_01` and `confidence_01` are the lowest values that still count (Agtzidis et
+    al. 2019 for the confidence).
     """
 
     frozen_ms: float = 100.0
@@ -48,10 +48,10 @@ def frozen_samples(
     first = np.flatnonzero(~same)
     last = np.append(first[1:], n) - 1
     distinct = np.concatenate([t_ns[:1], t_ns[1:][np.diff(t_ns) > 0]])
-    lasted_ns = t_ns[last] - t_ns[first] + typical_step_ns(distinct)
-    is_long = lasted_ns + _SLACK_NS >= round(frozen_ms * NS_PER_MS)
-    frozen: Mask = is_long[run] & (last > first)[run]
-    return frozen
+    run_ns = t_ns[last] - t_ns[first] + typical_step_ns(distinct)
+    is_long = run_ns + _SLACK_NS >= round(frozen_ms * NS_PER_MS)
+    is_frozen: Mask = is_long[run] & (last > first)[run]
+    return is_frozen
 
 
 def usable_samples(
@@ -65,9 +65,9 @@ def usable_samples(
 ) -> Mask:
     """Return (n,) which samples may be used.
 
-    Lost are rows whose direction is zero, not finite or not of unit length, those the tracker
-    calls invalid, those of a closed eye or low confidence, and frozen runs. A missing (NaN)
-    openness or confidence says nothing.
+    A row is lost when its direction is zero, not finite or not of unit length, when the tracker
+    calls it invalid, when the eye is closed or confidence is low, and in frozen runs. A missing
+    (NaN) openness or confidence is ignored.
     """
     length = np.linalg.norm(direction.astype(np.float64), axis=1)
     with np.errstate(invalid="ignore"):
@@ -105,7 +105,7 @@ def combined_direction(
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """What is missing from a stretch of samples; shares 0..1, NaN when undefined.
+    """Counts of missing samples in a stretch of time; shares 0..1, NaN when undefined.
 
     `invalid_rows_01` = unusable rows / rows. `lost_01` = 1 - usable / (duration × nominal rate),
     which also sees rows that never came: report this one. `rate_hz` comes from the first and
@@ -149,30 +149,30 @@ def loss(
     again = np.concatenate([[False], np.diff(t_ns) == 0])[:n]
     single = ~again
     step_ns = NS_PER_S / nominal_rate_hz
-    lasted_ns = float(t_ns[-1] - t_ns[0]) + step_ns if n else 0.0
-    seen = usable & single
+    span_ns = float(t_ns[-1] - t_ns[0]) + step_ns if n else 0.0
+    is_usable = usable & single
     gaps_ms = np.zeros(0)
     if n:
-        edges = np.concatenate([[t_ns[0] - step_ns], t_ns[seen], [t_ns[-1] + step_ns]])
+        edges = np.concatenate([[t_ns[0] - step_ns], t_ns[is_usable], [t_ns[-1] + step_ns]])
         gaps_ms = (np.diff(edges) - step_ns) / NS_PER_MS
         gaps_ms = gaps_ms[gaps_ms > 0.5 * step_ns / NS_PER_MS]
     stamps = int(single.sum())
     same = (direction[1:] == direction[:-1]).all(axis=1) & ~again[1:] & usable[1:]
-    frozen = frozen_samples(t_ns, direction, frozen_ms=frozen_ms)
+    is_frozen = frozen_samples(t_ns, direction, frozen_ms=frozen_ms)
     zero = ~np.isfinite(direction).all(axis=1) | (direction == 0).all(axis=1)
     return Loss(
         rows=n,
-        usable=int(seen.sum()),
-        duration_ms=lasted_ns / NS_PER_MS,
+        usable=int(is_usable.sum()),
+        duration_ms=span_ns / NS_PER_MS,
         invalid_rows_01=1 - int(usable.sum()) / n if n else np.nan,
-        lost_01=max(0.0, 1 - int(seen.sum()) * step_ns / lasted_ns) if n else np.nan,
+        lost_01=max(0.0, 1 - int(is_usable.sum()) * step_ns / span_ns) if n else np.nan,
         rate_hz=(stamps - 1) * NS_PER_S / float(t_ns[-1] - t_ns[0]) if stamps > 1 else np.nan,
-        effective_rate_hz=int(seen.sum()) * NS_PER_S / lasted_ns if n else np.nan,
+        effective_rate_hz=int(is_usable.sum()) * NS_PER_S / span_ns if n else np.nan,
         gaps=len(gaps_ms),
         longest_gap_ms=float(gaps_ms.max()) if len(gaps_ms) else 0.0,
         median_gap_ms=float(np.median(gaps_ms)) if len(gaps_ms) else np.nan,
         blink_gaps_01=float(((gaps_ms >= 50) & (gaps_ms <= 400)).mean()) if len(gaps_ms) else 0.0,
         repeated_stamps=int(again.sum()),
         repeated_values=int(same.sum()),
-        frozen=int((frozen & ~zero).sum()),
+        frozen=int((is_frozen & ~zero).sum()),
     )

@@ -92,7 +92,7 @@ class HeadColumns(_Strict):
 
 
 class GazeMapping(_Strict):
-    """What a table of gaze holds; the content of a `--mapping` file."""
+    """Columns of a table of gaze and their meaning; the content of a `--mapping` file."""
 
     time: TimeColumn
     space: Literal["head", "world"]
@@ -162,12 +162,12 @@ def _eye(table: TextTable, columns: EyeColumns | None, matrix: Vector) -> EyeSam
     if columns.angles is None:
         ray = without_zeros(table.vectors(columns.direction or []) @ matrix.T)
     else:
-        given = columns.angles
-        angles = table.vectors([given.azimuth, given.elevation])
-        if given.unit == "rad":
+        convention = columns.angles
+        angles = table.vectors([convention.azimuth, convention.elevation])
+        if convention.unit == "rad":
             angles = np.degrees(angles)
-        yaw = angles[:, 0] * (-1.0 if given.azimuth_positive == "right" else 1.0)
-        pitch = angles[:, 1] * (1.0 if given.elevation_positive == "up" else -1.0)
+        yaw = angles[:, 0] * (-1.0 if convention.azimuth_positive == "right" else 1.0)
+        pitch = angles[:, 1] * (1.0 if convention.elevation_positive == "up" else -1.0)
         ray = direction_from_yaw_pitch_deg(yaw, pitch)
     pupil = None
     if columns.pupil is not None:

@@ -46,8 +46,8 @@ class PupilParameters:
 
 PUPIL: Final = PupilParameters()
 FORESHORTENING_WIDTH: Final = 1.121
-"""An eye seen obliquely shows more of its pupil than a flat disc would, for its cornea bends
-light: the seen share is cos(angle / 1.121) (Mathur, Gehrmann & Atchison 2013)."""
+"""An eye seen obliquely shows more of its pupil than a flat disc would, because the cornea bends
+light: the visible share is cos(angle / 1.121) (Mathur, Gehrmann & Atchison 2013)."""
 MAX_FORESHORTENING_DEG: Final = 60.0
 
 
@@ -74,8 +74,8 @@ def foreshortening(
     NaN where gaze is unknown or lies more than 60° from the camera.
     """
     angle = angle_deg(unit(gaze_in_head.astype(np.float64)), unit(np.array(camera)))
-    seen: Vector = np.cos(np.radians(angle) / FORESHORTENING_WIDTH)
-    return np.where(angle <= MAX_FORESHORTENING_DEG, seen, np.nan)
+    seen_width: Vector = np.cos(np.radians(angle) / FORESHORTENING_WIDTH)
+    return np.where(angle <= MAX_FORESHORTENING_DEG, seen_width, np.nan)
 
 
 def prepared_pupil(
@@ -97,59 +97,61 @@ def prepared_pupil(
         raise UsageError("stamps repeat or go back; choose rows first (stamps.order_of)")
     size = diameter_mm.astype(np.float64)
     with np.errstate(invalid="ignore"):
-        seen = (size >= params.min_mm) & (size <= params.max_mm)
-    measured_01 = float(seen.mean()) if n else np.nan
-    kept = _without_blink_edges(t_ns, size, seen, params)
+        in_range = (size >= params.min_mm) & (size <= params.max_mm)
+    measured_01 = float(in_range.mean()) if n else np.nan
+    is_trusted = _without_blink_edges(t_ns, size, in_range, params)
     if gaze_in_head is not None:
         size = size / np.sqrt(foreshortening(gaze_in_head, params.camera))
-        kept = kept & np.isfinite(size)
-    bridged = _bridgeable(t_ns, kept, params)
-    if kept.any():
-        size = np.where(bridged, np.interp(t_ns, t_ns[kept], size[kept]), size)
-    size = np.where(kept | bridged, size, np.nan)
-    starts = int(np.count_nonzero(np.diff(bridged.astype(np.int8), prepend=np.int8(0)) == 1))
-    return Pupil(size, bridged, measured_01, float(bridged.mean()) if n else np.nan, starts)
+        is_trusted = is_trusted & np.isfinite(size)
+    is_bridged = _bridgeable(t_ns, is_trusted, params)
+    if is_trusted.any():
+        size = np.where(is_bridged, np.interp(t_ns, t_ns[is_trusted], size[is_trusted]), size)
+    size = np.where(is_trusted | is_bridged, size, np.nan)
+    starts = int(np.count_nonzero(np.diff(is_bridged.astype(np.int8), prepend=np.int8(0)) == 1))
+    return Pupil(size, is_bridged, measured_01, float(is_bridged.mean()) if n else np.nan, starts)
 
 
-def _without_blink_edges(t_ns: Times, size: Vector, seen: Mask, params: PupilParameters) -> Mask:
+def _without_blink_edges(
+    t_ns: Times, size: Vector, in_range: Mask, params: PupilParameters
+) -> Mask:
     """Return the rows seen, without those near a loss and those that change impossibly fast."""
-    pair = seen[1:] & seen[:-1]
+    pair = in_range[1:] & in_range[:-1]
     speed = np.full(len(size), np.nan)
     speed[1:][pair] = np.abs(np.diff(size))[pair] / (np.diff(t_ns)[pair] / NS_PER_S)
-    known = speed[np.isfinite(speed)]
-    doubtful = ~seen
-    if known.size:
-        middle = np.median(known)
-        deviation = np.median(np.abs(known - middle))
+    finite_speed = speed[np.isfinite(speed)]
+    doubtful = ~in_range
+    if finite_speed.size:
+        middle = np.median(finite_speed)
+        deviation = np.median(np.abs(finite_speed - middle))
         if deviation > 0:
             with np.errstate(invalid="ignore"):
                 doubtful |= speed > middle + params.speed_spreads * deviation
     at = t_ns[doubtful]
     if not at.size:
-        return seen.copy()
+        return in_range.copy()
     after = np.searchsorted(at, t_ns)
     nearest = np.minimum(
         np.abs(t_ns - at[np.clip(after - 1, 0, len(at) - 1)]),
         np.abs(t_ns - at[np.clip(after, 0, len(at) - 1)]),
     )
-    kept: Mask = nearest > round(params.pad_ms * NS_PER_MS)
-    return kept
+    is_trusted: Mask = nearest > round(params.pad_ms * NS_PER_MS)
+    return is_trusted
 
 
-def _bridgeable(t_ns: Times, kept: Mask, params: PupilParameters) -> Mask:
+def _bridgeable(t_ns: Times, is_trusted: Mask, params: PupilParameters) -> Mask:
     """Return rows not kept that lie between two kept rows near enough in time."""
-    bridged = np.zeros(len(kept), np.bool_)
-    rows = np.flatnonzero(kept)
+    is_bridged = np.zeros(len(is_trusted), np.bool_)
+    rows = np.flatnonzero(is_trusted)
     longest_ns = round(params.max_bridge_ms * NS_PER_MS) + typical_step_ns(t_ns)
     for first, last in itertools.pairwise(rows):
         if last > first + 1 and t_ns[last] - t_ns[first] <= longest_ns:
-            bridged[first + 1 : last] = True
-    return bridged
+            is_bridged[first + 1 : last] = True
+    return is_bridged
 
 
 @dataclass(frozen=True, slots=True)
 class PupilResponse:
-    """Pupil size in a stretch of time beside the stretch before it; NaN where too little is known.
+    """Pupil size in a stretch of time against the stretch before it; NaN where data are too few.
 
     `baseline_mm` and `mean_mm` are medians and means of their stretches, `change_mm` mean less
     baseline (a difference: a ratio would grow where the baseline happens to be small),
@@ -180,17 +182,17 @@ def response(
     before = (t_ns >= start_ns - round(baseline_ms * NS_PER_MS)) & (t_ns < start_ns)
     inside = (t_ns >= start_ns) & (t_ns < end_ns)
     size = pupil.diameter_mm
-    known = np.isfinite(size)
+    is_known = np.isfinite(size)
     baseline = np.nan
-    if before.any() and known[before].mean() >= params.min_baseline_01:
-        baseline = float(np.median(size[before & known]))
-    rows = inside & known
+    if before.any() and is_known[before].mean() >= params.min_baseline_01:
+        baseline = float(np.median(size[before & is_known]))
+    rows = inside & is_known
     mean = float(size[rows].mean()) if rows.any() else np.nan
     return PupilResponse(
         baseline_mm=baseline,
         mean_mm=mean,
         change_mm=mean - baseline,
         peak_mm=float(size[rows].max()) - baseline if rows.any() else np.nan,
-        known_01=float(known[inside].mean()) if inside.any() else np.nan,
+        known_01=float(is_known[inside].mean()) if inside.any() else np.nan,
         bridged_01=float(pupil.bridged[inside].mean()) if inside.any() else np.nan,
     )

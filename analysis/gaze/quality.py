@@ -98,17 +98,17 @@ def precision(
 ) -> Precision:
     """Measure the spread of directions (n, 3) during one steady look; NaN = lost."""
     v = unit(direction.astype(np.float64))
-    seen = v[np.isfinite(v[:, 0])]
-    if not len(seen):
+    usable = v[np.isfinite(v[:, 0])]
+    if not len(usable):
         return Precision(np.nan, np.nan, np.nan, bcea_01)
-    plane = _tangent_deg(seen, unit(seen.sum(axis=0)))
+    plane = _tangent_deg(usable, unit(usable.sum(axis=0)))
     cov = np.cov(plane.T, ddof=0)
     k = -np.log(1.0 - bcea_01)
     area = 2 * k * np.pi * np.sqrt(max(0.0, float(np.linalg.det(cov))))
     return Precision(
         _rms_s2s_deg(t_ns, v),
         float(np.sqrt(np.trace(cov))),
-        area if len(seen) > 1 else np.nan,
+        area if len(usable) > 1 else np.nan,
         bcea_01,
     )
 
@@ -126,14 +126,16 @@ def moving_precision_deg(
     width_ns = round(window_ms * NS_PER_MS)
     place = (t_ns - t_ns[0]) // width_ns
     bounds = np.flatnonzero(np.diff(place)) + 1
-    needed = width_ns / typical_step_ns(np.unique(t_ns)) / 2
-    found = [
+    min_samples = width_ns / typical_step_ns(np.unique(t_ns)) / 2
+    rms_of_windows = [
         _rms_s2s_deg(t, w)
         for t, w in zip(np.split(t_ns, bounds), np.split(v, bounds), strict=True)
-        if np.isfinite(w[:, 0]).sum() >= max(needed, 3)
+        if np.isfinite(w[:, 0]).sum() >= max(min_samples, 3)
     ]
-    known = [f for f in found if np.isfinite(f)]
-    return (float(np.median(known)), float(min(known))) if known else (np.nan, np.nan)
+    finite_rms = [f for f in rms_of_windows if np.isfinite(f)]
+    return (
+        (float(np.median(finite_rms)), float(min(finite_rms))) if finite_rms else (np.nan, np.nan)
+    )
 
 
 # ---- validation ---------------------------------------------------------------------------
@@ -182,33 +184,33 @@ def validate(
     the angle of the mean direction.
     """
     step_ms = 1000.0 / nominal_rate_hz
-    measured = []
+    results = []
     for target, t_ns, direction in points:
-        seen = int(np.isfinite(direction).all(axis=1).sum())
-        lasted_ms = (float(t_ns[-1] - t_ns[0]) / NS_PER_MS + step_ms) if len(t_ns) else 0.0
-        measured.append(
+        n_usable = int(np.isfinite(direction).all(axis=1).sum())
+        span_ms = (float(t_ns[-1] - t_ns[0]) / NS_PER_MS + step_ms) if len(t_ns) else 0.0
+        results.append(
             ValidationPoint(
                 target,
                 accuracy(direction, target),
                 precision(t_ns, direction),
-                seen * step_ms,
-                max(0.0, 1 - seen * step_ms / lasted_ms) if lasted_ms else 1.0,
+                n_usable * step_ms,
+                max(0.0, 1 - n_usable * step_ms / span_ms) if span_ms else 1.0,
             )
         )
-    enough = [p for p in measured if p.usable_ms >= minimum_usable_ms]
+    enough = [p for p in results if p.usable_ms >= minimum_usable_ms]
     errors = np.array([p.accuracy.of_mean_deg for p in enough])
     mean = float(errors.mean()) if len(enough) else np.nan
     worst = float(errors.max()) if len(enough) else np.nan
     return ValidationSummary(
-        points=tuple(measured),
+        points=tuple(results),
         accuracy_deg=mean,
         worst_deg=worst,
         rms_s2s_deg=_mean([p.precision.rms_s2s_deg for p in enough]),
         std_deg=_mean([p.precision.std_deg for p in enough]),
-        lost_01=_mean([p.lost_01 for p in measured]),
+        lost_01=_mean([p.lost_01 for p in results]),
         passed=bool(
-            measured
-            and len(enough) == len(measured)
+            results
+            and len(enough) == len(results)
             and mean <= limit_mean_deg
             and worst <= limit_worst_deg
         ),
@@ -216,5 +218,5 @@ def validate(
 
 
 def _mean(values: Sequence[float]) -> float:
-    known = [v for v in values if np.isfinite(v)]
-    return float(np.mean(known)) if known else np.nan
+    finite = [v for v in values if np.isfinite(v)]
+    return float(np.mean(finite)) if finite else np.nan

@@ -20,7 +20,7 @@ from visavis.lab.geometry import Vector, quat_multiply, unit
 
 VIVE_RATE_HZ = 120.0
 _VIVE_DIRECTION_VALID = 0b10
-"""Of the five validity bits (origin, direction, pupil, openness, position) the second."""
+"""The second of the five validity bits (origin, direction, pupil, openness, position)."""
 
 _VIVE_GAZE_AXES = axes_matrix("-x", "+y", "+z")
 _UNITY_AXES = axes_matrix("+x", "+y", "+z")
@@ -31,7 +31,7 @@ def read_vive(path: Path) -> GazeRecording:
     """Read the semicolon table of the Vive Pro Eye runtime (SRanipal) with its Unity head pose.
 
     Host time (100 ns ticks) is the main clock, counted from the first row; the device's
-    millisecond counter, which repeats and wraps at 32 bits, is kept beside it. Lost eyes are
+    millisecond counter, which repeats and wraps at 32 bits, becomes `t_device_ns`. Lost eyes are
     zero vectors in the file and NaN here.
     """
     table = read_text_table(path, delimiter=";")
@@ -52,11 +52,11 @@ def read_vive(path: Path) -> GazeRecording:
 def _vive_eye(table: TextTable, side: str) -> EyeSamples:
     ray = table.vectors([f"gaze_direct_{side}.{c}" for c in "xyz"]) @ _VIVE_GAZE_AXES.T
     codes = table.numbers(f"eye_valid_{side}")
-    known = np.nan_to_num(codes).astype(np.int64)
+    flags = np.nan_to_num(codes).astype(np.int64)
     pupil = table.numbers(f"pupil_diameter_{side}(mm)")
     return eye_samples(
         without_zeros(ray),
-        valid=(known & _VIVE_DIRECTION_VALID) != 0,
+        valid=(flags & _VIVE_DIRECTION_VALID) != 0,
         pupil_mm=np.where(pupil > 0, pupil, np.nan),
         openness_01=table.numbers(f"openness_{side}"),
     )
@@ -66,8 +66,8 @@ def _unwrapped_ms(stamps_ms: Vector) -> Times:
     """Count a 32-bit millisecond counter on from its first value."""
     counter = stamps_ms.astype(np.int64)
     steps = (np.diff(counter) + 2**31) % 2**32 - 2**31
-    unwrapped: Times = np.concatenate([[0], np.cumsum(steps)]) * NS_PER_MS
-    return unwrapped
+    count_ns: Times = np.concatenate([[0], np.cumsum(steps)]) * NS_PER_MS
+    return count_ns
 
 
 def _from_unity_euler(degrees: Vector) -> Vector:

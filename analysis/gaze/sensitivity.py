@@ -46,11 +46,17 @@ def sensitivity_of_trial(
     areas = aoi_by_pad(angle_deg, radius_deg, pad_limit_deg, hit, pads_deg=pads_deg)
     for pad_deg, aoi in areas.items():
         for minimum_ms in minima_ms:
-            chosen = replace(params, minimum_fixation_ms=minimum_ms)
+            with_minimum = replace(params, minimum_fixation_ms=minimum_ms)
             yield SensitivityRow(
                 pad_deg,
                 minimum_ms,
                 measure_trial(
-                    t_ns, aoi, target, t_start_ns, t_end_ns, switch_ns=switch_ns, params=chosen
+                    t_ns,
+                    aoi,
+                    target,
+                    t_start_ns,
+                    t_end_ns,
+                    switch_ns=switch_ns,
+                    params=with_minimum,
                 ),
             )

@@ -31,13 +31,13 @@ _MOMENTS = {"block_start": "before block", "end": "at the end"}
 
 
 def write_session_page(
-    found: SessionQuality, path: Path, streams: Sequence[OwnStream] = ()
+    quality: SessionQuality, path: Path, streams: Sequence[OwnStream] = ()
 ) -> Path:
     """Write the page and return its path; the same session gives the same bytes.
 
     `streams` are those of the lab's own devices, shown below the gaze.
     """
-    page = session_page(found)
+    page = session_page(quality)
     return write_page(replace(page, sections=(*page.sections, *_own_devices(streams))), path)
 
 
@@ -62,51 +62,51 @@ def stream_facts(streams: Sequence[OwnStream]) -> tuple[tuple[str, str], ...]:
 def _own_devices(streams: Sequence[OwnStream]) -> tuple[Section, ...]:
     if not streams:
         return ()
-    drawn = figures_of_streams(streams)
-    pictures = [Picture(svg_for_page(d), d.title, d.caption, d.alternative) for d in drawn]
+    figures = figures_of_streams(streams)
+    pictures = [Picture(svg_for_page(d), d.title, d.caption, d.alternative) for d in figures]
     return (streams_section(streams, pictures),)
 
 
-def session_page(found: SessionQuality) -> Page:
+def session_page(quality: SessionQuality) -> Page:
     """Return the page: validations, loss and precision by eye, latency, movements, pupil."""
     return Page(
-        title=f"Gaze of {found.participant}, session {found.session}",
-        subtitle=f"Data quality by the field's standard; study {found.study}",
-        facts=Facts(headline_facts(found)),
-        is_simulated=found.is_simulated,
+        title=f"Gaze of {quality.participant}, session {quality.session}",
+        subtitle=f"Data quality by the field's standard; study {quality.study}",
+        facts=Facts(headline_facts(quality)),
+        is_simulated=quality.is_simulated,
         sections=(
-            Section("validations", "Accuracy and precision at targets", (_validations(found),)),
-            Section("eyes", "Loss, rate and precision over the session", (_eyes(found),)),
-            Section("latency", "Latency", _latency(found)),
-            Section("movements", "Eye movements", _movements(found)),
-            *(() if found.pupil is None else (Section("pupil", "Pupil size", _pupil(found)),)),
+            Section("validations", "Accuracy and precision at targets", (_validations(quality),)),
+            Section("eyes", "Loss, rate and precision over the session", (_eyes(quality),)),
+            Section("latency", "Latency", _latency(quality)),
+            Section("movements", "Eye movements", _movements(quality)),
+            *(() if quality.pupil is None else (Section("pupil", "Pupil size", _pupil(quality)),)),
         ),
     )
 
 
-def headline_facts(found: SessionQuality) -> tuple[tuple[str, str], ...]:
+def headline_facts(quality: SessionQuality) -> tuple[tuple[str, str], ...]:
     """Return the figures a paper states: names with values, in the order of the standard."""
-    in_force = [v for v in found.validations if v.accepted] or list(found.validations)
-    eye = found.eyes[0] if found.eyes else None
+    in_force = [v for v in quality.validations if v.accepted] or list(quality.validations)
+    eye = quality.eyes[0] if quality.eyes else None
     return (
-        ("Tracker", found.tracker),
+        ("Tracker", quality.tracker),
         ("Accuracy", _mean_deg([v.accuracy_deg for v in in_force])),
         ("Precision, RMS-S2S", _mean_deg([v.rms_s2s_deg for v in in_force])),
         ("Precision, STD", _mean_deg([v.std_deg for v in in_force])),
         ("Data loss", percentage(eye.loss.lost_01) if eye else "–"),
         ("Effective rate", f"{decimal(eye.loss.effective_rate_hz, 1)} Hz" if eye else "–"),
-        ("Stated rate", f"{decimal(found.nominal_rate_hz, 1)} Hz"),
-        ("Latency to the display", f"{decimal(found.latency.shown_ms, 1)} ms"),
+        ("Stated rate", f"{decimal(quality.nominal_rate_hz, 1)} Hz"),
+        ("Latency to the display", f"{decimal(quality.latency.shown_ms, 1)} ms"),
     )
 
 
 def _mean_deg(values: list[float]) -> str:
-    known = [v for v in values if np.isfinite(v)]
-    return f"{decimal(float(np.mean(known)), 2)}°" if known else "–"
+    finite = [v for v in values if np.isfinite(v)]
+    return f"{decimal(float(np.mean(finite)), 2)}°" if finite else "–"
 
 
-def _validations(found: SessionQuality) -> Table | Paragraph:
-    if not found.validations:
+def _validations(quality: SessionQuality) -> Table | Paragraph:
+    if not quality.validations:
         return Paragraph("No validation was recorded: accuracy is unknown.")
     return Table(
         tuple(
@@ -134,7 +134,7 @@ def _validations(found: SessionQuality) -> Table | Paragraph:
                 percentage(v.lost_01),
                 "yes" if v.accepted else "no",
             )
-            for v in found.validations
+            for v in quality.validations
         ),
         "Validations, combined eye",
         "Accuracy is the angle from a target to the mean direction, precision the spread while "
@@ -142,7 +142,7 @@ def _validations(found: SessionQuality) -> Table | Paragraph:
     )
 
 
-def _eyes(found: SessionQuality) -> Table:
+def _eyes(quality: SessionQuality) -> Table:
     heads = (
         "Eye",
         "Rows",
@@ -172,7 +172,7 @@ def _eyes(found: SessionQuality) -> Table:
                 decimal(e.rms_s2s_calmest_deg, 3),
                 decimal(e.std_median_deg, 3),
             )
-            for e in found.eyes
+            for e in quality.eyes
         ),
         "The whole session, by eye",
         "Loss counts rows that never came, too. Precision is the median over windows of 200 ms "
@@ -180,8 +180,8 @@ def _eyes(found: SessionQuality) -> Table:
     )
 
 
-def _latency(found: SessionQuality) -> tuple[Table, Paragraph]:
-    of = found.latency
+def _latency(quality: SessionQuality) -> tuple[Table, Paragraph]:
+    of = quality.latency
     rows = (
         ("handed to the session", of.handed_over_ms, of.handed_over_p95_ms),
         ("due on the display", of.shown_ms, of.shown_p95_ms),
@@ -199,21 +199,21 @@ def _latency(found: SessionQuality) -> tuple[Table, Paragraph]:
         Paragraph(
             "What the tracker takes from the eye to its time stamp is not known and not in these; "
             "take it from the maker or measure it, and configure it as gaze_delay_ms."
-            if found.gaze_delay_ms is None
-            else f"The tracker's own delay, {decimal(found.gaze_delay_ms, 1)} ms as configured "
+            if quality.gaze_delay_ms is None
+            else f"The tracker's own delay, {decimal(quality.gaze_delay_ms, 1)} ms as configured "
             "(gaze_delay_ms), is taken off every sample's time and so in these ages."
         ),
     )
 
 
-def _movements(found: SessionQuality) -> tuple[Paragraph, Table]:
-    m = found.movements
-    lasted = m.duration_ns / NS_PER_MS
+def _movements(quality: SessionQuality) -> tuple[Paragraph, Table]:
+    m = quality.movements
+    duration_ms = m.duration_ns / NS_PER_MS
     kinds = [k for k in Movement if k != Movement.UNKNOWN]
     return (
         Paragraph(
             f"Detector: {DETECTOR_NAMES[m.detector]} ({m.why}). "
-            f"Blinks a minute: {decimal(blinks_a_minute(found), 1)}."
+            f"Blinks a minute: {decimal(blinks_a_minute(quality), 1)}."
         ),
         Table(
             (
@@ -228,7 +228,7 @@ def _movements(found: SessionQuality) -> tuple[Paragraph, Table]:
                     kind.name.lower(),
                     str(int((m.kind == kind).sum())),
                     percentage(m.share_01(kind)),
-                    decimal(_median(lasted[m.kind == kind]), 0),
+                    decimal(_median(duration_ms[m.kind == kind]), 0),
                     decimal(_median(m.amplitude_deg[m.kind == kind]), 2),
                 )
                 for kind in kinds
@@ -239,12 +239,12 @@ def _movements(found: SessionQuality) -> tuple[Paragraph, Table]:
 
 
 def _median(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else np.nan
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else np.nan
 
 
-def _pupil(found: SessionQuality) -> tuple[Paragraph, ...] | tuple[Paragraph, Table, Paragraph]:
-    pupil = found.pupil
+def _pupil(quality: SessionQuality) -> tuple[Paragraph, ...] | tuple[Paragraph, Table, Paragraph]:
+    pupil = quality.pupil
     if pupil is None:
         return ()
     median = _median(pupil.diameter_mm)
@@ -265,13 +265,13 @@ def _pupil(found: SessionQuality) -> tuple[Paragraph, ...] | tuple[Paragraph, Ta
             tuple(
                 (
                     t.trial_id,
-                    decimal(t.found.baseline_mm, 2),
-                    decimal(t.found.change_mm, 2),
-                    decimal(t.found.peak_mm, 2),
-                    percentage(t.found.known_01),
-                    percentage(t.found.bridged_01),
+                    decimal(t.response.baseline_mm, 2),
+                    decimal(t.response.change_mm, 2),
+                    decimal(t.response.peak_mm, 2),
+                    percentage(t.response.known_01),
+                    percentage(t.response.bridged_01),
                 )
-                for t in found.pupil_trials
+                for t in quality.pupil_trials
             ),
             "Pupil size in finished trials against the 200 ms before",
         ),

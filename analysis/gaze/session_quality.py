@@ -26,7 +26,7 @@ EYES: Mapping[str, tuple[str, str]] = {
     "right": ("right_direction_head", "right_valid"),
 }
 MAX_LATENCY_MS = 1000.0
-"""A stamp further from the frame than this is no latency but a clock not yet fitted."""
+"""A larger age is not latency: the tracker's clock was not fitted yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class EyeQuality:
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """Age of gaze in ms, medians and 95th percentiles; NaN where nothing tells.
+    """Age of gaze in ms, medians and 95th percentiles; NaN where it cannot be measured.
 
     `handed_over` when the session had a sample, `shown` when the frame that used it was due on
     the display, from the sample's time on: what the tracker itself takes before it stamps a sample
@@ -74,7 +74,7 @@ class TrialPupil:
     """Pupil size in one finished trial against the moment before it."""
 
     trial_id: str
-    found: PupilResponse
+    response: PupilResponse
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def session_quality(recording: Recording) -> SessionQuality:
     if GAZE not in recording.stream_names:
         raise DataError(
             f"{recording.path}: no gaze was recorded; there is nothing to measure. "
-            "`visavis check` tells what was"
+            "`visavis check` lists the recorded streams"
         )
     gaze = recording.stream_arrays(GAZE)
     schema = recording.stream_schema(GAZE)
@@ -152,28 +152,28 @@ def _eye(
     rate_hz: float,
 ) -> EyeQuality:
     usable = usable_samples(t_ns, direction, valid=valid)
-    seen = np.where(usable[:, None], direction, np.nan)
-    median, calmest = moving_precision_deg(t_ns, seen)
+    usable_gaze = np.where(usable[:, None], direction, np.nan)
+    median, calmest = moving_precision_deg(t_ns, usable_gaze)
     return EyeQuality(
         name,
         loss(t_ns, direction, usable, nominal_rate_hz=rate_hz, frozen_ms=DEFAULT_LOSS.frozen_ms),
         median,
         calmest,
-        _moving_std_deg(t_ns, seen),
+        _moving_std_deg(t_ns, usable_gaze),
     )
 
 
 def _moving_std_deg(t_ns: Times, direction: Vector, window_ms: float = 200.0) -> float:
     """Return the median spread about the mean over consecutive windows; NaN when none is full."""
     place = (t_ns - t_ns[0]) // round(window_ms * NS_PER_MS)
-    known = np.isfinite(direction[:, 0])
-    places, first = np.unique(place[known], return_index=True)
+    is_known = np.isfinite(direction[:, 0])
+    places, first = np.unique(place[is_known], return_index=True)
     if not len(places):
         return np.nan
-    v = direction[known].astype(np.float64)
+    v = direction[is_known].astype(np.float64)
     count = np.diff(np.append(first, len(v)))
     sums = np.add.reduceat(v, first, axis=0)
-    # of unit vectors, mean squared distance from the mean is 1 − |mean|²
+    # the mean squared distance of unit vectors from their mean is 1 − |mean|²
     spread = np.sqrt(np.maximum(0.0, 1.0 - ((sums / count[:, None]) ** 2).sum(axis=1)))
     full = count >= max(3, np.max(count) / 2)
     return float(np.degrees(np.median(spread[full]))) if full.any() else np.nan
@@ -181,7 +181,7 @@ def _moving_std_deg(t_ns: Times, direction: Vector, window_ms: float = 200.0) ->
 
 def _validations(recording: Recording) -> tuple[ValidationQuality, ...]:
     events = recording.events()
-    found = events.loc[events["name"] == "validation", "payload"] if len(events) else ()
+    payloads = events.loc[events["name"] == "validation", "payload"] if len(events) else ()
     return tuple(
         ValidationQuality(
             moment=str(v["moment"]),
@@ -193,7 +193,7 @@ def _validations(recording: Recording) -> tuple[ValidationQuality, ...]:
             std_deg=_mean(p["std_deg"] for p in v.get("points", ()) if p["eye"] == "combined"),
             lost_01=_number(v["lost_01"]),
         )
-        for v in found
+        for v in payloads
     )
 
 
@@ -202,32 +202,32 @@ def _number(value: Any) -> float:
 
 
 def _mean(values: Any) -> float:
-    known = [float(v) for v in values if v is not None]
-    return float(np.mean(known)) if known else np.nan
+    numbers = [float(v) for v in values if v is not None]
+    return float(np.mean(numbers)) if numbers else np.nan
 
 
 def _latency(recording: Recording) -> Latency:
     if TARGETS not in recording.stream_names or FRAMES not in recording.stream_names:
         return Latency(np.nan, np.nan, np.nan, np.nan)
     targets, frames = recording.stream_arrays(TARGETS), recording.stream_arrays(FRAMES)
-    handed = (targets["t_host_ns"] - targets["t_sample_ns"]) / NS_PER_MS
+    age_at_hand_over_ms = (targets["t_host_ns"] - targets["t_sample_ns"]) / NS_PER_MS
     key = np.stack([frames["recording_part"], frames["frame_index"]], axis=1).tolist()
     due = dict(zip(map(tuple, key), frames["predicted_display_ns"].tolist(), strict=True))
     of = np.stack([targets["recording_part"], targets["frame_index"]], axis=1).tolist()
-    shown = np.array(
+    age_on_display_ms = np.array(
         [
             (due.get((part, frame), np.nan) - t) / NS_PER_MS
             for (part, frame), t in zip(of, targets["t_sample_ns"].tolist(), strict=True)
         ]
     )
-    return Latency(*_middle_and_late(handed), *_middle_and_late(shown))
+    return Latency(*_middle_and_late(age_at_hand_over_ms), *_middle_and_late(age_on_display_ms))
 
 
 def _middle_and_late(ms: npt.NDArray[np.floating]) -> tuple[float, float]:
-    known = ms[np.abs(ms) <= MAX_LATENCY_MS]
-    if not known.size:
+    plausible = ms[np.abs(ms) <= MAX_LATENCY_MS]
+    if not plausible.size:
         return np.nan, np.nan
-    middle, late = np.percentile(known, (50, 95))
+    middle, late = np.percentile(plausible, (50, 95))
     return float(middle), float(late)
 
 
@@ -245,11 +245,11 @@ def _movements(
     for part in np.unique(numbers[:, 0]):
         own = np.flatnonzero(numbers[:, 0] == part)
         by_seq = own[np.argsort(numbers[own, 1])]
-        used = np.flatnonzero((targets["recording_part"] == part) & targets["valid"])
-        wanted = targets["gaze_seq"][used]
-        at = np.minimum(np.searchsorted(numbers[by_seq, 1], wanted), len(by_seq) - 1)
-        fits = numbers[by_seq[at], 1] == wanted
-        world[by_seq[at[fits]]] = targets["direction_world"][used[fits]]
+        target_rows = np.flatnonzero((targets["recording_part"] == part) & targets["valid"])
+        gaze_numbers = targets["gaze_seq"][target_rows]
+        at = np.minimum(np.searchsorted(numbers[by_seq, 1], gaze_numbers), len(by_seq) - 1)
+        fits = numbers[by_seq[at], 1] == gaze_numbers
+        world[by_seq[at[fits]]] = targets["direction_world"][target_rows[fits]]
     if not np.isfinite(world[:, 0]).any():
         return detect_movements(t_ns, in_head)
     return detect_movements(t_ns, world, in_head=in_head)
@@ -268,7 +268,7 @@ def _pupil_mm(gaze: Mapping[str, npt.NDArray[Any]]) -> Vector | None:
 
 
 def _mean_of_known(sizes: Sequence[Vector]) -> Vector:
-    """Return the mean; where one alone is known it stands, moved by its usual difference."""
+    """Return the mean; where only one eye is known, its size moved by its usual difference."""
     if len(sizes) == 1:
         return sizes[0]
     left, right = sizes
@@ -291,9 +291,9 @@ def _pupil_trials(recording: Recording, t_ns: Times, pupil: Pupil) -> tuple[Tria
     )
 
 
-def blinks_a_minute(found: SessionQuality) -> float:
+def blinks_a_minute(quality: SessionQuality) -> float:
     """Return the rate of blinks over the time recorded; NaN without an eye."""
-    if not found.eyes or not found.eyes[0].loss.duration_ms:
+    if not quality.eyes or not quality.eyes[0].loss.duration_ms:
         return np.nan
-    blinks = int((found.movements.kind == Movement.BLINK).sum())
-    return blinks * 60_000 / found.eyes[0].loss.duration_ms
+    blinks = int((quality.movements.kind == Movement.BLINK).sum())
+    return blinks * 60_000 / quality.eyes[0].loss.duration_ms

@@ -47,9 +47,9 @@ def order_of(
     """Choose rows with strictly increasing stamps.
 
     `values` (n,) or (n, k) tells whether two rows with one stamp agree (NaN agrees with NaN).
-    A row that repeats stamp and value is left out; a row that contradicts an earlier one of
-    the same stamp, or goes back in time, raises DataError naming the row, unless told to keep
-    the first or to sort.
+    A row that repeats stamp and value is left out. A row that contradicts an earlier one of
+    the same stamp, or goes back in time, raises DataError naming the row, unless `conflicts` is
+    "keep_first" or `backward` is "sort".
     """
     if _is_increasing(t_ns):
         return Order(None, 0, 0, 0)

@@ -53,9 +53,9 @@ class TextTable:
         text = self.column(name)
         out = np.empty(len(text))
         for i, cell in enumerate(text):
-            stripped = cell.strip()
+            word = cell.strip()
             try:
-                out[i] = np.nan if stripped in _MISSING else float(stripped.replace(",", "."))
+                out[i] = np.nan if word in _MISSING else float(word.replace(",", "."))
             except ValueError as error:
                 raise DataError(self._complaint(i, name, cell, "not a number")) from error
         return out
@@ -66,15 +66,15 @@ class TextTable:
 
     def flags(self, name: str) -> npt.NDArray[np.bool_]:
         """Return a column of 0/1, true/false; missing counts as false."""
-        known = {"1": True, "true": True, "1.0": True, "0": False, "false": False, "0.0": False}
+        values = {"1": True, "true": True, "1.0": True, "0": False, "false": False, "0.0": False}
         out = np.zeros(len(self), bool)
         for i, cell in enumerate(self.column(name)):
-            stripped = cell.strip()
-            if stripped in _MISSING:
+            word = cell.strip()
+            if word in _MISSING:
                 continue
-            if stripped.lower() not in known:
+            if word.lower() not in values:
                 raise DataError(self._complaint(i, name, cell, "not 0, 1, true or false"))
-            out[i] = known[stripped.lower()]
+            out[i] = values[word.lower()]
         return out
 
     def stamps(self, name: str, unit: str, *, from_first: bool = False) -> Times:

@@ -1,5 +1,12 @@
 """Figures in one style: colour-blind-safe, deterministic, marked when the data are simulated."""
 
+from visavis.analysis.plots.figure_files import (
+    ReportFigure,
+    draw,
+    png_bytes,
+    svg_for_page,
+    write_figure,
+)
 from visavis.analysis.plots.style import (
     BLACK,
     BLUE,
@@ -10,7 +17,6 @@ from visavis.analysis.plots.style import (
     VERMILION,
     new_figure,
 )
-from visavis.analysis.plots.written import Drawn, draw, png_bytes, svg_for_page, write_figure
 
 __all__ = [
     "BLACK",
@@ -20,7 +26,7 @@ __all__ = [
     "ORANGE",
     "PURPLE",
     "VERMILION",
-    "Drawn",
+    "ReportFigure",
     "draw",
     "new_figure",
     "png_bytes",

@@ -14,25 +14,25 @@ from visavis.analysis.plots.style import BLACK, GREY
 
 Values = npt.NDArray[np.float64]
 WHO: Final = "who."
-"""How the identifier of what belongs to a participant begins."""
+"""Prefix of the identifiers of drawings that belong to one participant."""
 OUT: Final = "out."
-"""The same of a participant who does not count."""
+"""The same for a participant who was left out."""
 ALL: Final = "all."
-"""The same of what a participant would have with the trials that were left out."""
-_HIDDEN: Final = {OUT: ("x--", 5.0), ALL: ("o:", 3.5)}
+"""The same for the values a participant would have with the trials that were left out."""
+_LOOK_UNTIL_SHOWN: Final = {OUT: ("x--", 5.0), ALL: ("o:", 3.5)}
 """Line and size of what is hidden until a page shows it."""
 
 
 def mean_interval(values: Values, level: float = 0.95) -> tuple[float, float, float]:
     """Return mean, lower and upper bound by t; bounds NaN below two values, all below one."""
-    known = values[np.isfinite(values)]
-    if known.size == 0:
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
         return float("nan"), float("nan"), float("nan")
-    mean = float(known.mean())
-    if known.size < 2:
+    mean = float(finite.mean())
+    if finite.size < 2:
         return mean, float("nan"), float("nan")
-    se = float(known.std(ddof=1)) / np.sqrt(known.size)
-    reach = float(special.stdtrit(known.size - 1, 0.5 + level / 2)) * se
+    se = float(finite.std(ddof=1)) / np.sqrt(finite.size)
+    reach = float(special.stdtrit(finite.size - 1, 0.5 + level / 2)) * se
     return mean, mean - reach, mean + reach
 
 
@@ -79,14 +79,14 @@ def left_out_lines(axes: Axes, table: Values, people: Sequence[str], *, kind: st
 
     They are hidden until a page shows them, and leave the axes as they are.
     """
-    look, size = _HIDDEN[kind]
+    look, size = _LOOK_UNTIL_SHOWN[kind]
     limits = axes.dataLim.frozen()
     x = np.arange(table.shape[1])
     for row, one in zip(table, people, strict=True):
-        drawn = axes.plot(
+        line = axes.plot(
             x, row, look, color=BLACK, linewidth=0.8, markersize=size, alpha=0.7, mfc="none"
         )[0]
-        name_after(one, drawn, kind=kind)
+        name_after(one, line, kind=kind)
     # Limits that are set would cut what is drawn later, such as published means.
     axes.dataLim.set(limits)
 
@@ -113,7 +113,7 @@ def draw_mean(
 
 
 def dots(axes: Axes, x: Values, y: Values, people: Sequence[str], **look: Any) -> None:
-    """Draw dots, each named after whose it is where that is known."""
+    """Draw dots, each marked with its participant where that is known."""
     if not any(people):
         axes.scatter(x, y, **look)
         return
@@ -121,9 +121,9 @@ def dots(axes: Axes, x: Values, y: Values, people: Sequence[str], **look: Any) -
         name_after(one, axes.scatter(x[i : i + 1], y[i : i + 1], **look))
 
 
-def name_after(person: str, *drawn: Artist, kind: str = WHO) -> None:
-    """Say whose drawing this is, for pages; hidden but for what counts (`WHO`)."""
-    for artist in drawn:
+def name_after(person: str, *artists: Artist, kind: str = WHO) -> None:
+    """Mark drawings as one person's, for pages; all kinds but `WHO` are hidden at first."""
+    for artist in artists:
         if person:
             artist.set_gid(f"{kind}{person}")
         if kind != WHO:
@@ -164,17 +164,17 @@ def differences(
     """
     axes.axvline(0, color=BLACK, linewidth=0.8)
     for i, column in enumerate(columns):
-        known = column[np.isfinite(column)]
-        y = i + spread_out(known, 0.16)
+        finite = column[np.isfinite(column)]
+        y = i + spread_out(finite, 0.16)
         names = [p for p, v in zip(people, column, strict=bool(people)) if np.isfinite(v)]
-        dots(axes, known, y, names, s=11, color=colour, alpha=0.4, linewidths=0, zorder=2)
-        draw_mean(axes, i, known, colour, level=level, horizontal=True)
+        dots(axes, finite, y, names, s=11, color=colour, alpha=0.4, linewidths=0, zorder=2)
+        draw_mean(axes, i, finite, colour, level=level, horizontal=True)
     axes.set_yticks(np.arange(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.5, -0.6)
 
 
-def wrapped(words: str, characters: int = 26) -> str:
-    """Return words of a measure in lines that a panel of three inches has room for."""
+def in_lines(words: str, characters: int = 26) -> str:
+    """Wrap the words of a measure into lines that fit a panel of three inches."""
     return fill(words, characters, break_long_words=False)
 
 
@@ -198,9 +198,11 @@ def dots_with_limit(
     """Draw one dot per row (top to bottom), a cross where `over`, and a limit; `people` by row."""
     y = np.arange(values.size, dtype=np.float64)
     axes.hlines(y, 0, np.nan_to_num(values), color=colour, alpha=0.25, linewidth=1.2)
-    named = np.asarray(people if people else [""] * values.size)
-    dots(axes, values[~over], y[~over], list(named[~over]), s=26, color=colour, zorder=3)
-    dots(axes, values[over], y[over], list(named[over]), s=34, marker="X", color=BLACK, zorder=3)
+    row_names = np.asarray(people if people else [""] * values.size)
+    dots(axes, values[~over], y[~over], list(row_names[~over]), s=26, color=colour, zorder=3)
+    dots(
+        axes, values[over], y[over], list(row_names[over]), s=34, marker="X", color=BLACK, zorder=3
+    )
     top = float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
     if limit is not None:
         axes.axvline(limit, color=BLACK, linestyle=(0, (4, 3)), linewidth=1)

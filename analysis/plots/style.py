@@ -47,7 +47,7 @@ RC: Final[Mapping[str, Any]] = {
     "svg.hashsalt": "visavis",
     "path.sketch": None,
 }
-"""Everything that changes how a figure looks; the user's own matplotlibrc has no say."""
+"""Everything that changes how a figure looks; the user's own matplotlibrc is ignored."""
 
 
 def figure_style() -> Any:

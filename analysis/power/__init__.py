@@ -1,10 +1,16 @@
-"""Power by simulation: whole studies run again and again through the analysis that is planned.
+"""Power by simulation: whole studies run again and again through the planned analysis.
 
 A study takes part by offering a `PowerStudy`; nothing here knows which study it is. A replicate
 is one study of the largest number of participants; its first n participants are the study of n.
 """
 
-from visavis.analysis.power.contract import Found, PowerStudy, PrintedTest, Source, Verdicts
+from visavis.analysis.power.contract import (
+    PlannedTestResult,
+    PowerStudy,
+    PrintedTest,
+    Source,
+    Verdicts,
+)
 from visavis.analysis.power.figure import draw_power
 from visavis.analysis.power.replicates import (
     PowerRequest,
@@ -17,7 +23,7 @@ from visavis.analysis.power.replicates import (
 from visavis.analysis.power.summary import PowerSummary, TestPower, summarise
 
 __all__ = [
-    "Found",
+    "PlannedTestResult",
     "PowerRequest",
     "PowerStudy",
     "PowerSummary",

@@ -1,4 +1,4 @@
-"""What a study offers so that its power can be simulated."""
+"""The protocol of a study whose power can be simulated."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -14,8 +14,8 @@ Source: TypeAlias = Literal["studies", "simulated pool", "study folder"]
 
 
 @dataclass(frozen=True)
-class Found:
-    """What one planned test found in one simulated study.
+class PlannedTestResult:
+    """Result of one planned test in one simulated study.
 
     `is_significant` is None when the test could not be made; it then counts as not found.
     `difference` is in the units of the measure, `standardised` in standard deviations of the
@@ -27,7 +27,7 @@ class Found:
     standardised: float = float("nan")
 
 
-Verdicts: TypeAlias = Mapping[str, Found]
+Verdicts: TypeAlias = Mapping[str, PlannedTestResult]
 """By name of the planned test."""
 
 
@@ -47,7 +47,7 @@ class PrintedTest:
     n_tests: int = 1
 
     def power(self, n: int, alpha: float) -> float:
-        """Return the power of n people to whom the effect is as printed.
+        """Return the power with n people if the true effect is as printed.
 
         Noncentrality df1·F·n/n₀ takes the printed effect for the true one.
         """
@@ -83,8 +83,8 @@ class PowerStudy(Protocol):
         ...
 
     @property
-    def printed(self) -> Mapping[str, PrintedTest]:
-        """What a source printed of these tests, by their names; those it does not print lack."""
+    def printed_tests(self) -> Mapping[str, PrintedTest]:
+        """Tests as a source printed them, by name; those it does not print are left out."""
         ...
 
     @property
@@ -105,10 +105,10 @@ class PowerStudy(Protocol):
         """Return what the multiplier did to the data, in words."""
         ...
 
-    def prepare(self, told: Callable[[int, int], None]) -> None:
-        """Compute and keep what every process would have to find for itself.
+    def prepare(self, on_progress: Callable[[int, int], None]) -> None:
+        """Compute and store what every process would otherwise have to compute.
 
-        `told` hears how many steps of how many are done.
+        `on_progress` receives the number of steps done and of all steps.
         """
         ...
 

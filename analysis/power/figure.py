@@ -4,7 +4,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from visavis.analysis.plots import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, Drawn, draw
+from visavis.analysis.plots import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    ReportFigure,
+    draw,
+)
 from visavis.analysis.plots.style import new_figure
 from visavis.analysis.power.summary import PowerSummary, TestPower, target_text
 
@@ -12,7 +22,7 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, GREY)
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
-def draw_power(summary: PowerSummary) -> Drawn:
+def draw_power(summary: PowerSummary) -> ReportFigure:
     """Draw every test shown; replicates are simulated or resampled, so the figure is marked.
 
     A curve resampled from real people is marked too: no such study was performed.

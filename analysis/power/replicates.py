@@ -1,4 +1,4 @@
-"""Split a power simulation into jobs that give the same answer wherever and in any order."""
+"""Split a power simulation into jobs that give the same answer anywhere and in any order."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from visavis.lab.errors import UsageError
 
 @dataclass(frozen=True)
 class PowerRequest:
-    """What is to be simulated; `numbers` of participants rise."""
+    """A power simulation to run; `numbers` of participants rise."""
 
     numbers: tuple[int, ...]
     tests: tuple[str, ...]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visavis.analysis.power.contract import Found, PowerStudy, Source
+from visavis.analysis.power.contract import PlannedTestResult, PowerStudy, Source
 from visavis.analysis.power.replicates import PowerRequest, Replicate
 from visavis.analysis.statistics import PowerCurve, power_curve
 from visavis.analysis.statistics.power import AdequacyRule
@@ -20,9 +20,10 @@ MAX_PARTING = 0.05
 class TestPower:
     """Power of one planned test.
 
-    `untested` counts replicates, by number of participants, in which the test could not be made.
-    `difference` and `standardised` are means over the replicates at the largest number. `printed`
-    is the closed-form power of the statistic that a source printed, by number of participants.
+    `untestable` counts replicates, by number of participants, in which the test could not be made.
+    `difference` and `standardised` are means over the replicates at the largest number.
+    `printed_power` is the closed-form power of the statistic that a source printed, by number of
+    participants.
     """
 
     __test__ = False  # not a test of pytest's
@@ -30,10 +31,10 @@ class TestPower:
     name: str
     claim: str
     curve: PowerCurve
-    untested: tuple[int, ...]
+    untestable: tuple[int, ...]
     difference: float
     standardised: float
-    printed: tuple[float, ...] = ()
+    printed_power: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -57,14 +58,14 @@ class PowerSummary:
     def rows(self) -> Iterator[Row]:
         """Yield one flat row per test and number of participants."""
         for test in self.tests:
-            printed = test.printed or (None,) * len(test.untested)
-            columns = zip(test.curve.rows(), test.untested, printed, strict=True)
-            for row, untested, closed_form in columns:
+            closed_forms = test.printed_power or (None,) * len(test.untestable)
+            columns = zip(test.curve.rows(), test.untestable, closed_forms, strict=True)
+            for row, n_untestable, closed_form in columns:
                 yield {
                     "study": self.study,
                     "test": test.name,
                     **row,
-                    "not_testable": untested,
+                    "not_testable": n_untestable,
                     "power_of_printed": closed_form,
                     "target": test.curve.target,
                     "rule": test.curve.rule,
@@ -116,8 +117,8 @@ def summarise(
     """
     if not 0 < target < 1:
         raise UsageError(f"the power to reach lies between 0 and 1, got {target:g}")
-    ordered = sorted(replicates, key=lambda r: r.number)
-    tests = tuple(_of_test(study, request, ordered, name, target, rule) for name in request.tests)
+    by_number = sorted(replicates, key=lambda r: r.number)
+    tests = tuple(_of_test(study, request, by_number, name, target, rule) for name in request.tests)
     return PowerSummary(
         study.name,
         source,
@@ -127,7 +128,7 @@ def summarise(
         study.effect_meaning(request.effect, source),
         tests,
         (
-            *_notes(tests, request, len(ordered), rule, target),
+            *_notes(tests, request, len(by_number), rule, target),
             *_printed_notes(study, tests, request),
             *notes,
         ),
@@ -142,20 +143,23 @@ def _of_test(
     target: float,
     rule: AdequacyRule,
 ) -> TestPower:
-    found: dict[int, list[Found]] = {
+    results: dict[int, list[PlannedTestResult]] = {
         n: [r.verdicts[n][name] for r in replicates] for n in request.numbers
     }
     curve = power_curve(
-        {n: (sum(f.is_significant is True for f in all_), len(all_)) for n, all_ in found.items()},
+        {
+            n: (sum(f.is_significant is True for f in all_), len(all_))
+            for n, all_ in results.items()
+        },
         target=target,
         rule=rule,
     )
-    last = found[request.numbers[-1]]
+    last = results[request.numbers[-1]]
     return TestPower(
         name,
         study.tests[name],
         curve,
-        tuple(sum(f.is_significant is None for f in found[n]) for n in request.numbers),
+        tuple(sum(f.is_significant is None for f in results[n]) for n in request.numbers),
         _mean([f.difference for f in last]),
         _mean([f.standardised for f in last]),
         _printed_power(study, request, name),
@@ -164,7 +168,7 @@ def _of_test(
 
 def _printed_power(study: PowerStudy, request: PowerRequest, name: str) -> tuple[float, ...]:
     """Return closed-form power of what a source printed; nothing for another effect than that."""
-    test = study.printed.get(name)
+    test = study.printed_tests.get(name)
     if test is None or request.effect != 1:
         return ()
     return tuple(test.power(n, request.alpha) for n in request.numbers)
@@ -175,47 +179,51 @@ def _printed_notes(
 ) -> Iterator[str]:
     """Quote closed-form power beside the simulated one, and warn where they part."""
     for test in tests:
-        if not test.printed:
+        if not test.printed_power:
             continue
-        pairs = list(zip(test.curve.points, test.printed, strict=True))
-        listed = ", ".join(f"{number(power)} at {point.n}" for point, power in pairs)
-        told = f"{test.claim}: the printed {study.printed[test.name].text} alone has power {listed}"
-        parted = [(p, power) for p, power in pairs if abs(p.power - power) > MAX_PARTING]
-        by_chance = [p.n for p, power in parted if p.interval.low <= power <= p.interval.high]
-        if parted:
-            chance = f" (at n = {_listed(by_chance)} replicates are too few to tell it from chance)"
-            told += (
+        pairs = list(zip(test.curve.points, test.printed_power, strict=True))
+        powers = ", ".join(f"{number(power)} at {point.n}" for point, power in pairs)
+        printed = study.printed_tests[test.name].text
+        note = f"{test.claim}: the printed {printed} alone has power {powers}"
+        deviations = [(p, power) for p, power in pairs if abs(p.power - power) > MAX_PARTING]
+        by_chance = [p.n for p, power in deviations if p.interval.low <= power <= p.interval.high]
+        if deviations:
+            chance = (
+                f" (at n = {_number_list(by_chance)} replicates are too few to tell it from chance)"
+            )
+            note += (
                 f"; WARNING: simulated people part from it by more than {number(MAX_PARTING)} at "
-                f"n = {_listed([p.n for p, _ in parted])}{chance if by_chance else ''}: "
+                f"n = {_number_list([p.n for p, _ in deviations])}{chance if by_chance else ''}: "
                 f"plan with the smaller power of the two{_why_parted(study, test, request)}"
             )
-        yield told
+        yield note
 
 
-def _listed(numbers: list[int]) -> str:
+def _number_list(numbers: list[int]) -> str:
     return ", ".join(map(str, numbers))
 
 
 def _why_parted(study: PowerStudy, test: TestPower, request: PowerRequest) -> str:
     """Say how much of the parting is the size of the difference, and how much its shape."""
-    printed = study.printed[test.name]
+    printed_test = study.printed_tests[test.name]
     last = request.numbers[-1]
     # dz of a few people is too large on average (Hedges)
     dz = abs(test.standardised) * (1 - 3 / (4 * (last - 1) - 1))
-    if not np.isfinite(dz) or not np.isfinite(printed.dz):
+    if not np.isfinite(dz) or not np.isfinite(printed_test.dz):
         return ""
     alone = ", ".join(
-        f"{number(printed.of_dz(dz).power(n, request.alpha))} at {n}" for n in request.numbers
+        f"{number(printed_test.of_dz(dz).power(n, request.alpha))} at {n}" for n in request.numbers
     )
     return (
-        f". They differ by dz {number(dz)}, the printed statistic by {number(printed.dz)}: that "
-        f"alone gives {alone}; the rest is the shape of their differences, which are not normal"
+        f". They differ by dz {number(dz)}, the printed statistic by {number(printed_test.dz)}: "
+        f"that alone gives {alone}; the rest is the shape of their differences, which are not "
+        "normal"
     )
 
 
 def _mean(values: list[float]) -> float:
-    known = np.array([v for v in values if np.isfinite(v)])
-    return float(known.mean()) if known.size else float("nan")
+    finite = np.array([v for v in values if np.isfinite(v)])
+    return float(finite.mean()) if finite.size else float("nan")
 
 
 def _notes(
@@ -242,9 +250,11 @@ def _notes(
                 f"{number(target)} even if all of them find it; ask for more"
             )
     for test in tests:
-        if any(test.untested):
+        if any(test.untestable):
             counts = ", ".join(
-                f"{u} at n = {n}" for n, u in zip(request.numbers, test.untested, strict=True) if u
+                f"{u} at n = {n}"
+                for n, u in zip(request.numbers, test.untestable, strict=True)
+                if u
             )
             notes.append(f"{test.name} could not be tested in {counts} of {replicates} replicates")
     return tuple(notes)

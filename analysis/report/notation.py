@@ -1,4 +1,4 @@
-"""Numbers as a journal prints them; whatever is missing prints as a dash."""
+"""Numbers as a journal prints them; missing values print as a dash."""
 
 import math
 
@@ -70,6 +70,6 @@ def interval(low: float | None, high: float | None, digits: int = 2) -> str:
     return f"[{decimal(low, digits)}, {decimal(high, digits)}]"
 
 
-def counted(n: int, one: str, many: str | None = None) -> str:
+def count_of(n: int, one: str, many: str | None = None) -> str:
     """Return '1 trial', '2 trials'."""
     return f"{n} {one if n == 1 else many or one + 's'}"

@@ -34,7 +34,7 @@ _ANSWER = {
 _STYLE = Path(__file__).with_name("page.css")
 _SCRIPT = Path(__file__).with_name("page.js")
 WIDE_PT = 480.0
-"""Figures wider than this keep their size on a phone and are moved sideways."""
+"""Figures wider than this keep their size on a phone and scroll sideways."""
 
 
 _VIEW_BOX = re.compile(r'<svg[^>]*\bviewBox="\S+ \S+ ([\d.]+) ')
@@ -111,8 +111,8 @@ def _block(block: Block) -> str:
 
 def _running(text: str) -> str:
     """Escape running text and keep 'p = .03' and '504 ms' on one line."""
-    kept = re.sub(r" ([=<>]) ", "\u00a0\\1\u00a0", text)
-    return escape(re.sub(r"(?<=\d) (?=(ms|%)\b|%)", "\u00a0", kept))
+    unbroken = re.sub(r" ([=<>]) ", "\u00a0\\1\u00a0", text)
+    return escape(re.sub(r"(?<=\d) (?=(ms|%)\b|%)", "\u00a0", unbroken))
 
 
 def _facts(facts: Facts) -> str:
@@ -166,7 +166,7 @@ def _head(columns: tuple[Column, ...]) -> str:
     return f"<tr>{groups}</tr>\n<tr>{names}</tr>\n"
 
 
-def _shown(cell: Cell) -> str:
+def _cell_html(cell: Cell) -> str:
     text = escape(cell.text)
     if cell.link:
         return f'<a href="{escape(cell.link, quote=True)}">{text}</a>'
@@ -183,5 +183,5 @@ def _row(row: tuple[Cell | str, ...], columns: tuple[Column, ...]) -> str:
         hint = f' title="{escape(cell.hint, quote=True)}"' if cell.hint else ""
         look = f"{column.align} {cell.mark}".strip()
         tag, scope = ("th", ' scope="row"') if i == 0 else ("td", "")
-        cells.append(f'<{tag}{scope} class="{look}"{hint}>{_shown(cell)}</{tag}>')
+        cells.append(f'<{tag}{scope} class="{look}"{hint}>{_cell_html(cell)}</{tag}>')
     return "<tr>" + "".join(cells) + "</tr>"

@@ -40,7 +40,7 @@ def source_of(recording: Recording) -> SessionSource:
 
 
 def on_virtual_clock(manifest: Manifest) -> bool:
-    """Tell whether a session began on the virtual clock, whose dates are nobody's."""
+    """Tell whether a session began on the virtual clock, whose dates mean nothing."""
     return manifest.is_simulated and manifest.created_wall_iso[:10] == SIMULATED_EPOCH_ISO[:10]
 
 

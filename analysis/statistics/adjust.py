@@ -17,7 +17,7 @@ ADJUSTMENT_NAME: Mapping[str, str] = {
     "holm": "Holm",
     "bh": "Benjamini-Hochberg",
 }
-"""How an adjustment is called in text."""
+"""Name of an adjustment in text."""
 
 
 def adjust_p(p: npt.ArrayLike, method: Adjustment = "holm", *, n_tests: int | None = None) -> Array:
@@ -37,19 +37,19 @@ def adjust_p(p: npt.ArrayLike, method: Adjustment = "holm", *, n_tests: int | No
     if method == "bonferroni":
         return np.minimum(1.0, values * m)
     order = np.argsort(values, kind="stable")
-    ranked = values[order]
+    rising = values[order]
     place = np.arange(values.size)
     if method == "holm":
-        stepped = np.maximum.accumulate(ranked * (m - place))
+        monotone = np.maximum.accumulate(rising * (m - place))
     elif method == "bh":
-        stepped = np.minimum.accumulate((ranked * m / (place + 1))[::-1])[::-1]
+        monotone = np.minimum.accumulate((rising * m / (place + 1))[::-1])[::-1]
     else:
         raise UnknownMethod(
             f"no adjustment {method!r}; use one of {', '.join(get_args(Adjustment))}"
         )
-    adjusted = np.empty_like(values)
-    adjusted[order] = np.minimum(1.0, stepped)
-    return adjusted
+    in_given_order = np.empty_like(values)
+    in_given_order[order] = np.minimum(1.0, monotone)
+    return in_given_order
 
 
 def bonferroni_thresholds(alpha: float, n_tests: int) -> tuple[float, float, float]:

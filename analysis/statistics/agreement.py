@@ -40,7 +40,8 @@ class Icc(Result):
     """One of Shrout and Fleiss' (1979) intraclass correlations, as `kind` names it.
 
     ICC1: every thing has raters of its own; ICC2: the raters stand for others, and their levels
-    count as disagreement; ICC3: these raters alone, levels apart. With k: of the raters' mean.
+    count as disagreement; ICC3: these raters alone, without their levels. With k: of the raters'
+    mean.
     """
 
     kind: str
@@ -56,11 +57,11 @@ class Icc(Result):
 
     def sentence(self) -> str:
         """Return the result as an APA sentence."""
-        said = (
+        text = (
             f"{self.kind} = {number(self.value)}, {self.interval}, "
             f"{f_text(self.F, self.df1, self.df2)}, {p_text(self.p)}"
         )
-        return f"{said}{_above_text(self.above, self.p_above)}" if self.above else said
+        return f"{text}{_above_text(self.above, self.p_above)}" if self.above else text
 
     def row(self) -> Row:
         """Return the result as one flat table row."""
@@ -83,7 +84,7 @@ def icc(ratings: npt.ArrayLike, *, level: float = 0.95, above: float = 0.0) -> t
     """Return ICC1, ICC2, ICC3 and ICC1k, ICC2k, ICC3k of complete ratings (things, raters).
 
     Estimates, F tests and intervals are those of Shrout and Fleiss (1979) and McGraw and Wong
-    (1996); `p_above` is theirs of a correlation no larger than `above`. Raises a `StatisticsError`
+    (1996), as is `p_above`, the p of a correlation of at most `above`. Raises a `StatisticsError`
     where a rating is missing or nothing varies.
     """
     _refuse_bound(above)
@@ -107,21 +108,22 @@ def icc(ratings: npt.ArrayLike, *, level: float = 0.95, above: float = 0.0) -> t
     error = float((ss_all - ss_things - ss_raters) / ((n - 1) * (k - 1)))
     tail = (1 - level) / 2
     df1, df_inside, df_error = n - 1, n * (k - 1), (n - 1) * (k - 1)
-    made: list[tuple[str, float, Interval, float, int]] = []
+    estimates: list[tuple[str, float, Interval, float, int]] = []
     for kind, scale, df2 in (("ICC1", inside, df_inside), ("ICC3", error, df_error)):
         F = _ratio(between, scale)
         low = F / special.fdtri(df1, df2, 1 - tail)
         high = F * special.fdtri(df2, df1, 1 - tail)
         single = _single(F, k)
-        made.append((kind, single, Interval(_single(low, k), _single(high, k), level), F, df2))
+        estimates.append((kind, single, Interval(_single(low, k), _single(high, k), level), F, df2))
         ends = Interval(1 - 1 / low, 1 - 1 / high, level)
-        made.append((f"{kind}k", 1 - 1 / F, ends, F, df2))
-    made += _of_random_raters(between, raters, error, n, k, level)
+        estimates.append((f"{kind}k", 1 - 1 / F, ends, F, df2))
+    estimates += _of_random_raters(between, raters, error, n, k, level)
     provenance = Provenance(
         "Intraclass correlation", n, unit="things rated", notes=(f"{n} things by {k} raters",)
     )
     tests = {
-        kind: _above(kind, above, (between, raters, error), F, n, k) for kind, _, _, F, _ in made
+        kind: _above(kind, above, (between, raters, error), F, n, k)
+        for kind, _, _, F, _ in estimates
     }
     return tuple(
         Icc(
@@ -136,22 +138,22 @@ def icc(ratings: npt.ArrayLike, *, level: float = 0.95, above: float = 0.0) -> t
             above,
             float(special.fdtrc(df1, tests[kind][1] or df2, tests[kind][0])),
         )
-        for kind, value, ends, F, df2 in sorted(made, key=lambda m: (m[0].endswith("k"), m[0]))
+        for kind, value, ends, F, df2 in sorted(estimates, key=lambda m: (m[0].endswith("k"), m[0]))
     )
 
 
 def _above(
-    kind: str, bound: float, squares: tuple[float, float, float], F: float, n: int, k: int
+    kind: str, limit: float, squares: tuple[float, float, float], F: float, n: int, k: int
 ) -> tuple[float, float]:
-    """Return F, and its second df where it is another, of a correlation of `bound` at most.
+    """Return F against a correlation of at most `limit`, and its second df where that differs.
 
     McGraw and Wong (1996), table 8; `squares` are mean squares of things, raters and error.
     """
     of_mean = kind.endswith("k")
     if not kind.startswith("ICC2"):
-        return F * (1 - bound) / (1 if of_mean else 1 + (k - 1) * bound), 0.0
+        return F * (1 - limit) / (1 if of_mean else 1 + (k - 1) * limit), 0.0
     between, raters, error = squares
-    times = bound / (n * (1 - bound)) * (1 if of_mean else k)
+    times = limit / (n * (1 - limit)) * (1 if of_mean else k)
     of_raters, of_error = times * raters, (1 + times * (n - 1)) * error
     if of_raters + of_error <= 0:
         return float("inf"), 0.0
@@ -269,16 +271,18 @@ def krippendorff_alpha(
 
     def alpha(weights: Array) -> Array:
         n = weights @ n_of_thing
-        pooled = weights @ counts
-        chance = np.einsum("bc,ck,bk->b", pooled, apart, pooled) / (n - 1)
-        seen = weights @ of_thing
-        found: Array = 1 - np.divide(seen, chance, out=np.zeros_like(seen), where=chance > 0)
-        return found
+        category_counts = weights @ counts
+        chance = np.einsum("bc,ck,bk->b", category_counts, apart, category_counts) / (n - 1)
+        disagreement = weights @ of_thing
+        alphas: Array = 1 - np.divide(
+            disagreement, chance, out=np.zeros_like(disagreement), where=chance > 0
+        )
+        return alphas
 
     rng = np.random.default_rng(RESAMPLING_SEED)
-    drawn = rng.multinomial(len(table), np.full(len(table), 1 / len(table)), size=N_RESAMPLES)
-    resampled = alpha(drawn.astype(float))
-    low, high = np.quantile(resampled, [(1 - level) / 2, (1 + level) / 2])
+    draws = rng.multinomial(len(table), np.full(len(table), 1 / len(table)), size=N_RESAMPLES)
+    alphas_of_samples = alpha(draws.astype(float))
+    low, high = np.quantile(alphas_of_samples, [(1 - level) / 2, (1 + level) / 2])
     return Agreement(
         "Krippendorff's α",
         float(alpha(np.ones((1, len(table))))[0]),
@@ -291,7 +295,7 @@ def krippendorff_alpha(
             notes=(f"{int(n_of_thing.sum())} ratings of {len(table)} things rated twice or more",),
         ),
         above,
-        float((resampled <= above).sum() + 1) / (N_RESAMPLES + 1),
+        float((alphas_of_samples <= above).sum() + 1) / (N_RESAMPLES + 1),
     )
 
 
@@ -342,16 +346,18 @@ def cohen_kappa(
     gap = np.abs(np.subtract.outer(place, place)) / np.ptp(place)
     weight = np.eye(k) if scale == "nominal" else 1 - (gap**2 if scale == "interval" else gap)
     rows, columns = joint.sum(axis=1), joint.sum(axis=0)
-    seen, chance = float((weight * joint).sum()), float(rows @ weight @ columns)
-    value = (seen - chance) / (1 - chance)
+    agreement, chance = float((weight * joint).sum()), float(rows @ weight @ columns)
+    value = (agreement - chance) / (1 - chance)
     own = np.add.outer(weight @ columns, rows @ weight)
-    spread = (joint * (weight * (1 - chance) - own * (1 - seen)) ** 2).sum()
-    variance = (spread - (seen * chance - 2 * chance + seen) ** 2) / (n * (1 - chance) ** 4)
+    spread = (joint * (weight * (1 - chance) - own * (1 - agreement)) ** 2).sum()
+    variance = (spread - (agreement * chance - 2 * chance + agreement) ** 2) / (
+        n * (1 - chance) ** 4
+    )
     se = float(np.sqrt(max(variance, 0.0)))
     reach = float(special.ndtri((1 + level) / 2)) * se
     beyond = (value - above) / se if se > 0 else np.copysign(np.inf, value - above)
     left = int((~both).sum())
-    dropped = (f"{left} things that one rater left out",) if left else ()
+    exclusions = (f"{left} things that one rater left out",) if left else ()
     return Agreement(
         "Cohen's κ" if scale == "nominal" else "weighted κ",
         value,
@@ -361,7 +367,7 @@ def cohen_kappa(
             "Cohen's kappa",
             n,
             unit="things rated",
-            dropped=dropped,
+            dropped=exclusions,
             notes=(f"both raters alike in {100 * float(np.trace(joint)):.0f} % of {n} things",),
         ),
         above,

@@ -55,8 +55,8 @@ class AnovaEffect(Result):
         """Return the effect as an APA sentence."""
         label = " × ".join(self.term)
         text = f"{label}: {f_text(self.F, self.df1_used, self.df2_used)}, {p_text(self.p_used)}, "
-        corrected = "" if self.correction == "none" else f" ({self.correction}-corrected df)"
-        return f"{text}{self.eta}{corrected}"
+        correction_text = "" if self.correction == "none" else f" ({self.correction}-corrected df)"
+        return f"{text}{self.eta}{correction_text}"
 
     def row(self) -> Row:
         """Return the effect as one flat table row."""
@@ -149,7 +149,7 @@ def _type_two_effects(design: Design, effects: tuple[AnovaEffect, ...]) -> tuple
     X, place = model_matrix(
         [f.codes for f in design.factors], [f.k for f in design.factors], design.y.size
     )
-    replaced = []
+    of_type_two = []
     for effect in effects:
         term = tuple(names.index(n) for n in effect.term)
         others = [t for t in place if not set(term) <= set(t)]
@@ -161,8 +161,8 @@ def _type_two_effects(design: Design, effects: tuple[AnovaEffect, ...]) -> tuple
         F = ss / effect.df1 / mse
         p = float(special.fdtrc(effect.df1, effect.df2, F))
         eta = partial_eta_squared(F, effect.df1, effect.df2)
-        replaced.append(replace(effect, F=F, p=p, p_used=p, ss=ss, eta=eta, ges=None))
-    return tuple(replaced)
+        of_type_two.append(replace(effect, F=F, p=p, p_used=p, ss=ss, eta=eta, ges=None))
+    return tuple(of_type_two)
 
 
 def anova_of_design(design: Design, *, subject: str, correction: Correction = "mauchly") -> Anova:
@@ -173,13 +173,13 @@ def anova_of_design(design: Design, *, subject: str, correction: Correction = "m
         )
     strata = Strata(design, subject)
     table = design.table(design.y)
-    tested = [strata.test(table, term) for term in design.terms]
-    errors = {s.error_term: s.ss_error for s in tested}
+    tests = [strata.test(table, term) for term in design.terms]
+    errors = {s.error_term: s.ss_error for s in tests}
     if subject not in errors:
         errors[subject] = float(strata.test(table, ()).ss_error)
     total_error = sum(errors.values())
     effects = tuple(
-        effect_of_stratum(s, design, correction, total_error=total_error) for s in tested
+        effect_of_stratum(s, design, correction, total_error=total_error) for s in tests
     )
     kind = "Repeated-measures ANOVA" if design.within else "Between-subject ANOVA"
     if design.within and design.between:
@@ -216,8 +216,8 @@ def effect_of_stratum(
     refuse_zero_error(design.dv, s.term, s.ss, s.ss_error)
     F = (s.ss / s.df1) / (s.ss_error / s.df2)
     p = float(special.fdtrc(s.df1, s.df2, F))
-    judged = _judged(s, design, F)
-    epsilon, p_used, name = _report(p, judged, correction)
+    check = _sphericity_of(s, design, F)
+    epsilon, p_used, name = _report(p, check, correction)
     return AnovaEffect(
         term=s.term,
         F=F,
@@ -229,7 +229,7 @@ def effect_of_stratum(
         error_term=s.error_term,
         eta=partial_eta_squared(F, s.df1, s.df2),
         ges=None if total_error is None else s.ss / (s.ss + total_error),
-        sphericity=judged,
+        sphericity=check,
         correction=name,
         df1_used=s.df1 * epsilon,
         df2_used=s.df2 * epsilon,
@@ -242,10 +242,12 @@ def p_of_stratum(s: Stratum, design: Design, correction: Correction) -> float:
     if s.ss == 0 or s.ss_error == 0:
         return 1.0 if s.ss == 0 else 0.0
     F = (s.ss / s.df1) / (s.ss_error / s.df2)
-    return _report(float(special.fdtrc(s.df1, s.df2, F)), _judged(s, design, F), correction)[1]
+    return _report(float(special.fdtrc(s.df1, s.df2, F)), _sphericity_of(s, design, F), correction)[
+        1
+    ]
 
 
-def _judged(s: Stratum, design: Design, F: float) -> Sphericity | None:
+def _sphericity_of(s: Stratum, design: Design, F: float) -> Sphericity | None:
     if not any(f.name in s.term for f in design.within) or s.errors.shape[1] < 2:
         return None
     cells = math.prod(f.k for f in design.within)

@@ -22,7 +22,7 @@ N_NODES = 21
 """Nodes for one random effect; ten give log-likelihoods to 1e-5, these to 1e-9 in the references.
 """
 MAX_QUADRATURE = 3
-"""Random effects over which nodes in every direction are still few enough."""
+"""Most random effects that quadrature can take: its nodes multiply with every further one."""
 MAX_MODE_STEPS = 60
 MODE_TOLERANCE = 1e-11
 MAX_POLISH_STEPS = 8
@@ -45,7 +45,7 @@ class RowTerms:
 
     `slope` is its derivative in η, `bend` minus the second, `turn` the derivative of bend. `own`
     holds for every part of the answer's own parameters the derivatives of log_p, slope and bend;
-    without `is_curved` bend, turn and the last two are not made.
+    without `is_curved` bend, turn and the last two are not computed.
     """
 
     log_p: Array
@@ -65,7 +65,7 @@ class AnswerRows(Protocol):
     def start(self) -> Array:
         """Return own parameters (n_own,) to begin with."""
 
-    def taken(self, order: Codes) -> Self:
+    def in_order(self, order: Codes) -> Self:
         """Return the rows in another order."""
 
     def terms(self, own: Array, eta: Array, *, is_curved: bool) -> RowTerms:
@@ -112,7 +112,7 @@ class AnswerLikelihood:
         is_alike: bool = False,
     ) -> None:
         order = np.argsort(subject, kind="stable")
-        self.answers, self.X, self.Z = answers.taken(order), X[order], Z[order]
+        self.answers, self.X, self.Z = answers.in_order(order), X[order], Z[order]
         self.subject, self.n = subject[order], int(subject.max()) + 1
         self.q = int(Z.shape[1])
         self._is_alike = is_alike
@@ -151,30 +151,30 @@ class AnswerLikelihood:
     def by_subject(self, theta: Array) -> tuple[Array, Array]:
         """Return each person's log-likelihood (n,) and its gradient (n, parameters)."""
         own, beta, L = self.parts(theta)
-        fixed, G = self.X @ beta, self.Z @ L
-        modes, H = self._find_modes(own, fixed, G)
+        fixed_part, G = self.X @ beta, self.Z @ L
+        modes, H = self._find_modes(own, fixed_part, G)
         of_nodes = self._laplace if self.nodes == 1 else self._quadrature
-        total, parts, at_eta, at_L = of_nodes(own, fixed, G, modes, H)
+        total, parts, at_eta, at_L = of_nodes(own, fixed_part, G, modes, H)
         columns = [self.answers.by_parameter(own, parts), at_eta[:, None] * self.X]
         if self._is_alike and self.q:
             columns.append(np.trace(at_L, axis1=1, axis2=2)[:, None])
         else:
             columns += [at_L[:, a, b, None] for a, b in self._entries]
-        return total, self._summed(np.hstack(columns))
+        return total, self._sum_by_subject(np.hstack(columns))
 
     def _laplace(
-        self, own: Array, fixed: Array, G: Array, modes: Array, H: Array
+        self, own: Array, fixed_part: Array, G: Array, modes: Array, H: Array
     ) -> tuple[Array, tuple[Array, ...], Array, Array]:
         """Return log-likelihoods of people, and of rows the slopes in parts, η and L."""
         u = modes[self.subject]
-        terms = self.answers.terms(own, fixed + (G * u).sum(axis=1), is_curved=True)
-        total = self._summed(terms.log_p) - (modes**2).sum(axis=1) / 2
+        terms = self.answers.terms(own, fixed_part + (G * u).sum(axis=1), is_curved=True)
+        total = self._sum_by_subject(terms.log_p) - (modes**2).sum(axis=1) / 2
         total = total - np.linalg.slogdet(H)[1] / 2
-        solved = np.linalg.solve(H[self.subject], G[:, :, None])[:, :, 0]
-        leverage = (G * solved).sum(axis=1)
-        pull = self._summed((terms.turn * leverage)[:, None] * G)
-        moved = np.linalg.solve(H, pull[:, :, None])[:, :, 0][self.subject]
-        along = (G * moved).sum(axis=1)
+        H_inverse_G = np.linalg.solve(H[self.subject], G[:, :, None])[:, :, 0]
+        leverage = (G * H_inverse_G).sum(axis=1)
+        pull = self._sum_by_subject((terms.turn * leverage)[:, None] * G)
+        mode_shift = np.linalg.solve(H, pull[:, :, None])[:, :, 0][self.subject]
+        along = (G * mode_shift).sum(axis=1)
         at_eta = terms.slope - terms.turn * leverage / 2 + terms.bend * along / 2
         parts = tuple(
             dl - (dbend * leverage + dslope * along) / 2 for dl, dslope, dbend in terms.own
@@ -183,22 +183,22 @@ class AnswerLikelihood:
             self.Z[:, :, None]
             * (
                 u * at_eta[:, None]
-                - terms.bend[:, None] * solved
-                - terms.slope[:, None] * moved / 2
+                - terms.bend[:, None] * H_inverse_G
+                - terms.slope[:, None] * mode_shift / 2
             )[:, None, :]
         )
         return total, parts, at_eta, at_L
 
     def _quadrature(
-        self, own: Array, fixed: Array, G: Array, modes: Array, H: Array
+        self, own: Array, fixed_part: Array, G: Array, modes: Array, H: Array
     ) -> tuple[Array, tuple[Array, ...], Array, Array]:
-        """Return the same as `_laplace`, weighted over nodes, which are taken to stand still."""
+        """Return the same as `_laplace`, weighted over nodes, whose places count as fixed."""
         root = np.linalg.cholesky(np.linalg.inv(H))
         u = modes[:, None, :] + self._nodes @ root.transpose(0, 2, 1)
         at = u[self.subject]
-        eta = fixed[:, None] + (at @ G[:, :, None])[:, :, 0]
+        eta = fixed_part[:, None] + (at @ G[:, :, None])[:, :, 0]
         terms = self.answers.terms(own, eta, is_curved=False)
-        joint = self._summed(terms.log_p) - (u**2).sum(axis=2) / 2 + self._log_weights
+        joint = self._sum_by_subject(terms.log_p) - (u**2).sum(axis=2) / 2 + self._log_weights
         joint = joint + np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)[:, None]
         total = special.logsumexp(joint, axis=1)
         share = np.exp(joint - total[:, None])[self.subject]
@@ -234,14 +234,14 @@ class AnswerLikelihood:
         start = self.start()
         if not start.size:
             return start
-        found = optimize.minimize(
+        optimum = optimize.minimize(
             self.loss,
             start,
             jac=True,
             method="BFGS",
             options={"gtol": 1e-5, "maxiter": 500},
         )
-        return np.asarray(found.x, dtype=np.float64)
+        return np.asarray(optimum.x, dtype=np.float64)
 
     def fit(self, *, no_peak: str, is_far: Callable[[Array, Array], bool]) -> AnswerFit:
         """Fit by maximum likelihood.
@@ -256,8 +256,8 @@ class AnswerLikelihood:
         is_flat = values <= FLAT_CURVATURE * values[-1]
         if np.abs(vectors[: self.n_fixed, is_flat]).max(initial=0) > MAX_FLAT_SHARE:
             raise NotConverged(no_peak)
-        curved = vectors[:, ~is_flat]
-        covariance = curved @ (curved / values[~is_flat]).T
+        with_curvature = vectors[:, ~is_flat]
+        covariance = with_curvature @ (with_curvature / values[~is_flat]).T
         for _ in range(MAX_POLISH_STEPS):
             gradient = self.loss(theta)[1]
             if np.abs(gradient).max() < GRADIENT_TOLERANCE:
@@ -279,17 +279,17 @@ class AnswerLikelihood:
             bool(is_flat.any()) or _is_singular(L),
         )
 
-    def _find_modes(self, own: Array, fixed: Array, G: Array) -> tuple[Array, Array]:
+    def _find_modes(self, own: Array, fixed_part: Array, G: Array) -> tuple[Array, Array]:
         """Return modes of u (n, q) and the curvature there, by Newton's method from the last."""
         H = np.broadcast_to(np.eye(self.q), (self.n, self.q, self.q))
         if not self.q:
             return self._modes, H
         u = self._modes
         for _ in range(MAX_MODE_STEPS):
-            eta = fixed + (G * u[self.subject]).sum(axis=1)
+            eta = fixed_part + (G * u[self.subject]).sum(axis=1)
             terms = self.answers.terms(own, eta, is_curved=True)
-            slope = self._summed(terms.slope[:, None] * G) - u
-            H = np.eye(self.q) + self._summed(
+            slope = self._sum_by_subject(terms.slope[:, None] * G) - u
+            H = np.eye(self.q) + self._sum_by_subject(
                 terms.bend[:, None, None] * G[:, :, None] * G[:, None, :]
             )
             step = np.clip(np.linalg.solve(H, slope[:, :, None])[:, :, 0], -2, 2)
@@ -300,7 +300,7 @@ class AnswerLikelihood:
             self._modes = u
         return u, H
 
-    def _summed(self, rows: Array) -> Array:
+    def _sum_by_subject(self, rows: Array) -> Array:
         starts = np.searchsorted(self.subject, np.arange(self.n))
         return np.asarray(np.add.reduceat(rows, starts, axis=0), dtype=np.float64)
 

@@ -16,10 +16,14 @@ from visavis.analysis.statistics.anova import (
     effect_of_stratum,
     p_of_stratum,
 )
-from visavis.analysis.statistics.bent_scales import SKEW_LIMIT, bent_interactions, residual_skewness
 from visavis.analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
 from visavis.analysis.statistics.errors import StatisticsError, UnknownMethod
 from visavis.analysis.statistics.mixed import Ddf, RandomPart, mixed_effects
+from visavis.analysis.statistics.nonlinear_scales import (
+    SKEW_LIMIT,
+    nonlinear_scale_interactions,
+    residual_skewness,
+)
 from visavis.analysis.statistics.ranks import average_ranks
 from visavis.analysis.statistics.results import NO_CLAIM, Array, Provenance, number, p_text
 from visavis.analysis.statistics.strata import Strata, Stratum
@@ -33,7 +37,7 @@ ALIGNED_DECIMALS = 8
 
 @dataclass(frozen=True)
 class AlignmentCheck:
-    """What alignment should leave: column sums of 0 and F = 0 for every other effect.
+    """Check of an alignment, which should leave column sums of 0 and F = 0 for other effects.
 
     `column_sums` by term; `largest_other_f` is the largest F of any other effect on an aligned
     column: 0 when the design is balanced, otherwise a measure of how far alignment is off.
@@ -107,14 +111,17 @@ def art_anova(
     if error == "mixed" and not within:
         raise UnknownMethod("without within factors there is no random subject; use error='strata'")
     name = subject or "row"
-    aligned = aligned_columns(design)
-    ranks = {term: aligned_ranks(column) for term, column in aligned.items()}
+    # Align and rank for every effect by itself (Wobbrock et al. 2011) ...
+    columns = aligned_columns(design)
+    ranks = {term: aligned_ranks(column) for term, column in columns.items()}
+    # ... and, as the second opinion, take normal scores of the plain ranks for all effects alike.
     scores = normal_scores(design.y)
-    plain = dict.fromkeys(aligned, scores)
-    used, other = (ranks, plain) if transform == "art" else (plain, ranks)
-    effects = _effects(design, used, name, error, correction, ddf, random)
+    plain = dict.fromkeys(columns, scores)
+    own_columns, other = (ranks, plain) if transform == "art" else (plain, ranks)
+    effects = _effects(design, own_columns, name, error, correction, ddf, random)
     second = _p_values(design, other, name, error, correction, ddf, random)
-    check = alignment_check(design, aligned)
+    # Reasons not to trust the result: leaks of alignment, skew, a verdict that depends on ranks.
+    check = alignment_check(design, columns)
     skew = residual_skewness(design)
     notes = _notes(design, effects, second, check, skew, transform, alpha)
     provenance = Provenance(
@@ -131,8 +138,8 @@ def art_anova(
         design,
         provenance,
         name,
-        aligned=aligned if transform == "art" else plain,
-        ranks=used,
+        aligned=columns if transform == "art" else plain,
+        ranks=own_columns,
         check=check,
         second_opinion=second,
         residual_skewness=skew,
@@ -175,18 +182,18 @@ def normal_scores(y: Array) -> Array:
     return scores
 
 
-def alignment_check(design: Design, aligned: Mapping[str, Array]) -> AlignmentCheck:
+def alignment_check(design: Design, columns: Mapping[str, Array]) -> AlignmentCheck:
     """Check aligned columns: sums, and the largest F of an effect they should not hold."""
-    sums = {term: float(column.sum()) for term, column in aligned.items()}
+    sums = {term: float(column.sum()) for term, column in columns.items()}
     largest = 0.0
     strata = Strata(design, "subject") if design.is_complete else None
-    for of, column in aligned.items():
+    for of, column in columns.items():
         if float(np.ptp(column)) == 0:
             continue
         if strata is not None:
             table = design.table(column)
-            tested = [strata.test(table, t) for t in design.terms if ":".join(t) != of]
-            values = [_f(s) for s in tested]
+            tests = [strata.test(table, t) for t in design.terms if ":".join(t) != of]
+            values = [_f(s) for s in tests]
         else:
             values = [
                 e.F for e in mixed_effects(design, column, random="intercept") if e.name != of
@@ -235,9 +242,9 @@ def _p_values(
     if error == "mixed":
         effects = _effects(design, columns, subject, error, "none", ddf, random)
         return {e.name: e.p_used for e in effects}
-    used = correction if error == "strata" else "none"
-    tested = _strata(design, columns, subject, error)
-    return {":".join(s.term): p_of_stratum(s, design, used) for s in tested}
+    rule = correction if error == "strata" else "none"
+    tests = _strata(design, columns, subject, error)
+    return {":".join(s.term): p_of_stratum(s, design, rule) for s in tests}
 
 
 def _by_term(design: Design, columns: Mapping[str, Array]) -> list[tuple[tuple[str, ...], Array]]:
@@ -248,7 +255,7 @@ def _strata(
     design: Design, columns: Mapping[str, Array], subject: str, error: ArtError
 ) -> list[Stratum]:
     strata = Strata(design, subject)
-    tested = []
+    tests = []
     within = {f.name for f in design.within}
     for term, column in _by_term(design, columns):
         table = design.table(column)
@@ -256,8 +263,8 @@ def _strata(
         if error == "pooled" and within & set(term):
             ss, df = strata.pooled_within_error(table)
             result = replace(result, ss_error=ss, df2=df, error_term="Within")
-        tested.append(result)
-    return tested
+        tests.append(result)
+    return tests
 
 
 def _notes(
@@ -283,7 +290,7 @@ def _notes(
             f"residuals are skewed ({number(skew)}); ART may report effects that are not there, "
             "prefer transform='int' or a model of the response"
         )
-    notes += bent_interactions(design, effects, alpha)
+    notes += nonlinear_scale_interactions(design, effects, alpha)
     for effect in effects:
         s = effect.sphericity
         if s is not None and effect.correction == "none" and (s.p is None or s.p < alpha):

@@ -50,7 +50,7 @@ def art_contrasts(
     require_art(table)
     design = table.design
     names = design.term(term)
-    joined = join_factors(design, names)
+    joint_design = join_factors(design, names)
     kinds = {design.factor(n).is_within for n in names}
     crosses = len(kinds) > 1
     error = error or ("mixed" if crosses else table.error)
@@ -62,15 +62,15 @@ def art_contrasts(
     if error != "mixed" and not design.is_complete:
         raise UnknownMethod("cells are missing; contrasts need error='mixed'")
     label = ":".join(names)
-    ranks = aligned_ranks(aligned_columns(joined)[label])
+    ranks = aligned_ranks(aligned_columns(joint_design)[label])
     labels = [",".join(str(v) for v in level) for level in product(*_levels(design, names))]
     L = pair_matrix(len(labels))
     fit = None
     if error == "mixed":
-        fit, text = _fit(joined, ranks, table)
-        estimates, ses, dfs = _mixed(fit, level_rows(joined, (label,)), L)
+        fit, text = _fit(joint_design, ranks, table)
+        estimates, ses, dfs = _estimates_of_fit(fit, level_rows(joint_design, (label,)), L)
     else:
-        estimates, ses, dfs, text = _stratum(joined, ranks, table.subject, label, L, error)
+        estimates, ses, dfs, text = _stratum(joint_design, ranks, table.subject, label, L, error)
     return contrast_family(
         names,
         pair_labels(labels),
@@ -80,7 +80,7 @@ def art_contrasts(
         k=len(labels),
         provenance=_provenance(table, text, fit),
         adjustment=adjust,
-        effects=_pair_effects(joined, ranks, label),
+        effects=_pair_effects(joint_design, ranks, label),
     )
 
 
@@ -111,7 +111,7 @@ def art_interaction_contrasts(
     fit = None
     if error == "mixed":
         fit, text = _fit(design, ranks, table)
-        estimates, ses, dfs = _mixed(fit, level_rows(design, names), L)
+        estimates, ses, dfs = _estimates_of_fit(fit, level_rows(design, names), L)
     else:
         estimates, ses, dfs, text = _interaction(design, ranks, table.subject, names, L, error)
     return contrast_family(
@@ -135,12 +135,18 @@ def join_factors(design: Design, names: tuple[str, ...]) -> Design:
     for name in names:
         codes = codes * design.factor(name).k + design.factor(name).codes
     is_within = any(design.factor(n).is_within for n in names)
-    joined = Factor(":".join(names), tuple(product(*_levels(design, names))), codes, is_within)
+    joint_factor = Factor(
+        ":".join(names), tuple(product(*_levels(design, names))), codes, is_within
+    )
     rest = tuple(f for f in design.factors if f.name not in names)
     order = (
-        (joined, *rest)
+        (joint_factor, *rest)
         if not is_within
-        else (*(f for f in rest if not f.is_within), joined, *(f for f in rest if f.is_within))
+        else (
+            *(f for f in rest if not f.is_within),
+            joint_factor,
+            *(f for f in rest if f.is_within),
+        )
     )
     return Design(
         design.dv,
@@ -165,8 +171,8 @@ def _stratum(
     strata = Strata(design, subject)
     table = design.table(ranks)
     factor = design.factor(name)
-    tested = strata.test(table, (name,))
-    ss, df, text = tested.ss_error, tested.df2, tested.error_term
+    stratum = strata.test(table, (name,))
+    ss, df, text = stratum.ss_error, stratum.df2, stratum.error_term
     sizes = design.group_sizes
     if factor.is_within:
         if error == "pooled":
@@ -204,8 +210,8 @@ def _interaction(
         raise UnknownMethod("cells are missing; contrasts need error='mixed'")
     strata = Strata(design, subject)
     table = design.table(ranks)
-    tested = strata.test(table, names)
-    ss, df, text = tested.ss_error, tested.df2, tested.error_term
+    stratum = strata.test(table, names)
+    ss, df, text = stratum.ss_error, stratum.df2, stratum.error_term
     if error == "pooled" and any(f.is_within and f.name in names for f in design.factors):
         ss, df = strata.pooled_within_error(table)
         text = "Within, pooled"
@@ -251,11 +257,11 @@ def _double_effects(design: Design, ranks: Array, names: tuple[str, ...]) -> lis
             continue
         sides = [cells[:, level] for level in pairs[0]] if groups else [cells]
         inner = pairs[1:] if groups else pairs
-        made = [
+        of_groups = [
             _person_means(reduce(lambda c, pair: c[:, pair[0]] - c[:, pair[1]], inner, side))
             for side in sides
         ]
-        effects.append(_of_groups(*made) if groups else _of_differences(made[0]))
+        effects.append(_of_groups(*of_groups) if groups else _of_differences(of_groups[0]))
     return effects
 
 
@@ -300,7 +306,7 @@ def _fit(design: Design, ranks: Array, table: ArtAnova) -> tuple[FittedModel, st
     return fit, f"{text} per subject, REML"
 
 
-def _mixed(fit: FittedModel, rows: Array, L: Array) -> tuple[Array, Array, Array]:
+def _estimates_of_fit(fit: FittedModel, rows: Array, L: Array) -> tuple[Array, Array, Array]:
     hypotheses = L @ rows
     ses = np.sqrt(np.einsum("ij,jk,ik->i", hypotheses, fit.covariance, hypotheses))
     dfs = np.array([fit.test(h[None, :])[1] for h in hypotheses])

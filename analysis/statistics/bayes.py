@@ -24,10 +24,12 @@ def jzs_bayes_factor(
         raise StatisticsError(f"no Bayes factor belongs to t = {t} and a prior of scale {scale}")
     df = n_1 - 1 if n_2 is None else n_1 + n_2 - 2
     n = n_1 if n_2 is None else n_1 * n_2 / (n_1 + n_2)
-    widened = 1 + n * scale**2 * np.exp(_LOG_G)  # variance of the effect's estimate, over σ²/n
+    variance_ratio = 1 + n * scale**2 * np.exp(
+        _LOG_G
+    )  # variance of the effect's estimate, over σ²/n
     log_density = (
-        -0.5 * np.log(widened)
-        - (df + 1) / 2 * np.log1p(t**2 / (widened * df))
+        -0.5 * np.log(variance_ratio)
+        - (df + 1) / 2 * np.log1p(t**2 / (variance_ratio * df))
         - 0.5 * np.log(2 * np.pi)
         - 0.5 * _LOG_G  # g^(−3/2) and dg = g d(log g)
         - 0.5 * np.exp(-_LOG_G)
@@ -39,5 +41,5 @@ def jzs_bayes_factor(
 
 def bayes_text(factor: float) -> str:
     """Format a Bayes factor: plain between .01 and 100, with an exponent beyond."""
-    shown = f"{factor:.2f}" if 0.01 <= factor < 100 else f"{factor:.1e}".replace("-", "−")
-    return f"BF₁₀ = {shown}"
+    digits = f"{factor:.2f}" if 0.01 <= factor < 100 else f"{factor:.1e}".replace("-", "−")
+    return f"BF₁₀ = {digits}"

@@ -176,7 +176,7 @@ def oneway_anova(
         df1=k - 1,
         df2=N - k,
         p=float(special.fdtrc(k - 1, N - k, F)),
-        groups=_described(names, groups),
+        groups=_summary_of_groups(names, groups),
         provenance=Provenance("One-way ANOVA", N, unit="rows", error_term="within groups"),
         ss=ss,
         ss_error=ss_error,
@@ -208,7 +208,7 @@ def welch_anova(
         df1=k - 1,
         df2=float(df2),
         p=float(special.fdtrc(k - 1, df2, F)),
-        groups=_described(names, groups),
+        groups=_summary_of_groups(names, groups),
         provenance=Provenance(
             "Welch's ANOVA",
             sum(g.size for g in groups),
@@ -288,7 +288,7 @@ def dunn(
     ses = np.sqrt([spread * (1 / ranks[a].size + 1 / ranks[b].size) for a, b in pairs])
     z = off / ses
     p = 2 * special.ndtr(-np.abs(z))
-    adjusted = adjust_p(p, adjust)
+    p_adjusted = adjust_p(p, adjust)
     return tuple(
         DunnPair(
             names[a],
@@ -297,7 +297,7 @@ def dunn(
             float(ses[i]),
             float(z[i]),
             float(p[i]),
-            float(adjusted[i]),
+            float(p_adjusted[i]),
             adjust,
             _rank_difference(groups[a], groups[b]),
         )
@@ -314,7 +314,7 @@ def levene(frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | Non
     }
     test = oneway_anova(distances, "distance", factor="group")
     provenance = replace(test.provenance, test="Levene's test (median)")
-    return replace(test, groups=_described(names, groups), provenance=provenance)
+    return replace(test, groups=_summary_of_groups(names, groups), provenance=provenance)
 
 
 def kruskal_wallis(
@@ -343,7 +343,7 @@ def tukey_hsd(
     frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | None = None
 ) -> Contrasts:
     """Compare all pairs of independent groups (Tukey; Tukey-Kramer when sizes differ)."""
-    return _pooled(frame, dv, factor, levels, "tukey", "Tukey HSD")
+    return _pooled_comparisons(frame, dv, factor, levels, "tukey", "Tukey HSD")
 
 
 def pairwise_t(
@@ -355,7 +355,7 @@ def pairwise_t(
     adjust: ContrastAdjustment = "holm",
 ) -> Contrasts:
     """Compare all pairs of independent groups by t with the SD pooled over all groups."""
-    return _pooled(frame, dv, factor, levels, adjust, "pairwise t, pooled SD")
+    return _pooled_comparisons(frame, dv, factor, levels, adjust, "pairwise t, pooled SD")
 
 
 def group_means(
@@ -402,7 +402,7 @@ def _within_ss(groups: list[Array], dv: str) -> float:
     return ss
 
 
-def _described(names: tuple[str, ...], groups: list[Array]) -> GroupSummary:
+def _summary_of_groups(names: tuple[str, ...], groups: list[Array]) -> GroupSummary:
     return GroupSummary(
         names,
         tuple(int(g.size) for g in groups),
@@ -411,7 +411,7 @@ def _described(names: tuple[str, ...], groups: list[Array]) -> GroupSummary:
     )
 
 
-def _pooled(
+def _pooled_comparisons(
     frame: Frame,
     dv: str,
     factor: str,

@@ -63,24 +63,24 @@ def binomial_test(hits: int, n: int, *, expected: float = 0.5, level: float = 0.
         raise NotNumeric(f"the share expected lies between 0 and 1, not {expected:g}")
     from scipy import stats  # late: half a second that other tests need not pay
 
-    made = stats.binomtest(hits, n, expected)
-    ends = made.proportion_ci(level, "exact")
+    test = stats.binomtest(hits, n, expected)
+    ends = test.proportion_ci(level, "exact")
     effect = Effect("share", hits / n, Interval(float(ends.low), float(ends.high), level))
     return Binomial(
-        hits, n, expected, float(made.pvalue), effect, Provenance("Exact binomial test", n)
+        hits, n, expected, float(test.pvalue), effect, Provenance("Exact binomial test", n)
     )
 
 
 def clustered_share(
     hits: npt.ArrayLike, of: npt.ArrayLike, *, level: float = 0.95
 ) -> tuple[float, Interval]:
-    """Return the share of hits where people gave several answers each, with an interval that knows.
+    """Return the share of hits and an interval that allows for several answers per person.
 
     `hits` and `of` (n,) count per person. Answers of one person are alike, so they are worth fewer
     than as many of different people: the interval is Clopper and Pearson's of the effective number
     of answers, after Korn and Graubard (1998, Survey Methodology 24, 193), with the variance of a
-    ratio over people. It is that of as many answers as people where nobody differs from the
-    others, and the whole of 0 to 1 for one person.
+    ratio over people. Where nobody differs from the others, answers count as fully independent;
+    for one person the interval is 0 to 1.
 
     Raises:
         TooFewSubjects: nothing was answered.
@@ -100,11 +100,19 @@ def clustered_share(
     worth = float(people)
     if variance > 0:
         tail = (1 + level) / 2
-        widened = float(stats.t.ppf(tail, total - 1) / stats.t.ppf(tail, people - 1)) ** 2
-        worth = min(total, share * (1 - share) / variance * widened)
-    held = share * worth
-    low = 0.0 if share <= 0 else stats.beta.ppf((1 - level) / 2, held, worth - held + 1)
-    high = 1.0 if share >= 1 else stats.beta.ppf((1 + level) / 2, held + 1, worth - held)
+        t_ratio_squared = float(stats.t.ppf(tail, total - 1) / stats.t.ppf(tail, people - 1)) ** 2
+        worth = min(total, share * (1 - share) / variance * t_ratio_squared)
+    effective_hits = share * worth
+    low = (
+        0.0
+        if share <= 0
+        else stats.beta.ppf((1 - level) / 2, effective_hits, worth - effective_hits + 1)
+    )
+    high = (
+        1.0
+        if share >= 1
+        else stats.beta.ppf((1 + level) / 2, effective_hits + 1, worth - effective_hits)
+    )
     return share, Interval(float(low), float(high), level)
 
 
@@ -113,7 +121,7 @@ def sign_test(
 ) -> Binomial:
     """Test whether x is above y in as many pairs as below; equal pairs are left out.
 
-    Takes no distances and no symmetric differences; the share is that of pairs with x above.
+    Assumes neither distances nor symmetric differences; the share is that of pairs with x above.
     Raises a `StatisticsError` where no pair differs.
     """
     first, second = paired(x, y, names=names, at_least=1)
@@ -132,14 +140,14 @@ def _signs(off: npt.NDArray[np.float64], what: str, level: float) -> Binomial:
     above, below = int((off > 0).sum()), int((off < 0).sum())
     if above + below == 0:
         raise ConstantResponse(f"{what} are equal in all {off.size} pairs; nothing to test")
-    made = binomial_test(above, above + below, level=level)
+    test = binomial_test(above, above + below, level=level)
     equal = off.size - above - below
     notes = (f"{equal} of {off.size} equal, left out",) if equal else ()
     return Binomial(
-        made.hits,
-        made.n,
-        made.expected,
-        made.p,
-        made.effect,
+        test.hits,
+        test.n,
+        test.expected,
+        test.p,
+        test.effect,
         Provenance("Sign test", int(off.size), unit="pairs", notes=notes),
     )

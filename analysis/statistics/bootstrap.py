@@ -77,7 +77,7 @@ def bootstrap_interval(
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an interval that cannot be had is refused below
-        made = stats.bootstrap(
+        resampling = stats.bootstrap(
             (column,),
             statistic,
             n_resamples=n_replicates,
@@ -86,7 +86,7 @@ def bootstrap_interval(
             vectorized=True,
             rng=rng,
         )
-    low, high = (float(bound) for bound in made.confidence_interval)
+    low, high = (float(bound) for bound in resampling.confidence_interval)
     if not (np.isfinite(low) and np.isfinite(high)):
         raise StatisticsError(
             f"leaving out one value of {name} at a time never changes the statistic, so it has no "
@@ -95,7 +95,7 @@ def bootstrap_interval(
     return Bootstrap(
         float(statistic(column, axis=0)),
         Interval(low, high, level),
-        np.asarray(made.bootstrap_distribution, dtype=np.float64),
+        np.asarray(resampling.bootstrap_distribution, dtype=np.float64),
         method,
         Provenance(
             "bootstrap", int(column.size), unit="values", error_term=f"{method}, {n_replicates}"

@@ -82,7 +82,7 @@ class Ability:
 class PairFit:
     """Deviance of a model from the counts of every pair by itself, choices taken as independent.
 
-    A small p says that one scale does not make these choices (going in circles, for instance).
+    A small p says that one scale does not explain these choices (they go in circles, say).
     """
 
     chi2: float
@@ -126,7 +126,7 @@ class BradleyTerry(Result):
 
     `effects` holds the test that all items are alike and, with groups, that groups judge them
     alike; `tie` and `first_place` are log odds (None where not fitted): of a tie between equals,
-    and of whatever stands first. `fit` is None with groups, places, or no pair to spare.
+    and of the item in first place. `fit` is None with groups, places, or no pair to spare.
     """
 
     effects: tuple[ClmmEffect, ...]
@@ -139,7 +139,7 @@ class BradleyTerry(Result):
 
     @property
     def items(self) -> tuple[str, ...]:
-        """What was compared, in its order."""
+        """The items compared, in their order."""
         return tuple(a.item for a in self.abilities)
 
     def contrasts(self, *, adjust: ContrastAdjustment = "holm") -> Contrasts:
@@ -157,9 +157,9 @@ class BradleyTerry(Result):
 
     def order(self) -> str:
         """Return the items from the most to the least preferred, in a sentence."""
-        listed = sorted(self.abilities, key=lambda a: -a.ability)
-        told = "; ".join(f"{a.item} {number(a.ability)}, {a.interval}" for a in listed)
-        return f"Log abilities, of which the mean is 0: {told}."
+        best_first = sorted(self.abilities, key=lambda a: -a.ability)
+        lines = "; ".join(f"{a.item} {number(a.ability)}, {a.interval}" for a in best_first)
+        return f"Log abilities, of which the mean is 0: {lines}."
 
     def sentence(self) -> str:
         """Return the tests and the order of the items."""
@@ -198,7 +198,7 @@ class DavidsonRows:
         """Return equal odds."""
         return np.zeros(self.n_own)
 
-    def taken(self, order: Codes) -> "DavidsonRows":
+    def in_order(self, order: Codes) -> "DavidsonRows":
         """Return the rows in another order."""
         return replace(self, sign=self.sign[order])
 
@@ -211,9 +211,9 @@ class DavidsonRows:
         log_sum = special.logsumexp(log_odds, axis=0)
         first, second, tie = np.exp(log_odds - log_sum)
         log_p = np.where(sign > 0, half, np.where(sign < 0, -half, log_tie)) - log_sum
-        lean, chosen = first - second, first + second
-        bend, turn = (chosen - lean**2) / 4, lean * (tie / 2 - chosen + lean**2) / 4
-        by_tie = ((sign == 0) - tie, lean * tie / 2, tie * (2 * lean**2 - chosen) / 4)
+        lean, either = first - second, first + second
+        bend, turn = (either - lean**2) / 4, lean * (tie / 2 - either + lean**2) / 4
+        by_tie = ((sign == 0) - tie, lean * tie / 2, tie * (2 * lean**2 - either) / 4)
         return RowTerms(log_p, (sign - lean) / 2, bend, turn, (by_tie,) if self.has_ties else ())
 
     def by_parameter(self, own: Array, parts: tuple[Array, ...]) -> Array:
@@ -276,12 +276,12 @@ def bradley_terry(
     `first` and `second` are columns of the items compared, `dv` is above 0 where the first was
     preferred, below where the second was, 0 for a tie. P(first) is proportional to π₁, P(second)
     to π₂ and P(tie) to ν√(π₁π₂) (Davidson 1970); without ties it is Bradley and Terry's (1952).
-    `side` adds the odds of whatever stands first (Davidson and Beaver 1977). Rows of two equal
-    items say nothing of the items and are left out.
+    `side` adds the odds of the item in first place (Davidson and Beaver 1977). Rows of two equal
+    items carry no information on the items and are left out.
 
-    People differ in what they like, so that choices of one are no independent ones: tests are
-    Hotelling's T² of people's scores (robust errors), the likelihood ratio beside takes all
-    choices for independent. With `between`, groups of people are compared in what they like.
+    People differ in what they like, so one person's choices are not independent: tests are
+    Hotelling's T² of people's scores (robust errors); the likelihood ratio reported with them
+    treats all choices as independent. With `between`, groups are compared in what they like.
     `random` gives every person log abilities of their own, normal around those of all: with one SD
     for all items ("alike"), or with an SD of each and all covariances ("maximal"), integrated by
     Laplace's approximation or by quadrature with so many `nodes`. Then odds are those of a person,
@@ -290,32 +290,34 @@ def bradley_terry(
     Raises a `StatisticsError` naming the row, or `NotConverged` where an item, or a set of them,
     was never preferred to the others.
     """
+    # 1. Rows that can be used: a vote, and two different items.
     firsts, seconds = (_labels(frame, name) for name in (first, second))
     people = _labels(frame, subject)
     vote = numbers(column_of(frame, dv), name=dv, allow_missing=missing != "error")
     groups = _labels(frame, between) if between else ["all"] * vote.size
     keep = ~np.isnan(vote)
-    dropped: tuple[str, ...] = ()
+    exclusions: tuple[str, ...] = ()
     if not keep.all():
-        dropped = (f"{int((~keep).sum())} rows without {dv}",)
+        exclusions = (f"{int((~keep).sum())} rows without {dv}",)
     same = np.array([a == b for a, b in zip(firsts, seconds, strict=True)]) & keep
     if same.any():
-        dropped += (f"{int(same.sum())} rows of an item beside itself",)
+        exclusions += (f"{int(same.sum())} rows of an item beside itself",)
     rows = np.flatnonzero(keep & ~same)
     if set(np.unique(vote[rows])) <= {0.0, 1.0}:
         raise NotNumeric(
             f"{dv} holds no number below 0: write 1 where {first} was preferred, {-1} where "
             f"{second} was, and 0 for a tie"
         )
-    known = tuple(items) or tuple(dict.fromkeys(_sorted({*firsts, *seconds})))
-    used = {firsts[i] for i in rows} | {seconds[i] for i in rows}
-    absent = sorted(used - set(known))
+    # 2. Items in their order; those that nobody compared have no ability.
+    names = tuple(items) or tuple(dict.fromkeys(_in_natural_order({*firsts, *seconds})))
+    compared_items = {firsts[i] for i in rows} | {seconds[i] for i in rows}
+    absent = sorted(compared_items - set(names))
     if absent:
-        raise UnknownMethod(f"{absent[0]!r} is compared but not among the items {', '.join(known)}")
-    known = tuple(item for item in known if item in used)
-    if len(known) < 2:
-        raise TooFewLevels(f"{first} and {second} name {len(known)} items; a comparison needs two")
-    place = {item: i for i, item in enumerate(known)}
+        raise UnknownMethod(f"{absent[0]!r} is compared but not among the items {', '.join(names)}")
+    names = tuple(item for item in names if item in compared_items)
+    if len(names) < 2:
+        raise TooFewLevels(f"{first} and {second} name {len(names)} items; a comparison needs two")
+    place = {item: i for i, item in enumerate(names)}
     a, b = (np.array([place[column[i]] for i in rows]) for column in (firsts, seconds))
     sign = np.sign(vote[rows])
     persons, person = np.unique([people[i] for i in rows], return_inverse=True)
@@ -323,15 +325,18 @@ def bradley_terry(
     _refuse_two_groups(person, kind, persons, subject, between)
     if persons.size <= kinds.size:
         raise TooFewSubjects(f"{persons.size} people; a group needs more than one")
+    # 3. Without a way from every item to every other the likelihood has no peak (Ford 1957).
     for j, group in enumerate(kinds):
         _refuse_unbeaten(
-            known,
+            names,
             a[kind == j],
             b[kind == j],
             sign[kind == j],
             f" in {between} {group}" if between else "",
         )
-    k = len(known)
+    # 4. Log odds of a row: ability of the first minus that of the second item; the first item of
+    # all is the reference. Places and groups (sum-coded) are further columns.
+    k = len(names)
     D = np.zeros((rows.size, k))
     D[np.arange(rows.size), a] += 1
     D[np.arange(rows.size), b] -= 1
@@ -351,6 +356,7 @@ def bradley_terry(
             f"quadrature over {k} items takes too long ({MAX_QUADRATURE + 1} at most); leave nodes "
             "out (Laplace)"
         )
+    # 5. Fit, and test the items, and the groups' difference in them, by Hotelling's T².
     has_ties = bool((sign == 0).any())
     votes = _Votes(np.hstack(columns), sign, person, has_ties, Z, random == "alike", nodes)
     model = _model(votes, persons.size, kinds.size)
@@ -359,15 +365,16 @@ def bradley_terry(
     if between:
         terms[first, second, between] = range(int(ends[1 + side]), int(ends[-1]))
     groups_of_two = tuple(str(kind) for kind in kinds[:2])
-    pairs = {(first, second): (known[:2],), (first, second, between): (known[:2], groups_of_two)}
+    pairs = {(first, second): (names[:2],), (first, second, between): (names[:2], groups_of_two)}
     effects = tuple(
         _effect(term, list(at), votes, model, pairs[term]) for term, at in terms.items()
     )
+    # 6. What a reader must know.
     notes = [f"{rows.size} choices of {persons.size} people between {k} items"]
     if votes.has_ties:
         share = float((sign == 0).mean())
         notes.append(f"{100 * share:.0f} % ties (Davidson)")
-    notes += _people_like(known, model, random)
+    notes += _people_like(names, model, random)
     fit = None if side or between or random else _fit(votes, model.beta, a, b)
     if fit is not None:
         notes.append(fit.sentence())
@@ -379,12 +386,12 @@ def bradley_terry(
         "Bradley–Terry–Davidson model" if votes.has_ties else "Bradley–Terry model",
         int(persons.size),
         error_term=f"{own_abilities}robust errors of people",
-        dropped=dropped,
+        dropped=exclusions,
         notes=tuple(notes),
     )
     return BradleyTerry(
         effects,
-        _described(known, a, b, sign, model),
+        _abilities(names, a, b, sign, model),
         float(model.beta[-1]) if votes.has_ties else None,
         None if place_at is None else float(model.beta[place_at]),
         fit,
@@ -427,24 +434,24 @@ def _model(votes: _Votes, n: int, groups: int) -> PairModel:
     )
 
 
-def _people_like(known: Sequence[str], model: PairModel, random: str) -> list[str]:
+def _people_like(items: Sequence[str], model: PairModel, random: str) -> list[str]:
     """Say how far people differ in what they like."""
     if not random:
         return []
     if random == "alike":
         sd = number(float(np.sqrt(model.spread[0, 0])))
         return [f"SD between people of the log ability of an item {sd}"]
-    k = len(known)
+    k = len(items)
     C = _abilities_of(k, k - 1)
     sds = np.sqrt(np.einsum("ij,jk,ik->i", C, model.spread, C))
-    each = "; ".join(f"{item} {number(float(sd))}" for item, sd in zip(known, sds, strict=True))
-    told = [f"SD between people of log abilities above their mean: {each}"]
+    each = "; ".join(f"{item} {number(float(sd))}" for item, sd in zip(items, sds, strict=True))
+    lines = [f"SD between people of log abilities above their mean: {each}"]
     if model.is_singular:
-        told.append(
+        lines.append(
             "what people like is singular: the choices do not tell their abilities all apart; take "
             "random=alike"
         )
-    return told
+    return lines
 
 
 def _effect(
@@ -460,14 +467,14 @@ def _effect(
     chi2 = max(0.0, 2 * (model.log_likelihood + fewer.loss(fewer.peak())[0]))
     q = len(at)
     p, chi2_p = float(special.fdtrc(q, df, F)), float(special.chdtrc(q, chi2))
-    effect, compared = None, ""
+    effect, comparison = None, ""
     if q == 1:  # the coefficient is of the second item above the first, groups are sum-coded
         times = -(2 ** (len(pairs) - 1))
         se = abs(times) * float(np.sqrt(model.robust[at[0], at[0]]))
         ratio = "odds" if len(pairs) == 1 else "odds ratio"
-        compared = pairs_text([(a, b) for a, b in pairs])
+        comparison = pairs_text([(a, b) for a, b in pairs])
         effect = estimate_effect(times * float(model.beta[at[0]]), se, df, ratio=ratio)
-    return ClmmEffect(term, F, q, df, p, effect, compared, chi2, chi2_p)
+    return ClmmEffect(term, F, q, df, p, effect, comparison, chi2, chi2_p)
 
 
 def _abilities_of(k: int, p: int) -> Array:
@@ -478,24 +485,26 @@ def _abilities_of(k: int, p: int) -> Array:
     return C
 
 
-def _described(
-    known: tuple[str, ...], a: Codes, b: Codes, sign: Array, model: PairModel
+def _abilities(
+    items: tuple[str, ...], a: Codes, b: Codes, sign: Array, model: PairModel
 ) -> tuple[Ability, ...]:
-    C = _abilities_of(len(known), model.beta.size)
+    C = _abilities_of(len(items), model.beta.size)
     values, errors = C @ model.beta, np.sqrt(np.einsum("ij,jk,ik->i", C, model.robust, C))
     reach = float(special.stdtrit(model.df, 0.975)) * errors
-    made = []
-    for i, item in enumerate(known):
-        won = int(((a == i) & (sign > 0)).sum() + ((b == i) & (sign < 0)).sum())
-        lost = int(((a == i) & (sign < 0)).sum() + ((b == i) & (sign > 0)).sum())
-        tied = int((((a == i) | (b == i)) & (sign == 0)).sum())
+    abilities = []
+    for i, item in enumerate(items):
+        n_wins = int(((a == i) & (sign > 0)).sum() + ((b == i) & (sign < 0)).sum())
+        n_losses = int(((a == i) & (sign < 0)).sum() + ((b == i) & (sign > 0)).sum())
+        n_ties = int((((a == i) | (b == i)) & (sign == 0)).sum())
         span = Interval(float(values[i] - reach[i]), float(values[i] + reach[i]))
-        made.append(Ability(item, float(values[i]), float(errors[i]), span, won, tied, lost))
-    return tuple(made)
+        abilities.append(
+            Ability(item, float(values[i]), float(errors[i]), span, n_wins, n_ties, n_losses)
+        )
+    return tuple(abilities)
 
 
 def _odds(
-    made: BradleyTerry,
+    fit: BradleyTerry,
     term: tuple[str, ...],
     pairs: Sequence[tuple[tuple[str, str], ...]],
     L: Array,
@@ -503,9 +512,9 @@ def _odds(
     adjust: ContrastAdjustment,
 ) -> Contrasts:
     """Return contrasts of log odds with the odds as their effect."""
-    estimates = L @ made.model.beta
-    ses = np.sqrt(np.einsum("ij,jk,ik->i", L, made.model.robust, L))
-    dfs = np.full(estimates.size, float(made.model.df))
+    estimates = L @ fit.model.beta
+    ses = np.sqrt(np.einsum("ij,jk,ik->i", L, fit.model.robust, L))
+    dfs = np.full(estimates.size, float(fit.model.df))
     effects = [
         estimate_effect(float(e), float(s), float(d), ratio="odds")
         for e, s, d in zip(estimates, ses, dfs, strict=True)
@@ -519,7 +528,7 @@ def _odds(
         k=k,
         adjustment=adjust,
         effects=effects,
-        provenance=replace(made.provenance, test="log odds of being preferred", notes=()),
+        provenance=replace(fit.provenance, test="log odds of being preferred", notes=()),
     )
 
 
@@ -549,11 +558,11 @@ def _fit(votes: _Votes, beta: Array, a: Codes, b: Codes) -> PairFit | None:
     return PairFit(deviance, df, float(special.chdtrc(df, deviance)))
 
 
-def _refuse_unbeaten(known: tuple[str, ...], a: Codes, b: Codes, sign: Array, where: str) -> None:
+def _refuse_unbeaten(items: tuple[str, ...], a: Codes, b: Codes, sign: Array, where: str) -> None:
     """Refuse items of which some were never preferred to the others: their odds are infinite."""
     better = np.concatenate([a[sign >= 0], b[sign <= 0]])
     worse = np.concatenate([b[sign >= 0], a[sign <= 0]])
-    k = len(known)
+    k = len(items)
     graph = sparse.coo_array((np.ones(better.size), (better, worse)), shape=(k, k))
     parts, part = sparse.csgraph.connected_components(graph, connection="strong")
     if parts == 1:
@@ -561,7 +570,7 @@ def _refuse_unbeaten(known: tuple[str, ...], a: Codes, b: Codes, sign: Array, wh
     crossing = part[better] != part[worse]
     ahead = set(part[better[crossing]])
     behind = next(p for p in range(parts) if p not in ahead)
-    names = ", ".join(known[i] for i in np.flatnonzero(part == behind))
+    names = ", ".join(items[i] for i in np.flatnonzero(part == behind))
     raise NotConverged(
         f"{names}: never preferred to any of the other items{where}, so that the odds have no "
         "finite estimate; judge more pairs, or leave these items out"
@@ -584,8 +593,8 @@ def _labels(frame: Frame, name: str) -> list[str]:
     return [str(v) for v in values]
 
 
-def _sorted(found: set[str]) -> list[str]:
+def _in_natural_order(names: set[str]) -> list[str]:
     try:
-        return sorted(found, key=float)
+        return sorted(names, key=float)
     except ValueError:
-        return sorted(found)
+        return sorted(names)

@@ -32,9 +32,9 @@ from visavis.analysis.statistics.random_effects import slope_terms
 from visavis.analysis.statistics.results import Array, Provenance, Row, number, p_text
 
 MAX_CATEGORIES = 30
-"""Different answers from which a response is taken for a measure, not for a rating."""
+"""A response with more different answers than this is a measure, not a rating."""
 MIN_ANSWERS = 3
-"""Answers in a category below which its thresholds rest on next to nothing."""
+"""With fewer answers than this in a category, its thresholds are hardly determined."""
 
 Terms: TypeAlias = Sequence[tuple[str, ...]]
 
@@ -59,9 +59,9 @@ class ClmmModel:
 
 @dataclass(frozen=True)
 class ClmmEffect(GeeEffect):
-    """The test of one term, beside the likelihood ratio.
+    """The test of one term, with its likelihood ratio.
 
-    In the ratio people's effects are alike, but for those that vary in the model.
+    The ratio assumes that people differ only in the effects that vary in the model.
     """
 
     chi2: float
@@ -121,8 +121,9 @@ def clmm(
     each, of three at most.
 
     Terms are tested by Hotelling's T² with robust errors of subjects, which holds its level where
-    people differ in the effect; the likelihood ratio beside it does so only where that effect
-    varies in the model. Raises a `StatisticsError` naming the row or cell, or `NotConverged`.
+    people differ in the effect; the likelihood ratio reported with it does so only where that
+    effect varies in the model. Raises a `StatisticsError` naming the row or cell, or
+    `NotConverged`.
     """
     if not within and not between:
         raise UnknownColumn("a cumulative link model needs a within or a between factor")
@@ -136,10 +137,12 @@ def clmm(
         between=between,
         levels=levels,
         missing=missing,
-        repeated=bool(subject),
+        allow_repeats=bool(subject),
     )
+    # Categories are the answers that occur, in order; thresholds lie between neighbours.
     categories, category = np.unique(design.y, return_inverse=True)
     _refuse_answers(design, categories)
+    # Thresholds take the place of the intercept, so its column is left out of the fit.
     X, place = design_matrix(design)
     groups = design.group_sizes.size
     if design.n <= groups:
@@ -157,6 +160,8 @@ def clmm(
         fewer = "fewer factors" if not slopes else "random=intercept, fewer factors"
         raise NotConverged(f"{dv}: {error}; take {fewer}, or join categories") from error
     model = _model(fit, design.n, groups)
+    # Two tests per term: Hotelling's T² with robust errors, and the likelihood ratio of the model
+    # without the term's columns.
     effects = []
     for term, columns in place.items():
         if not term:
@@ -171,14 +176,16 @@ def clmm(
         size = term_effect(design, model, term, L, df, ratio="odds ratio")
         effects.append(ClmmEffect(term, F, q, df, p, *size, chi2, chi2_p))
     notes = [f"{design.y.size} rows of {design.n} subjects"] if design.is_repeated else []
-    notes.append(f"{categories.size} categories of {dv}, {_shown(categories)}")
+    notes.append(f"{categories.size} categories of {dv}, {_category_list(categories)}")
     if Z.size:
         notes.append(f"SD of people's thresholds {number(fit.sigma)} (logit scale)")
     notes += _people_differ(design, slopes, fit)
+    # Thresholds next to a rare answer are hardly determined; say so.
     rare = categories[np.bincount(category) < MIN_ANSWERS]
     if rare.size:
         notes.append(
-            f"fewer than {MIN_ANSWERS} answers of {_shown(rare)}; the thresholds beside are guesses"
+            f"fewer than {MIN_ANSWERS} answers of {_category_list(rare)}; "
+            "the thresholds beside are guesses"
         )
     name = "Cumulative link mixed model" if Z.size else "Cumulative link model"
     provenance = Provenance(
@@ -209,8 +216,8 @@ def _slopes(design: Design, random: str) -> tuple[tuple[str, ...], ...]:
     if random == "maximal":
         terms = possible
     else:
-        named = {design.term(name.strip()) for name in random.split("+")}
-        terms = tuple(term for term in design.terms if term in named)
+        requested_terms = {design.term(name.strip()) for name in random.split("+")}
+        terms = tuple(term for term in design.terms if term in requested_terms)
     within = {f.name for f in design.within}
     for term in terms:
         if not within.issuperset(term):
@@ -239,33 +246,33 @@ def _random_columns(
 def _random_text(slopes: Terms, subject: str) -> str:
     if not slopes:
         return f"random intercept per {subject}, "
-    listed = " and ".join(" × ".join(term) for term in slopes)
-    return f"random intercept and slopes of {listed} per {subject}, correlated, "
+    slope_names = " and ".join(" × ".join(term) for term in slopes)
+    return f"random intercept and slopes of {slope_names} per {subject}, correlated, "
 
 
 def _people_differ(design: Design, slopes: Terms, fit: CumulativeFit) -> list[str]:
     """Say how far people differ in every effect that varies, level by level."""
-    told, first = [], 1
+    lines, first = [], 1
     for term in slopes:
-        coded: Array = np.ones((1, 1))
+        codes: Array = np.ones((1, 1))
         levels = [""]
         for factor in (design.factor(name) for name in term):
-            coded = np.kron(coded, sum_coding(factor.k)).astype(np.float64)
+            codes = np.kron(codes, sum_coding(factor.k)).astype(np.float64)
             levels = [f"{a},{b}".strip(",") for a in levels for b in factor.levels]
-        at = slice(first, first + coded.shape[1])
-        first += coded.shape[1]
-        sds = np.sqrt(np.einsum("ij,jk,ik->i", coded, fit.spread[at, at], coded))
+        at = slice(first, first + codes.shape[1])
+        first += codes.shape[1]
+        sds = np.sqrt(np.einsum("ij,jk,ik->i", codes, fit.spread[at, at], codes))
         each = "; ".join(f"{v} {number(float(sd))}" for v, sd in zip(levels, sds, strict=True))
-        told.append(f"SD between people of the effect of {' × '.join(term)}: {each} (logit scale)")
+        lines.append(f"SD between people of the effect of {' × '.join(term)}: {each} (logit scale)")
     if slopes and fit.is_singular:
-        told.append(
+        lines.append(
             "people's effects are singular: the ratings do not tell them all apart; name fewer "
             "slopes (random=)"
         )
-    return told
+    return lines
 
 
-def _shown(categories: Array) -> str:
+def _category_list(categories: Array) -> str:
     return ", ".join(f"{c:g}" for c in categories)
 
 

@@ -20,12 +20,12 @@ Spread: TypeAlias = Literal["sd", "variance"]
 
 @dataclass(frozen=True)
 class Selection:
-    """Scales kept: `kept` indices, `profiles` (kept, motions) scaled to 0..1.
+    """Scales kept: `indices` indices, `profiles` (kept, motions) scaled to 0..1.
 
     `max_abs_mean` and `mean_spread` are of every scale, kept or not.
     """
 
-    kept: npt.NDArray[np.intp]
+    indices: npt.NDArray[np.intp]
     profiles: Array
     max_abs_mean: Array
     mean_spread: Array
@@ -75,9 +75,9 @@ def select_scales(
     variances = array.var(axis=0, ddof=1)
     spreads = np.sqrt(variances) if spread == "sd" else variances
     reach, mean_spread = np.abs(means).max(axis=1), spreads.mean(axis=1)
-    kept = np.flatnonzero((reach >= least_abs_mean - 1e-12) & (mean_spread <= largest_spread))
+    indices = np.flatnonzero((reach >= least_abs_mean - 1e-12) & (mean_spread <= largest_spread))
     low, high = scale
-    return Selection(kept, (means[kept] - low) / (high - low), reach, mean_spread)
+    return Selection(indices, (means[indices] - low) / (high - low), reach, mean_spread)
 
 
 def ward(points: npt.ArrayLike, n_clusters: int) -> Ward:
@@ -92,8 +92,8 @@ def ward(points: npt.ArrayLike, n_clusters: int) -> Ward:
 
     tree = linkage(data, "ward")
     heights: Array = np.asarray(tree[:, 2], dtype=np.float64)
-    found = cut_tree(tree, [n_clusters])[:, 0]
-    first = [int(c) for c in dict.fromkeys(found.tolist())]
-    labels = np.array([first.index(int(c)) + 1 for c in found], dtype=np.intp)
+    numbers = cut_tree(tree, [n_clusters])[:, 0]
+    first = [int(c) for c in dict.fromkeys(numbers.tolist())]
+    labels = np.array([first.index(int(c)) + 1 for c in numbers], dtype=np.intp)
     means = np.stack([data[labels == c].mean(axis=0) for c in range(1, n_clusters + 1)])
     return Ward(heights**2 / 2, heights, labels, means)

@@ -95,6 +95,7 @@ def compare_conditions(
         (str(level), None if is_constant(column) else shapiro_wilk(column, name=f"{dv} {level}"))
         for level, column in zip(factor.levels, table.T, strict=True)
     )
+    # 1. The branch: a condition that does not vary counts as not normal.
     is_normal = all(s is not None and s.p > normality_alpha for _, s in normality)
     steps = [_normality_step(normality, normality_alpha, is_normal)]
     test: AnovaEffect | Friedman
@@ -103,14 +104,15 @@ def compare_conditions(
         anova = anova_of_design(design, subject=subject)
         test = anova.effects[0]
         p, provenance = test.p_used, anova.provenance
-        corrected = test.correction if test.correction != "none" else "no correction"
+        correction = test.correction if test.correction != "none" else "no correction"
         steps.append(
-            Step("Is the error spherical (Mauchly, α = .05)", str(test.sphericity), corrected)
+            Step("Is the error spherical (Mauchly, α = .05)", str(test.sphericity), correction)
         )
     else:
         test = friedman(frame, dv, subject=subject, within=within, levels=levels)
         p, provenance = test.p, test.provenance
     steps.append(Step("Test", test.sentence(), p_text(p)))
+    # 2. The verdict.
     significant = bool(np.less(p, alpha))
     steps.append(
         Step(
@@ -119,6 +121,7 @@ def compare_conditions(
             "yes" if significant else "no",
         )
     )
+    # 3. Post-hocs of the same kind as the test: paired t, or signed ranks.
     pairs: Contrasts | tuple[SignedRankPair, ...] = ()
     if significant or always_posthoc:
         if anova is not None:
@@ -153,11 +156,11 @@ def compare_conditions(
 def _normality_step(
     normality: Sequence[tuple[str, ShapiroWilk | None]], alpha: float, is_normal: bool
 ) -> Step:
-    shown = "; ".join(
+    results = "; ".join(
         f"{level}: " + ("does not vary" if s is None else s.sentence()) for level, s in normality
     )
     return Step(
         f"Are all conditions normal (Shapiro-Wilk, α = {threshold_text(alpha)})",
-        shown,
+        results,
         "yes, repeated-measures ANOVA" if is_normal else "no, Friedman",
     )

@@ -56,14 +56,14 @@ class Contrast(Result):
     def sentence(self) -> str:
         """Return the contrast as an APA sentence."""
         effect = self.effect or "no effect size"
-        adjusted = ""
+        adjustment_text = ""
         if self.adjustment != "none":
             how = "Tukey" if self.adjustment == "tukey" else ADJUSTMENT_NAME[self.adjustment]
-            adjusted = f" ({how})"
+            adjustment_text = f" ({how})"
         return (
             f"{self.label}: estimate {number(self.estimate, 3)}, SE {number(self.se, 3)}, "
-            f"t({degrees(self.df)}) = {number(self.t)}, {p_text(self.p_adjusted)}{adjusted}, "
-            f"{effect}"
+            f"t({degrees(self.df)}) = {number(self.t)}, {p_text(self.p_adjusted)}"
+            f"{adjustment_text}, {effect}"
         )
 
     def row(self) -> Row:
@@ -93,14 +93,14 @@ class Contrasts(Result):
     provenance: Provenance
     level: float = 0.95
 
-    def adjusted(self, adjustment: ContrastAdjustment) -> "Contrasts":
+    def with_adjustment(self, adjustment: ContrastAdjustment) -> "Contrasts":
         """Return the same contrasts with p (and, for Tukey, intervals) adjusted another way."""
         if adjustment not in get_args(ContrastAdjustment):
-            known = ", ".join(get_args(ContrastAdjustment))
-            raise UnknownMethod(f"no adjustment {adjustment!r}; use one of {known}")
+            names = ", ".join(get_args(ContrastAdjustment))
+            raise UnknownMethod(f"no adjustment {adjustment!r}; use one of {names}")
         if adjustment == "tukey" and any(len(c.pairs) > 1 for c in self.contrasts):
             raise UnknownMethod("Tukey compares means, not double differences; use holm")
-        p = _adjusted(self.contrasts, self.k, adjustment)
+        p = _adjust_family(self.contrasts, self.k, adjustment)
         m = len(self.contrasts)
         reach: dict[float, float] = {}
         contrasts = []
@@ -169,7 +169,7 @@ def contrast_family(
     )
     if effects is not None:
         raw = tuple(replace(c, effect=e) for c, e in zip(raw, effects, strict=True))
-    return Contrasts(tuple(term), raw, k, provenance).adjusted(adjustment)
+    return Contrasts(tuple(term), raw, k, provenance).with_adjustment(adjustment)
 
 
 def pair_matrix(k: int) -> Array:
@@ -200,11 +200,11 @@ def reverse(contrast: Contrast) -> Contrast:
     if effect is not None and effect.interval is not None:
         inner = effect.interval
         if effect.name.endswith(("ratio", "odds")):
-            turned = Interval(1 / inner.high, 1 / inner.low, inner.level)
-            effect = Effect(effect.name, 1 / effect.value, turned)
+            flipped_interval = Interval(1 / inner.high, 1 / inner.low, inner.level)
+            effect = Effect(effect.name, 1 / effect.value, flipped_interval)
         else:
-            turned = Interval(-inner.high, -inner.low, inner.level)
-            effect = Effect(effect.name, -effect.value, turned)
+            flipped_interval = Interval(-inner.high, -inner.low, inner.level)
+            effect = Effect(effect.name, -effect.value, flipped_interval)
     first, *rest = contrast.pairs
     return replace(
         contrast,
@@ -216,7 +216,7 @@ def reverse(contrast: Contrast) -> Contrast:
     )
 
 
-def _adjusted(contrasts: Sequence[Contrast], k: int, adjustment: ContrastAdjustment) -> Array:
+def _adjust_family(contrasts: Sequence[Contrast], k: int, adjustment: ContrastAdjustment) -> Array:
     p = np.array([c.p for c in contrasts])
     if adjustment != "tukey":
         return adjust_p(p, adjustment)

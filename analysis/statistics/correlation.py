@@ -173,9 +173,9 @@ def _orders(n: int) -> npt.NDArray[np.int8]:
 
 
 def _permutation_p(a: Array, b: Array) -> float:
-    centred = a - a.mean()
-    products = (b - b.mean())[_orders(a.size)] @ centred
-    observed = float((b - b.mean()) @ centred)
+    a_about_mean = a - a.mean()
+    products = (b - b.mean())[_orders(a.size)] @ a_about_mean
+    observed = float((b - b.mean()) @ a_about_mean)
     return float(np.mean(np.abs(products) >= abs(observed) - 1e-9))
 
 

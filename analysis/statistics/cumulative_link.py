@@ -19,7 +19,7 @@ NO_PEAK = (
     "completely, or too few answers stand in one"
 )
 MAX_LOG_ODDS = 25.0
-"""Estimates beyond are on their way to infinity: a condition parts the categories completely."""
+"""Larger estimates diverge: a condition separates the categories completely."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class CumulativeRows:
         thresholds = special.logit(np.cumsum(counts)[:-1] / counts.sum())
         return np.concatenate([thresholds[:1], np.log(np.diff(thresholds))])
 
-    def taken(self, order: Codes) -> "CumulativeRows":
+    def in_order(self, order: Codes) -> "CumulativeRows":
         """Return the rows in another order."""
         return replace(self, category=self.category[order])
 

@@ -154,7 +154,7 @@ def compare_paired(
         test = wilcoxon_signed_rank(first, second, names=names, method=wilcoxon, level=level)
     threshold = bonferroni_thresholds(alpha, n_tests)[0]
     correction: Adjustment = "bonferroni" if n_tests > 1 else "none"
-    adjusted = min(1.0, test.p * n_tests)
+    p_adjusted = min(1.0, test.p * n_tests)
     cut = threshold_text(normality_alpha)
     check = Step(
         f"Are the differences {between} normal (Shapiro-Wilk, α = {cut})",
@@ -167,14 +167,14 @@ def compare_paired(
         normality=normality,
         test=test,
         p=test.p,
-        p_adjusted=adjusted,
+        p_adjusted=p_adjusted,
         alpha=alpha,
         threshold=threshold,
         n_tests=n_tests,
         correction=correction,
         significant=test.p < threshold,
         stars=stars(test.p, alpha=alpha, n_tests=n_tests),
-        steps=(check, run, _verdict(test.p, adjusted, threshold, correction, n_tests)),
+        steps=(check, run, _verdict(test.p, p_adjusted, threshold, correction, n_tests)),
         provenance=replace(
             test.provenance,
             correction=_correction_text(correction, n_tests),
@@ -197,13 +197,13 @@ def correct_family(
         return ()
     m = len(comparisons)
     raw = [c.p for c in comparisons]
-    adjusted = adjust_p(raw, correction)
-    corrected = []
-    for comparison, p_adjusted in zip(comparisons, adjusted.tolist(), strict=True):
+    all_p_adjusted = adjust_p(raw, correction)
+    results = []
+    for comparison, p_adjusted in zip(comparisons, all_p_adjusted.tolist(), strict=True):
         alpha = comparison.alpha
         threshold = alpha / m if correction == "bonferroni" else alpha
         significant = p_adjusted < alpha
-        corrected.append(
+        results.append(
             replace(
                 comparison,
                 p_adjusted=p_adjusted,
@@ -221,7 +221,7 @@ def correct_family(
                 ),
             )
         )
-    return tuple(corrected)
+    return tuple(results)
 
 
 def _correction_text(correction: Adjustment, n_tests: int) -> str:
@@ -229,15 +229,15 @@ def _correction_text(correction: Adjustment, n_tests: int) -> str:
 
 
 def _verdict(
-    p: float, adjusted: float, threshold: float, correction: Adjustment, n_tests: int
+    p: float, p_adjusted: float, threshold: float, correction: Adjustment, n_tests: int
 ) -> Step:
     limit = f"threshold {threshold_text(threshold)}"
     if correction == "none":
         numbers, question = f"{p_text(p)}, {limit}", "Is it significant (no correction)"
     else:
-        compared = f"{p_text(p)}, adjusted {p_text(adjusted)}"
+        p_values = f"{p_text(p)}, adjusted {p_text(p_adjusted)}"
         of = "" if correction == "bonferroni" else " for the adjusted p"
-        numbers = f"{compared}, {limit}{of}"
+        numbers = f"{p_values}, {limit}{of}"
         question = f"Is it significant ({_correction_text(correction, n_tests)})"
-    tested = p if correction in ("none", "bonferroni") else adjusted
-    return Step(question, numbers, "yes" if tested < threshold else "no")
+    decisive_p = p if correction in ("none", "bonferroni") else p_adjusted
+    return Step(question, numbers, "yes" if decisive_p < threshold else "no")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from visavis.analysis.statistics.design import Frame, Levels, coded, column_of
+from visavis.analysis.statistics.design import Frame, Levels, column_of, levels_and_codes
 from visavis.analysis.statistics.errors import TooFewLevels
 from visavis.analysis.statistics.inputs import numbers
 from visavis.analysis.statistics.results import Result, Row, number
@@ -50,11 +50,11 @@ def describe(
     `sd` of a single row is NaN: it is not defined.
     """
     y = numbers(column_of(frame, dv), name=dv)
-    found = [coded(column_of(frame, f), f, (levels or {}).get(f)) for f in factors]
+    codings = [levels_and_codes(column_of(frame, f), f, (levels or {}).get(f)) for f in factors]
     cells = []
-    for index in np.ndindex(*(len(names) for names, _ in found)):
+    for index in np.ndindex(*(len(names) for names, _ in codings)):
         inside = np.ones(y.size, dtype=bool)
-        for place, (_, codes) in zip(index, found, strict=True):
+        for place, (_, codes) in zip(index, codings, strict=True):
             inside &= codes == place
         if not inside.any():
             continue
@@ -63,7 +63,7 @@ def describe(
         cells.append(
             Cell(
                 {
-                    f: found[i][0][place]
+                    f: codings[i][0][place]
                     for i, (f, place) in enumerate(zip(factors, index, strict=True))
                 },
                 int(values.size),
@@ -84,13 +84,15 @@ def cell_means(
     if not by:
         raise TooFewLevels("name the columns to average by, at least the subject")
     y = numbers(column_of(frame, dv), name=dv)
-    found = [coded(column_of(frame, name), name, None) for name in by]
-    joint = np.ravel_multi_index([codes for _, codes in found], [len(names) for names, _ in found])
+    codings = [levels_and_codes(column_of(frame, name), name, None) for name in by]
+    joint = np.ravel_multi_index(
+        [codes for _, codes in codings], [len(names) for names, _ in codings]
+    )
     cells, back = np.unique(joint, return_inverse=True)
-    places = np.unravel_index(cells, [len(names) for names, _ in found])
+    places = np.unravel_index(cells, [len(names) for names, _ in codings])
     columns: dict[str, npt.NDArray[np.float64] | list[object]] = {
         name: [names[int(i)] for i in place]
-        for name, (names, _), place in zip(by, found, places, strict=True)
+        for name, (names, _), place in zip(by, codings, places, strict=True)
     }
     columns[dv] = np.bincount(back, y) / np.bincount(back)
     return columns

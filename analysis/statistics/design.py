@@ -136,15 +136,15 @@ class Design:
         for candidate in self.factors:
             if candidate.name == name:
                 return candidate
-        known = ", ".join(f.name for f in self.factors)
-        raise UnknownMethod(f"no factor {name!r} in this design; its factors are {known}")
+        names = ", ".join(f.name for f in self.factors)
+        raise UnknownMethod(f"no factor {name!r} in this design; its factors are {names}")
 
     def term(self, term: str | Sequence[str]) -> tuple[str, ...]:
         """Return a term, given as 'A:B' or ('A', 'B'), in the order of the design."""
-        wanted = set(_split(term, [f.name for f in self.factors]))
-        for name in wanted:
+        names = set(_split(term, [f.name for f in self.factors]))
+        for name in names:
             self.factor(name)
-        return tuple(f.name for f in self.factors if f.name in wanted)
+        return tuple(f.name for f in self.factors if f.name in names)
 
 
 def read_design(
@@ -156,15 +156,15 @@ def read_design(
     between: Sequence[str] = (),
     levels: Levels | None = None,
     missing: Missing = "error",
-    repeated: bool = False,
+    allow_repeats: bool = False,
 ) -> Design:
     """Check a tidy frame and return it as a `Design`.
 
     `subject` may be None for purely between designs (every row another subject). Levels are
     taken from `levels`, a pandas categorical, or sorted. `missing`: "error" names every missing
-    cell, "listwise" drops incomplete subjects, "mixed" keeps the rows that are there. `repeated`
-    allows several rows in a cell, for models of single trials; a cell is then missing when none
-    of its rows has a response.
+    cell, "listwise" drops incomplete subjects, "mixed" keeps the rows that are there.
+    `allow_repeats` allows several rows in a cell, for models of single trials; a cell is then
+    missing when none of its rows has a response.
     """
     if missing not in get_args(Missing):
         raise UnknownMethod(
@@ -186,9 +186,11 @@ def read_design(
     if subject is None:
         ids, codes = tuple(range(1, n_rows + 1)), np.arange(n_rows)
     else:
-        ids, codes = coded(columns[subject], subject, None)
+        ids, codes = levels_and_codes(columns[subject], subject, None)
     factors = tuple(
-        Factor(name, *coded(columns[name], name, (levels or {}).get(name)), name in within)
+        Factor(
+            name, *levels_and_codes(columns[name], name, (levels or {}).get(name)), name in within
+        )
         for name in (*between, *within)
     )
     for factor in factors:
@@ -196,29 +198,29 @@ def read_design(
             only = factor.levels[0] if factor.levels else "nothing"
             raise TooFewLevels(f"factor {factor.name} has one level only ({only}); it needs two")
     y = _response(columns[dv], dv, ids, codes, factors)
-    return _checked(dv, y, codes, ids, factors, missing, repeated)
+    return _complete_design(dv, y, codes, ids, factors, missing, allow_repeats)
 
 
 def column_of(frame: Frame, name: str) -> Any:
     """Return one column of a frame; `UnknownColumn` names the nearest match."""
-    known = [str(c) for c in (frame.columns if hasattr(frame, "columns") else frame.keys())]
+    names = [str(c) for c in (frame.columns if hasattr(frame, "columns") else frame.keys())]
     try:
         return frame[name]
     except KeyError:
-        near = get_close_matches(name, known, 1)
-        hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(known)}"
+        near = get_close_matches(name, names, 1)
+        hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(names)}"
         raise UnknownColumn(f"no column {name!r} in the data{hint}") from None
 
 
-def coded(
+def levels_and_codes(
     column: Any, name: str, levels: Sequence[object] | None
 ) -> tuple[tuple[object, ...], Codes]:
     """Return the levels of a label column and the code of every row."""
     categories = getattr(getattr(column, "cat", None), "categories", None)
     raw = as_column(column)
     if raw.dtype.kind in "biuUS":
-        found, codes = np.unique(raw, return_inverse=True)
-        present: list[object] = found.tolist()
+        distinct, codes = np.unique(raw, return_inverse=True)
+        present: list[object] = distinct.tolist()
     else:
         values = raw.tolist()
         for row, value in enumerate(values):
@@ -234,16 +236,16 @@ def coded(
         levels = [c for c in categories.tolist() if c in set(present)]
     if levels is None:
         return tuple(present), codes.astype(np.intp)
-    wanted = list(levels)
+    level_list = list(levels)
     for value in present:
-        if value not in wanted:
+        if value not in level_list:
             row = int(np.flatnonzero(codes == present.index(value))[0])
             raise TooFewLevels(f"{name} has the level {value!r} in row {row + 1}, not in its list")
-    for value in wanted:
+    for value in level_list:
         if value not in present:
             raise TooFewLevels(f"{name} never takes its level {value!r}")
-    order = np.array([wanted.index(value) for value in present], dtype=np.intp)
-    return tuple(wanted), order[codes]
+    order = np.array([level_list.index(value) for value in present], dtype=np.intp)
+    return tuple(level_list), order[codes]
 
 
 def _response(
@@ -262,68 +264,77 @@ def _response(
     return numbers(raw, name=dv, allow_missing=True)
 
 
-def _checked(
+def _complete_design(
     dv: str,
     y: Array,
     codes: Codes,
     ids: tuple[object, ...],
     factors: tuple[Factor, ...],
     missing: Missing,
-    repeated: bool,
+    allow_repeats: bool,
 ) -> Design:
     _refuse_two_groups(codes, ids, [f for f in factors if not f.is_within])
+    # Number the cells of subject × within factors; every one of them needs a response.
     within = [f for f in factors if f.is_within]
     shape = (len(ids), *(f.k for f in within))
     cell = np.ravel_multi_index((codes, *(f.codes for f in within)), shape)
     counts = np.bincount(cell, minlength=int(np.prod(shape)))
-    if (counts > 1).any() and not repeated:
+    if (counts > 1).any() and not allow_repeats:
         rows = np.flatnonzero(cell == int(np.argmax(counts > 1)))
         raise DuplicateCell(
             f"{_where(int(rows[0]), ids, codes, tuple(within))} has {len(rows)} rows "
             f"({', '.join(str(int(r) + 1) for r in rows[:5])}); average repetitions first "
             "(statistics.cell_means)"
         )
-    gone = np.isnan(y)
-    known = np.bincount(cell[~gone], minlength=counts.size)
-    lost = known.reshape(len(ids), -1) == 0
-    keep = ~gone
-    dropped: tuple[str, ...] = ()
-    if lost.any():
+    # A cell is empty when none of its rows has a response, or it has no row.
+    is_missing_row = np.isnan(y)
+    responses_per_cell = np.bincount(cell[~is_missing_row], minlength=counts.size)
+    is_empty_cell = responses_per_cell.reshape(len(ids), -1) == 0
+    keep = ~is_missing_row
+    exclusions: tuple[str, ...] = ()
+    if is_empty_cell.any():
         if missing == "error":
-            row_of = np.full(lost.shape, -1)
-            row_of[codes, cell % lost.shape[1]] = np.arange(y.size)
-            _refuse_missing(dv, lost, row_of, ids, within)
+            row_of = np.full(is_empty_cell.shape, -1)
+            row_of[codes, cell % is_empty_cell.shape[1]] = np.arange(y.size)
+            _refuse_missing(dv, is_empty_cell, row_of, ids, within)
         if missing == "listwise":
-            incomplete = lost.any(axis=1)
+            incomplete = is_empty_cell.any(axis=1)
             keep &= ~incomplete[codes]
-            dropped = tuple(f"subject {ids[i]} (incomplete)" for i in np.flatnonzero(incomplete))
+            exclusions = tuple(f"subject {ids[i]} (incomplete)" for i in np.flatnonzero(incomplete))
         else:
-            dropped = tuple(
+            exclusions = tuple(
                 f"subject {ids[s]}, {_cell_text(int(c), within)} (missing)"
-                for s, c in zip(*np.nonzero(lost), strict=True)
+                for s, c in zip(*np.nonzero(is_empty_cell), strict=True)
             )
-    beside = gone & ~lost[codes, cell % lost.shape[1]]  # other rows of the cell have a response
-    if beside.any():
-        row = int(np.flatnonzero(beside)[0])
+    is_extra_gap = (
+        is_missing_row & ~is_empty_cell[codes, cell % is_empty_cell.shape[1]]
+    )  # other rows of the cell have a response
+    if is_extra_gap.any():
+        row = int(np.flatnonzero(is_extra_gap)[0])
         if missing == "error":
             raise MissingValue(
                 f"{dv} is missing in row {row + 1} ({_where(row, ids, codes, tuple(within))})"
-                + (f" and {int(beside.sum()) - 1} more rows" if beside.sum() > 1 else "")
+                + (
+                    f" and {int(is_extra_gap.sum()) - 1} more rows"
+                    if is_extra_gap.sum() > 1
+                    else ""
+                )
                 + "; repair them, or pass missing='mixed' to use the rows that are there"
             )
-        dropped = (*dropped, f"{int(beside.sum())} rows without {dv}")
-    kept = np.flatnonzero(keep)
-    left, new_codes = np.unique(codes[kept], return_inverse=True)
+        exclusions = (*exclusions, f"{int(is_extra_gap.sum())} rows without {dv}")
+    # Renumber the subjects that are left.
+    kept_rows = np.flatnonzero(keep)
+    left, new_codes = np.unique(codes[kept_rows], return_inverse=True)
     design = Design(
         dv=dv,
-        y=y[kept],
+        y=y[kept_rows],
         subject=new_codes,
         subjects=tuple(ids[i] for i in left),
-        factors=tuple(Factor(f.name, f.levels, f.codes[kept], f.is_within) for f in factors),
-        rows=kept,
-        is_complete=missing != "mixed" or not lost.any(),
-        dropped=dropped,
-        is_repeated=bool((np.bincount(cell[kept]) > 1).any()),
+        factors=tuple(Factor(f.name, f.levels, f.codes[kept_rows], f.is_within) for f in factors),
+        rows=kept_rows,
+        is_complete=missing != "mixed" or not is_empty_cell.any(),
+        dropped=exclusions,
+        is_repeated=bool((np.bincount(cell[kept_rows]) > 1).any()),
     )
     _refuse_too_little(design)
     return design
@@ -348,21 +359,21 @@ def _refuse_two_groups(codes: Codes, ids: tuple[object, ...], between: list[Fact
 
 def _refuse_missing(
     dv: str,
-    lost: npt.NDArray[np.bool_],
+    is_empty_cell: npt.NDArray[np.bool_],
     row_of: Codes,
     ids: tuple[object, ...],
     within: list[Factor],
 ) -> None:
-    places = list(zip(*np.nonzero(lost), strict=True))
-    named = []
+    places = list(zip(*np.nonzero(is_empty_cell), strict=True))
+    descriptions = []
     for s, c in places[:6]:
         cell = f", {_cell_text(int(c), within)}" if within else ""
         row = int(row_of[s, c])
-        named.append(f"subject {ids[s]}{cell} ({'no row' if row < 0 else f'row {row + 1}'})")
+        descriptions.append(f"subject {ids[s]}{cell} ({'no row' if row < 0 else f'row {row + 1}'})")
     more = f" and {len(places) - 6} more" if len(places) > 6 else ""
     text = (
         f"{dv} is missing in {len(places)} cell{'s' if len(places) > 1 else ''}: "
-        f"{'; '.join(named)}{more}. Repair them, or pass missing='listwise' to drop these "
+        f"{'; '.join(descriptions)}{more}. Repair them, or pass missing='listwise' to drop these "
         "subjects or missing='mixed' for a mixed model"
     )
     raise (MissingCell(text) if (row_of < 0).any() else MissingValue(text))
@@ -386,7 +397,7 @@ def _refuse_too_little(design: Design) -> None:
     empty = np.flatnonzero(np.bincount(design.cells, minlength=possible) == 0)
     if empty.size:
         cell = design.cell_text(int(empty[0]))
-        raise MissingCell(f"no row is left with {cell}; the effects cannot be told apart")
+        raise MissingCell(f"no row is left with {cell}; the effects cannot be separated")
 
 
 def _where(row: int, ids: tuple[object, ...], codes: Codes, factors: tuple[Factor, ...]) -> str:
@@ -403,7 +414,7 @@ def _as_names(names: Sequence[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _split(term: str | Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+def _split(term: str | Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
     if isinstance(term, str):
-        return (term,) if term in known else tuple(part.strip() for part in term.split(":"))
+        return (term,) if term in names else tuple(part.strip() for part in term.split(":"))
     return tuple(term)

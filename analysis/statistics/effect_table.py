@@ -1,4 +1,4 @@
-"""What every test of a factorial design gives: one effect per term, with design and provenance."""
+"""The result of every factorial test: one effect per term, with design and provenance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,8 +38,8 @@ class EffectTable(Result, Generic[E]):
 
     def effect(self, term: str | Sequence[str]) -> E:
         """Return one effect by term, 'A:B' or ('A', 'B'), in any order of the factors."""
-        wanted = self.design.term(term)
-        return next(e for e in self.effects if e.term == wanted)
+        factors = self.design.term(term)
+        return next(e for e in self.effects if e.term == factors)
 
     def sentence(self) -> str:
         """Return all effects, one sentence each."""
@@ -51,7 +51,7 @@ class EffectTable(Result, Generic[E]):
     def rows(self) -> tuple[Row, ...]:
         """Return one flat table row per effect."""
         common = self.provenance.row()
-        # The columns of an effect come first, and hold where both name one.
+        # The columns of an effect come first, and win where both have one.
         return tuple({**row, **common, **row} for row in (e.row() for e in self.effects))
 
     def row(self) -> Row:

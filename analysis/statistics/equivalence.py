@@ -1,4 +1,4 @@
-"""Show that there is no difference worth speaking of: two one-sided tests."""
+"""Show that a difference is too small to matter: two one-sided tests."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias

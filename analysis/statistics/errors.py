@@ -16,7 +16,7 @@ class NotNumeric(StatisticsError):
 
 
 class MissingValue(StatisticsError):
-    """A response is missing (NaN, None) and the test was not told what to do with it."""
+    """A response is missing (NaN, None) and no rule for missing values was given."""
 
 
 class InfiniteValue(StatisticsError):

@@ -173,10 +173,10 @@ def posthoc_signed_rank(
         )
         for i, j in pairs
     ]
-    adjusted = adjust_p([t.p for t in tests], adjust).tolist()
+    all_p_adjusted = adjust_p([t.p for t in tests], adjust).tolist()
     return tuple(
         SignedRankPair(names[i], names[j], test, p, adjust)
-        for (i, j), test, p in zip(pairs, tests, adjusted, strict=True)
+        for (i, j), test, p in zip(pairs, tests, all_p_adjusted, strict=True)
     )
 
 

@@ -35,7 +35,7 @@ from visavis.analysis.statistics.results import (
 Family: TypeAlias = Literal["gaussian", "binomial", "poisson"]
 LINK = {"gaussian": "identity", "binomial": "logit", "poisson": "log"}
 RATIO = {"gaussian": "", "binomial": "odds ratio", "poisson": "rate ratio"}
-"""What the exponential of a contrast is called; empty where the contrast speaks for itself."""
+"""Name of the exponential of a contrast; empty where contrasts are not on a log scale."""
 
 MAX_ITERATIONS = 200
 PARAMETER_TOLERANCE = 1e-10
@@ -87,8 +87,8 @@ def hotelling(L: Array, beta: Array, covariance: Array, df: int) -> tuple[float,
 class GeeEffect(Result):
     """The test of one term.
 
-    With one df it has an effect size, of the difference `compared` ("left − right"; of differences
-    of differences for an interaction). Several df together have none.
+    With one df it has an effect size, of the difference that `comparison` names ("left − right";
+    of differences of differences for an interaction). Several df together have none.
     """
 
     term: tuple[str, ...]
@@ -97,7 +97,7 @@ class GeeEffect(Result):
     df2: float
     p: float
     effect: Effect | None
-    compared: str
+    comparison: str
 
     @property
     def name(self) -> str:
@@ -113,7 +113,7 @@ class GeeEffect(Result):
         """Return the effect as an APA sentence."""
         size = f"no effect size for {self.df1} df together"
         if self.effect is not None:
-            size = f"{self.effect} ({self.compared})"
+            size = f"{self.effect} ({self.comparison})"
         test = f"{f_text(self.F, self.df1, self.df2)}, {p_text(self.p)}"
         return f"{' × '.join(self.term)}: {test}, {size}"
 
@@ -126,7 +126,7 @@ class GeeEffect(Result):
             "df2": self.df2,
             "p": self.p,
             "p_used": self.p,
-            "contrast": self.compared or None,
+            "contrast": self.comparison or None,
             **({"effect_size": None} if self.effect is None else self.effect.row()),
         }
 
@@ -184,7 +184,7 @@ def gee(
         between=between,
         levels=levels,
         missing=missing,
-        repeated=True,
+        allow_repeats=True,
     )
     _refuse_responses(design, family)
     X, place = design_matrix(design)
@@ -279,15 +279,15 @@ def _fit(design: Design, X: Array, family: Family) -> GeeModel:
         family=families[family](),
         cov_struct=sm.cov_struct.Exchangeable(),
     )
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught_warnings:
         warnings.simplefilter("always")
         fit = model.fit(
             cov_type="bias_reduced", ctol=PARAMETER_TOLERANCE, maxiter=MAX_ITERATIONS, ddof_scale=0
         )
     beta = np.asarray(fit.params, dtype=np.float64) * unit
     covariance = np.asarray(fit.cov_params(), dtype=np.float64) * unit**2
-    troubled = [str(w.message) for w in said if "onverge" in str(w.message)]
-    if troubled or not (np.isfinite(beta).all() and np.isfinite(covariance).all()):
+    convergence_warnings = [str(w.message) for w in caught_warnings if "onverge" in str(w.message)]
+    if convergence_warnings or not (np.isfinite(beta).all() and np.isfinite(covariance).all()):
         raise NotConverged(
             f"the estimating equations of {design.dv} did not converge; "
             "take fewer factors, or compare subject means"

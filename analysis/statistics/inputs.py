@@ -109,8 +109,8 @@ def differences(x: Array, y: Array) -> Array:
     if largest == 0:
         return np.zeros_like(x)
     unit = 10.0 ** np.floor(np.log10(largest))
-    rounded: Array = np.round((x - y) / unit, 9) * unit
-    return rounded
+    without_noise: Array = np.round((x - y) / unit, 9) * unit
+    return without_noise
 
 
 def is_constant(column: Array) -> bool:
@@ -119,11 +119,11 @@ def is_constant(column: Array) -> bool:
     return spread <= 1e-12 * max(1e-300, float(np.abs(column).max()))
 
 
-def rows_text(rows: npt.NDArray[np.intp] | Sequence[int], shown: int = 5) -> str:
+def rows_text(rows: npt.NDArray[np.intp] | Sequence[int], max_rows: int = 5) -> str:
     """Name rows for a message, counted from 1: 'row 4', 'rows 4, 9 and 3 more'."""
-    listed = [str(int(r) + 1) for r in rows[:shown]]
-    rest = len(rows) - len(listed)
-    text = ", ".join(listed) + (f" and {rest} more" if rest else "")
+    row_numbers = [str(int(r) + 1) for r in rows[:max_rows]]
+    rest = len(rows) - len(row_numbers)
+    text = ", ".join(row_numbers) + (f" and {rest} more" if rest else "")
     return f"row {text}" if len(rows) == 1 else f"rows {text}"
 
 

@@ -22,26 +22,19 @@ def model_matrix(
     Terms are tuples of factor positions; () is the intercept. `n` is the number of rows, needed
     when there is no factor.
     """
-    coded = [sum_coding(k)[c] for c, k in zip(codes, levels, strict=True)]
+    coded_factors = [sum_coding(k)[c] for c, k in zip(codes, levels, strict=True)]
     blocks: list[Array] = [np.ones((n, 1))]
     place: dict[tuple[int, ...], slice] = {(): slice(0, 1)}
     at = 1
-    for size in range(1, len(coded) + 1):
-        for term in combinations(range(len(coded)), size):
-            block = coded[term[0]]
+    for size in range(1, len(coded_factors) + 1):
+        for term in combinations(range(len(coded_factors)), size):
+            block = coded_factors[term[0]]
             for other in term[1:]:
-                block = (block[:, :, None] * coded[other][:, None, :]).reshape(n, -1)
+                block = (block[:, :, None] * coded_factors[other][:, None, :]).reshape(n, -1)
             blocks.append(block)
             place[term] = slice(at, at + block.shape[1])
             at += block.shape[1]
     return np.hstack(blocks), place
-
-
-def cell_rows(levels: Sequence[int]) -> tuple[Array, dict[tuple[int, ...], slice]]:
-    """Return one model row per cell of the full factorial, cells in C order."""
-    n = int(np.prod(levels)) if levels else 1
-    codes = np.unravel_index(np.arange(n), tuple(levels)) if levels else ()
-    return model_matrix([np.asarray(c) for c in codes], levels, n)
 
 
 def residual_ss(X: Array, y: Array) -> float:

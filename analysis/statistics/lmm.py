@@ -33,7 +33,7 @@ OPTIMISER_GRADIENT = 1e-9
 
 @dataclass(frozen=True)
 class LinearMixed(Anova):
-    """F tests of a linear mixed model; `steps` tell which random effects were tried and kept."""
+    """F tests of a linear mixed model; `steps` list the random effects that were tried."""
 
     model: LinearMixedModel | None = None
     random: RandomEffects = "maximal"
@@ -87,8 +87,10 @@ def linear_mixed(
         between=between,
         levels=levels,
         missing=missing,
-        repeated=True,
+        allow_repeats=True,
     )
+    # First the maximal model; where it cannot be estimated, one variance per effect, which always
+    # can, and a note that says so.
     X, place = design_matrix(design)
     steps: list[str] = []
     model = None
@@ -97,23 +99,25 @@ def linear_mixed(
         steps.append(f"Random slopes with all covariances: {reason}")
     if model is None:
         model = fit_components(design, X, design.y)
-        shown = ", ".join(f"{k} {number(v, 3)}" for k, v in model.parameters.items())
-        steps.append(f"One variance per effect: {shown}")
-    kept: RandomEffects = "maximal" if random == "maximal" and len(steps) == 1 else "components"
-    text = _random_text(design, subject, kept)
+        variances = ", ".join(f"{k} {number(v, 3)}" for k, v in model.parameters.items())
+        steps.append(f"One variance per effect: {variances}")
+    structure: RandomEffects = (
+        "maximal" if random == "maximal" and len(steps) == 1 else "components"
+    )
+    text = _random_text(design, subject, structure)
     effects = tuple(
         contrast_effect(model, term, np.eye(X.shape[1])[columns], text)
         for term, columns in place.items()
         if term
     )
     notes = [f"{design.y.size} rows of {design.n} subjects"] if design.is_repeated else []
-    if kept != random:
+    if structure != random:
         notes.append(f"random effects simplified: {steps[0]}; the model has {text}")
     notes += [
         f"the variance of {subject} × {name} came out below zero: people differ less in {name} "
         "than chance makes them"
         for name, value in model.parameters.items()
-        if kept == "components" and value < 0
+        if structure == "components" and value < 0
     ]
     provenance = Provenance(
         "Linear mixed model",
@@ -123,15 +127,15 @@ def linear_mixed(
         notes=tuple(notes),
     )
     return LinearMixed(
-        effects, design, provenance, subject, model=model, random=kept, steps=tuple(steps)
+        effects, design, provenance, subject, model=model, random=structure, steps=tuple(steps)
     )
 
 
 def _random_text(design: Design, subject: str, random: RandomEffects) -> str:
     if random == "components":
         return f"{slopes_text(design)} per {subject}, one variance each"
-    listed = " and ".join(" × ".join(t) for t in slope_terms(design))
-    return f"random intercept and slopes of {listed} per {subject}, correlated"
+    slope_names = " and ".join(" × ".join(t) for t in slope_terms(design))
+    return f"random intercept and slopes of {slope_names} per {subject}, correlated"
 
 
 def _maximal(design: Design, X: Array) -> tuple[LinearMixedModel | None, str]:
@@ -149,7 +153,7 @@ def _maximal(design: Design, X: Array) -> tuple[LinearMixedModel | None, str]:
     unit = float(design.y.std())
     y = (design.y - design.y.mean()) / unit
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what they say is judged below
+        warnings.simplefilter("ignore")  # the fit itself is checked below
         try:
             fit = MixedLM(y, X, design.subject, exog_re=Z).fit(
                 reml=True, method=["bfgs", "lbfgs"], gtol=OPTIMISER_GRADIENT
@@ -178,11 +182,13 @@ def _maximal(design: Design, X: Array) -> tuple[LinearMixedModel | None, str]:
 def _random_columns(design: Design) -> tuple[Array, list[str]]:
     """Return intercept and sum-coded slopes of the random part, (rows, q), with their names."""
     within = design.within
-    coded, place = model_matrix([f.codes for f in within], [f.k for f in within], design.y.size)
-    columns, names = [coded[:, place[()]]], ["intercept"]
+    model_columns, place = model_matrix(
+        [f.codes for f in within], [f.k for f in within], design.y.size
+    )
+    columns, names = [model_columns[:, place[()]]], ["intercept"]
     for term in slope_terms(design):
         at = place[tuple(i for i, f in enumerate(within) if f.name in term)]
-        columns.append(coded[:, at])
+        columns.append(model_columns[:, at])
         count = at.stop - at.start
         label = ":".join(term)
         names += [label] if count == 1 else [f"{label}[{i + 1}]" for i in range(count)]

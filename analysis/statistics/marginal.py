@@ -21,7 +21,7 @@ from visavis.analysis.statistics.results import Array, Effect, Interval, Provena
 
 
 class FittedModel(Protocol):
-    """What contrasts need of a model with the sum-coded fixed effects of a design."""
+    """A fitted model with the sum-coded fixed effects of a design, as contrasts need it."""
 
     @property
     def beta(self) -> Array:

@@ -20,7 +20,7 @@ from visavis.analysis.statistics.results import Array, Provenance
 
 Ddf: TypeAlias = Literal["kenward-roger", "satterthwaite"]
 RandomPart: TypeAlias = Literal["slopes", "intercept"]
-"""What differs between people: every within effect, or their level alone (one pooled error)."""
+"""Random part: people differ in every within effect, or in level alone (one pooled error)."""
 
 SINGULAR_SD_RATIO = 1e-4
 """Ratio of the intercepts' SD to the residual SD below which a fit is called singular."""
@@ -58,14 +58,14 @@ class RandomIntercept:
         return group_sums(self.X, self.groups)
 
     @cached_property
-    def _adjusted(self) -> tuple[Array, list[Array], Array]:
+    def _kenward_roger(self) -> tuple[Array, list[Array], Array]:
         """Return Kenward-Roger's covariance of β, the P matrices and the covariance W."""
         S, sizes = self._sums
         cov = self.cov
-        solved = (
+        V_inverse_X_scaled = (
             self.X - (self.ratio / (1 + self.ratio * sizes))[self.groups, None] * S[self.groups]
         )
-        A = solved / self.residual  # V⁻¹X
+        A = V_inverse_X_scaled / self.residual  # V⁻¹X
         sums = group_sums(A, self.groups)[0]  # Z'V⁻¹X
         d = sizes / (1 + self.ratio * sizes) / self.residual  # diagonal of Z'V⁻¹Z
         vinv_A = (
@@ -100,7 +100,7 @@ class RandomIntercept:
     @property
     def covariance(self) -> Array:
         """The covariance of β used with these degrees of freedom."""
-        return self._adjusted[0] if self.ddf == "kenward-roger" else self.cov
+        return self._kenward_roger[0] if self.ddf == "kenward-roger" else self.cov
 
     def test(self, L: Array) -> tuple[float, float]:
         """Return F and denominator df of the hypothesis Lβ = 0; L has full row rank (q, p)."""
@@ -108,7 +108,7 @@ class RandomIntercept:
         q = L.shape[0]
         F = float(estimate @ np.linalg.solve(L @ self.covariance @ L.T, estimate)) / q
         if self.ddf == "kenward-roger":
-            _, P, W = self._adjusted
+            _, P, W = self._kenward_roger
             df, scale = kenward_roger_df(L, self.cov, P, W)
             return F * scale, df
         return F, self._satterthwaite(L)
@@ -145,8 +145,10 @@ class RandomIntercept:
                             total += weight * a * b * deviance(m * (a * unit[i] + b * unit[j]))
                     hessian[i, j] = total / (4 * steps[i] * steps[j])
         values, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
-        kept = values > 1e-8
-        covariance = 2 * (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+        has_curvature = values > 1e-8
+        covariance = (
+            2 * (vectors[:, has_curvature] / values[has_curvature]) @ vectors[:, has_curvature].T
+        )
         slopes = []
         for i in range(2):
             total_cov = np.zeros_like(self.cov)
@@ -214,8 +216,8 @@ def fit_mixed(
 
 def slopes_text(design: Design) -> str:
     """Return what varies from person to person, in words."""
-    listed = " and ".join(" × ".join(t) for t in slope_terms(design))
-    return f"random intercept and effects of {listed}" if listed else "random intercept"
+    effect_names = " and ".join(" × ".join(t) for t in slope_terms(design))
+    return f"random intercept and effects of {effect_names}" if effect_names else "random intercept"
 
 
 def mixed_anova(
@@ -232,8 +234,8 @@ def mixed_anova(
     """Test all effects (type III) by a mixed model of cells; subjects may lack some.
 
     People may differ in every within effect ("slopes"), so that complete data give the
-    repeated-measures ANOVA; "intercept" pools all of them into one error, which finds too much
-    where people do differ.
+    repeated-measures ANOVA; "intercept" pools all of them into one error, which gives too many
+    significant results where people do differ.
     """
     design = read_design(
         frame, dv, subject=subject, within=within, between=between, levels=levels, missing="mixed"
@@ -267,9 +269,9 @@ def level_rows(design: Design, names: Sequence[str]) -> Array:
     k = [f.k for f in design.factors]
     cells = np.stack(np.unravel_index(np.arange(int(np.prod(k))), tuple(k)))
     X, _ = model_matrix(list(cells), k, cells.shape[1])
-    kept = [i for i, f in enumerate(design.factors) if f.name in names]
-    code = np.ravel_multi_index(tuple(cells[i] for i in kept), tuple(k[i] for i in kept))
-    count = int(np.prod([k[i] for i in kept]))
+    positions = [i for i, f in enumerate(design.factors) if f.name in names]
+    code = np.ravel_multi_index(tuple(cells[i] for i in positions), tuple(k[i] for i in positions))
+    count = int(np.prod([k[i] for i in positions]))
     return np.stack([X[code == c].mean(axis=0) for c in range(count)])
 
 

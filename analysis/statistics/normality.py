@@ -49,8 +49,8 @@ def shapiro_wilk(values: npt.ArrayLike, *, name: str = "sample") -> ShapiroWilk:
 def skewness(values: Array) -> float:
     """Return the adjusted Fisher-Pearson skewness; 0 for a sample without spread."""
     n = values.size
-    centred = values - values.mean()
-    m2 = float((centred**2).mean())
+    about_mean = values - values.mean()
+    m2 = float((about_mean**2).mean())
     if n < 3 or m2 <= 1e-24 * max(1e-300, float(np.abs(values).max()) ** 2):
         return 0.0
-    return float((centred**3).mean() / m2**1.5 * np.sqrt(n * (n - 1)) / (n - 2))
+    return float((about_mean**3).mean() / m2**1.5 * np.sqrt(n * (n - 1)) / (n - 2))

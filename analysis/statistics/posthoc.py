@@ -1,4 +1,4 @@
-"""Compare the levels of a within factor after a repeated-measures test, each way by its name."""
+"""Compare the levels of a within factor after a repeated-measures test, by a named error."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -44,23 +44,26 @@ def posthoc(
     the = design.factor(factor)
     if not the.is_within:
         raise UnknownMethod(f"{factor} varies between subjects; use tukey_hsd or pairwise_t")
+    # Every contrast is a column of one value per subject; groups count alike, whatever their size.
     strata = Strata(design, table.subject)
     means = _subject_means(design.table(design.y), [f.name for f in design.within].index(factor))
     L = pair_matrix(the.k)
     n_groups = int(design.group_sizes.size)
     df = design.n - n_groups
     estimates, residuals = strata.estimates(means @ L.T)
+    # Variance of an unweighted mean of group means, in units of the variance of one subject.
     weight = float((1 / design.group_sizes).sum() / n_groups**2)
     if error == "per_pair":
         spread = (residuals**2).sum(axis=0) / df
         dfs = np.full(L.shape[0], float(df))
         term = "differences of the two levels"
     else:
-        tested = strata.test(design.table(design.y), (factor,))
+        stratum = strata.test(design.table(design.y), (factor,))
         rows_per_level = design.table(design.y)[0].size / the.k
-        spread = np.full(L.shape[0], 2 * tested.ss_error / tested.df2 / rows_per_level)
-        dfs = np.full(L.shape[0], float(tested.df2))
-        term = tested.error_term + ", pooled over levels"
+        spread = np.full(L.shape[0], 2 * stratum.ss_error / stratum.df2 / rows_per_level)
+        dfs = np.full(L.shape[0], float(stratum.df2))
+        term = stratum.error_term + ", pooled over levels"
+    # Rounding leaves a spread of about 1e-12 of the values where there is none.
     labels = [str(v) for v in the.levels]
     for i, (a, b) in enumerate(combinations(labels, 2)):
         if spread[i] <= 1e-24 * float(np.abs(means).max()) ** 2:

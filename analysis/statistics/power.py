@@ -167,8 +167,8 @@ def power_curve(
     """Make a power curve from counts: n → (significant replicates, replicates).
 
     The smallest adequate n is the first from which power stays at or above `target` for all
-    larger n simulated, so that one lucky point does not decide; `rule` "lower bound" asks it of
-    the interval's lower end.
+    larger n simulated, so that one lucky point does not decide; `rule` "lower bound" applies this
+    to the interval's lower end.
     """
     if not hits:
         raise StatisticsError("a power curve needs at least one number of participants")

@@ -28,7 +28,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether one printed number follows from the others; `remark` says how it fails."""
+    """Verdict on whether one printed number follows from the others; `remark` says how it fails."""
 
     printed: str
     computed: float | None
@@ -39,7 +39,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class PublishedCheck(Result):
-    """What follows from printed numbers, and whether the other printed numbers agree.
+    """Values that follow from printed numbers, with verdicts on the other printed numbers.
 
     `values` are computed from the inputs as printed; `verdicts` has one entry per number checked.
     """
@@ -56,13 +56,13 @@ class PublishedCheck(Result):
 
     def sentence(self) -> str:
         """Return the verdict as a sentence."""
-        given = ", ".join(f"{k} = {v}" for k, v in self.inputs.items())
+        inputs = ", ".join(f"{k} = {v}" for k, v in self.inputs.items())
         parts = []
         for name, verdict in self.verdicts.items():
-            found = "" if verdict.computed is None else f" (computed {verdict.computed:.4g})"
+            value = "" if verdict.computed is None else f" (computed {verdict.computed:.4g})"
             agree = "fits" if verdict.is_consistent else verdict.remark or "does not fit"
-            parts.append(f"{name} printed {verdict.printed!r}{found}: {agree}")
-        return f"{self.what}, {given}: " + ("; ".join(parts) or "nothing to compare")
+            parts.append(f"{name} printed {verdict.printed!r}{value}: {agree}")
+        return f"{self.what}, {inputs}: " + ("; ".join(parts) or "nothing to compare")
 
     def row(self) -> Row:
         """Return the check as one flat table row."""
@@ -128,8 +128,8 @@ def judge(
     fits = low - slack <= figure.value <= high + slack
     unit = 2 * figure.half_unit
     cut = {np.trunc(v / unit + np.sign(v) * 1e-9) * unit for v in (low, computed, high)}
-    truncated = any(abs(c - figure.value) < unit * 1e-6 for c in cut)
-    if not fits and truncated:
+    is_cut_off = any(abs(c - figure.value) < unit * 1e-6 for c in cut)
+    if not fits and is_cut_off:
         return Verdict(
             str(printed), computed, interval, allow_truncation, "cut off instead of rounded"
         )

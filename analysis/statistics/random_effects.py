@@ -33,7 +33,7 @@ class _Batch:
 
 @dataclass(frozen=True)
 class _State:
-    """What follows from one value of θ."""
+    """Estimates, score and information at one value of θ."""
 
     beta: Array
     cov: Array
@@ -66,8 +66,8 @@ class SubjectBlocks:
 
     def log_likelihood(self, theta: Array) -> float:
         """Return the restricted log-likelihood, −∞ where V is not positive definite."""
-        solved = self._solve(theta)
-        return -np.inf if solved is None else solved[2]
+        solution = self._solve(theta)
+        return -np.inf if solution is None else solution[2]
 
     @cached_property
     def mean_diagonal(self) -> Array:
@@ -101,10 +101,10 @@ class SubjectBlocks:
 
     def state(self, theta: Array) -> _State:
         """Return estimates, score and expected information at θ."""
-        solved = self._solve(theta)
-        if solved is None:
+        solution = self._solve(theta)
+        if solution is None:
             raise NotConverged("the covariance of the random effects is not positive definite")
-        beta, cov, log_likelihood, inverses = solved
+        beta, cov, log_likelihood, inverses = solution
         r = self.r
         P = np.zeros((r, self.p, self.p))
         Q = np.zeros((r, r, self.p, self.p))
@@ -182,10 +182,10 @@ class LinearMixedModel:
 
 
 def slope_terms(design: Design) -> tuple[tuple[str, ...], ...]:
-    """Return the within effects in which people can be told to differ.
+    """Return the within effects in which differences between people can be estimated.
 
     All of them where some subject has several rows in a cell; otherwise the interaction of all
-    within factors is left out, for it is the residual.
+    within factors is left out, because it is the residual.
     """
     names = [f.name for f in design.within]
     terms = [t for size in range(1, len(names) + 1) for t in combinations(names, size)]
@@ -206,8 +206,8 @@ def component_derivatives(design: Design, terms: Sequence[tuple[str, ...]]) -> D
 
     def derivatives(rows: Codes) -> Array:
         m = rows.size
-        shared = [code[rows][:, None] == code[rows][None, :] for code in codes]
-        return np.stack([np.ones((m, m)), *(s.astype(np.float64) for s in shared), np.eye(m)])
+        same_cell = [code[rows][:, None] == code[rows][None, :] for code in codes]
+        return np.stack([np.ones((m, m)), *(s.astype(np.float64) for s in same_cell), np.eye(m)])
 
     return derivatives
 
@@ -227,7 +227,7 @@ def fit_components(design: Design, X: Array, y: Array) -> LinearMixedModel:
     centre = float(y.mean())
     derivatives = component_derivatives(design, terms)
     blocks = SubjectBlocks(X, (y - centre) / unit, design.subject, derivatives)
-    theta = _scored(blocks, np.full(blocks.r, 1.0 / blocks.r))
+    theta = _maximise_by_scoring(blocks, np.full(blocks.r, 1.0 / blocks.r))
     if theta[-1] < MIN_RESIDUAL_SHARE:
         raise ConstantResponse(
             f"{design.dv} does not vary within subjects beyond the effects; F is not defined"
@@ -255,13 +255,13 @@ def model_at(
     return LinearMixedModel(blocks, tuple(names), theta, whole)
 
 
-def _scored(blocks: SubjectBlocks, theta: Array) -> Array:
+def _maximise_by_scoring(blocks: SubjectBlocks, theta: Array) -> Array:
     """Return the maximum of the restricted likelihood by Fisher scoring with halved steps."""
     for _ in range(MAX_SCORING_STEPS):
         state = blocks.state(theta)
         step = np.linalg.lstsq(state.information, state.score, rcond=1e-12)[0]
-        promised = float(step @ state.score)
-        if promised < SCORE_TOLERANCE:
+        expected_gain = float(step @ state.score)
+        if expected_gain < SCORE_TOLERANCE:
             return theta
         share = 1.0
         while blocks.log_likelihood(theta + share * step) <= state.log_likelihood:

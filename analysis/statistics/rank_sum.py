@@ -90,8 +90,8 @@ def mann_whitney(
         p = _exact_p(ranks, m)
     else:
         label = "normal, continuity-corrected" if continuity else "normal"
-        corrected = off - np.sign(off) * 0.5 if continuity else off
-        p = float(min(1.0, 2 * special.ndtr(-abs(corrected) / np.sqrt(variance))))
+        continuous = off - np.sign(off) * 0.5 if continuity else off
+        p = float(min(1.0, 2 * special.ndtr(-abs(continuous) / np.sqrt(variance))))
     value = 2 * U / (m * n) - 1
     return RankSum(
         U,
@@ -119,15 +119,15 @@ def _exact_p(ranks: Array, m: int) -> float:
 
     Counts of subsets by size and sum of doubled ranks, which are whole numbers.
     """
-    doubled = np.round(2 * ranks).astype(np.intp)
+    double_ranks = np.round(2 * ranks).astype(np.intp)
     smaller = min(m, ranks.size - m)  # both groups' sums lie equally far from their means
-    counts = np.zeros((smaller + 1, int(np.sort(doubled)[::-1][:smaller].sum()) + 1))
+    counts = np.zeros((smaller + 1, int(np.sort(double_ranks)[::-1][:smaller].sum()) + 1))
     counts[0, 0] = 1.0
-    for rank in doubled:
+    for rank in double_ranks:
         counts[1:, rank:] += counts[:-1, : counts.shape[1] - rank].copy()
     of_size = counts[smaller]
-    mean = smaller * doubled.sum() / doubled.size
-    part = doubled[:m] if smaller == m else doubled[m:]
+    mean = smaller * double_ranks.sum() / double_ranks.size
+    part = double_ranks[:m] if smaller == m else double_ranks[m:]
     away = np.abs(np.arange(of_size.size) - mean)
-    reached = away >= abs(part.sum() - mean) - 1e-9
-    return float(min(1.0, of_size[reached].sum() / of_size.sum()))
+    is_as_extreme = away >= abs(part.sum() - mean) - 1e-9
+    return float(min(1.0, of_size[is_as_extreme].sum() / of_size.sum()))

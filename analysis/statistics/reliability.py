@@ -76,13 +76,13 @@ def cronbach_alpha(
     columns = [sample(column_of(frame, name), name=name) for name in items]
     if len({c.size for c in columns}) > 1:
         raise UnequalLength("the items differ in their number of rows")
-    answered = np.column_stack(columns)
+    answers = np.column_stack(columns)
     signs = np.array([-1.0 if name in reverse else 1.0 for name in items])
-    keyed = answered * signs
-    n, k = keyed.shape
-    r = np.corrcoef(keyed, rowvar=False)
+    scored_answers = answers * signs
+    n, k = scored_answers.shape
+    r = np.corrcoef(scored_answers, rowvar=False)
     average = float((r.sum() - k) / (k * (k - 1)))
-    alpha = _alpha(keyed)
+    alpha = _alpha(scored_answers)
     tail, df = (1 - level) / 2, (n - 1, (n - 1) * (k - 1))
     interval = Interval(
         1 - (1 - alpha) * float(special.fdtri(*df, 1 - tail)),
@@ -90,7 +90,7 @@ def cronbach_alpha(
         level,
     )
     left_out = tuple(
-        _alpha(np.delete(keyed, i, axis=1)) if k > 2 else float("nan") for i in range(k)
+        _alpha(np.delete(scored_answers, i, axis=1)) if k > 2 else float("nan") for i in range(k)
     )
     return CronbachAlpha(
         alpha,
@@ -100,7 +100,7 @@ def cronbach_alpha(
         tuple(items),
         tuple(name for name in items if name in reverse),
         left_out,
-        _alpha(answered),
+        _alpha(answers),
         Provenance("Cronbach's alpha", n, unit="persons", error_term="items by persons"),
     )
 

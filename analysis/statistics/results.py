@@ -1,4 +1,4 @@
-"""What every statistical result can do, and the APA notation it is printed in."""
+"""The base of all statistical results, and the APA notation in which they are printed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Row: TypeAlias = Mapping[str, Cell]
 
 MINUS = "\N{MINUS SIGN}"
 NO_CLAIM = "do not rest a claim on it"
-"""Said in a note, begun with the name of an effect, on whose p alone nothing may rest."""
+"""Ends a note about an effect whose p alone is not reliable; the note begins with its name."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Effect:
 
 
 class Result:
-    """Base of results: `sentence()` for the text, `row()` for a table, `print` for both eyes."""
+    """Base of results: `sentence()` for the text, `row()` for a table."""
 
     def sentence(self) -> str:
         """Return the result as an APA sentence."""

@@ -55,8 +55,8 @@ class SignedRank(Result):
 
     def sentence(self) -> str:
         """Return the result as an APA sentence."""
-        dropped = self.n_pairs - self.n_nonzero
-        zeros = f" ({dropped} zero)" if dropped else ""
+        n_zero = self.n_pairs - self.n_nonzero
+        zeros = f" ({n_zero} zero)" if n_zero else ""
         return (
             f"V = {number(self.V, 1)}, z = {number(self.z)}, {p_text(self.p)} ({self.method}), "
             f"{self.effect}, n = {self.n_pairs}{zeros}"
@@ -102,12 +102,14 @@ def wilcoxon_signed_rank(
     signs, ranks = _signed_ranks(d, zeros)
     positive, negative = float(ranks[signs > 0].sum()), float(ranks[signs < 0].sum())
     has_ties = bool(np.unique(np.abs(d[d != 0])).size < np.count_nonzero(d))
-    exact, corrected, label = _decide(method, len(ranks), d.size, has_ties, continuity)
-    z = _z(positive, ranks, corrected=False)
+    exact, with_continuity, label = _decide(method, len(ranks), d.size, has_ties, continuity)
+    z = _z(positive, ranks, with_continuity=False)
     if exact:
         p = _exact_p(positive, ranks)
     else:
-        p = float(min(1.0, 2 * special.ndtr(-abs(_z(positive, ranks, corrected=corrected)))))
+        p = float(
+            min(1.0, 2 * special.ndtr(-abs(_z(positive, ranks, with_continuity=with_continuity))))
+        )
     return SignedRank(
         V=positive,
         T=min(positive, negative),
@@ -143,7 +145,7 @@ def signed_rank_p_from_t(T: float, n: int, *, continuity: bool = False) -> float
     """Return the normal-approximation p of a printed rank sum T of n untied, non-zero pairs."""
     if n < 1 or not 0 <= T <= n * (n + 1) / 2:
         raise StatisticsError(f"a rank sum of {n} pairs lies between 0 and {n * (n + 1) / 2:g}")
-    z = _z(T, np.arange(1.0, n + 1), corrected=continuity)
+    z = _z(T, np.arange(1.0, n + 1), with_continuity=continuity)
     return float(min(1.0, 2 * special.ndtr(-abs(z))))
 
 
@@ -174,9 +176,9 @@ def _decide(
     return False, continuity, "normal, continuity-corrected" if continuity else "normal"
 
 
-def _z(positive: float, ranks: Array, *, corrected: bool) -> float:
+def _z(positive: float, ranks: Array, *, with_continuity: bool) -> float:
     off = positive - ranks.sum() / 2
-    if corrected:
+    if with_continuity:
         off -= np.sign(off) * 0.5
     return float(off / np.sqrt((ranks**2).sum() / 4))
 
@@ -186,15 +188,15 @@ def _exact_p(positive: float, ranks: Array) -> float:
 
     Ranks are doubled so that average ranks are whole numbers.
     """
-    doubled = np.rint(2 * ranks).astype(np.int64)
-    total = int(doubled.sum())
+    double_ranks = np.rint(2 * ranks).astype(np.int64)
+    total = int(double_ranks.sum())
     mass = np.zeros(total + 1)
     mass[0] = 1.0
-    reached = 0
-    for rank in doubled:
-        shifted = mass[: reached + 1].copy()
-        mass[rank : reached + rank + 1] += shifted
-        mass[: reached + rank + 1] /= 2
-        reached += int(rank)
+    largest_sum = 0
+    for rank in double_ranks:
+        before = mass[: largest_sum + 1].copy()
+        mass[rank : largest_sum + rank + 1] += before
+        mass[: largest_sum + rank + 1] /= 2
+        largest_sum += int(rank)
     place = round(2 * positive)
     return float(min(1.0, 2 * min(mass[: place + 1].sum(), mass[place:].sum())))

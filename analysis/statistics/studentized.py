@@ -55,8 +55,8 @@ def studentized_range_quantile(level: float, k: int, df: float) -> float:
 def _range_tail(w: Array, k: int) -> Array:
     """Return P(range of k standard normals > w); differences of powers keep small tails exact."""
     below = special.ndtr(_NODES - w[:, None])
-    lost = -np.expm1((k - 1) * np.log1p(-np.minimum(below / _PHI, 1 - 1e-16)))
-    tail: Array = k * (lost @ (_WEIGHTS * _PHI ** (k - 1)))
+    share_below = -np.expm1((k - 1) * np.log1p(-np.minimum(below / _PHI, 1 - 1e-16)))
+    tail: Array = k * (share_below @ (_WEIGHTS * _PHI ** (k - 1)))
     return tail
 
 

@@ -185,26 +185,26 @@ def independent_t_from_summary(
     if not (sd_1 >= 0 and sd_2 >= 0 and sd_1 + sd_2 > 0):
         raise StatisticsError(f"standard deviations {sd_1} and {sd_2} allow no t test")
     n_df = n_1 + n_2 - 2
-    pooled = float(np.sqrt(((n_1 - 1) * sd_1**2 + (n_2 - 1) * sd_2**2) / n_df))
+    pooled_sd = float(np.sqrt(((n_1 - 1) * sd_1**2 + (n_2 - 1) * sd_2**2) / n_df))
     v1, v2 = sd_1**2 / n_1, sd_2**2 / n_2
     if equal_variances:
-        se, df = pooled * np.sqrt(1 / n_1 + 1 / n_2), float(n_df)
+        se, df = pooled_sd * np.sqrt(1 / n_1 + 1 / n_2), float(n_df)
     else:
         se = np.sqrt(v1 + v2)
         df = (v1 + v2) ** 2 / (v1**2 / (n_1 - 1) + v2**2 / (n_2 - 1))
     estimate = mean_1 - mean_2
     t = float(estimate / se)
     scale = float(np.sqrt(1 / n_1 + 1 / n_2))
-    t_pooled = float(estimate / (pooled * scale))
+    t_pooled = float(estimate / (pooled_sd * scale))
     return TTest(
         t=t,
         df=float(df),
         p=two_sided_t(t, df),
         estimate=estimate,
         interval=_interval(estimate, float(se), float(df), level),
-        sd=pooled,
+        sd=pooled_sd,
         effect=standardised_mean(
-            "d", t_pooled, n_df, scale, value=float(estimate / pooled), level=level
+            "d", t_pooled, n_df, scale, value=float(estimate / pooled_sd), level=level
         ),
         eta=partial_eta_squared(t**2, 1, df, level=level),
         means=(mean_1, mean_2),

@@ -17,11 +17,11 @@ import numpy as np
 import pandas as pd
 
 from visavis.analysis.statistics_report.agreement import AGREEMENT_TESTS
-from visavis.analysis.statistics_report.called import called_of
 from visavis.analysis.statistics_report.choices import CHOICE_TESTS
 from visavis.analysis.statistics_report.chosen_rows import counted_rows, rows_where
 from visavis.analysis.statistics_report.error_rate import error_rate_notes, error_rates
 from visavis.analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRun
+from visavis.analysis.statistics_report.level_words import level_words_of
 from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
 from visavis.analysis.statistics_report.simple import SIMPLE_TESTS
 from visavis.analysis.statistics_report.table_file import DataTable, read_table, table_of
@@ -52,13 +52,13 @@ def answer(
         hint = f"; did you mean {near[0]}?" if near else "."
         raise UsageError(f"there is no test {question.test!r}{hint} Known: {', '.join(TESTS)}")
     table = data if isinstance(data, DataTable) else table_of(data, name=name)
-    called = called_of(question)
-    if called is None:
+    words = level_words_of(question)
+    if words is None:
         return TESTS[question.test](table, question)
     try:
-        return called.told(TESTS[question.test](*called.marked(table, question)), question)
+        return words.with_words(TESTS[question.test](*words.with_marks(table, question)), question)
     except LabError as error:
-        called.worded(error)
+        words.put_words_in(error)
         raise
 
 
@@ -69,7 +69,7 @@ def with_error_rates(
     *,
     n_studies: int = 500,
 ) -> Outcome:
-    """Return an outcome with its test's error rates in data like these, and notes where they leak.
+    """Return an outcome with its test's error rates in data like these, and notes if they are off.
 
     One effect after the other is taken away from simulated studies with the cell sizes, ties,
     bounds and skew of the data; see `error_rate.error_rates`.

@@ -21,21 +21,21 @@ from visavis.analysis.statistics_report.table_file import MISSING_WORDS, DataTab
 from visavis.lab.errors import UsageError
 
 
-def _wide(table: DataTable, q: Question, *, named: bool) -> tuple[Array, pd.DataFrame]:
+def _wide(table: DataTable, q: Question, *, as_categories: bool) -> tuple[Array, pd.DataFrame]:
     """Return ratings (things, raters), NaN where there is none, and the rows they come from.
 
-    `named` ratings are categories: numbers stand for them.
+    `as_categories` ratings are categories: numbers stand for them.
     """
     q.need("dv")
     if q.between:
         raise UsageError(f"the test {q.test} has no between factor; test each group by itself")
     rater = q.one_within()
     things, raters = table.labels(q.subject), table.labels(rater)
-    if named:
+    if as_categories:
         texts = table.texts(q.dv)
         there = [t for t in texts if t.lower() not in MISSING_WORDS]
-        known = {label: float(i) for i, label in enumerate(natural_order(there))}
-        values = np.array([known.get(t, np.nan) for t in texts])
+        numbers = {label: float(i) for i, label in enumerate(natural_order(there))}
+        values = np.array([numbers.get(t, np.nan) for t in texts])
     else:
         values = table.numbers(q.dv)
     rows = pd.DataFrame({q.subject: things, rater: raters, q.dv: values})
@@ -47,34 +47,34 @@ def _wide(table: DataTable, q: Question, *, named: bool) -> tuple[Array, pd.Data
             f"{table.place(row)}; keep one of them, or name what tells them apart"
         )
     order = natural_order(raters)
-    codes, known_things = pd.factorize(rows[q.subject])
-    wide = np.full((len(known_things), len(order)), np.nan)
+    codes, things_in_order = pd.factorize(rows[q.subject])
+    wide = np.full((len(things_in_order), len(order)), np.nan)
     wide[codes, [order.index(r) for r in raters]] = values
-    tested = rows.assign(**{rater: pd.Categorical(rows[rater], order)})
-    return wide, tested[rows[q.dv].notna()]
+    tested_rows = rows.assign(**{rater: pd.Categorical(rows[rater], order)})
+    return wide, tested_rows[rows[q.dv].notna()]
 
 
 def _outcome(
     table: DataTable,
     q: Question,
     title: str,
-    made: tuple[Result, ...],
-    tested: pd.DataFrame,
+    results: tuple[Result, ...],
+    tested_rows: pd.DataFrame,
     notes: tuple[str, ...],
 ) -> Outcome:
     return Outcome(
         question=q,
         title=title,
-        rows=tuple(m.row() for m in made),
-        sentences=tuple(f"{m.sentence()}." for m in made),
+        rows=tuple(m.row() for m in results),
+        sentences=tuple(f"{m.sentence()}." for m in results),
         notes=tuple(dict.fromkeys((*table.notes, *notes))),
         is_simulated=table.is_simulated,
-        data=tested,
+        data=tested_rows,
     )
 
 
 def _icc(table: DataTable, q: Question) -> Outcome:
-    ratings, tested = _wide(table, q, named=False)
+    ratings, tested_rows = _wide(table, q, as_categories=False)
     whole = ~np.isnan(ratings).any(axis=1)
     notes: tuple[str, ...] = ()
     if not whole.all():
@@ -85,36 +85,36 @@ def _icc(table: DataTable, q: Question) -> Outcome:
             )
         notes = (f"{int((~whole).sum())} {q.subject} without all ratings left out",)
         names = list(dict.fromkeys(table.labels(q.subject)))
-        kept = {names[i] for i in np.flatnonzero(whole)}
-        tested = tested[tested[q.subject].isin(kept)]
-    made = icc(ratings[whole], above=q.mu)
-    notes += made[0].provenance.notes
+        complete_things = {names[i] for i in np.flatnonzero(whole)}
+        tested_rows = tested_rows[tested_rows[q.subject].isin(complete_things)]
+    coefficients = icc(ratings[whole], above=q.mu)
+    notes += coefficients[0].provenance.notes
     if q.kind:
         if q.kind not in ICC_KINDS:
             raise UsageError(f"there is no {q.kind!r} of the test icc; {', '.join(ICC_KINDS)}")
-        made = tuple(one for one in made if one.kind == q.kind)
+        coefficients = tuple(one for one in coefficients if one.kind == q.kind)
     notes += (
         "ICC1: raters of its own for each; ICC2: raters stand for others; ICC3: these raters, "
         "their levels apart; k: of the raters' mean",
     )
-    return _outcome(table, q, "Intraclass correlation", made, tested, notes)
+    return _outcome(table, q, "Intraclass correlation", coefficients, tested_rows, notes)
 
 
 def _krippendorff(table: DataTable, q: Question) -> Outcome:
     if not q.scale:
         raise UsageError("the test krippendorff needs scale: nominal, ordinal, interval or ratio")
-    ratings, tested = _wide(table, q, named=q.scale == "nominal")
-    made = krippendorff_alpha(ratings, scale=cast(Scale, q.scale), above=q.mu)
-    return _outcome(table, q, "Krippendorff's alpha", (made,), tested, made.provenance.notes)
+    ratings, tested_rows = _wide(table, q, as_categories=q.scale == "nominal")
+    alpha = krippendorff_alpha(ratings, scale=cast(Scale, q.scale), above=q.mu)
+    return _outcome(table, q, "Krippendorff's alpha", (alpha,), tested_rows, alpha.provenance.notes)
 
 
 def _kappa(table: DataTable, q: Question) -> Outcome:
     scale = cast(Scale, q.scale or "nominal")
-    ratings, tested = _wide(table, q, named=scale == "nominal")
-    made = cohen_kappa(ratings, scale=scale, above=q.mu)
-    notes = (*(f"left out: {d}" for d in made.provenance.dropped), *made.provenance.notes)
+    ratings, tested_rows = _wide(table, q, as_categories=scale == "nominal")
+    kappa = cohen_kappa(ratings, scale=scale, above=q.mu)
+    notes = (*(f"left out: {d}" for d in kappa.provenance.dropped), *kappa.provenance.notes)
     title = "Cohen's kappa" if scale == "nominal" else "Weighted kappa"
-    return _outcome(table, q, title, (made,), tested, notes)
+    return _outcome(table, q, title, (kappa,), tested_rows, notes)
 
 
 AGREEMENT_TESTS: Mapping[str, TestRun] = {

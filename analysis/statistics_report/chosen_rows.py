@@ -42,17 +42,17 @@ def counted_rows(table: DataTable) -> DataTable:
     if REASON_COLUMN in table.cells:
         reasons = Counter(str(r) or "no reason given" for r in table.cells[REASON_COLUMN][~counts])
         why = f": {', '.join(f'{n} {reason}' for reason, n in reasons.most_common())}"
-    said = (
+    note = (
         f"{out} of {len(counts)} rows do not count ({COUNTED_COLUMN} says so{why}) and are left out"
     )
-    return _kept(table, counts, said)
+    return _rows_kept(table, counts, note)
 
 
 def rows_where(table: DataTable, conditions: Sequence[str]) -> DataTable:
     """Return the rows that fulfil every condition, with a note about each.
 
     A condition is COLUMN=LEVEL (also several: COLUMN=ONE,OTHER), COLUMN!=LEVEL, or a number behind
-    <, <=, > or >=. Rows without a value fulfil none but !=.
+    <, <=, > or >=. Rows without a value fulfil != alone.
 
     Raises:
         UsageError: a condition has another form, or names a level that is not there.
@@ -67,16 +67,16 @@ def rows_where(table: DataTable, conditions: Sequence[str]) -> DataTable:
             )
         column, sign, value = match.groups()
         if sign in _ORDERS:
-            keep = _ordered(table, column, sign, value)
+            keep = _above_or_below(table, column, sign, value)
         else:
             keep = _of_levels(table, column, value)
             keep = ~keep if sign == "!=" else keep
-        said = f"where {text}: {int(keep.sum())} of {len(keep)} rows"
-        table = _kept(table, keep, said)
+        note = f"where {text}: {int(keep.sum())} of {len(keep)} rows"
+        table = _rows_kept(table, keep, note)
     return table
 
 
-def _ordered(table: DataTable, column: str, sign: str, value: str) -> npt.NDArray[np.bool_]:
+def _above_or_below(table: DataTable, column: str, sign: str, value: str) -> npt.NDArray[np.bool_]:
     try:
         limit = float(value)
     except ValueError as error:
@@ -87,24 +87,26 @@ def _ordered(table: DataTable, column: str, sign: str, value: str) -> npt.NDArra
 def _of_levels(table: DataTable, column: str, value: str) -> npt.NDArray[np.bool_]:
     cells = np.array(table.texts(column), dtype=object)
     there = set(cells)
-    wanted = [value] if value in there else [v.strip() for v in value.split(",")]
-    unknown = [v for v in wanted if v not in there]
-    if unknown:
+    names = [value] if value in there else [v.strip() for v in value.split(",")]
+    absent = [v for v in names if v not in there]
+    if absent:
         levels = natural_order([str(v) for v in there if v])
-        shown = ", ".join(levels[:MAX_LEVELS_NAMED])
+        level_list = ", ".join(levels[:MAX_LEVELS_NAMED])
         more = ", …" if len(levels) > MAX_LEVELS_NAMED else ""
-        raise UsageError(f"{table.name} holds no {column} {unknown[0]!r}; there are {shown}{more}")
-    return np.isin(cells.astype(str), wanted)
+        raise UsageError(
+            f"{table.name} holds no {column} {absent[0]!r}; there are {level_list}{more}"
+        )
+    return np.isin(cells.astype(str), names)
 
 
-def _kept(table: DataTable, keep: npt.NDArray[np.bool_], said: str) -> DataTable:
+def _rows_kept(table: DataTable, keep: npt.NDArray[np.bool_], note: str) -> DataTable:
     if not keep.any():
-        raise DataError(f"{table.name}: {said}; no row is left to test")
+        raise DataError(f"{table.name}: {note}; no row is left to test")
     return replace(
         table,
         cells=table.cells[keep].reset_index(drop=True),
-        lines=tuple(line for line, kept in zip(table.lines, keep, strict=True) if kept),
-        notes=(*table.notes, said),
+        lines=tuple(line for line, is_kept in zip(table.lines, keep, strict=True) if is_kept),
+        notes=(*table.notes, note),
         levels={
             column: tuple(v for v in levels if v in set(table.cells[column][keep]))
             for column, levels in table.levels.items()

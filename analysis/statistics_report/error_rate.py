@@ -21,7 +21,7 @@ from visavis.lab.errors import UsageError
 NOMINAL = (0.6, 1.4)
 """Range of rates, in units of α, that counts as holding the level (.03 to .07 at .05)."""
 MIN_GROUP = 3
-"""Complete people that every group needs, so that their spread can be told."""
+"""Fewest people with all cells in every group, so that their spread can be estimated."""
 TRIAL_TESTS = ("lmm", "gee", "clmm")
 """Tests that take several rows per subject and cell as they are."""
 NOT_OF_MEASURES = ("bradleyterry", "icc", "krippendorff", "kappa")
@@ -39,49 +39,50 @@ def error_rates(
     interactions it is part of are removed, all others stay. Returns one row per effect: `rate` of
     studies with p below α and its interval, `expected` α, `holds`, and studies refused.
 
-    Raises UsageError for tests without factors, and where people are too few to tell their spread.
+    Raises UsageError for tests without factors, and for too few people to estimate their spread.
     """
     if not question.within and not question.between:
         raise UsageError("error rates are simulated for tests with a within or between factor")
     if question.test in NOT_OF_MEASURES:
         raise UsageError(f"error rates are simulated for measures; {question.test} tests none")
-    prepared = prepare(table, question)
+    tidy = prepare(table, question)
     if question.test in TRIAL_TESTS and prepare(table, question, average=False).frame.shape != (
-        prepared.frame.shape
+        tidy.frame.shape
     ):
         raise UsageError(
             f"error rates are simulated for one row per {question.subject} and cell; average the "
             f"rows, or ask the test rm, which takes their means (not {question.test})"
         )
     design = read_design(
-        prepared.frame,
+        tidy.frame,
         question.dv,
         subject=question.subject or None,
         within=question.within,
         between=question.between,
-        levels=prepared.levels,
+        levels=tidy.levels,
         missing=question.missing,
     )
-    asked = replace(
+    complete_question = replace(
         question,
         posthoc="none",
         levels={f.name: [str(v) for v in f.levels] for f in design.factors},
         missing="listwise" if question.missing == "error" else question.missing,  # none is missing
     )
+    # For every term: simulate studies without it and count how often the test finds it.
     people = _People(design, question.subject)
     rows: list[Row] = []
-    for term in _tested_terms(design, test, table, asked):
-        hits = done = refused = 0
+    for term in _tested_terms(design, test, table, complete_question):
+        hits = n_tested = n_refused = 0
         for frame in people.studies(term, rng, n_studies):
             try:
-                outcome = test(table_of(frame, name="a simulated study"), asked)
+                outcome = test(table_of(frame, name="a simulated study"), complete_question)
             except StatisticsError:
-                refused += 1
+                n_refused += 1
                 continue
-            done += 1
+            n_tested += 1
             hits += _p(outcome, term) < question.alpha
-        interval = proportion_interval(hits, max(done, 1))
-        rate = hits / max(done, 1)
+        interval = proportion_interval(hits, max(n_tested, 1))
+        rate = hits / max(n_tested, 1)
         low_limit, high_limit = (bound * question.alpha for bound in NOMINAL)
         rows.append(
             {
@@ -91,8 +92,8 @@ def error_rates(
                 "high": interval.high,
                 "expected": question.alpha,
                 "holds": bool(interval.low <= high_limit and interval.high >= low_limit),
-                "studies": done,
-                "refused": refused,
+                "studies": n_tested,
+                "refused": n_refused,
             }
         )
     return tuple(rows)
@@ -100,18 +101,18 @@ def error_rates(
 
 def error_rate_notes(rows: tuple[Row, ...]) -> tuple[str, ...]:
     """Say which effects the test finds too often or too rarely in data like these."""
-    told = []
+    notes = []
     for row in rows:
         if not row["holds"]:
             often = (
                 "too often" if float(row["rate"] or 0) > float(row["expected"] or 0) else "rarely"
             )
-            told.append(
+            notes.append(
                 f"{row['term']}: in {100 * float(row['rate'] or 0):.1f} % of {row['studies']} "
                 f"simulated studies like this one, without that effect, it is found ({often}; "
                 f"{100 * float(row['expected'] or 0):g} % expected)"
             )
-    return tuple(told)
+    return tuple(notes)
 
 
 def _tested_terms(
@@ -119,10 +120,10 @@ def _tested_terms(
 ) -> tuple[tuple[str, ...], ...]:
     """Return the terms a test has rows of; one factor alone where its rows have none."""
     rows = test(table, question).rows
-    named = {str(row["term"]) for row in rows if "term" in row}
-    if not named:
+    terms = {str(row["term"]) for row in rows if "term" in row}
+    if not terms:
         return (tuple(f.name for f in design.factors[:1]),)
-    return tuple(t for t in design.terms if ":".join(t) in named)
+    return tuple(t for t in design.terms if ":".join(t) in terms)
 
 
 def _p(outcome: Outcome, term: tuple[str, ...]) -> float:
@@ -156,7 +157,7 @@ class _People:
             group = np.ravel_multi_index(design.group_of_subject, outside)
         complete = ~np.isnan(deviations).any(axis=1)
         self._group, self._n_cells = group, n_cells
-        self._known = ~np.isnan(deviations)
+        self._has_value = ~np.isnan(deviations)
         self._deviations = []
         for code in range(int(np.prod(outside, dtype=int))):
             own = deviations[(group == code) & complete]
@@ -176,7 +177,7 @@ class _People:
         design = self._design
         means = _without(self._means, [f.name for f in design.factors], term)
         by_group = means.reshape(len(self._deviations), self._n_cells)
-        who, cell = np.nonzero(self._known)
+        who, cell = np.nonzero(self._has_value)
         columns: dict[str, object] = {self._subject: who} if self._subject else {}
         for axis, factor in enumerate(design.between):
             codes = design.group_of_subject[axis][who]
@@ -188,8 +189,8 @@ class _People:
             latent = np.empty((design.n, self._n_cells))
             for code, own in enumerate(self._deviations):
                 members = np.flatnonzero(self._group == code)
-                drawn = rng.normal(size=(members.size, own.shape[0])) @ own
-                latent[members] = by_group[code] + drawn
+                deviations = rng.normal(size=(members.size, own.shape[0])) @ own
+                latent[members] = by_group[code] + deviations
             y = self._response(latent[who, cell])
             yield pd.DataFrame({**columns, design.dv: y})
 

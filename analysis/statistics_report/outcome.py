@@ -1,4 +1,4 @@
-"""What is asked of a table, and what a test answered."""
+"""Questions about a table, and the outcomes of tests that answer them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -49,7 +49,7 @@ class Question:
     side: bool = False
     scale: str = ""
     kind: str = ""
-    called: Mapping[str, str] = field(default_factory=dict)
+    level_words: Mapping[str, str] = field(default_factory=dict)
     measured_in: str = ""
 
     def __post_init__(self) -> None:
@@ -106,15 +106,15 @@ class Question:
             )
         return self.between[0]
 
-    def adjustment(self, default: str, allowed: Sequence[str]) -> str:
-        """Return how post-hoc tests are adjusted; UsageError for a way this test has not."""
-        wanted = self.posthoc or default
-        if wanted not in (*allowed, "none"):
+    def adjustment(self, default: str, choices: Sequence[str]) -> str:
+        """Return how post-hoc tests are adjusted; UsageError for a way this test does not offer."""
+        choice = self.posthoc or default
+        if choice not in (*choices, "none"):
             raise UsageError(
-                f"posthoc={wanted} does not go with the test {self.test}; it takes "
-                f"{', '.join(allowed)} or none"
+                f"posthoc={choice} does not go with the test {self.test}; it takes "
+                f"{', '.join(choices)} or none"
             )
-        return wanted
+        return choice
 
 
 @dataclass(frozen=True)
@@ -162,11 +162,11 @@ class Outcome:
         """
         if not term and len(self.rows) == 1:
             return self.rows[0]
-        known = [_term(row) for row in self.rows]
-        for name, row in zip(known, self.rows, strict=True):
+        terms = [_term(row) for row in self.rows]
+        for name, row in zip(terms, self.rows, strict=True):
             if set(name.split(":")) == set(term.split(":")):
                 return row
-        raise UsageError(f"{self.title} has no row {term!r}; there are {', '.join(known)}")
+        raise UsageError(f"{self.title} has no row {term!r}; there are {', '.join(terms)}")
 
     def doubts(self, term: str) -> tuple[str, ...]:
         """Return the notes that say why no claim may rest on an effect, its name left out."""

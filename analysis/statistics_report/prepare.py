@@ -24,7 +24,7 @@ SUBJECT_CODE = " subject"
 
 
 @dataclass(frozen=True)
-class Prepared:
+class TidyTable:
     """A frame with one row per subject and cell (or per trial), levels in their order."""
 
     frame: pd.DataFrame = field(repr=False)
@@ -32,7 +32,7 @@ class Prepared:
     notes: tuple[str, ...]
 
 
-def prepare(table: DataTable, question: Question, *, average: bool = True) -> Prepared:
+def prepare(table: DataTable, question: Question, *, average: bool = True) -> TidyTable:
     """Read the columns a question names; average rows repeated within subject and cell.
 
     Missing responses among repeated rows are left out only when the question says what to do
@@ -53,14 +53,14 @@ def prepare(table: DataTable, question: Question, *, average: bool = True) -> Pr
         if frame.duplicated(keys).any():
             _refuse_missing_rows(table, frame, keys, q)
             if average:
-                frame, said = _averaged(frame, keys, q)
-                notes += said
+                frame, average_notes = _average_rows(frame, keys, q)
+                notes += average_notes
         if q.within and q.missing == "error":
             _refuse_missing(table, frame, levels, q)
-    return Prepared(frame, levels, tuple(notes))
+    return TidyTable(frame, levels, tuple(notes))
 
 
-def read(prepared: Prepared, question: Question) -> Design:
+def read(tidy: TidyTable, question: Question) -> Design:
     """Return the design of a question, incomplete subjects treated as it says."""
     q = question
     if q.missing == "mixed":
@@ -69,12 +69,12 @@ def read(prepared: Prepared, question: Question) -> Design:
             "or the test mixed, art or lmm"
         )
     return read_design(
-        prepared.frame,
+        tidy.frame,
         q.dv,
         subject=q.subject or None,
         within=q.within,
         between=q.between,
-        levels=prepared.levels,
+        levels=tidy.levels,
         missing=q.missing,
     )
 
@@ -83,7 +83,7 @@ def outcome_of(
     table: DataTable,
     q: Question,
     title: str,
-    prepared: Prepared,
+    tidy: TidyTable,
     design: Design | None,
     rows: tuple[Row, ...],
     sentences: tuple[str, ...],
@@ -92,14 +92,14 @@ def outcome_of(
     **more: Any,
 ) -> Outcome:
     """Return an outcome with the cells, notes, samples and rows that its design gives."""
-    gone = () if design is None else left_out(design)
+    exclusions = () if design is None else left_out(design)
     return Outcome(
         question=q,
         title=title,
         rows=rows,
         sentences=sentences,
         cells=() if design is None else cell_rows(design),
-        notes=tuple(dict.fromkeys((*prepared.notes, *gone, *notes))),
+        notes=tuple(dict.fromkeys((*tidy.notes, *exclusions, *notes))),
         samples=() if design is None else samples_of(design),
         is_simulated=table.is_simulated,
         **{"data": None if design is None else tested_rows(design, q.subject), **more},
@@ -107,13 +107,13 @@ def outcome_of(
 
 
 def left_out(design: Design) -> tuple[str, ...]:
-    """Return what a design does without, as notes."""
+    """Return what a design left out, as notes."""
     return tuple(f"left out: {what}" for what in design.dropped)
 
 
 def cell_rows(design: Design) -> tuple[Row, ...]:
     """Describe every cell over the subjects tested, one value per subject."""
-    design = averaged(design)
+    design = average_trials(design)
     labels = {f.name: [str(f.levels[int(c)]) for c in f.codes] for f in design.factors}
     levels = {f.name: [str(v) for v in f.levels] for f in design.factors}
     columns = {**labels, design.dv: design.y}
@@ -131,7 +131,7 @@ def tested_rows(design: Design, subject: str) -> pd.DataFrame:
     return pd.DataFrame({**columns, design.dv: design.y})
 
 
-def averaged(design: Design) -> Design:
+def average_trials(design: Design) -> Design:
     """Return a design of single trials with one mean per subject and cell."""
     if not design.is_repeated:
         return design
@@ -155,10 +155,10 @@ def uneven_groups(design: Design, instead: str) -> tuple[str, ...]:
     shape = tuple(f.k for f in design.between)
     group = np.ravel_multi_index(design.group_of_subject, shape)
     person = np.bincount(design.subject, design.y) / np.bincount(design.subject)
-    found = [
+    spreads = [
         (float(person[group == g].std(ddof=1)), int((group == g).sum())) for g in np.unique(group)
     ]
-    return _if_uneven(found, "SD", instead)
+    return _if_uneven(spreads, "SD", instead)
 
 
 def uneven_changes(design: Design) -> tuple[str, ...]:
@@ -171,23 +171,23 @@ def uneven_changes(design: Design) -> tuple[str, ...]:
     group = np.ravel_multi_index(design.group_of_subject, tuple(f.k for f in design.between))
     table = design.table(design.y).reshape(design.n, -1)
     off = table - table.mean(axis=1, keepdims=True)
-    found = []
+    spreads = []
     for g in np.unique(group):
         own = off[group == g]
         df = (len(own) - 1) * (own.shape[1] - 1)
         if df == 0:
             return ()
-        found.append((float(np.sqrt(((own - own.mean(axis=0)) ** 2).sum() / df)), len(own)))
+        spreads.append((float(np.sqrt(((own - own.mean(axis=0)) ** 2).sum() / df)), len(own)))
     return _if_uneven(
-        found,
+        spreads,
         "the SD of people's differences between conditions",
         "each group by itself, or the groups' differences by the test t, which is Welch's",
     )
 
 
-def _if_uneven(found: Sequence[tuple[float, int]], what: str, instead: str) -> tuple[str, ...]:
+def _if_uneven(spreads: Sequence[tuple[float, int]], what: str, instead: str) -> tuple[str, ...]:
     """Note spreads of groups, each with its size, that differ too far to be pooled."""
-    (low, n_low), (high, n_high) = min(found), max(found)
+    (low, n_low), (high, n_high) = min(spreads), max(spreads)
     if high < MAX_SPREAD_RATIO * low or n_low == n_high:
         return ()
     return (
@@ -204,29 +204,31 @@ def samples_of(design: Design) -> tuple[Samples, ...]:
     """
     if not design.is_complete:
         return ()
-    design = averaged(design)
+    design = average_trials(design)
     table = design.table(design.y)
     within = design.within
-    drawn = []
+    samples = []
     for axis, factor in enumerate(within):
         others = tuple(i + 1 for i in range(len(within)) if i != axis)
         means: Array = table.mean(axis=others) if others else table
-        named = {str(v): means[:, i] for i, v in enumerate(factor.levels)}
-        drawn.append(Samples(factor.name, f"{design.dv} by {factor.name}", named))
+        by_level = {str(v): means[:, i] for i, v in enumerate(factor.levels)}
+        samples.append(Samples(factor.name, f"{design.dv} by {factor.name}", by_level))
     person: Array = table.reshape(design.n, -1).mean(axis=1)
     for factor, codes in zip(design.between, design.group_of_subject, strict=True):
-        named = {str(v): person[codes == i] for i, v in enumerate(factor.levels)}
-        drawn.append(Samples(factor.name, f"{design.dv} by {factor.name}", named, paired=False))
+        by_level = {str(v): person[codes == i] for i, v in enumerate(factor.levels)}
+        samples.append(
+            Samples(factor.name, f"{design.dv} by {factor.name}", by_level, paired=False)
+        )
     cells = int(np.prod([f.k for f in within])) if len(within) == 2 else 0
     if 0 < cells <= MAX_CELLS_DRAWN:
         both = list(product(*(f.levels for f in within)))
         flat = table.reshape(design.n, -1)
         name = "_x_".join(f.name for f in within)
         title = f"{design.dv} by {' and '.join(f.name for f in within)}"
-        drawn.append(
+        samples.append(
             Samples(name, title, {f"{a}\n{b}": flat[:, i] for i, (a, b) in enumerate(both)})
         )
-    return tuple(drawn)
+    return tuple(samples)
 
 
 def _refuse_roles(q: Question) -> None:
@@ -272,20 +274,24 @@ def _refuse_missing(
     there = set(frame.loc[frame[q.dv].notna(), keys].itertuples(index=False, name=None))
     rows = set(frame[keys].itertuples(index=False, name=None))
     people = list(dict.fromkeys(frame[q.subject]))
-    lost = [cell for cell in product(people, *(levels[f] for f in q.within)) if cell not in there]
-    if not lost:
+    empty_cells = [
+        cell for cell in product(people, *(levels[f] for f in q.within)) if cell not in there
+    ]
+    if not empty_cells:
         return
-    named = [
+    descriptions = [
         ", ".join(
             [f"subject {cell[0]}", *(f"{f} {v}" for f, v in zip(q.within, cell[1:], strict=True))]
         )
         + (f" (no {q.dv} in its row)" if cell in rows else " (no row)")
-        for cell in lost[:MAX_CELLS_NAMED]
+        for cell in empty_cells[:MAX_CELLS_NAMED]
     ]
-    more = f" and {len(lost) - len(named)} more" if len(lost) > len(named) else ""
+    n_more = len(empty_cells) - len(descriptions)
+    more = f" and {n_more} more" if n_more else ""
+    cells = f"{len(empty_cells)} cell{'s' if len(empty_cells) > 1 else ''}"
     raise MissingCell(
-        f"{table.name}: {q.dv} is missing in {len(lost)} cell{'s' if len(lost) > 1 else ''}: "
-        f"{'; '.join(named)}{more}. Repair them, or drop these subjects with missing=listwise, "
+        f"{table.name}: {q.dv} is missing in {cells}: {'; '.join(descriptions)}{more}. "
+        "Repair them, or drop these subjects with missing=listwise, "
         "or keep what is there with missing=mixed (tests art, mixed, lmm and gee)"
     )
 
@@ -293,28 +299,36 @@ def _refuse_missing(
 def _refuse_missing_rows(
     table: DataTable, frame: pd.DataFrame, keys: list[str], q: Question
 ) -> None:
-    gone = frame[frame[q.dv].isna()]
-    if len(gone) and q.missing == "error":
-        row = int(gone.index[0])
-        where = ", ".join(f"{'subject' if k == q.subject else k} {gone.iloc[0][k]}" for k in keys)
+    rows_without_value = frame[frame[q.dv].isna()]
+    if len(rows_without_value) and q.missing == "error":
+        row = int(rows_without_value.index[0])
+        where = ", ".join(
+            f"{'subject' if k == q.subject else k} {rows_without_value.iloc[0][k]}" for k in keys
+        )
         raise MissingValue(
             f"{table.name}: {q.dv} is missing in {table.place(row)} ({where})"
-            + (f" and {len(gone) - 1} more rows" if len(gone) > 1 else "")
+            + (
+                f" and {len(rows_without_value) - 1} more rows"
+                if len(rows_without_value) > 1
+                else ""
+            )
             + "; repair them, or average the rows that are there with missing=listwise "
             "(then dropping subjects without a value in some cell) or missing=mixed"
         )
 
 
-def _averaged(frame: pd.DataFrame, keys: list[str], q: Question) -> tuple[pd.DataFrame, list[str]]:
-    gone = int(frame[q.dv].isna().sum())
-    grouped = frame.groupby(keys, sort=True, observed=True)[q.dv]
-    sizes = grouped.size()
+def _average_rows(
+    frame: pd.DataFrame, keys: list[str], q: Question
+) -> tuple[pd.DataFrame, list[str]]:
+    n_missing = int(frame[q.dv].isna().sum())
+    groups = frame.groupby(keys, sort=True, observed=True)[q.dv]
+    sizes = groups.size()
     low, high = int(sizes.min()), int(sizes.max())
     each = f"{low}" if low == high else f"{low} to {high}"
     notes = [
         f"{len(frame)} rows averaged to {len(sizes)}, one per {q.subject} and cell ({each} rows "
         "each); a test of the single rows would take repetitions for people"
     ]
-    if gone:
-        notes.append(f"{gone} rows without {q.dv} were left out of these means")
-    return grouped.mean().reset_index(), notes
+    if n_missing:
+        notes.append(f"{n_missing} rows without {q.dv} were left out of these means")
+    return groups.mean().reset_index(), notes

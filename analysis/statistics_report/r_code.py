@@ -32,13 +32,13 @@ def r_code(outcome: Outcome) -> str:
     lines = [*head, f'd <- read.csv("{DATA_FILE}", check.names = FALSE)', LINE]
     if q.test == "cronbach":
         return "\n".join([*lines, *body]) + "\n"
-    lines.append(f"d$y <- d[[{_quoted(q.dv)}]]")
+    lines.append(f"d$y <- d[[{_r_string(q.dv)}]]")
     if q.partner:
-        lines.append(f"d$x <- d[[{_quoted(q.partner)}]]")
+        lines.append(f"d$x <- d[[{_r_string(q.partner)}]]")
     if q.subject and q.subject in data:
-        lines.append(f"d$s <- factor(d[[{_quoted(q.subject)}]])")
+        lines.append(f"d$s <- factor(d[[{_r_string(q.subject)}]])")
     lines += [
-        f"d${names[f]} <- factor(d[[{_quoted(f)}]], levels = {_vector(levels)})"
+        f"d${names[f]} <- factor(d[[{_r_string(f)}]], levels = {_vector(levels)})"
         for f, levels in factors.items()
     ]
     lines.append('options(contrasts = c("contr.sum", "contr.poly"))  # type III')
@@ -49,15 +49,15 @@ Body = tuple[list[str], tuple[str, ...]]
 """Lines of code, and the packages they need."""
 
 
-def _quoted(text: str) -> str:
+def _r_string(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _vector(values: Sequence[str]) -> str:
-    return f"c({', '.join(_quoted(v) for v in values)})"
+    return f"c({', '.join(_r_string(v) for v in values)})"
 
 
-def _named(names: Mapping[str, str], term: str) -> str:
+def _r_term(names: Mapping[str, str], term: str) -> str:
     """Return how R prints a term: f1:f2."""
     return ":".join(names[f] for f in term.split(":"))
 
@@ -75,9 +75,9 @@ def _two(outcome: Outcome, names: Mapping[str, str], call: str, statistic: str) 
     lines = ["d <- d[order(d$s), ]"] if outcome.question.within else []
     for a, b in _pairs(outcome):
         lines += [
-            f"x <- d$y[d$f1 == {_quoted(a)}]; y <- d$y[d$f1 == {_quoted(b)}]",
+            f"x <- d$y[d$f1 == {_r_string(a)}]; y <- d$y[d$f1 == {_r_string(b)}]",
             f"t <- {call}",
-            f"line({_quoted(f'{a} - {b}')}, {statistic}, "
+            f"line({_r_string(f'{a} - {b}')}, {statistic}, "
             f"{'coin::pvalue(t)' if 'coin::' in call else 't$p.value'})",
         ]
     return lines
@@ -102,7 +102,7 @@ def _wilcoxon(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return _two(outcome, names, call, V), ("coin",)
 
 
-def _paired(outcome: Outcome, names: Mapping[str, str]) -> Body:
+def _paired_tests(outcome: Outcome, names: Mapping[str, str]) -> Body:
     """Repeat the test that the decision path took for each pair."""
     lines, ranks = ["d <- d[order(d$s), ]"], False
     for (a, b), row in zip(_pairs(outcome), outcome.rows, strict=True):
@@ -110,11 +110,11 @@ def _paired(outcome: Outcome, names: Mapping[str, str]) -> Body:
         ranks |= by_rank
         call, statistic = SIGNED_RANK if by_rank else ("t.test(x, y, paired = TRUE)", "t$statistic")
         lines += [
-            f"x <- d$y[d$f1 == {_quoted(a)}]; y <- d$y[d$f1 == {_quoted(b)}]",
-            f"line({_quoted(f'{a} - {b}, Shapiro-Wilk')}, shapiro.test(x - y)$statistic, "
+            f"x <- d$y[d$f1 == {_r_string(a)}]; y <- d$y[d$f1 == {_r_string(b)}]",
+            f"line({_r_string(f'{a} - {b}, Shapiro-Wilk')}, shapiro.test(x - y)$statistic, "
             "shapiro.test(x - y)$p.value)",
             f"t <- {call}",
-            f"line({_quoted(f'{a} - {b}')}, {statistic}, "
+            f"line({_r_string(f'{a} - {b}')}, {statistic}, "
             f"{'coin::pvalue(t)' if by_rank else 't$p.value'})",
         ]
     return lines, ("coin",) if ranks else ()
@@ -126,9 +126,9 @@ def _mann_whitney(outcome: Outcome, names: Mapping[str, str]) -> Body:
         lines += [
             f"e <- droplevels(d[d$f1 %in% {_vector([a, b])}, ])",
             't <- coin::wilcox_test(y ~ f1, data = e, distribution = "exact")',
-            f"U <- suppressWarnings(wilcox.test(e$y[e$f1 == {_quoted(a)}], "
-            f"e$y[e$f1 == {_quoted(b)}])$statistic)",
-            f"line({_quoted(f'{a} - {b}')}, U, coin::pvalue(t))",
+            f"U <- suppressWarnings(wilcox.test(e$y[e$f1 == {_r_string(a)}], "
+            f"e$y[e$f1 == {_r_string(b)}])$statistic)",
+            f"line({_r_string(f'{a} - {b}')}, U, coin::pvalue(t))",
         ]
     return lines, ("coin",)
 
@@ -137,16 +137,16 @@ def _shapiro(outcome: Outcome, names: Mapping[str, str]) -> Body:
     q = outcome.question
     one = "line({name}, shapiro.test({values})$statistic, shapiro.test({values})$p.value)"
     if not names:
-        return [one.format(name=_quoted(q.dv), values="d$y")], ()
+        return [one.format(name=_r_string(q.dv), values="d$y")], ()
     assert outcome.data is not None  # noqa: S101  # r_code asked
     factor = (*q.within, *q.between)[0]
     levels = [str(v) for v in outcome.data[factor].cat.categories]
     lines = ["d <- d[order(d$s), ]"] if q.within else []
-    values = {v: f"d$y[d$f1 == {_quoted(v)}]" for v in levels}
-    lines += [one.format(name=_quoted(f"{factor} {v}"), values=values[v]) for v in levels]
+    values = {v: f"d$y[d$f1 == {_r_string(v)}]" for v in levels}
+    lines += [one.format(name=_r_string(f"{factor} {v}"), values=values[v]) for v in levels]
     if q.within:
         lines += [
-            one.format(name=_quoted(f"{a} - {b}"), values=f"{values[a]} - {values[b]}")
+            one.format(name=_r_string(f"{a} - {b}"), values=f"{values[a]} - {values[b]}")
             for a, b in combinations(levels, 2)
         ]
     return lines, ()
@@ -166,13 +166,13 @@ def _tost(outcome: Outcome, names: Mapping[str, str]) -> Body:
     if names:
         ((a, b),) = _pairs(outcome)
         lines = ["d <- d[order(d$s), ]"] if q.within else []
-        lines.append(f"x <- d$y[d$f1 == {_quoted(a)}]; y <- d$y[d$f1 == {_quoted(b)}]")
+        lines.append(f"x <- d$y[d$f1 == {_r_string(a)}]; y <- d$y[d$f1 == {_r_string(b)}]")
         values, how = "x, y", ", paired = TRUE" if q.within else ""
-        pooled = (
+        pooled_sd = (
             "sqrt(((length(x) - 1) * var(x) + (length(y) - 1) * var(y)) / "
             "(length(x) + length(y) - 2))"
         )
-        spread = "sd(x - y)" if q.within else pooled
+        spread = "sd(x - y)" if q.within else pooled_sd
     lines.append(f"unit <- {'1' if q.unit == 'raw' else spread}")
     for name, bound, side in (("above low", q.low, "greater"), ("below high", q.high, "less")):
         call = f't.test({values}{how}, mu = {bound!r} * unit, alternative = "{side}")'
@@ -182,7 +182,7 @@ def _tost(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 def _cronbach(outcome: Outcome, names: Mapping[str, str]) -> Body:
     items = ", ".join(
-        f"{'-' if i in outcome.question.reverse else ''}d[[{_quoted(i)}]]"
+        f"{'-' if i in outcome.question.reverse else ''}d[[{_r_string(i)}]]"
         for i in outcome.question.items
     )
     return [
@@ -199,38 +199,38 @@ plain <- function(e) e$univariate.tests[-1, , drop = FALSE]"""  # noqa: E501  # 
 
 
 def _roles(outcome: Outcome, names: Mapping[str, str]) -> str:
-    def listed(factors: Sequence[str]) -> str:
+    def r_vector(factors: Sequence[str]) -> str:
         return _vector([names[f] for f in factors]) if factors else "NULL"
 
     q = outcome.question
-    return f"{listed(q.within)}, {listed(q.between)}"
+    return f"{r_vector(q.within)}, {r_vector(q.between)}"
 
 
 def _f_lines(source: str, outcome: Outcome, names: Mapping[str, str]) -> list[str]:
     """Return lines that print F and p of each effect, corrected for sphericity as it was."""
     lines = []
     for row in outcome.rows:
-        term, corrected = str(row["term"]), row.get("sphericity_correction")
-        at = _quoted(_named(names, term))
+        term, correction = str(row["term"]), row.get("sphericity_correction")
+        at = _r_string(_r_term(names, term))
         p = f'plain({source})[{at}, "Pr(>F)"]'
-        if corrected == "Greenhouse-Geisser":
+        if correction == "Greenhouse-Geisser":
             p = f'{source}$pval.adjustments[{at}, "Pr(>F[GG])"]'
-        elif corrected == "Huynh-Feldt":
+        elif correction == "Huynh-Feldt":
             p = f'{source}$pval.adjustments[{at}, "Pr(>F[HF])"]'
-        lines.append(f'line({_quoted(term)}, plain({source})[{at}, "F value"], {p})')
+        lines.append(f'line({_r_string(term)}, plain({source})[{at}, "F value"], {p})')
     return lines
 
 
 def _rm(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    made = f"e <- afex_table(d, {_roles(outcome, names)})"
-    return [AOV, made, *_f_lines("e", outcome, names)], ("afex",)
+    table_line = f"e <- afex_table(d, {_roles(outcome, names)})"
+    return [AOV, table_line, *_f_lines("e", outcome, names)], ("afex",)
 
 
 def _lm(outcome: Outcome, names: Mapping[str, str]) -> list[str]:
     lines = [f"t <- drop1(aov(y ~ {' * '.join(names.values())}, data = d), . ~ ., test = 'F')"]
     for row in outcome.rows:
-        at = _quoted(_named(names, str(row["term"])))
-        lines.append(f'line({_quoted(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
+        at = _r_string(_r_term(names, str(row["term"])))
+        lines.append(f'line({_r_string(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
     return lines
 
 
@@ -284,15 +284,15 @@ def _slopes(outcome: Outcome, names: Mapping[str, str], *, all_terms: bool) -> s
 
 
 def _kenward_roger(outcome: Outcome, names: Mapping[str, str], random: str) -> Body:
-    fixed = " * ".join(names.values())
+    fixed_part = " * ".join(names.values())
     lines = [
         "# lme4 stops a variance at zero where Visavis lets it pass below (its notes say so).",
-        f"m <- suppressMessages(lmerTest::lmer(y ~ {fixed} + {random}, data = d))",
+        f"m <- suppressMessages(lmerTest::lmer(y ~ {fixed_part} + {random}, data = d))",
         't <- anova(m, type = 3, ddf = "Kenward-Roger")',
     ]
     for row in outcome.rows:
-        at = _quoted(_named(names, str(row["term"])))
-        lines.append(f'line({_quoted(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
+        at = _r_string(_r_term(names, str(row["term"])))
+        lines.append(f'line({_r_string(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
     return lines, ("lmerTest", "pbkrtest")
 
 
@@ -301,28 +301,28 @@ def _mixed_note(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return lines, ()
 
 
-def _mixed(outcome: Outcome, names: Mapping[str, str]) -> Body:
+def _mixed_model(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return _kenward_roger(outcome, names, _slopes(outcome, names, all_terms=False))
 
 
 def _lmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     assert outcome.data is not None  # noqa: S101  # r_code asked
     q = outcome.question
-    repeated = bool(outcome.data.duplicated([q.subject, *q.within]).any())
+    has_repeats = bool(outcome.data.duplicated([q.subject, *q.within]).any())
     if "one variance each" in str(outcome.rows[0]["error_term"]):
-        return _kenward_roger(outcome, names, _slopes(outcome, names, all_terms=repeated))
+        return _kenward_roger(outcome, names, _slopes(outcome, names, all_terms=has_repeats))
     within = [names[f] for f in q.within]
     inner = " * ".join(within)
-    if not repeated:
+    if not has_repeats:
         inner = f"({' + '.join(within)})^{len(within) - 1}"
     return _kenward_roger(outcome, names, f"({inner} | s)")
 
 
 def _gee(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    fixed = " * ".join(names.values())
+    fixed_part = " * ".join(names.values())
     return [
         "d <- d[order(d$s), ]",
-        f"m <- geepack::geeglm(y ~ {fixed}, id = d$s, data = d, "
+        f"m <- geepack::geeglm(y ~ {fixed_part}, id = d$s, data = d, "
         f'family = {outcome.question.family}, corstr = "exchangeable")',
         "t <- summary(m)$coefficients",
         "# The same estimates; errors are the plain sandwich, without Mancl and DeRouen's",
@@ -334,8 +334,8 @@ def _gee(outcome: Outcome, names: Mapping[str, str]) -> Body:
 def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     assert outcome.data is not None  # noqa: S101  # r_code asked
     q = outcome.question
-    mixed = bool(q.subject) and bool(outcome.data.duplicated([q.subject]).any())
-    random, how = ("(1 | s)", ", nAGQ = 15") if mixed else ("", "")
+    has_people = bool(q.subject) and bool(outcome.data.duplicated([q.subject]).any())
+    random, how = ("(1 | s)", ", nAGQ = 15") if has_people else ("", "")
     lines = [
         f"X <- model.matrix(~ {' * '.join(names.values())}, d)",
         'term <- attr(X, "assign")[-1]; X <- X[, -1, drop = FALSE]',
@@ -343,13 +343,15 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     slopes = _people_differ(outcome)
     if slopes:
         parts = [term.split(":") for term in slopes]
-        named = _vector([":".join(r for f, r in names.items() if f in part) for part in parts])
+        slope_vector = _vector(
+            [":".join(r for f, r in names.items() if f in part) for part in parts]
+        )
         labels = f'attr(terms(~ {" * ".join(names.values())}), "term.labels")'
-        lines.append(f"own <- X[, {labels}[term] %in% {named}, drop = FALSE]")
+        lines.append(f"own <- X[, {labels}[term] %in% {slope_vector}, drop = FALSE]")
         lines.append("# ordinal integrates several random effects by Laplace's approximation.")
         random, how = "(1 + own | s)", ""
-    more = f', "+ {random}"' if mixed else ""
-    call = f"clmm(f, data = d[{_vector(['y', 's'])}]{how})" if mixed else "clm(f, data = d)"
+    more = f', "+ {random}"' if has_people else ""
+    call = f"clmm(f, data = d[{_vector(['y', 's'])}]{how})" if has_people else "clm(f, data = d)"
     lines += [
         "fit <- function(keep) {",
         '  columns <- if (any(keep)) "X[, keep, drop = FALSE]" else "1"',
@@ -365,7 +367,7 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     for i, row in enumerate(outcome.rows, 1):
         ratio = f"2 * c(logLik(full) - logLik(fit(term != {i})))"
         lines.append(
-            f"chi2 <- {ratio}; line({_quoted(str(row['term']))}, chi2, "
+            f"chi2 <- {ratio}; line({_r_string(str(row['term']))}, chi2, "
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
     return lines, ("ordinal",)
@@ -379,10 +381,10 @@ def _people_differ(outcome: Outcome) -> list[str]:
         return []
     if q.random != "maximal":
         return q.random.replace(" ", "").split("+")
-    repeated = bool(outcome.data.duplicated([q.subject, *q.within]).any())
+    has_repeats = bool(outcome.data.duplicated([q.subject, *q.within]).any())
     sizes = range(1, len(q.within) + 1)
     terms = [":".join(t) for size in sizes for t in combinations(q.within, size)]
-    return terms if repeated else terms[:-1]
+    return terms if has_repeats else terms[:-1]
 
 
 def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
@@ -392,7 +394,7 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
     items = [str(v) for v in outcome.data[first].cat.categories]
     groups = [f"d${names[g]}" for g in q.between]
     lines = [
-        f"first <- d[[{_quoted(str(first))}]]; second <- d[[{_quoted(str(second))}]]",
+        f"first <- d[[{_r_string(str(first))}]]; second <- d[[{_r_string(str(second))}]]",
         f"X <- sapply({_vector(items[1:])}, function(v) (first == v) - (second == v))",
         "term <- rep(1, ncol(X))",
     ]
@@ -425,7 +427,7 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
     for i, row in enumerate(outcome.rows, 1):
         lines.append(
             f"chi2 <- 2 * (fit(X[, term != {i}, drop = FALSE]) - fit(X)); "
-            f"line({_quoted(str(row['term']))}, chi2, "
+            f"line({_r_string(str(row['term']))}, chi2, "
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
     return lines, ()
@@ -457,7 +459,7 @@ def _people_like(outcome: Outcome, lines: list[str]) -> Body:
     for i, row in enumerate(outcome.rows, 1):
         lines.append(
             f"chi2 <- 2 * c(logLik(full) - logLik(fit(term != {i}))); "
-            f"line({_quoted(str(row['term']))}, chi2, "
+            f"line({_r_string(str(row['term']))}, chi2, "
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
     return lines, ("lme4",)
@@ -476,9 +478,9 @@ def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 
 def _binomial(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    expected = outcome.question.mu or 0.5
+    chance_share = outcome.question.mu or 0.5
     return [
-        f"t <- binom.test(sum(d$y), nrow(d), {expected!r})",
+        f"t <- binom.test(sum(d$y), nrow(d), {chance_share!r})",
         'line("hits", t$statistic, t$p.value)',
     ], ()
 
@@ -538,7 +540,7 @@ def _welch(outcome: Outcome, names: Mapping[str, str]) -> Body:
 _BODIES: Mapping[str, Callable[[Outcome, Mapping[str, str]], Body]] = {
     "art": _art,
     "rm": _rm,
-    "mixed": _mixed,
+    "mixed": _mixed_model,
     "lmm": _lmm,
     "gee": _gee,
     "clmm": _clmm,
@@ -553,7 +555,7 @@ _BODIES: Mapping[str, Callable[[Outcome, Mapping[str, str]], Body]] = {
     "friedman": _friedman,
     "conditions": _conditions,
     "kruskal": _kruskal,
-    "paired": _paired,
+    "paired": _paired_tests,
     "t": _t,
     "wilcoxon": _wilcoxon,
     "mannwhitney": _mann_whitney,

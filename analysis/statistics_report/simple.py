@@ -35,7 +35,7 @@ from visavis.analysis.statistics.results import MINUS, Array, Row, p_text
 from visavis.analysis.statistics_report.factorial import RANK_WAYS, TestRun
 from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
 from visavis.analysis.statistics_report.prepare import (
-    Prepared,
+    TidyTable,
     outcome_of,
     prepare,
     read,
@@ -54,32 +54,32 @@ def columns_of(design: Design) -> dict[str, Array]:
     return {str(v): design.y[factor.codes == i] for i, v in enumerate(factor.levels)}
 
 
-def _paired(table: DataTable, q: Question) -> Outcome:
+def _paired_comparisons(table: DataTable, q: Question) -> Outcome:
     q.one_within()
-    prepared = prepare(table, q)
-    design = read(prepared, q)
+    tidy = prepare(table, q)
+    design = read(tidy, q)
     columns = columns_of(design)
-    made = tuple(
+    comparisons = tuple(
         compare_paired(columns[a], columns[b], names=(a, b), alpha=q.alpha, unit=q.measured_in)
         for a, b in combinations(columns, 2)
     )
-    if len(made) > 1:
+    if len(comparisons) > 1:
         way = q.adjustment("holm", RANK_WAYS)
-        made = correct_family(made, cast(Adjustment, way))
+        comparisons = correct_family(comparisons, cast(Adjustment, way))
     path = [
-        f"{c.names[0]} {MINUS} {c.names[1]}: {step}" if len(made) > 1 else str(step)
-        for c in made
+        f"{c.names[0]} {MINUS} {c.names[1]}: {step}" if len(comparisons) > 1 else str(step)
+        for c in comparisons
         for step in c.steps
     ]
-    notes = tuple(n for c in made for n in c.test.provenance.notes)
+    notes = tuple(n for c in comparisons for n in c.test.provenance.notes)
     return outcome_of(
         table,
         q,
-        "Paired comparison" + ("s" if len(made) > 1 else ""),
-        prepared,
+        "Paired comparison" + ("s" if len(comparisons) > 1 else ""),
+        tidy,
         design,
-        tuple(c.row() for c in made),
-        tuple(c.sentence() for c in made),
+        tuple(c.row() for c in comparisons),
+        tuple(c.sentence() for c in comparisons),
         path=tuple(path),
         notes=notes,
     )
@@ -90,18 +90,18 @@ def family(
 ) -> tuple[tuple[Row, ...], tuple[str, ...]]:
     """Test all pairs of columns; more than one pair is adjusted as a family."""
     pairs = list(combinations(columns, 2))
-    made = [test(a, b) for a, b in pairs]
-    way = q.adjustment("holm", RANK_WAYS) if len(made) > 1 else "none"
-    adjusted = adjust_p([t.p for t in made], cast(Adjustment, way)).tolist()
+    tests = [test(a, b) for a, b in pairs]
+    way = q.adjustment("holm", RANK_WAYS) if len(tests) > 1 else "none"
+    all_p_adjusted = adjust_p([t.p for t in tests], cast(Adjustment, way)).tolist()
     rows, sentences = [], []
-    for (a, b), result, p in zip(pairs, made, adjusted, strict=True):
-        said = f"{a} {MINUS} {b}: {result.sentence()}"
+    for (a, b), result, p in zip(pairs, tests, all_p_adjusted, strict=True):
+        sentence = f"{a} {MINUS} {b}: {result.sentence()}"
         row: dict[str, Any] = {"first": a, "second": b, **result.row()}
         if way != "none":
-            said += f", adjusted {p_text(p)} ({ADJUSTMENT_NAME[cast(Adjustment, way)]})"
+            sentence += f", adjusted {p_text(p)} ({ADJUSTMENT_NAME[cast(Adjustment, way)]})"
             row |= {"p_adjusted": p, "adjustment": way}
         rows.append(row)
-        sentences.append(said + ".")
+        sentences.append(sentence + ".")
     return tuple(rows), tuple(sentences)
 
 
@@ -111,30 +111,30 @@ def _t(table: DataTable, q: Question) -> Outcome:
     if q.within and q.between:
         raise UsageError("the test t takes a within or a between factor, not both; see the test rm")
     _ = q.one_within() if q.within else q.one_between()
-    prepared = prepare(table, q)
-    design = read(prepared, q)
+    tidy = prepare(table, q)
+    design = read(tidy, q)
     columns = columns_of(design)
     run: Callable[..., TTest] = partial(paired_t, unit=q.measured_in)
     title = "Paired t test"
     if q.between:
         run = partial(independent_t, equal_variances=q.equal_variances, unit=q.measured_in)
         title = "Student's t test" if q.equal_variances else "Welch's t test"
-    rows, said = family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
+    rows, sentences = family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
     notes: tuple[str, ...] = ()
     if q.between and q.equal_variances:
         notes = uneven_groups(design, "Welch's test, without equal_variances")
     if q.bayes:
         pairs = list(combinations(columns.values(), 2))
         factors = [_bayes_factor(x, y, paired=bool(q.within)) for x, y in pairs]
-        rows, said = _with_bayes(rows, said, factors)
+        rows, sentences = _with_bayes(rows, sentences, factors)
         notes += (_BAYES_NOTE,) if q.within else (_BAYES_NOTE, "the Bayes factor is Student's t's")
     if q.low is not None or q.high is not None:
         equal = _tost(table, q) if len(columns) == 2 else None
         if equal is None:
             raise TooFewLevels(f"equivalence is tested for two conditions, not {len(columns)}")
         rows = ({**rows[0], "p_equivalence": equal.rows[0]["p"]},)
-        said = (*said, *equal.sentences)
-    return outcome_of(table, q, title, prepared, design, rows, said, notes=notes)
+        sentences = (*sentences, *equal.sentences)
+    return outcome_of(table, q, title, tidy, design, rows, sentences, notes=notes)
 
 
 _BAYES_NOTE = (
@@ -150,19 +150,21 @@ def _bayes_factor(x: Array, y: Array, *, paired: bool) -> float:
 
 
 def _with_bayes(
-    rows: tuple[Row, ...], said: tuple[str, ...], factors: list[float]
+    rows: tuple[Row, ...], sentences: tuple[str, ...], factors: list[float]
 ) -> tuple[tuple[Row, ...], tuple[str, ...]]:
     """Return rows with a column BF10 and sentences with the Bayes factor at their end."""
     return (
         tuple({**row, "BF10": bf} for row, bf in zip(rows, factors, strict=True)),
-        tuple(f"{s.rstrip('.')}, {bayes_text(bf)}." for s, bf in zip(said, factors, strict=True)),
+        tuple(
+            f"{s.rstrip('.')}, {bayes_text(bf)}." for s, bf in zip(sentences, factors, strict=True)
+        ),
     )
 
 
-def known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
+def single_column(table: DataTable, q: Question) -> tuple[TidyTable, Array]:
     """Return a column without factors; missing values as the question says."""
-    prepared = prepare(table, q)
-    y = prepared.frame[q.dv].to_numpy(float)
+    tidy = prepare(table, q)
+    y = tidy.frame[q.dv].to_numpy(float)
     missing = np.isnan(y)
     if missing.any() and q.missing == "error":
         row = int(np.flatnonzero(missing)[0])
@@ -171,28 +173,28 @@ def known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
             "rows out with missing=listwise"
         )
     if missing.any():
-        notes = (*prepared.notes, f"{int(missing.sum())} rows without {q.dv} left out")
-        prepared = Prepared(prepared.frame, prepared.levels, notes)
-    return prepared, y[~missing]
+        notes = (*tidy.notes, f"{int(missing.sum())} rows without {q.dv} left out")
+        tidy = TidyTable(tidy.frame, tidy.levels, notes)
+    return tidy, y[~missing]
 
 
 def _one_sample_t(table: DataTable, q: Question) -> Outcome:
-    prepared, y = known(table, q)
-    made = one_sample_t(y, mu=q.mu, name=q.dv, unit=q.measured_in)
-    rows: tuple[Row, ...] = (made.row(),)
-    said: tuple[str, ...] = (f"{q.dv} against {q.mu:g}: {made.sentence()}.",)
+    tidy, y = single_column(table, q)
+    test = one_sample_t(y, mu=q.mu, name=q.dv, unit=q.measured_in)
+    rows: tuple[Row, ...] = (test.row(),)
+    sentences: tuple[str, ...] = (f"{q.dv} against {q.mu:g}: {test.sentence()}.",)
     notes: tuple[str, ...] = ()
     if q.bayes:
-        rows, said = _with_bayes(rows, said, [jzs_bayes_factor(made.t, y.size)])
+        rows, sentences = _with_bayes(rows, sentences, [jzs_bayes_factor(test.t, y.size)])
         notes = (_BAYES_NOTE,)
     return outcome_of(
         table,
         q,
         "One-sample t test",
-        prepared,
+        tidy,
         None,
         rows,
-        said,
+        sentences,
         notes=notes,
         data=pd.DataFrame({q.dv: y}),
     )
@@ -200,55 +202,59 @@ def _one_sample_t(table: DataTable, q: Question) -> Outcome:
 
 def _wilcoxon(table: DataTable, q: Question) -> Outcome:
     q.one_within()
-    prepared = prepare(table, q)
-    design = read(prepared, q)
+    tidy = prepare(table, q)
+    design = read(tidy, q)
     columns = columns_of(design)
-    rows, said = family(
+    rows, sentences = family(
         q, columns, lambda a, b: wilcoxon_signed_rank(columns[a], columns[b], names=(a, b))
     )
     title = "Wilcoxon signed-rank test"
-    return outcome_of(table, q, title, prepared, design, rows, said)
+    return outcome_of(table, q, title, tidy, design, rows, sentences)
 
 
 def _mann_whitney(table: DataTable, q: Question) -> Outcome:
     q.one_between()
-    prepared = prepare(table, q)
-    design = read(prepared, q)
+    tidy = prepare(table, q)
+    design = read(tidy, q)
     columns = columns_of(design)
-    rows, said = family(q, columns, lambda a, b: mann_whitney(columns[a], columns[b], names=(a, b)))
+    rows, sentences = family(
+        q, columns, lambda a, b: mann_whitney(columns[a], columns[b], names=(a, b))
+    )
     notes = uneven_groups(design, "the test t, which is Welch's")
-    return outcome_of(table, q, "Mann-Whitney test", prepared, design, rows, said, notes=notes)
+    return outcome_of(table, q, "Mann-Whitney test", tidy, design, rows, sentences, notes=notes)
 
 
 def _shapiro(table: DataTable, q: Question) -> Outcome:
     if not q.within and not q.between:
-        prepared, y = known(table, q)
-        made = shapiro_wilk(y, name=q.dv)
-        row: Row = {"sample": q.dv, **made.row()}
-        said = f"{q.dv}: {made.sentence()}."
+        tidy, y = single_column(table, q)
+        test = shapiro_wilk(y, name=q.dv)
+        row: Row = {"sample": q.dv, **test.row()}
+        sentence = f"{q.dv}: {test.sentence()}."
         return outcome_of(
             table,
             q,
             "Shapiro-Wilk test",
-            prepared,
+            tidy,
             None,
             (row,),
-            (said,),
+            (sentence,),
             data=pd.DataFrame({q.dv: y}),
         )
     factor = q.one_within() if q.within else q.one_between()
-    prepared = prepare(table, q)
-    design = read(prepared, q)
+    tidy = prepare(table, q)
+    design = read(tidy, q)
     columns = columns_of(design)
-    tested = {f"{factor} {k}": v for k, v in columns.items()}
+    samples = {f"{factor} {k}": v for k, v in columns.items()}
     if q.within:
-        tested |= {f"{a} {MINUS} {b}": columns[a] - columns[b] for a, b in combinations(columns, 2)}
-    results = {k: shapiro_wilk(v, name=k) for k, v in tested.items()}
+        samples |= {
+            f"{a} {MINUS} {b}": columns[a] - columns[b] for a, b in combinations(columns, 2)
+        }
+    results = {k: shapiro_wilk(v, name=k) for k, v in samples.items()}
     return outcome_of(
         table,
         q,
         "Shapiro-Wilk test",
-        prepared,
+        tidy,
         design,
         tuple({"sample": k, **r.row()} for k, r in results.items()),
         tuple(f"{k}: {r.sentence()}." for k, r in results.items()),
@@ -278,7 +284,7 @@ def _correlation(run: Callable[..., Any], title: str) -> TestRun:
                     f"{int((~both).sum()) - 1} more); use missing=listwise to leave them out"
                 )
             notes.append(f"{int((~both).sum())} pairs without both values left out")
-        made = run(x[both], y[both], names=(q.partner, q.dv))
+        correlation = run(x[both], y[both], names=(q.partner, q.dv))
         samples = Samples(
             f"{q.partner}_{q.dv}",
             f"{q.dv} against {q.partner}",
@@ -288,9 +294,9 @@ def _correlation(run: Callable[..., Any], title: str) -> TestRun:
         return Outcome(
             question=q,
             title=title,
-            rows=(made.row(),),
-            sentences=(f"{q.partner} and {q.dv}: {made.sentence()}.",),
-            notes=tuple(dict.fromkeys((*table.notes, *notes, *made.provenance.notes))),
+            rows=(correlation.row(),),
+            sentences=(f"{q.partner} and {q.dv}: {correlation.sentence()}.",),
+            notes=tuple(dict.fromkeys((*table.notes, *notes, *correlation.provenance.notes))),
             samples=(samples,),
             is_simulated=table.is_simulated,
             data=pd.DataFrame({q.partner: x[both], q.dv: y[both]}),
@@ -301,8 +307,8 @@ def _correlation(run: Callable[..., Any], title: str) -> TestRun:
 
 def _by_subject(table: DataTable, q: Question, column: str) -> tuple[Array, tuple[str, ...]]:
     one = Question(q.test, dv=column, subject=q.subject, missing=q.missing)
-    prepared = prepare(table, one)
-    return prepared.frame[column].to_numpy(float), prepared.notes
+    tidy = prepare(table, one)
+    return tidy.frame[column].to_numpy(float), tidy.notes
 
 
 def _tost(table: DataTable, q: Question) -> Outcome:
@@ -316,22 +322,22 @@ def _tost(table: DataTable, q: Question) -> Outcome:
     unit = cast(BoundUnit, q.unit)
     bounds: dict[str, Any] = {"low": q.low, "high": q.high, "unit": unit, "alpha": q.alpha}
     if not q.within and not q.between:
-        prepared, y = known(table, q)
-        made = tost_one_sample(y, name=q.dv, **bounds)
-        said = f"{q.dv}: {made.sentence()}."
+        tidy, y = single_column(table, q)
+        test = tost_one_sample(y, name=q.dv, **bounds)
+        sentence = f"{q.dv}: {test.sentence()}."
         return outcome_of(
             table,
             q,
             "Equivalence test",
-            prepared,
+            tidy,
             None,
-            (made.row(),),
-            (said,),
+            (test.row(),),
+            (sentence,),
             data=pd.DataFrame({q.dv: y}),
         )
     _ = q.one_within() if q.within else q.one_between()
-    prepared = prepare(table, q)
-    design = read(prepared, q)
+    tidy = prepare(table, q)
+    design = read(tidy, q)
     columns = columns_of(design)
     if len(columns) != 2:
         raise TooFewLevels(
@@ -340,17 +346,17 @@ def _tost(table: DataTable, q: Question) -> Outcome:
         )
     (a, x), (b, y) = columns.items()
     run = tost_paired if q.within else tost_independent
-    made = run(x, y, names=(a, b), **bounds)
-    said = f"{a} {MINUS} {b}: {made.sentence()}."
+    test = run(x, y, names=(a, b), **bounds)
+    sentence = f"{a} {MINUS} {b}: {test.sentence()}."
     return outcome_of(
         table,
         q,
         "Equivalence test",
-        prepared,
+        tidy,
         design,
-        (made.row(),),
-        (said,),
-        notes=made.provenance.notes,
+        (test.row(),),
+        (sentence,),
+        notes=test.provenance.notes,
     )
 
 
@@ -369,26 +375,26 @@ def _cronbach(table: DataTable, q: Question) -> Outcome:
                 "persons out with missing=listwise"
             )
         notes.append(f"{int(missing.sum())} persons without all items left out")
-    made = cronbach_alpha(
+    alpha = cronbach_alpha(
         {k: v[~missing] for k, v in columns.items()}, list(q.items), reverse=q.reverse
     )
     return Outcome(
         question=q,
         title="Cronbach's alpha",
-        rows=(made.row(),),
-        sentences=(made.sentence() + ".",),
+        rows=(alpha.row(),),
+        sentences=(alpha.sentence() + ".",),
         contrasts=tuple(
             {"family": "item left out", "item": i, "alpha_without": a}
-            for i, a in zip(made.items, made.without_item, strict=True)
+            for i, a in zip(alpha.items, alpha.without_item, strict=True)
         ),
-        notes=tuple(dict.fromkeys((*notes, *made.provenance.notes))),
+        notes=tuple(dict.fromkeys((*notes, *alpha.provenance.notes))),
         is_simulated=table.is_simulated,
         data=pd.DataFrame({k: v[~missing] for k, v in columns.items()}),
     )
 
 
 SIMPLE_TESTS: Mapping[str, TestRun] = {
-    "paired": _paired,
+    "paired": _paired_comparisons,
     "t": _t,
     "wilcoxon": _wilcoxon,
     "mannwhitney": _mann_whitney,

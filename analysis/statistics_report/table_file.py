@@ -22,10 +22,10 @@ from visavis.lab.errors import DataError, UsageError
 
 SIMULATED_COLUMN = "is_simulated"
 MISSING_WORDS = frozenset({"", "na", "nan", "n/a", "null", "none", "#n/a", "."})
-"""What stands for nothing among numbers, in any case; a label is missing only when empty."""
+"""Texts that mean a missing number, in any case; a label is missing only when empty."""
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
-_GROUPED = re.compile(r"[+-]?\d{1,3}(,\d{3})+")
+_WITH_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+")
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _WORDS = {"true": "1", "false": "0"}
 _TRUE, _FALSE = frozenset({"true", "1", "yes"}), frozenset({"false", "0", "no"})
@@ -94,11 +94,11 @@ class DataTable:
     def texts(self, column: str) -> list[str]:
         """Return a column as it stands, '' where nothing does; UnknownColumn names what is near."""
         if column not in self.cells:
-            known = [str(c) for c in self.cells.columns]
-            lower = {c.lower(): c for c in known}
+            names = [str(c) for c in self.cells.columns]
+            lower = {c.lower(): c for c in names}
             near = get_close_matches(column.lower(), lower, 1, 0.5)
             hint = (
-                f"; did you mean {lower[near[0]]!r}?" if near else f"; there are {', '.join(known)}"
+                f"; did you mean {lower[near[0]]!r}?" if near else f"; there are {', '.join(names)}"
             )
             raise UnknownColumn(f"{self.name} has no column {column!r}{hint}")
         return [str(v) for v in self.cells[column]]
@@ -115,7 +115,7 @@ class DataTable:
                 f"{values[with_comma[0]]}) and decimal points ({self.place(with_point[0])}: "
                 f"{values[with_point[0]]}); write all numbers one way"
             )
-        if all(_GROUPED.fullmatch(values[r]) for r in with_comma):
+        if all(_WITH_THOUSANDS.fullmatch(values[r]) for r in with_comma):
             row = with_comma[0]
             raise NotNumeric(
                 f"{self.name}: {column} holds {values[row]} in {self.place(row)}, which may be a "
@@ -138,11 +138,11 @@ def read_table(path: Path) -> DataTable:
         raise UsageError(f"there is no file {path}{hint}")
     if path.suffix.lower() in (".parquet", ".pq"):
         return _from_parquet(path)
-    text, notes = _decoded(path)
+    text, notes = _read_text(path)
     sign = _separator(text)
     rows = [
         (number, row)
-        for number, row in _numbered(text, sign, path)
+        for number, row in _rows_with_line_numbers(text, sign, path)
         if any(cell.strip() for cell in row)
     ]
     if len(rows) < 2:
@@ -169,7 +169,7 @@ def read_table(path: Path) -> DataTable:
 def _from_parquet(path: Path) -> DataTable:
     try:
         frame = pd.read_parquet(path)
-    except Exception as error:  # what pandas' notes in a damaged file lead to is any of them
+    except Exception as error:  # pandas' metadata in a damaged file can raise anything
         raise DataError(f"{path} cannot be read as Parquet ({error})") from error
     return table_of(frame, name=path.name)
 
@@ -182,15 +182,17 @@ def table_of(frame: pd.DataFrame, *, name: str = "the table") -> DataTable:
     """
     if frame.empty:
         raise DataError(f"{name} holds no rows; there is nothing to test")
-    named = frame.set_axis([str(c) for c in frame.columns], axis="columns")
-    _refuse_names(name, list(named.columns))
-    cells = pd.DataFrame({c: [_text(v) for v in named[c].tolist()] for c in named}, dtype=object)
+    with_text_names = frame.set_axis([str(c) for c in frame.columns], axis="columns")
+    _refuse_names(name, list(with_text_names.columns))
+    cells = pd.DataFrame(
+        {c: [_text(v) for v in with_text_names[c].tolist()] for c in with_text_names}, dtype=object
+    )
     levels = {}
-    for column in named:
-        if isinstance(named[column].dtype, pd.CategoricalDtype):
+    for column in with_text_names:
+        if isinstance(with_text_names[column].dtype, pd.CategoricalDtype):
             there = set(cells[column])
-            known = (_text(v) for v in named[column].cat.categories)
-            levels[str(column)] = tuple(v for v in known if v in there)
+            categories = (_text(v) for v in with_text_names[column].cat.categories)
+            levels[str(column)] = tuple(v for v in categories if v in there)
     return _table(name, cells, (0,) * len(cells), (), levels)
 
 
@@ -215,13 +217,13 @@ def _table(
 def _is_simulated(name: str, cells: pd.DataFrame) -> bool:
     if SIMULATED_COLUMN not in cells:
         return False
-    found = set(truth_of(name, SIMULATED_COLUMN, [str(v) for v in cells[SIMULATED_COLUMN]]))
-    if len(found) == 2:
+    marks = set(truth_of(name, SIMULATED_COLUMN, [str(v) for v in cells[SIMULATED_COLUMN]]))
+    if len(marks) == 2:
         raise DataError(
             f"{name} mixes simulated and real rows ({SIMULATED_COLUMN}); take them apart "
             "first, a test of both means nothing"
         )
-    return True in found
+    return True in marks
 
 
 def truth_of(name: str, column: str, texts: Sequence[str]) -> list[bool]:
@@ -231,15 +233,15 @@ def truth_of(name: str, column: str, texts: Sequence[str]) -> list[bool]:
         DataError: a row holds something else.
     """
     words = [text.lower() for text in texts]
-    unknown = sorted(set(words) - _TRUE - _FALSE)
-    if unknown:
+    other_words = sorted(set(words) - _TRUE - _FALSE)
+    if other_words:
         raise DataError(
-            f"{name}: {column} holds {unknown[0]!r}; it says true or false in every row"
+            f"{name}: {column} holds {other_words[0]!r}; it says true or false in every row"
         )
     return [word in _TRUE for word in words]
 
 
-def _decoded(path: Path) -> tuple[str, tuple[str, ...]]:
+def _read_text(path: Path) -> tuple[str, tuple[str, ...]]:
     raw = path.read_bytes()
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         return raw.decode("utf-16"), ()
@@ -257,7 +259,7 @@ def _separator(text: str) -> str:
     return max((",", ";", "\t"), key=bare.count)
 
 
-def _numbered(text: str, sign: str, path: Path) -> list[tuple[int, list[str]]]:
+def _rows_with_line_numbers(text: str, sign: str, path: Path) -> list[tuple[int, list[str]]]:
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=sign, strict=True)
     try:
         return [(reader.line_num, row) for row in reader]
@@ -275,7 +277,7 @@ def _refuse_names(table: str, names: Sequence[str]) -> None:
 
 def natural_order(labels: Sequence[str]) -> list[str]:
     """Return the different labels: by value when all are numbers, else alphabetically."""
-    found = sorted(set(labels))
-    if all(_POINT.fullmatch(v) for v in found):
-        return sorted(found, key=float)
-    return found
+    distinct = sorted(set(labels))
+    if all(_POINT.fullmatch(v) for v in distinct):
+        return sorted(distinct, key=float)
+    return distinct

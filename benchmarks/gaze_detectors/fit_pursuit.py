@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.gaze_detectors.sets import SETS, TUNING_SET, Recording, is_tuned_on
 from visavis.analysis.gaze.movements.detect import MovementParameters, runs_between_saccades
 from visavis.analysis.gaze.movements.kinds import Movement
-from visavis.analysis.gaze.movements.pursuit import PursuitWeights, described
+from visavis.analysis.gaze.movements.pursuit import PursuitWeights, rows_with_features
 from visavis.lab.geometry import Vector, unit
 
 UNITS, ROUNDS, BATCH, RATE = 8, 15, 2048, 3e-3
@@ -39,7 +39,7 @@ def samples(recording: Recording) -> tuple[Vector, Vector]:
     t_ns, v, runs, step_ns = runs_between_saccades(
         recording.t_ns, recording.direction, MovementParameters()
     )
-    rows, _, features = described(t_ns, v, runs, step_ns)
+    rows, _, features = rows_with_features(t_ns, v, runs, step_ns)
     (labelling,) = recording.by.values()
     label = labelling.movement[rows]
     known = (label == Movement.FIXATION) | (label == Movement.PURSUIT)

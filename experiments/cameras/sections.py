@@ -1,4 +1,4 @@
-"""What the report has beside the standard sections: films as they are, votes, comprehension."""
+"""Further sections of the report: films as they are, votes, comprehension."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -47,17 +47,17 @@ def cameras(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
 def _sheets(experiment: StudyExperiment) -> Table:
     """Return every camera's objective measures, means over its films."""
     store = film_store(experiment)
-    told = []
+    table_rows = []
     for camera, lens in CAMERAS.items():
         sheets = [store.seen(film).sheet for film in experiment.films if film.lens == lens]
         if not sheets:
             continue
 
         def mean(of: Sequence[float | None], digits: int) -> str:
-            known = [value for value in of if value is not None]
-            return decimal(float(np.mean(known)), digits) if known else "–"
+            numbers = [value for value in of if value is not None]
+            return decimal(float(np.mean(numbers)), digits) if numbers else "–"
 
-        told.append(
+        table_rows.append(
             (
                 NAMES[camera],
                 mean([None if s.seen_01 is None else 100 * s.seen_01 for s in sheets], 1),
@@ -84,7 +84,7 @@ def _sheets(experiment: StudyExperiment) -> Table:
     )
     return Table(
         (Column("camera"), *(Column(words, "right") for words in heads)),
-        tuple(told),
+        tuple(table_rows),
         "What the films are like",
         f"By geometry, before anybody judged them; means over {len(WALKS)} walks.",
     )
@@ -92,7 +92,7 @@ def _sheets(experiment: StudyExperiment) -> Table:
 
 def _comprehension(rows: pd.DataFrame) -> Table:
     """Return in how many showings of each camera's film what was done could be seen."""
-    told = []
+    table_rows = []
     parts = rows["pair"].str.split("|", expand=True)
     for camera in CAMERAS:
         saw = (
@@ -106,10 +106,10 @@ def _comprehension(rows: pd.DataFrame) -> Table:
             .astype(bool)
         )
         share = f"{100 * float(saw.mean()):.0f}" if len(saw) else "–"
-        told.append((NAMES[camera], str(int(saw.sum())), str(len(saw)), share))
+        table_rows.append((NAMES[camera], str(int(saw.sum())), str(len(saw)), share))
     return Table(
         (Column("camera"), *(Column(words, "right") for words in ("seen", "of", "%"))),
-        tuple(told),
+        tuple(table_rows),
         "What was done on the way could be seen",
     )
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from visavis.experiments.cameras.walks import DOES_S, ROOM, WALKS, everybody, walked
+from visavis.experiments.cameras.walks import DOES_S, ROOM, WALKS, everybody, timed_walk
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.design import Factor
 from visavis.protocol.plan.parameters import Within
@@ -42,8 +42,8 @@ CAMERAS: Final[Mapping[str, Moving]] = {
         ((-6.6, 2.6, 4.6), (6.6, 2.6, 4.6), (6.6, 2.6, -4.6), (-6.6, 2.6, -4.6), (1.5, 2.6, -4.7))
     ),
 }
-"""What films: the director on tracks, over the shoulder, the director between scattered places,
-and five cameras under the ceiling that take turns.
+"""Cameras: the director on tracks, over the shoulder, the director between scattered places, and
+five cameras under the ceiling that take turns.
 """
 PAIRS: Final = tuple(f"{a}|{b}" for i, a in enumerate(CAMERAS) for b in tuple(CAMERAS)[i + 1 :])
 VOTES: Final = ("left_much", "left_some", "equal", "right_some", "right_much")
@@ -51,9 +51,9 @@ SAW: Final = ("left", "right", "both", "neither")
 SIZE_PX: Final = (640, 360)
 RATE_HZ: Final = 30
 
-# The simulated viewer, not fitted to people: what a film loses on the scale of votes, where 1 parts
-# "slightly" from "much".
-UNSEEN: Final = 3.0
+# The simulated viewer, not fitted to people: what a film loses on the scale of votes, where 1
+# separates "slightly" from "much".
+LOSS_UNSEEN: Final = 3.0
 """For a whole film in which the walker cannot be seen."""
 JERK: Final = 0.35
 """For ten times the jerk."""
@@ -64,7 +64,7 @@ SIZE: Final = 0.5
 PERSON_SD: Final = 0.3
 ERROR_SD: Final = 0.8
 READABLE_01: Final = 0.2
-"""How large somebody must be in the picture for what they do to be told."""
+"""Height share of the picture that somebody must fill for their action to be recognised."""
 SLIPS_01: Final = 0.05
 
 study = Study(
@@ -147,7 +147,7 @@ def trial(t: TrialScript) -> Iterator[Action]:
     """Show two films of a walk; have one preferred, and ask where what was done could be seen."""
     cameras, scene = str(t.pair).split("|"), Scene("walk", walk=t.walk)
     first, second = (
-        Film(scene, walked(t.walk).seconds, SIZE_PX, RATE_HZ, lens=CAMERAS[c]) for c in cameras
+        Film(scene, timed_walk(t.walk).seconds, SIZE_PX, RATE_HZ, lens=CAMERAS[c]) for c in cameras
     )
     is_left = bool(t.rng().integers(2))
     pair = Pair(first, second) if is_left else Pair(second, first)
@@ -174,17 +174,17 @@ def answer(seen: Seen, response: Response, rng: np.random.Generator) -> str:
         if not shows:
             return SAW[int(rng.integers(len(SAW)))]
         window_s = done_s(seen)
-        told = [
+        could_see = [
             could_tell(film, window_s) != (rng.random() < SLIPS_01)
             for film in (left, right)
             if film is not None
         ]
         return {(True, False): "left", (False, True): "right", (True, True): "both"}.get(
-            (told[0], told[1]), "neither"
+            (could_see[0], could_see[1]), "neither"
         )
     better = faults(left) - faults(right) if left is not None and right is not None and shows else 0
-    felt = better + PERSON_SD * seen.leaning + ERROR_SD * rng.standard_normal()
-    return VOTES[int(np.clip(round(felt), -2, 2)) + 2]
+    opinion = better + PERSON_SD * seen.leaning + ERROR_SD * rng.standard_normal()
+    return VOTES[int(np.clip(round(opinion), -2, 2)) + 2]
 
 
 def faults(film: FilmSeen) -> float:
@@ -192,7 +192,7 @@ def faults(film: FilmSeen) -> float:
     sheet = film.sheet
     cuts_per_min = 60.0 * (sheet.shots - 1) / sheet.seconds
     return (
-        UNSEEN * (1.0 - float(film.seen.mean()))
+        LOSS_UNSEEN * (1.0 - float(film.seen.mean()))
         + JERK * float(np.log10(1.0 + (sheet.jerk_mps3 or 0.0)))
         + CUTS * cuts_per_min
         + SIZE * float(np.log2(sheet.size_off_by or 1.0))
@@ -207,7 +207,7 @@ def could_tell(film: FilmSeen, window_s: tuple[float, float]) -> bool:
 
 
 def done_s(seen: Seen) -> tuple[float, float]:
-    """Return from when to when the walker does something else than walk or stand."""
+    """Return start and end of the time in which the walker does more than walk or stand."""
     scene = None if seen.last is None else seen.last.scene
     plan = scene.people[0].does if isinstance(scene, GatheringScene) else ()
     for doing in plan if isinstance(plan, tuple) else ():

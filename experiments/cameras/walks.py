@@ -47,7 +47,7 @@ BYSTANDERS: Final = (
 
 
 @dataclass(frozen=True)
-class Walked:
+class TimedWalk:
     """A walk in time: what its walker does, when the thing on the way begins, and its length."""
 
     plan: tuple[Doing, ...]
@@ -56,7 +56,7 @@ class Walked:
 
 
 @cache
-def walked(name: str) -> Walked:
+def timed_walk(name: str) -> TimedWalk:
     """Return a walk in time."""
     way, leg_m = WALKS[name], build_of(default_casting(WALKER)).skeleton.leg_m
     t_s, does_s = 0.0, 0.0
@@ -78,11 +78,11 @@ def walked(name: str) -> Walked:
             t_s += DOES_S
     end = way.points_m[-1]
     plan.append(Doing(Idle("hanging"), t_s, FADE_S, (end[0], 0.0, end[1])))
-    return Walked(tuple(plan), does_s, round(t_s + ENDS_S, 1))
+    return TimedWalk(tuple(plan), does_s, round(t_s + ENDS_S, 1))
 
 
 @cache
 def everybody(name: str) -> tuple[Standing, ...]:
     """Return who is in the gallery on a walk; the walker comes first."""
     (x, z), *_ = WALKS[name].points_m
-    return (Standing(WALKER, "walker", x, z, 0.0, walked(name).plan, SEED), *BYSTANDERS)
+    return (Standing(WALKER, "walker", x, z, 0.0, timed_walk(name).plan, SEED), *BYSTANDERS)

@@ -112,43 +112,43 @@ def _capsule_volumes(walk: Walk) -> Vector:
     return volumes
 
 
-def collision_rows(walk: Walk, measured: WalkVolumes) -> list[dict[str, Any]]:
+def collision_rows(walk: Walk, volumes: WalkVolumes) -> list[dict[str, Any]]:
     """Return one row per collision, uncounted ones included, in order of their start."""
     rows = []
     place = walk.place_m
     poser = None
-    if measured.surface != "capsules":
-        poser = _Poser(walk, measured.surface, measured.avatar)
+    if volumes.surface != "capsules":
+        poser = _Poser(walk, volumes.surface, volumes.avatar)
     sensor = TouchSensor(walk.crowd)
     body = capsule_body(walk.stature_m)
     start_ns = int(walk.row["t_start_ns"])
     index = {int(t): i for i, t in enumerate(walk.t_ns)}
-    for found in find_collisions(walk.t_ns, measured.volume_m3, measured.rule):
-        i = index[found.peak_ns]
+    for collision in find_collisions(walk.t_ns, volumes.volume_m3, volumes.rule):
+        i = index[collision.peak_ns]
         starts, ends = body.posed(walk.position_m[i], walk.orientation_wxyz[i])
         centre = np.full(3, np.nan)
         if poser is not None:
-            shared = common_volume(poser.own(i), poser.other(i, found.character))
-            centre = shared.centre_m
-        part = _part_at(walk, sensor, i, found.character, centre, starts, ends, body.radius_m)
+            common = common_volume(poser.own(i), poser.other(i, collision.character))
+            centre = common.centre_m
+        part = _part_at(walk, sensor, i, collision.character, centre, starts, ends, body.radius_m)
         side, _, rest = part.partition("_")
         rows.append(
             {
                 "trial_id": walk.trial_id,
-                "person": found.character,
-                "behaviour": int(walk.crowd.behaviour[found.character]),
-                "start_s": (found.start_ns - start_ns) / 1e9,
-                "end_s": (found.end_ns - start_ns) / 1e9,
-                "duration_s": found.duration_s,
-                "max_volume_dm3": 1000 * found.max_volume_m3,
-                "peak_s": (found.peak_ns - start_ns) / 1e9,
+                "person": collision.character,
+                "behaviour": int(walk.crowd.behaviour[collision.character]),
+                "start_s": (collision.start_ns - start_ns) / 1e9,
+                "end_s": (collision.end_ns - start_ns) / 1e9,
+                "duration_s": collision.duration_s,
+                "max_volume_dm3": 1000 * collision.max_volume_m3,
+                "peak_s": (collision.peak_ns - start_ns) / 1e9,
                 "body_part": rest if side in SIDE_OF else part,
                 "side": side if side in SIDE_OF else "middle",
-                "speed_m_s": speed_at(walk.t_ns, place, found.start_ns),
-                "counted": found.counted,
-                "cut": found.cut,
-                "rule": found.rule,
-                "surface": measured.surface,
+                "speed_m_s": speed_at(walk.t_ns, place, collision.start_ns),
+                "counted": collision.counted,
+                "cut": collision.cut,
+                "rule": collision.rule,
+                "surface": volumes.surface,
             }
         )
     return rows
@@ -191,7 +191,7 @@ class _Poser:
         if step != self._step:
             walk = self._walk
             self._step = step
-            self._mesh = self._own.posed(
+            self._mesh = self._own.mesh_at(
                 walk.position_m[step], walk.orientation_wxyz[step], self._scale
             )
         return self._mesh
@@ -208,4 +208,4 @@ class _Poser:
             self._world,
         )
         surface = person_surface(int(self._walk.crowd.character[person]), self._surface)
-        return surface.posed(self._position[0], self._world[0])
+        return surface.mesh_at(self._position[0], self._world[0])

@@ -1,4 +1,4 @@
-"""What every column of the crowd study's tables is; the session's own are described by the kit."""
+"""Descriptions of the crowd study's own columns; the kit describes those of every session."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -60,7 +60,7 @@ TRIALS: Final = (
     Column("pulses_lost", "1", "of these, never acknowledged"),
     Column("caution", "1", "a simulated participant's learned caution at the end"),
 )
-"""What a walk writes into its row, and what is measured of it."""
+"""Columns that a walk writes into its row, and its measures."""
 COLLISIONS: Final = (
     Column("person", "", "number of the person in the crowd, from 0"),
     Column("behaviour", "", "0 waiting, 1 telephoning"),

@@ -1,4 +1,4 @@
-"""What the study measures and compares: the source's measures first, with what it prints."""
+"""Measures and comparisons of the study: the source's first, with the numbers it prints."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ RULES: Final = (
         above=False,
     ),
 )
-"""What leaves out a walk, or a person; all of it this platform's."""
+"""Exclusion rules for walks and participants; all are this platform's, none the source's."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class PathThresholds:
                 raise UsageError(f"{name} is {getattr(self, name)}; give a whole number above 0")
 
 
-def compared() -> Iterator[Compare]:
+def comparisons() -> Iterator[Compare]:
     """Yield the blocks compared in every measure, of those who felt vibrations and of controls,
     and whether the change over blocks differs between the groups.
 

@@ -22,13 +22,13 @@ RULE: Final = (
 CAREFUL: Final = "Do people move more carefully with haptics? (H2₁)"
 FEWER: Final = "Fewer collisions and smaller volumes with haptics? (H2₂)"
 OUTLASTS: Final = "Does care outlast the haptics? (H3)"
-CHANGED: Final = "Do presence and embodiment change with haptics? (H4)"
+RATINGS_CHANGE: Final = "Do presence and embodiment change with haptics? (H4)"
 QUESTIONS: Final = {
     "careful": "shoulders turn more towards gaps and speed falls with haptics",
     "fewer-collisions": "collisions and volumes both fall with haptics",
     "care-outlasts": "fewer collisions and more shoulder rotation in the last block",
 }
-"""Of these power can be found; paths need recordings, and ratings have no direction."""
+"""Questions whose power can be simulated; paths need recordings, ratings have no direction."""
 
 
 def conclude(analysis: StudyAnalysis) -> tuple[Conclusion, ...]:
@@ -54,20 +54,20 @@ def _paths(analysis: StudyAnalysis) -> Conclusion:
     sentences = []
     same = []
     equivalence = groups[0].paths.equivalence
-    for found in equivalence:
-        names = f"{found.pair[0]} and {found.pair[1]}"
-        if found.test is None:
-            sentences.append(f"{names}: not tested, {found.problem}.")
+    for result in equivalence:
+        names = f"{result.pair[0]} and {result.pair[1]}"
+        if result.test is None:
+            sentences.append(f"{names}: not tested, {result.problem}.")
             continue
-        same.append(found.test.is_equivalent)
-        sentences.append(f"{names}: {found.test.sentence()}.")
-    said = tuple(sentences)
+        same.append(result.test.is_equivalent)
+        sentences.append(f"{names}: {result.test.sentence()}.")
+    evidence = tuple(sentences)
     if len(same) < len(equivalence) or not same:
-        return Conclusion("undecided", question, "undecided", said, was_tested=False)
+        return Conclusion("undecided", question, "undecided", evidence, was_tested=False)
     if all(same):
-        return Conclusion("found", question, "equivalent within the bounds", said)
+        return Conclusion("found", question, "equivalent within the bounds", evidence)
     answer = "for some pairs of blocks" if any(same) else "not shown"
-    return Conclusion("partly" if any(same) else "not_found", question, answer, said)
+    return Conclusion("partly" if any(same) else "not_found", question, answer, evidence)
 
 
 def _direction(
@@ -91,9 +91,9 @@ def _direction(
         sentences.append(f"{measure.words}: {over_all} {contrast.sentence}")
         as_said = 1 if sign * contrast.difference > 0 else -1
         verdicts.append(as_said if contrast.is_significant else 0)
-    said = tuple(sentences)
+    evidence = tuple(sentences)
     if len(verdicts) < len(measures):
-        return Conclusion("undecided", question, "undecided", said, was_tested=False, name=name)
+        return Conclusion("undecided", question, "undecided", evidence, was_tested=False, name=name)
     status: Status = "not_found"
     if all(v == 1 for v in verdicts):
         status, answer = "found", "yes"
@@ -103,20 +103,22 @@ def _direction(
         status, answer = "partly", "in part"
     else:
         answer = "no significant difference"
-    return Conclusion(status, question, answer, said, name=name)
+    return Conclusion(status, question, answer, evidence, name=name)
 
 
 def _ratings(analysis: StudyAnalysis) -> Conclusion:
-    found = [(m, f) for m in RATINGS if (f := analysis.finding(m.column)) is not None]
-    tested = [(m, f) for m, f in found if f.outcome is not None]
+    findings = [(m, f) for m in RATINGS if (f := analysis.finding(m.column)) is not None]
+    tested_findings = [(m, f) for m, f in findings if f.outcome is not None]
     sentences = tuple(
         f"{m.words}: "
         + (f"not tested, {f.why_not}." if f.outcome is None else " ".join(f.outcome.sentences))
-        for m, f in found
+        for m, f in findings
     )
-    if not tested:
-        return Conclusion("undecided", CHANGED, "undecided", sentences, was_tested=False)
-    different = [m.words.lower() for m, f in tested if any(t.is_significant for t in f.terms)]
+    if not tested_findings:
+        return Conclusion("undecided", RATINGS_CHANGE, "undecided", sentences, was_tested=False)
+    different = [
+        m.words.lower() for m, f in tested_findings if any(t.is_significant for t in f.terms)
+    ]
     if different:
-        return Conclusion("partly", CHANGED, ", ".join(different), sentences)
-    return Conclusion("not_found", CHANGED, "no significant difference", sentences)
+        return Conclusion("partly", RATINGS_CHANGE, ", ".join(different), sentences)
+    return Conclusion("not_found", RATINGS_CHANGE, "no significant difference", sentences)

@@ -41,13 +41,14 @@ NEEDED_SIDE_M: Final = 2 * max(abs(START_M[0]), abs(START_M[1]))
 """Side of the smallest tracked square that holds the crowd and the mark."""
 FARTHEST_HOME_M: Final = 2.0
 QUIET_AFTER_MS: Final = Within(50.0, 1000.0)
-"""Shorter than a few samples of a slow tracker would be silence in between, longer is no rule."""
+"""Below it the gap between a slow tracker's samples would count as silence; above it the rule would
+hardly ever act."""
 MODULATION_HZ: Final = Within(0.1, 50.0)
 
 
 @dataclass(frozen=True)
 class CrowdParameters:
-    """What can be set in the study; the defaults are those of the source where it says them.
+    """Parameters of the study; the defaults are those of the source where it gives them.
 
     `density_per_m2` is how many people stand on a square metre of every crowd.
     `pattern` names a vibration pattern of `visavis.experiments.crowd.patterns`; `pattern_low_hz`,
@@ -81,12 +82,12 @@ class CrowdParameters:
     @property
     def vibration(self) -> VibrationPattern:
         """The pattern in force."""
-        chosen = PATTERNS[self.pattern]
+        pattern = PATTERNS[self.pattern]
         return replace(
-            chosen,
-            low_hz=self.pattern_low_hz or chosen.low_hz,
-            high_hz=self.pattern_high_hz or chosen.high_hz,
-            modulation_hz=self.pattern_modulation_hz or chosen.modulation_hz,
+            pattern,
+            low_hz=self.pattern_low_hz or pattern.low_hz,
+            high_hz=self.pattern_high_hz or pattern.high_hz,
+            modulation_hz=self.pattern_modulation_hz or pattern.modulation_hz,
         )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from visavis.analysis.plots import BLUE, GREEN, GREY, VERMILION, Drawn, draw, new_figure
+from visavis.analysis.plots import BLUE, GREEN, GREY, VERMILION, ReportFigure, draw, new_figure
 from visavis.analysis.plots.panels import no_data
 from visavis.analysis.plots.style import BLACK
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
@@ -29,7 +29,9 @@ BODY_PARTS = (
 )
 
 
-def collision_figures(analysis: StudyAnalysis, group: GroupPaths) -> tuple[Drawn, Drawn]:
+def collision_figures(
+    analysis: StudyAnalysis, group: GroupPaths
+) -> tuple[ReportFigure, ReportFigure]:
     """Return collisions by body part, volume and duration; shoulders by the width of gaps."""
     return (
         draw(
@@ -62,15 +64,15 @@ def counted_of(group: GroupPaths, collisions: pd.DataFrame) -> pd.DataFrame:
     return mine if mine.empty else mine[mine["counted"].to_numpy(bool)]
 
 
-def _collisions(group: GroupPaths, found: pd.DataFrame) -> Figure:
+def _collisions(group: GroupPaths, collisions: pd.DataFrame) -> Figure:
     figure = new_figure(9.6, 3.6)
     parts, volumes, durations = figure.subplots(1, 3, width_ratios=(1.4, 1, 1))
-    if found.empty or not found["counted"].any():
+    if collisions.empty or not collisions["counted"].any():
         for axes in (parts, volumes, durations):
             no_data(axes, "no collision")
         return figure
-    counted_rows = counted_of(group, found)
-    walks = group.kept.groupby("condition").size()
+    counted_rows = counted_of(group, collisions)
+    walks = group.counted_walks.groupby("condition").size()
     y = np.arange(len(BODY_PARTS))
     for k, condition in enumerate(group.paths.blocks):
         block = counted_rows[counted_rows["condition"] == condition]
@@ -125,9 +127,9 @@ def _shoulders(group: GroupPaths, crossings: pd.DataFrame) -> Figure:
         bins = np.digitize(mine["centres_apart_m"].to_numpy(float), edges) - 1
         for k, condition in enumerate(group.paths.blocks):
             means, spreads = [], []
-            chosen = (mine["condition"] == condition).to_numpy(bool)
+            in_block = (mine["condition"] == condition).to_numpy(bool)
             for b in range(len(middles)):
-                rows = mine[chosen & (bins == b)]
+                rows = mine[in_block & (bins == b)]
                 values = rows.groupby("participant")[column].mean().to_numpy(float)
                 values = values[np.isfinite(values)]
                 means.append(values.mean() if values.size else np.nan)

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from visavis.analysis.cells import Triangulation
 from visavis.analysis.cells.triangulation import Cell, as_cell
-from visavis.analysis.plots import BLUE, GREY, VERMILION, Drawn, draw, new_figure
+from visavis.analysis.plots import BLUE, GREY, VERMILION, ReportFigure, draw, new_figure
 from visavis.analysis.plots.panels import no_data
 from visavis.analysis.plots.style import BLACK
 from visavis.experiments.crowd import published
@@ -36,9 +36,9 @@ _UPRIGHT = np.array([1.0, -1.0])
 """Seen from above, −z is up the page, so that right stays right."""
 
 
-def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[Drawn]:
+def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[ReportFigure]:
     """Return a figure of similarities and one of paths per configuration that was walked."""
-    simulated = analysis.is_simulated
+    is_simulated = analysis.is_simulated
     figures = [
         draw(
             "similarity",
@@ -51,7 +51,7 @@ def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[Drawn]:
             "with different people on both sides, within a block and between blocks, in three "
             "variants of Dice, each for the same three pairs of blocks; p by permutation.",
             alternative="Dice between blocks and within blocks, as published and compared fairly.",
-            is_simulated=simulated,
+            is_simulated=is_simulated,
         )
     ]
     rows = group.rows_of(analysis.tables["cells"])
@@ -64,7 +64,7 @@ def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[Drawn]:
             "participants walked through the triangle between three people. Dots: people. Square: "
             "start. Arc: where the board can be read.",
             alternative=f"Three maps of configuration {configuration}, one per block.",
-            is_simulated=simulated,
+            is_simulated=is_simulated,
         )
         for configuration in group.paths.configurations
     ]
@@ -85,8 +85,8 @@ def _similarity(group: GroupPaths) -> Figure:
     for x, pair in enumerate(pairs):
         values = paths.pair(pair).by_configuration
         left.scatter(np.full(len(values), x), values, s=22, color=BLUE, alpha=0.7)
-        printed = published.DICE_BETWEEN_ALL[pair]
-        _diamond(left, x + 0.22, printed.mean, printed.sd)
+        published_dice = published.DICE_BETWEEN_ALL[pair]
+        _diamond(left, x + 0.22, published_dice.mean, published_dice.sd)
     offset = np.linspace(-0.18, 0.18, within.size)
     left.scatter(len(pairs) + offset, within, s=10, color=GREY, alpha=0.6)
     _diamond(left, len(pairs) + 0.3, published.DICE_WITHIN.mean, published.DICE_WITHIN.sd)
@@ -136,7 +136,7 @@ def _paths(group: GroupPaths, rows: pd.DataFrame, configuration: int) -> Figure:
     figure = new_figure(9.6, 3.75)
     blocks = group.paths.blocks
     panels = figure.subplots(1, len(blocks), sharex=True, sharey=True, squeeze=False)[0]
-    density = group.kept.get("crowd_density_per_m2", pd.Series([DENSITY_PER_M2])).iloc[0]
+    density = group.counted_walks.get("crowd_density_per_m2", pd.Series([DENSITY_PER_M2])).iloc[0]
     cells = crowd_cells(station_crowd(configuration, float(density)))
     visits = {c: Counter[Cell]() for c in blocks}
     lines: dict[str, list[Vector]] = {c: [] for c in blocks}

@@ -1,4 +1,4 @@
-"""From contacts of the arms to what the bands shall do: which band, which motors, when to stop."""
+"""From contacts of the arms to orders for the bands: which band, which motors, when to stop."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class BandOrder:
 
 
 class ContactAnswer:
-    """Watch the arms sample by sample and say what the bands shall do; knows no device.
+    """Watch the arms sample by sample and return orders for the bands; knows no device.
 
     `segments` names the tracked joints. Samples with a lost arm segment ask for nothing on it.
     """
@@ -86,9 +86,9 @@ class ContactAnswer:
             position_m[self._segments.index(f"left_{part}")]
             for part in ("upper_arm", "lower_arm", "hand")
         )
-        measured = np.linalg.norm(lower - upper) + np.linalg.norm(hand - lower)
-        if np.isfinite(measured) and 0.3 < measured < 0.9:
-            self._body = capsule_body(round(float(measured) / 0.332, 3), ARM_JOINTS)
+        length_m = np.linalg.norm(lower - upper) + np.linalg.norm(hand - lower)
+        if np.isfinite(length_m) and 0.3 < length_m < 0.9:
+            self._body = capsule_body(round(float(length_m) / 0.332, 3), ARM_JOINTS)
 
     def sample(
         self, t_ns: int, crowd_t_s: float, position_m: Vector, orientation_wxyz: Vector
@@ -132,8 +132,8 @@ class ContactAnswer:
                 kind: Literal["begin", "renew"] = "begin"
             else:
                 age_ns = t_ns - running[0]
-                moved = motors != running[1] and age_ns >= MOTOR_HOLD_NS
-                if not moved and age_ns < self._renewed_after_ns:
+                has_new_motors = motors != running[1] and age_ns >= MOTOR_HOLD_NS
+                if not has_new_motors and age_ns < self._renewed_after_ns:
                     continue
                 kind = "renew"
             self._running[role] = (t_ns, motors)

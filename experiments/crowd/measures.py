@@ -87,21 +87,23 @@ def measure_walk(
     for a while, a way out of the room, people at one place (no cells). `sex` chooses the body.
     """
     row = {**walk.row, "measure_rule": params.rule, "measure_surface": params.surface}
-    lost = np.asarray(~np.isfinite(walk.position_m).all(axis=(1, 2)))
-    row["lost_01"] = float(lost.mean()) if len(lost) else 1.0
+    is_lost = np.asarray(~np.isfinite(walk.position_m).all(axis=(1, 2)))
+    row["lost_01"] = float(is_lost.mean()) if len(is_lost) else 1.0
     row["tracked_s"] = 0.0
     flags = [text for text in str(walk.row.get("flags") or "").split(";") if text]
     row["frozen_segments_measured"] = named_durations(walk.frozen_ns)
     if walk.frozen_ns:
         flags.append("segment_frozen")
+    # A body that was never tracked has no measures at all.
     place = walk.place_m[np.isfinite(walk.place_m).all(axis=1)]
     if len(walk.t_ns) < 3 or not len(place):
         row["flags"] = ";".join([*flags, "not_measured_body_never_tracked"])
         return MeasuredWalk(row, [], [], (), np.empty((0, 2)))
-    if lost.any():
+    if is_lost.any():
         flags.append("measured_with_gaps")
     if not in_room(place).all():
         flags.append("left_room")
+    # Crowds with people at one place have no Delaunay cells; everything else is still measured.
     try:
         triangulation, path = cells_of(walk)
     except CellError as problem:
@@ -109,9 +111,10 @@ def measure_walk(
         row["cells_problem"] = str(problem)
         triangulation, path = None, CellPath((), (), (0,), 0)
     row["flags"] = ";".join(dict.fromkeys(flags))
+    # Collisions from common volumes, crossings from the exact walk through the cells.
     volumes = walk_volumes(walk, rule=params.rule, surface=params.surface, sex=sex)
     collisions = collision_rows(walk, volumes)
-    counted = [c for c in collisions if c["counted"]]
+    counted_collisions = [c for c in collisions if c["counted"]]
     to_gap = to_way = np.empty(0)
     if triangulation is not None:
         to_gap, to_way = crossing_angles_deg(
@@ -120,6 +123,7 @@ def measure_walk(
             walk.joint("left_upper_arm")[:, [0, 2]],
             walk.joint("right_upper_arm")[:, [0, 2]],
         )
+    # Crossings of an edge of the hull from outside to outside are no gaps.
     inner = np.array([c.before is not None or c.after is not None for c in path.crossings], bool)
     crossings: list[dict[str, Any]] = [
         {
@@ -138,7 +142,7 @@ def measure_walk(
     ]
     gait = walk_measures(walk.t_ns, walk.place_m, (BOARD_M[0], BOARD_M[2]), step_m)
     clear = clearance_m(walk.place_m, walk.crowd.position_m)
-    row |= _collision_measures(collisions, counted, _measured_s(walk, volumes))
+    row |= _collision_measures(collisions, counted_collisions, _measured_s(walk, volumes))
     row |= {
         "crossings": len(crossings) if triangulation is not None else None,
         "shoulders_to_gap_deg": _mean([c["shoulders_to_gap_deg"] for c in crossings]),
@@ -160,23 +164,25 @@ def measure_walk(
 
 
 def _collision_measures(
-    collisions: list[dict[str, Any]], counted: list[dict[str, Any]], tracked_s: float
+    collisions: list[dict[str, Any]], counted_collisions: list[dict[str, Any]], tracked_s: float
 ) -> dict[str, float | None]:
     """Return a walk's columns about collisions; a body never whole had none that could be seen."""
-    found: dict[str, float | None] = {
-        "collisions": len(counted),
-        "collisions_per_tracked_min": 60 * len(counted) / tracked_s if tracked_s else None,
-        "collisions_uncounted": len(collisions) - len(counted),
-        "collisions_cut": sum(c["cut"] for c in counted),
-        "max_volume_dm3": _mean([c["max_volume_dm3"] for c in counted]),
-        "largest_volume_dm3": max((c["max_volume_dm3"] for c in counted), default=0.0),
-        "collision_s": _mean([c["duration_s"] for c in counted]),
-        "collision_speed_m_s": _mean([c["speed_m_s"] for c in counted]),
+    columns: dict[str, float | None] = {
+        "collisions": len(counted_collisions),
+        "collisions_per_tracked_min": 60 * len(counted_collisions) / tracked_s
+        if tracked_s
+        else None,
+        "collisions_uncounted": len(collisions) - len(counted_collisions),
+        "collisions_cut": sum(c["cut"] for c in counted_collisions),
+        "max_volume_dm3": _mean([c["max_volume_dm3"] for c in counted_collisions]),
+        "largest_volume_dm3": max((c["max_volume_dm3"] for c in counted_collisions), default=0.0),
+        "collision_s": _mean([c["duration_s"] for c in counted_collisions]),
+        "collision_speed_m_s": _mean([c["speed_m_s"] for c in counted_collisions]),
         "arm_collisions": sum(
-            c["body_part"] in ("upper_arm", "lower_arm", "hand") for c in counted
+            c["body_part"] in ("upper_arm", "lower_arm", "hand") for c in counted_collisions
         ),
     }
-    return {**(found if tracked_s else dict.fromkeys(found)), "tracked_s": tracked_s}
+    return {**(columns if tracked_s else dict.fromkeys(columns)), "tracked_s": tracked_s}
 
 
 def _measured_s(walk: Walk, volumes: WalkVolumes) -> float:
@@ -189,10 +195,10 @@ def _pedestrian(walk: Walk) -> dict[str, float | None]:
     """Return density and individual speed over the walk; None where PedPy is not installed."""
     if not has_pedpy():
         return {"density_per_m2": None, "individual_speed_m_s": None}
-    found = pedestrian_measures(walk)
+    measures = pedestrian_measures(walk)
     return {
-        "density_per_m2": _mean(found.density_per_m2.tolist()),
-        "individual_speed_m_s": _mean(found.speed_m_s.tolist()),
+        "density_per_m2": _mean(measures.density_per_m2.tolist()),
+        "individual_speed_m_s": _mean(measures.speed_m_s.tolist()),
     }
 
 

@@ -1,4 +1,4 @@
-"""How walks are measured one by one, and what only the whole session tells of them."""
+"""How walks are measured one by one, and what only the whole session shows of them."""
 
 import json
 from typing import Any, Final
@@ -21,15 +21,15 @@ from visavis.stimuli.scenes.station_crowd import DENSITY_PER_M2
 from visavis.study.pieces import MeasuredTrial, Pieces, Rows
 
 VERSION: Final = 7
-"""Raise it when measures change: what was kept before is then measured again."""
+"""Raise it when measures change, so that stored measures are computed again."""
 
 
 def sex_of(recording: Recording) -> str | None:
     """Return what the participant said they are, in the questionnaire's own words."""
-    asked = load_questionnaire("demographics")
-    options = next(q.scale.options for q in asked.questions() if q.question_id == "gender")
-    said = person_of(recording, [asked]).get("gender")
-    return options.get(said) if isinstance(said, int) else said
+    questionnaire = load_questionnaire("demographics")
+    options = next(q.scale.options for q in questionnaire.questions() if q.question_id == "gender")
+    answer = person_of(recording, [questionnaire]).get("gender")
+    return options.get(answer) if isinstance(answer, int) else answer
 
 
 def trials_of(recording: Recording) -> tuple[str, ...]:
@@ -41,13 +41,17 @@ def measure_trial(recording: Recording, trial_id: str, how: MeasureParameters) -
     """Measure one walk from its recording alone."""
     sex = sex_of(recording)
     walk = walk_of(recording, trial_id)
-    found = measure_walk(walk, step_length_m(sex), how, sex=sex)
-    walked = {
-        "cells": json.dumps(found.cells),
-        "track_m": json.dumps(np.round(found.track_m, 6).tolist()),
+    measures = measure_walk(walk, step_length_m(sex), how, sex=sex)
+    path_columns = {
+        "cells": json.dumps(measures.cells),
+        "track_m": json.dumps(np.round(measures.track_m, 6).tolist()),
     }
-    tables = {"collisions": found.collisions, "crossings": found.crossings, "cells": [walked]}
-    return MeasuredTrial.plain(found.row, tables)
+    tables = {
+        "collisions": measures.collisions,
+        "crossings": measures.crossings,
+        "cells": [path_columns],
+    }
+    return MeasuredTrial.plain(measures.row, tables)
 
 
 def of_session(
@@ -55,15 +59,15 @@ def of_session(
 ) -> tuple[Rows, dict[str, Rows]]:
     """Add vibrations, what the plan says of each walk, and gaps that somebody squeezes through."""
     plan = recording.manifest.plan
-    planned = {b["trials"][0]["factors"]["condition"]: len(b["trials"]) for b in plan["blocks"]}
+    n_planned = {b["trials"][0]["factors"]["condition"]: len(b["trials"]) for b in plan["blocks"]}
     pulses = pulse_rows(recording)
     for row in rows:
-        row["block_walks"] = planned.get(row["condition"])
+        row["block_walks"] = n_planned.get(row["condition"])
         row["crowd_density_per_m2"] = plan["parameters"].get("density_per_m2", DENSITY_PER_M2)
         if row.get("tracked_s") is None:
             continue
-        walked = (row["trial_id"], row["attempt"])
-        own = [p for p in pulses if (p["trial_id"], p["attempt"]) == walked]
+        attempt_key = (row["trial_id"], row["attempt"])
+        own = [p for p in pulses if (p["trial_id"], p["attempt"]) == attempt_key]
         row["pulses"] = len(own)
         row["pulses_lost"] = sum(not p["acknowledged"] for p in own)
         flags = (
@@ -72,15 +76,15 @@ def of_session(
             "pulse_lost" if row["pulses_lost"] else "",
         )
         row["flags"] = ";".join(dict.fromkeys(text for text in flags if text))
-        crossed = [c for c in tables["crossings"] if c["trial_id"] == row["trial_id"]]
-        row |= narrow_gaps(row, crossed, how.narrow_gap_m)
+        own_crossings = [c for c in tables["crossings"] if c["trial_id"] == row["trial_id"]]
+        row |= narrow_gaps(row, own_crossings, how.narrow_gap_m)
     who = recording.manifest.participant
     tables["pulses"] = [{"participant": who, **pulse} for pulse in pulses]
     return rows, tables
 
 
 def narrow_gaps(row: dict[str, Any], crossings: Rows, narrow_gap_m: float) -> dict[str, Any]:
-    """Return how many gaps so wide at most a walk crossed, and the mean angle of shoulders there.
+    """Return how many gaps of at most `narrow_gap_m` a walk crossed, and the mean shoulder angle.
 
     Cells are Delaunay triangles, so the crowd's outline has edges of several metres between people
     whom nobody passes between; the published angle counts their crossings like any other. Without

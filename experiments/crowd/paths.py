@@ -66,7 +66,7 @@ class PairSimilarity:
 
 @dataclass(frozen=True)
 class PathEquivalence:
-    """Whether people's own paths are the same in two blocks, person by person.
+    """Test of whether people's own paths are the same in two blocks, person by person.
 
     `excess` (people,) how much more each path resembles others' in its own block than in the
     other one; `test` whether its mean lies within the bounds, by the scatter of jackknife values
@@ -102,13 +102,13 @@ class PathAnalysis:
 
 @dataclass(frozen=True)
 class GroupPaths:
-    """The paths of one group of participants; `kept` are its walks that count.
+    """The paths of one group of participants; `counted_walks` are its walks that count.
 
     `lengths` says per pair of blocks whether people walk as far, or why that was not tested.
     """
 
     group: str
-    kept: pd.DataFrame = field(repr=False)
+    counted_walks: pd.DataFrame = field(repr=False)
     paths: PathAnalysis
     lengths: Mapping[tuple[str, str], Equivalence | str]
 
@@ -117,32 +117,37 @@ class GroupPaths:
         if table.empty:
             return table
         keys = ["participant", "trial_id"]
-        mine = pd.MultiIndex.from_frame(self.kept[keys].astype(str))
+        mine = pd.MultiIndex.from_frame(self.counted_walks[keys].astype(str))
         return table[pd.MultiIndex.from_frame(table[keys].astype(str)).isin(mine)]
 
 
 def paths_by_group(analysis: StudyAnalysis) -> tuple[GroupPaths, ...]:
     """Compare the paths of those who felt vibrations, then of controls, where there are any."""
-    counted = analysis.selection.counted
-    named = counted.get("group", pd.Series("", counted.index)).fillna("").astype(str)
+    counted_walks = analysis.selection.counted
+    group_names = (
+        counted_walks.get("group", pd.Series("", counted_walks.index)).fillna("").astype(str)
+    )
     blocks = tuple(c for c in CONDITIONS if c in analysis.levels["condition"])
-    found = []
-    for kept in (counted[named != CONTROL_GROUP], counted[named == CONTROL_GROUP]):
-        if kept.empty:
+    groups = []
+    for own_walks in (
+        counted_walks[group_names != CONTROL_GROUP],
+        counted_walks[group_names == CONTROL_GROUP],
+    ):
+        if own_walks.empty:
             continue
-        cells = cells_by(analysis.tables["cells"], kept)
+        cells = cells_by(analysis.tables["cells"], own_walks)
         paths = analyse_paths(cells, analysis.thresholds, analysis.rules.alpha, blocks)
         lengths = {
-            pair: _same_lengths(kept, pair, analysis.thresholds, analysis.rules.alpha)
+            pair: _same_lengths(own_walks, pair, analysis.thresholds, analysis.rules.alpha)
             for pair in paths.block_pairs
         }
-        found.append(GroupPaths(str(named[kept.index[0]]), kept, paths, lengths))
-    return tuple(found)
+        groups.append(GroupPaths(str(group_names[own_walks.index[0]]), own_walks, paths, lengths))
+    return tuple(groups)
 
 
-def cells_by(cells: pd.DataFrame, kept: pd.DataFrame) -> CellsBy:
+def cells_by(cells: pd.DataFrame, walks: pd.DataFrame) -> CellsBy:
     """Return the cells of every kept walk by condition, configuration and participant."""
-    keys = set(zip(kept["participant"].astype(str), kept["trial_id"].astype(str), strict=True))
+    keys = set(zip(walks["participant"].astype(str), walks["trial_id"].astype(str), strict=True))
     return {
         (str(row["condition"]), int(row["configuration"]), str(row["participant"])): frozenset(
             (int(c[0]), int(c[1]), int(c[2])) for c in json.loads(row["cells"]) if c is not None
@@ -153,12 +158,12 @@ def cells_by(cells: pd.DataFrame, kept: pd.DataFrame) -> CellsBy:
 
 
 def _same_lengths(
-    kept: pd.DataFrame, pair: tuple[str, str], thresholds: PathThresholds, alpha: float
+    walks: pd.DataFrame, pair: tuple[str, str], thresholds: PathThresholds, alpha: float
 ) -> Equivalence | str:
     """Test whether people walk as far in two blocks, within a share of the mean; or say why not."""
-    if "path_m" not in kept:
+    if "path_m" not in walks:
         return "not measured"
-    values = kept.assign(path_m=pd.to_numeric(kept["path_m"], errors="coerce"))
+    values = walks.assign(path_m=pd.to_numeric(walks["path_m"], errors="coerce"))
     wide = values.pivot_table(index="participant", columns="condition", values="path_m")
     wide = wide.dropna()
     if not set(pair) <= set(wide.columns):
@@ -203,12 +208,12 @@ def analyse_paths(
     )
 
 
-def _known(paths: Paths) -> list[frozenset[Cell]]:
+def _without_missing(paths: Paths) -> list[frozenset[Cell]]:
     return [p for p in paths if p is not None]
 
 
 def _between(a: Paths, b: Paths, variant: Variant) -> float:
-    one, other = _known(a), _known(b)
+    one, other = _without_missing(a), _without_missing(b)
     return between_blocks(one, other, variant) if one and other else float("nan")
 
 
@@ -226,7 +231,7 @@ def _within(
         number = CONDITIONS.index(condition)
         by_crowd = []
         for configuration in configurations:
-            block = _known([cells.get((condition, configuration, p)) for p in people])
+            block = _without_missing([cells.get((condition, configuration, p)) for p in people])
             if len(block) < 2:
                 continue
             split = within_block(
@@ -246,14 +251,14 @@ def _fair(
     n = len(crowds[0][0]) if crowds else 0
     if n < MIN_PEOPLE:
         return None, f"{n} people; halves need {MIN_PEOPLE}"
-    compared = compare_blocks_together(
+    comparison = compare_blocks_together(
         crowds,
         generator(parameters.splits_seed, 9),
         variant=variant,
         n_splits=parameters.n_splits,
         n_permutations=parameters.n_permutations,
     )
-    return compared, ""
+    return comparison, ""
 
 
 def _equivalence(
@@ -264,20 +269,20 @@ def _equivalence(
 ) -> PathEquivalence:
     excess = own_block_excess(crowds) if crowds else np.empty(0)
     values = jackknifed_excess(crowds) if crowds else np.empty(0)
-    known = values[np.isfinite(values)]
+    finite = values[np.isfinite(values)]
     bound = parameters.dice_bound
     try:
-        test = tost_one_sample(known, low=-bound, high=bound, alpha=alpha, name="own-block excess")
+        test = tost_one_sample(finite, low=-bound, high=bound, alpha=alpha, name="own-block excess")
     except StatisticsError as error:
         return PathEquivalence(pair, excess, None, str(error))
     return PathEquivalence(pair, excess, test)
 
 
 def _mean(values: Vector) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else float("nan")
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if finite.size else float("nan")
 
 
 def _sd(values: Vector) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.std(ddof=1)) if known.size > 1 else float("nan")
+    finite = values[np.isfinite(values)]
+    return float(finite.std(ddof=1)) if finite.size > 1 else float("nan")

@@ -1,4 +1,4 @@
-"""What a pedestrian laboratory measures of a walk, through PedPy; and files PedPy reads.
+"""Measures of pedestrian laboratories for a walk, by PedPy, and files for PedPy.
 
 Ground plane for PedPy: x to the right, y away from the start (our −z), metres.
 """
@@ -57,11 +57,11 @@ def pedestrian_measures(walk: Walk) -> PedestrianMeasures:
     every = max(round(1e9 / LOOK_HZ / STEP_NS), 1)
     steps = np.arange(0, len(walk.t_ns), every)
     place = _flat(walk.place_m[steps])
-    known = np.isfinite(place).all(axis=1)
+    is_known = np.isfinite(place).all(axis=1)
     # people who stand at one place border the participant's cell as one person would
     people = np.unique(np.round(_flat(walk.crowd.position_m), 6), axis=0)
     rows = []
-    for frame in np.flatnonzero(known).tolist():
+    for frame in np.flatnonzero(is_known).tolist():
         apart = np.linalg.norm(people - place[frame], axis=1)
         near = (apart < NEAR_M) & (apart > SAME_PLACE_M)
         rows.append((PARTICIPANT_ID, frame, *place[frame]))
@@ -71,7 +71,7 @@ def pedestrian_measures(walk: Walk) -> PedestrianMeasures:
     if rows:
         table = pd.DataFrame(rows, columns=["id", "frame", "x", "y"])
         trajectory = pedpy.TrajectoryData(data=table, frame_rate=LOOK_HZ)
-        area = pedpy.WalkableArea(_room(place[known]))
+        area = pedpy.WalkableArea(_room(place[is_known]))
         cells = pedpy.compute_individual_voronoi_polygons(
             traj_data=trajectory,
             walkable_area=area,
@@ -84,12 +84,12 @@ def pedestrian_measures(walk: Walk) -> PedestrianMeasures:
             data=table[table["id"] == PARTICIPANT_ID].reset_index(drop=True), frame_rate=LOOK_HZ
         )
         if len(alone.data) > 2 * round(SPEED_OVER_S * LOOK_HZ):
-            found = pedpy.compute_individual_speed(
+            speeds = pedpy.compute_individual_speed(
                 traj_data=alone,
                 frame_step=round(SPEED_OVER_S * LOOK_HZ),
                 speed_calculation=pedpy.SpeedCalculation.BORDER_EXCLUDE,
             )
-            speed[found["frame"].to_numpy(int)] = found["speed"].to_numpy(float)
+            speed[speeds["frame"].to_numpy(int)] = speeds["speed"].to_numpy(float)
     return PedestrianMeasures(walk.crowd_t_s[steps], density, speed)
 
 
@@ -133,10 +133,10 @@ def write_pedpy_files(walk: Walk, folder: Path, name: str) -> list[Path]:
     )
     sqlite = folder / f"{name}.sqlite"
     _write_sqlite(sqlite, table, wkt)
-    written = [text, sqlite]
+    paths = [text, sqlite]
     if importlib.util.find_spec("h5py") is not None:
-        written.append(_write_hdf5(folder / f"{name}.h5", table, wkt))
-    return written
+        paths.append(_write_hdf5(folder / f"{name}.h5", table, wkt))
+    return paths
 
 
 def trajectory_table(walk: Walk) -> pd.DataFrame:
@@ -194,8 +194,8 @@ def _write_hdf5(path: Path, table: pd.DataFrame, wkt: str) -> Path:
     h5py: Any = importlib.import_module("h5py")
     data = table[["id", "frame", "x", "y", "z"]].to_records(index=False)
     with h5py.File(path, "w") as file:
-        stored = file.create_dataset("trajectory", data=data)
-        stored.attrs["fps"] = EXPORT_HZ
+        dataset = file.create_dataset("trajectory", data=data)
+        dataset.attrs["fps"] = EXPORT_HZ
         file.attrs["file_version"] = FILE_VERSION
         file.attrs["wkt_geometry"] = wkt
     return path

@@ -27,8 +27,8 @@ def export_walks(recording: Recording, output: Path) -> tuple[Path, ...]:
     if not records:
         raise UsageError(f"{session} holds no finished walk")
     mark = "_simulated" if recording.is_simulated else ""
-    written: list[Path] = []
+    paths: list[Path] = []
     for record in records:
         name = f"sub-{recording.manifest.participant}_{record.trial_id}{mark}"
-        written += write_pedpy_files(load_walk(recording, record), output, name)
-    return tuple(written)
+        paths += write_pedpy_files(load_walk(recording, record), output, name)
+    return tuple(paths)

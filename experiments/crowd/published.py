@@ -1,4 +1,4 @@
-"""What the source of the crowd study printed, number by number.
+"""Numbers that the source of the crowd study printed.
 
 Source: F. Berton, F. Grzeskowiak, A. Bonneau, A. Jovane, M. Aggravi, L. Hoyet, A.-H. Olivier,
 C. Pacchierotti, J. Pettré, *Crowd navigation in VR: exploring haptic rendering of collisions*,

@@ -24,10 +24,10 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
     """Return one row per contact that drove a band, in order of time.
 
     `commanded_ms`, `sent_ms`, `acknowledged_ms` and `risen_ms` count from the body sample that
-    showed the contact; None where the command never left, was not answered, or the band told no
-    time. `attempt` is that of the walk. `risen_ms` is
-    when a motor had reached 63 %: the band's own time of applying it, on the host's clock by the
-    envelope of its answers, and the modelled rise. `held_ms` is how long the contact lasted.
+    showed the contact; None where the command never left, was not answered, or the band sent no
+    time. `attempt` is that of the walk. `risen_ms` is when a motor had reached 63 %: the band's own
+    time of applying the command, on the host's clock by the envelope of its answers, plus the
+    modelled rise. `held_ms` is how long the contact lasted.
     """
     commands = {
         (part.number, role): _commands(recording, part.number, role)
@@ -38,8 +38,10 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
     attempt_at = _attempts(recording)
     rows: list[dict[str, Any]] = []
     next_ns: dict[tuple[int, str], int] = {}
-    driven = [span for span in contact_spans(recording) if span["vibrates"]]
-    for span in reversed(driven):  # a command belongs to the contact that began last before it
+    vibrating_spans = [span for span in contact_spans(recording) if span["vibrates"]]
+    for span in reversed(
+        vibrating_spans
+    ):  # a command belongs to the contact that began last before it
         part, role, begin_ns, end_ns = (
             span[name] for name in ("recording_part", "role", "begin_ns", "end_ns")
         )
@@ -78,16 +80,16 @@ def contact_spans(recording: Recording) -> list[dict[str, Any]]:
 
 
 def _attempts(recording: Recording) -> Callable[[int, str, int], int | None]:
-    """Return what tells at which attempt at a trial something happened; None where none is told."""
-    begun: dict[tuple[int, str], list[tuple[int, int]]] = {}
+    """Return a function from part, trial and time to the attempt; None where none is recorded."""
+    starts: dict[tuple[int, str], list[tuple[int, int]]] = {}
     events = recording.events()
     for event in events[events["name"] == "trial_start"].to_dict("records"):
         payload = event["payload"]
         key = (int(event["recording_part"]), str(payload["trial_id"]))
-        begun.setdefault(key, []).append((int(event["t_ns"]), int(payload["attempt"])))
+        starts.setdefault(key, []).append((int(event["t_ns"]), int(payload["attempt"])))
 
     def attempt_at(part: int, trial_id: str, t_ns: int) -> int | None:
-        before = [n for start_ns, n in begun.get((part, trial_id), ()) if start_ns <= t_ns]
+        before = [n for start_ns, n in starts.get((part, trial_id), ()) if start_ns <= t_ns]
         return before[-1] if before else None
 
     return attempt_at
@@ -97,16 +99,16 @@ def _commands(recording: Recording, part: int, role: str) -> pd.DataFrame:
     arrays = recording.stream_arrays(f"haptics_{role}", part=part)
     names = ("kind", "t_commanded_ns", "t_sent_ns", "acknowledged", "t_device_ns", "t_host_ns")
     table = pd.DataFrame({name: arrays[name] for name in names})
-    heard = table["acknowledged"].to_numpy()
+    has_answer = table["acknowledged"].to_numpy()
     device = table["t_device_ns"].to_numpy(np.int64)
     host = np.full(len(table), np.nan)
-    if heard.sum() > 1:
+    if has_answer.sum() > 1:
         try:
-            fit = fit_one_way(device[heard], table["t_host_ns"].to_numpy(np.int64)[heard])
+            fit = fit_one_way(device[has_answer], table["t_host_ns"].to_numpy(np.int64)[has_answer])
         except DataError:
             fit = None
         if fit is not None:
-            host[heard] = fit.to_host_ns(device[heard])
+            host[has_answer] = fit.to_host_ns(device[has_answer])
     table["t_applied_ns"] = host
     return table[table["kind"] == PATTERN].sort_values("t_commanded_ns").reset_index(drop=True)
 
@@ -118,20 +120,20 @@ def _fate(
     nothing = {**dict.fromkeys(times), "acknowledged": False}
     if commands is None or commands.empty:
         return nothing
-    asked = commands["t_commanded_ns"].to_numpy(np.int64)
-    at = int(np.searchsorted(asked, contact_ns))
-    if at == len(asked) or asked[at] - contact_ns > ASKED_WITHIN_NS:
+    commanded_ns = commands["t_commanded_ns"].to_numpy(np.int64)
+    at = int(np.searchsorted(commanded_ns, contact_ns))
+    if at == len(commanded_ns) or commanded_ns[at] - contact_ns > ASKED_WITHIN_NS:
         return nothing
-    if next_ns is not None and asked[at] >= next_ns:
+    if next_ns is not None and commanded_ns[at] >= next_ns:
         return nothing
     row = commands.iloc[at]
     sent_ns = int(row["t_sent_ns"])
-    heard = bool(row["acknowledged"])
-    applied = float(row["t_applied_ns"])
+    has_answer = bool(row["acknowledged"])
+    applied_ns = float(row["t_applied_ns"])
     return {
-        "commanded_ms": (int(asked[at]) - contact_ns) / NS_PER_MS,
+        "commanded_ms": (int(commanded_ns[at]) - contact_ns) / NS_PER_MS,
         "sent_ms": None if sent_ns == NO_DEVICE_TIME else (sent_ns - contact_ns) / NS_PER_MS,
-        "acknowledged_ms": (int(row["t_host_ns"]) - contact_ns) / NS_PER_MS if heard else None,
-        "risen_ms": (applied - contact_ns) / NS_PER_MS + MOTOR_RISE_MS if heard else None,
-        "acknowledged": heard,
+        "acknowledged_ms": (int(row["t_host_ns"]) - contact_ns) / NS_PER_MS if has_answer else None,
+        "risen_ms": (applied_ns - contact_ns) / NS_PER_MS + MOTOR_RISE_MS if has_answer else None,
+        "acknowledged": has_answer,
     }

@@ -94,9 +94,9 @@ def _collisions_m3(walk: QuickWalk) -> Vector:
         HOLD_S,
         volumes,
     )
-    met = np.flatnonzero(volumes.max(axis=0) > THRESHOLD_M3)
+    in_contact = np.flatnonzero(volumes.max(axis=0) > THRESHOLD_M3)
     # every person's course after another's, with a step without contact between
-    course = np.vstack([volumes[:, met], np.zeros(len(met))]).T.ravel()
+    course = np.vstack([volumes[:, in_contact], np.zeros(len(in_contact))]).T.ravel()
     begins = np.flatnonzero(
         np.diff(np.concatenate([[False], course > THRESHOLD_M3]).astype(int)) > 0
     )
@@ -120,7 +120,7 @@ def _crossings(walk: QuickWalk, place: Vector) -> tuple[frozenset[Cell], float, 
     mesh = _cells(walk.crowd)
     triple = np.sort(mesh.simplices, axis=1).astype(np.int64)
     at = mesh.find_simplex(place)
-    visited = frozenset((a, b, c) for a, b, c in triple[np.unique(at[at >= 0])].tolist())
+    visited_cells = frozenset((a, b, c) for a, b, c in triple[np.unique(at[at >= 0])].tolist())
     change = np.flatnonzero(at[1:] != at[:-1])
     edges, rows = [], []
     for i in change.tolist():
@@ -129,14 +129,14 @@ def _crossings(walk: QuickWalk, place: Vector) -> tuple[frozenset[Cell], float, 
             edges.append(edge)
             rows.append(i)
     if not rows:
-        return visited, float("nan"), float("nan")
+        return visited_cells, float("nan"), float("nan")
     left, right = (walk.position_m[:, joint][:, _FLOOR] for joint in _SHOULDERS)
     shoulders = (left - right)[rows]
     a, b = mesh.points[np.array(edges)].transpose(1, 0, 2)
     heading = place[np.array(rows) + 1] - place[rows]
     square = np.stack([-heading[:, 1], heading[:, 0]], axis=1)
     to_gap = folded_angle_deg(shoulders, b - a)
-    return visited, float(to_gap.mean()), float(folded_angle_deg(shoulders, square).mean())
+    return visited_cells, float(to_gap.mean()), float(folded_angle_deg(shoulders, square).mean())
 
 
 def _edge_between(
@@ -144,8 +144,8 @@ def _edge_between(
 ) -> list[int] | None:
     """Return the edge two neighbouring cells share; None where a corner was cut."""
     if before >= 0 and after >= 0:
-        shared = sorted(set(triple[before].tolist()) & set(triple[after].tolist()))
-        return shared if len(shared) == 2 else None
+        common_corners = sorted(set(triple[before].tolist()) & set(triple[after].tolist()))
+        return common_corners if len(common_corners) == 2 else None
     inner = max(before, after)
     outer = [k for k in range(3) if mesh.neighbors[inner, k] < 0]
     if len(outer) != 1:

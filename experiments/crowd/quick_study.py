@@ -39,39 +39,39 @@ from visavis.stimuli.scenes.station_crowd import (
 STEP_NS: Final = 50 * NS_PER_MS
 LOOK_NS: Final = 250 * NS_PER_MS
 REST_NS: Final = 4 * NS_PER_S
-FELT: Final = "arms"
+BOTH_ARMS: Final = "arms"
 _HEAD: Final = BODY_JOINTS.index("head")
 _FLOOR: Final = [0, 2]
 
 
 def quick_trials(
     participant: CrowdParticipant,
-    asked: Sequence[Questionnaire],
+    questionnaires: Sequence[Questionnaire],
     params: CrowdParameters,
     plan: SessionPlan,
 ) -> Iterator[tuple[Trial, dict[str, Any]]]:
     """Perform a plan; yield every walk that counts with its measures and its block's ratings."""
-    for block in walked(participant, plan, params):
-        rated: dict[str, Any] = {}
-        for questions in asked if block else ():
-            rated |= score(questions, answers_of(participant, questions))
-        yield from ((trial, {**row, **rated}) for trial, row, _ in block)
+    for block in block_walks(participant, plan, params):
+        ratings: dict[str, Any] = {}
+        for questions in questionnaires if block else ():
+            ratings |= score(questions, answers_of(participant, questions))
+        yield from ((trial, {**row, **ratings}) for trial, row, _ in block)
 
 
-def walked(
+def block_walks(
     participant: CrowdParticipant, plan: SessionPlan, params: CrowdParameters
 ) -> Iterator[list[tuple[Trial, dict[str, Any], frozenset[Cell]]]]:
     """Yield the walks of every block with measures and cells; training is not measured."""
     step_m = step_length_m(participant.person.sex)
     now_ns = 0
     for block in plan.blocks:
-        measured = []
+        walks = []
         for trial in block.trials:
             walk = quick_walk(participant, trial, now_ns, params)
             now_ns += len(walk.t_s) * STEP_NS + REST_NS
             if not trial.is_practice:
-                measured.append((trial, *quick_measures(walk, step_m)))
-        yield measured
+                walks.append((trial, *quick_measures(walk, step_m)))
+        yield walks
 
 
 def quick_walk(
@@ -93,15 +93,17 @@ def quick_walk(
     positions: list[Vector] = []
     turns: list[Vector] = []
     t_ns = start_ns
-    touched = 0
+    n_touching = 0
     head = np.array(START_M)
     has_read = came_back = False
+    # In steps of `LOOK_NS`: show the crowd, move, feel what touched in that time.
     while not came_back and t_ns < limit_ns:
         reads = can_read(*head.tolist())
         has_read |= reads
-        seen = "1" if reads else None
-        participant.see(station_frame(scene, t_ns, t_ns - start_ns, seen), t_ns)
+        track_read = "1" if reads else None
+        participant.see(station_frame(scene, t_ns, t_ns - start_ns, track_read), t_ns)
         at, turn = participant.segments(BODY_JOINTS, t_ns + offsets)
+        # The walk ends at the first step back within reach of the mark.
         if has_read:
             home_m = np.hypot(*(at[:, _HEAD][:, _FLOOR] - START_M).T)
             back = np.flatnonzero(home_m <= params.home_within_m)
@@ -124,11 +126,11 @@ def quick_walk(
                 REACH_M,
                 figures,
             )
-            touched += n
-            participant.feel(FELT, [n / len(offsets)], t_ns + LOOK_NS - STEP_NS)
+            n_touching += n
+            participant.feel(BOTH_ARMS, [n / len(offsets)], t_ns + LOOK_NS - STEP_NS)
         t_ns += LOOK_NS
     if vibrates:
-        participant.feel(FELT, [0.0], t_ns)
+        participant.feel(BOTH_ARMS, [0.0], t_ns)
     position = np.concatenate(positions)
     return QuickWalk(
         crowd=crowd,
@@ -138,5 +140,5 @@ def quick_walk(
         stature_m=participant.person.stature_m,
         came_back=came_back,
         caution=participant.caution,
-        touching_s=touched * STEP_NS / NS_PER_S,
+        touching_s=n_touching * STEP_NS / NS_PER_S,
     )

@@ -23,38 +23,38 @@ def views_of(shown: Shown) -> Iterator[SceneFrame]:
     if not name.startswith("station_"):
         yield shown.view
         return
-    recorded = shown.latest("crowd")
-    if recorded is None:
-        raise DataError(f"{shown.recording.path}: a crowd was shown, but no event 'crowd' tells it")
-    scene = shown.once(("crowd", name, recorded[0]), lambda: _scene(name, recorded[1]))
+    crowd_event = shown.latest("crowd")
+    if crowd_event is None:
+        raise DataError(f"{shown.recording.path}: a crowd was shown, but no event 'crowd' recorded")
+    scene = shown.once(("crowd", name, crowd_event[0]), lambda: _scene(name, crowd_event[1]))
     on = shown.latest("scene_on")
     if on is None or on[0] < shown.since_ns:
         yield station_frame(scene, shown.t_scene_ns)
         return
-    lit = shown.latest("board_on")
+    board_event = shown.latest("board_on")
     x, _, z = shown.head_m.tolist()
     track = None
-    if lit is not None and lit[0] >= on[0] and can_read(x, z):
-        track = str(lit[1]["track"])
+    if board_event is not None and board_event[0] >= on[0] and can_read(x, z):
+        track = str(board_event[1]["track"])
     # After the walk's last frame the crowd stands still until the next scene.
     for t_ns in (shown.t_ns, *_ends(shown, on[0])):
         yield station_frame(scene, shown.t_scene_ns, t_ns - on[0], track)
 
 
-def _scene(name: str, recorded: Mapping[str, Any]) -> CrowdScene:
+def _scene(name: str, crowd_event: Mapping[str, Any]) -> CrowdScene:
     configuration = int(name.removeprefix("station_"))
-    crowd = crowd_from_record(configuration, str(recorded["people"]))
+    crowd = crowd_from_record(configuration, str(crowd_event["people"]))
     return CrowdScene(name, agents=(), crowd=crowd)
 
 
 def _ends(shown: Shown, on_ns: int) -> Iterator[int]:
     trials = shown.recording.trials()
-    ended = trials[trials["t_start_ns"] == on_ns] if len(trials) else trials
-    if not len(ended):
+    own_trials = trials[trials["t_start_ns"] == on_ns] if len(trials) else trials
+    if not len(own_trials):
         return
     frames = shown.recording.stream_arrays("frames", t_end_ns=shown.t_ns)
     mine = frames["recording_part"] == shown.part
     times = frames["t_host_ns"][mine]
-    before = times[times < int(ended["t_end_ns"].iloc[-1])]
+    before = times[times < int(own_trials["t_end_ns"].iloc[-1])]
     if len(before):
         yield int(before[-1])

@@ -14,7 +14,7 @@ from visavis.stimuli.scenes.station_crowd import Crowd
 
 
 class ContactReflex:
-    """What the bands do about contact in one walk, and an account of it for the recording.
+    """The bands' answers to contact in one walk, and an account of them for the recording.
 
     `moved` holds the segments seen to move so far in the session and is added to at the end of the
     walk: one that is dead from a walk's first sample on is then known to be dead.
@@ -29,9 +29,11 @@ class ContactReflex:
         params: CrowdParameters,
         *,
         vibrates: bool,
-        moved: set[tuple[str, int]] | None = None,
+        moved_segments: set[tuple[str, int]] | None = None,
     ) -> None:
-        self._moved: set[tuple[str, int]] = set() if moved is None else moved
+        self._moved_segments: set[tuple[str, int]] = (
+            set() if moved_segments is None else moved_segments
+        )
         self._crowd, self._start_ns, self._quiet_ns = crowd, start_ns, quiet_ns
         self._params, self._vibrates = params, vibrates
         self._lock = threading.Lock()
@@ -54,7 +56,7 @@ class ContactReflex:
                     )
                 else:
                     orders += contacts.silence(t_ns)
-            return self._noted(orders)
+            return self._note(orders)
 
     def look_after(self, t_ns: int) -> list[Play | Silence]:
         """Silence the bands when the tracker has said nothing for too long."""
@@ -62,16 +64,16 @@ class ContactReflex:
             contacts, watch = self._contacts, self._watch
             if contacts is None or watch is None or not watch.is_silent(t_ns):
                 return []
-            return self._noted(contacts.silence(t_ns))
+            return self._note(contacts.silence(t_ns))
 
     def end(self, t_ns: int) -> list[Play | Silence]:
         """Silence whatever still runs at the walk's end."""
         with self._lock:
             if self._watch is not None:
                 self._watch.end(t_ns)
-            return [] if self._contacts is None else self._noted(self._contacts.silence(t_ns))
+            return [] if self._contacts is None else self._note(self._contacts.silence(t_ns))
 
-    def taken(self) -> list[BandOrder]:
+    def take_orders(self) -> list[BandOrder]:
         """Return what was ordered since the last call, for the recording."""
         with self._lock:
             orders, self._orders = self._orders, []
@@ -83,7 +85,7 @@ class ContactReflex:
             return never_tracked()
         return self._watch.row(), self._watch.flags()
 
-    def _noted(self, orders: list[BandOrder]) -> list[Play | Silence]:
+    def _note(self, orders: list[BandOrder]) -> list[Play | Silence]:
         self._orders += orders
         return [self._step_of(order) for order in orders] if self._vibrates else []
 
@@ -95,7 +97,9 @@ class ContactReflex:
     def _ready(self, body: BodyView, i: int) -> tuple[ContactAnswer, TrackingWatch]:
         if self._contacts is None or self._watch is None:
             params = self._params
-            self._watch = TrackingWatch(self._start_ns, self._quiet_ns, body.segments, self._moved)
+            self._watch = TrackingWatch(
+                self._start_ns, self._quiet_ns, body.segments, self._moved_segments
+            )
             self._contacts = ContactAnswer(
                 self._crowd,
                 body.segments,

@@ -1,4 +1,4 @@
-"""What the report of the crowd study has beside the standard sections."""
+"""Further sections of the crowd study's report, after the standard ones."""
 
 from typing import Any, Final
 
@@ -57,12 +57,12 @@ def paths_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra
         equivalence_table(main),
         similarity_table(main),
         fair_table(main),
-        *(picture_of(drawn) for drawn in maps[:1]),
+        *(picture_of(figure) for figure in maps[:1]),
     ]
     if maps[1:]:
         others = len(maps) - 1
         title = "The other configuration" if others == 1 else f"The other {others} configurations"
-        blocks.append(Fold(title, tuple(picture_of(drawn) for drawn in maps[1:])))
+        blocks.append(Fold(title, tuple(picture_of(figure) for figure in maps[1:])))
     rows = pd.DataFrame([row for group in groups for row in similarity_rows(group)])
     section = Section("paths", "Paths and cells", tuple(blocks))
     return Extra(section, (similarity, *maps), {"similarity": rows}, SIMILARITY)
@@ -93,7 +93,7 @@ def measured_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Ex
     """Return how walks were measured, and in what that differs from the source."""
     how, t = analysis.how, analysis.thresholds
     as_published = how.rule == "published"
-    said = (
+    paragraphs = (
         f"Collisions. Body and crowd are rebuilt every 10 ms. Volumes are by rule {how.rule!r}: "
         f"{RULES[how.rule]}; surfaces: {SURFACES[how.surface]}. A collision is one pair of "
         f"participant and character from the first to the last step above {THRESHOLD_M3:g} m³, "
@@ -127,7 +127,7 @@ def measured_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Ex
         )
         differences = (true, *differences)
     blocks: tuple[Block, ...] = (
-        *(Paragraph(text) for text in said),
+        *(Paragraph(text) for text in paragraphs),
         Paragraph("Differences from the source:"),
         Bullets(differences),
         Fold("What does not fit in the published text", (Bullets(published.INCONSISTENCIES),)),
@@ -149,14 +149,14 @@ def similarity_table(group: GroupPaths) -> Table:
         row: list[Cell | str] = [str(configuration)]
         for pair in pairs:
             value = float(group.paths.pair(pair).by_configuration[k])
-            printed = published.DICE_BETWEEN[pair][configuration - 1]
-            row += [fraction(value, 3), Cell(fraction(printed, 3), "weak")]
+            published_dice = published.DICE_BETWEEN[pair][configuration - 1]
+            row += [fraction(value, 3), Cell(fraction(published_dice, 3), "weak")]
         rows.append(tuple(row))
     last: list[Cell | str] = ["Mean (SD)"]
     for pair in pairs:
-        found, source = group.paths.pair(pair), published.DICE_BETWEEN_ALL[pair]
+        similarity, source = group.paths.pair(pair), published.DICE_BETWEEN_ALL[pair]
         last += [
-            Cell(mean_sd(found.mean, found.sd, 3), "strong"),
+            Cell(mean_sd(similarity.mean, similarity.sd, 3), "strong"),
             Cell(mean_sd(source.mean, source.sd, 3), "weak"),
         ]
     rows.append(tuple(last))
@@ -190,17 +190,17 @@ def fair_table(group: GroupPaths) -> Table:
     for variant in VARIANTS:
         within = group.paths.within[variant]
         for pair in group.paths.block_pairs:
-            found = group.paths.pair(pair, variant)
-            fair = found.fair
+            similarity = group.paths.pair(pair, variant)
+            fair = similarity.fair
             halves = float(within.mean()) if within.size else None
             cells: tuple[Cell | str, ...] = (
                 VARIANT_NAMES[variant],
                 _name(pair),
-                fraction(found.mean, 3),
+                fraction(similarity.mean, 3),
                 fraction(halves, 3),
             )
             if fair is None:
-                rows.append((*cells, Cell("too few", "weak", found.problem), *[MISSING] * 3))
+                rows.append((*cells, Cell("too few", "weak", similarity.problem), *[MISSING] * 3))
                 continue
             rows.append(
                 (
@@ -279,17 +279,17 @@ def _name(pair: tuple[str, str]) -> str:
 
 def collision_facts(group: GroupPaths, collisions: pd.DataFrame) -> dict[str, dict[str, float]]:
     """Return named numbers per walk by block, of a group's walks that are analysed."""
-    kept = group.kept
+    walks_of_group = group.counted_walks
     rows = counted_of(group, collisions)
-    found = {}
+    facts = {}
     for condition in group.paths.blocks:
-        walks = int((kept["condition"] == condition).sum())
+        walks = int((walks_of_group["condition"] == condition).sum())
         block = rows[rows["condition"] == condition] if len(rows) else rows
         if not walks:
             continue
         part = block["body_part"] if len(block) else pd.Series(dtype=str)
         side = block["side"] if len(block) else pd.Series(dtype=str)
-        found[condition] = {
+        facts[condition] = {
             "counted": len(block) / walks,
             "with an arm or hand": float(part.isin(ARM_PARTS).sum()) / walks,
             "on the left side": float((side == "left").sum()) / walks,
@@ -302,7 +302,7 @@ def collision_facts(group: GroupPaths, collisions: pd.DataFrame) -> dict[str, di
             "duration, median (s)": _median(block, "duration_s"),
             "speed at contact, median (m/s)": _median(block, "speed_m_s"),
         }
-    return found
+    return facts
 
 
 def _median(block: pd.DataFrame, column: str) -> float:
@@ -325,30 +325,30 @@ def collision_table(rows_of: dict[str, dict[str, float]], measured_by: str) -> T
 def similarity_rows(group: GroupPaths) -> list[dict[str, Any]]:
     """Return one row per variant and pair of blocks with every similarity of a group."""
     rows = []
-    for found in group.paths.pairs:
-        within = group.paths.within[found.variant]
+    for similarity in group.paths.pairs:
+        within = group.paths.within[similarity.variant]
         row: dict[str, Any] = {
             "group": group.group,
-            "variant": found.variant,
-            "first": found.pair[0],
-            "second": found.pair[1],
-            "between_blocks": found.mean,
-            "between_blocks_sd": found.sd,
+            "variant": similarity.variant,
+            "first": similarity.pair[0],
+            "second": similarity.pair[1],
+            "between_blocks": similarity.mean,
+            "between_blocks_sd": similarity.sd,
             "within_block_halves": float(within.mean()) if within.size else None,
             "within_block_halves_sd": float(within.std(ddof=1)) if within.size > 1 else None,
         }
-        if found.fair is not None:
+        if similarity.fair is not None:
             row |= {
-                "matched_between": found.fair.between,
-                "matched_within": found.fair.within,
-                "matched_difference": found.fair.difference,
-                "permutation_p": found.fair.p,
-                "n_people": found.fair.n_people,
-                "n_splits": found.fair.n_splits,
-                "n_permutations": found.fair.n_permutations,
+                "matched_between": similarity.fair.between,
+                "matched_within": similarity.fair.within,
+                "matched_difference": similarity.fair.difference,
+                "permutation_p": similarity.fair.p,
+                "n_people": similarity.fair.n_people,
+                "n_splits": similarity.fair.n_splits,
+                "n_permutations": similarity.fair.n_permutations,
             }
         for configuration, value in zip(
-            group.paths.configurations, found.by_configuration, strict=True
+            group.paths.configurations, similarity.by_configuration, strict=True
         ):
             row[f"between_{configuration}"] = float(value)
         rows.append(row)
@@ -369,20 +369,20 @@ def pulse_table(pulses: pd.DataFrame) -> Table:
     rows = []
     for column, label in STAGES:
         values = pd.to_numeric(pulses[column], errors="coerce").dropna()
-        known = str(len(values))
+        count = str(len(values))
         if values.empty:
-            rows.append((label, known, "–", "–", "–"))
+            rows.append((label, count, "–", "–", "–"))
             continue
         rows.append(
             (
                 label,
-                known,
+                count,
                 decimal(float(values.median()), 2),
                 decimal(float(values.quantile(0.95)), 2),
                 decimal(float(values.max()), 2),
             )
         )
-    lost = int((~pulses["acknowledged"].astype(bool)).sum())
+    n_lost = int((~pulses["acknowledged"].astype(bool)).sum())
     return Table(
         (
             Column("From the body sample that showed the contact until"),
@@ -393,6 +393,6 @@ def pulse_table(pulses: pd.DataFrame) -> Table:
         ),
         tuple(rows),
         "Vibrations",
-        f"{len(pulses)} pulses commanded, {lost} never acknowledged. The source's link answered "
+        f"{len(pulses)} pulses commanded, {n_lost} never acknowledged. The source's link answered "
         "within 250 ms.",
     )

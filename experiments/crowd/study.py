@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from visavis.experiments.crowd import published
 from visavis.experiments.crowd.columns import TRIALS
-from visavis.experiments.crowd.comparisons import MEASURES, RULES, PathThresholds, compared
+from visavis.experiments.crowd.comparisons import MEASURES, RULES, PathThresholds, comparisons
 from visavis.experiments.crowd.conclusions import QUESTIONS, RULE, conclude
 from visavis.experiments.crowd.design import (
     ABOUT_OWN_BODY,
@@ -105,7 +105,7 @@ study = Study(
     cells=("condition",),
     columns=TRIALS,
     measures=MEASURES,
-    compare=tuple(compared()),
+    compare=tuple(comparisons()),
     questions=QUESTIONS,
     exclusions=RULES,
     thresholds=PathThresholds(),
@@ -176,9 +176,11 @@ def trial(t: TrialScript) -> Generator[Any, Any, Any]:
         return {}
     if t.is_practice and t.own_body:
         yield from look_down()
-    moved = t.session_memory.setdefault("moved", set())
+    moved_segments = t.session_memory.setdefault("moved", set())
     params = known_of(CrowdParameters, t.settings.parameters)
-    return (yield from run_trial(t.trial, params, moved, asked=t.text("questions.track")))
+    return (
+        yield from run_trial(t.trial, params, moved_segments, question=t.text("questions.track"))
+    )
 
 
 def look_down() -> Generator[Any, Any, None]:
@@ -210,8 +212,10 @@ def quick(experiment: StudyExperiment, person: CrowdParticipant, tracker: "Track
     """Return what walks a plan in memory, without display, wires or files."""
     from visavis.experiments.crowd.quick_study import quick_trials  # late: compiles when imported
 
-    asked = [load_questionnaire(name) for name in AFTER_BLOCK]
-    return partial(quick_trials, person, asked, known_of(CrowdParameters, experiment.parameters))
+    questionnaires = [load_questionnaire(name) for name in AFTER_BLOCK]
+    return partial(
+        quick_trials, person, questionnaires, known_of(CrowdParameters, experiment.parameters)
+    )
 
 
 @study.further

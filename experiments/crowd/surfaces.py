@@ -27,7 +27,7 @@ Surface: TypeAlias = Literal["characters", "fine", "light", "capsules"]
 MeshSurface: TypeAlias = Literal["characters", "fine", "light"]
 
 AVATARS: Final = {"woman": "female_01", "man": "male_01"}
-"""Who embodies a participant; people of neither or unknown sex the one nearer in stature."""
+"""Avatars of participants; people of neither or unknown sex get the one nearer in stature."""
 ROUNDNESS: Final[dict[str, tuple[int, int]]] = {"fine": (28, 7), "light": (14, 3)}
 """Segments round and rings per half: about 15,000 triangles, or 3,000 for quick looks."""
 _MIN_M3: Final = 1e-3
@@ -80,7 +80,7 @@ def character_surface(character: Character) -> SkinnedBody:
         CollisionError: it is open, has no inside, or holds no volume, with the character's name.
     """
     mesh, skeleton = collision_mesh(character), character.skeleton
-    checked = checked_surface(mesh, character.name)
+    surface = checked_surface(mesh, character.name)
     column = {skeleton.index(name): i for i, name in enumerate(BODY_JOINTS)}
     to_body = np.empty(len(skeleton.names), np.int16)
     for joint in range(len(to_body)):
@@ -91,7 +91,7 @@ def character_surface(character: Character) -> SkinnedBody:
     weights = mesh.weights.astype(np.float64)
     weights /= weights.sum(axis=1, keepdims=True)
     joints_m: Vector = np.array([skeleton.rest_m[skeleton.index(name)] for name in BODY_JOINTS])
-    return SkinnedBody(checked.vertices_m, checked.faces, to_body[mesh.joints], weights, joints_m)
+    return SkinnedBody(surface.vertices_m, surface.faces, to_body[mesh.joints], weights, joints_m)
 
 
 def checked_surface(mesh: SkinnedMesh, name: str) -> ClosedMesh:
@@ -100,17 +100,19 @@ def checked_surface(mesh: SkinnedMesh, name: str) -> ClosedMesh:
     Raises:
         CollisionError: it cannot be mended; the message names the character and the place.
     """
-    given = ClosedMesh(
+    raw_surface = ClosedMesh(
         np.ascontiguousarray(mesh.vertices_m, np.float64),
         np.ascontiguousarray(mesh.triangles, np.int32),
     )
-    closed = closed_mesh(given.vertices_m, given.faces, name=f"collision mesh of {name}")
-    if enclosed_volume_m3(closed) < _MIN_M3:
+    surface = closed_mesh(
+        raw_surface.vertices_m, raw_surface.faces, name=f"collision mesh of {name}"
+    )
+    if enclosed_volume_m3(surface) < _MIN_M3:
         raise MalformedMesh(
             f"collision mesh of {name}: it encloses less than a litre, which is no person; check "
             "that it is in metres"
         )
-    return closed
+    return surface
 
 
 def _round_capsules(figure: int | None, surface: MeshSurface) -> SkinnedBody:

@@ -22,17 +22,17 @@ _OUTSIDE: Final = 4
 
 @dataclass
 class TrackingWatch:
-    """What went wrong with the body's tracking in a walk; times of loss in ns.
+    """Record of failures of the body's tracking in a walk; times of loss in ns.
 
-    After `quiet_ns` without a sample, or with samples that repeat bit for bit, nothing the
-    tracker says is believed, and of one segment that repeats while the others move on nothing of
-    that segment. `moved` says what was seen to move before; the watch adds to it at the end.
+    After `quiet_ns` without a sample, or with samples that repeat bit for bit, the tracker is not
+    believed; a single segment that repeats while the others move on is ignored. `moved_segments`
+    are those seen to move before; the watch adds to them at the end.
     """
 
     start_ns: int
     quiet_ns: int
     segments: tuple[str, ...]
-    moved: set[tuple[str, int]] = field(default_factory=set)
+    moved_segments: set[tuple[str, int]] = field(default_factory=set)
     samples: int = 0
     silent_ns: int = 0
     frozen_ns: int = 0
@@ -50,7 +50,7 @@ class TrackingWatch:
         self.last_ns = self._still_since_ns = self.start_ns
         self._arms = np.array([self.segments.index(name) for name in ARM_JOINTS])
         self._hips = self.segments.index("hips")
-        self._parts = SegmentWatch(self.segments, limit_ns=self.quiet_ns, moved=self.moved)
+        self._parts = SegmentWatch(self.segments, limit_ns=self.quiet_ns, moved=self.moved_segments)
 
     def believes(self, body: BodyView, i: int, t_ns: int) -> bool:
         """Take note of sample i, at `t_ns`; tell whether it is of a moving, live body."""
@@ -62,16 +62,16 @@ class TrackingWatch:
         self._has_frozen_part = self._parts.look(
             body.position_m[i], body.orientation_wxyz[i], gap_ns
         )
-        found = _look(
+        bits = _look(
             body.position_m[i], body.valid[i], self._arms, self._hips, ROOM_SIDE_M / 2, self._place
         )
-        if not found & _SAME:
+        if not bits & _SAME:
             self._still_since_ns = t_ns
         elif t_ns - self._still_since_ns > self.quiet_ns:
             self.frozen_ns += gap_ns
             return False
-        self.part_lost_samples += bool(found & _PART_LOST)
-        self.outside_samples += bool(found & _OUTSIDE)
+        self.part_lost_samples += bool(bits & _PART_LOST)
+        self.outside_samples += bool(bits & _OUTSIDE)
         return True
 
     def believed_m(self, body: BodyView, i: int) -> Vector:
@@ -88,7 +88,7 @@ class TrackingWatch:
 
     def end(self, t_ns: int) -> None:
         """Count the silence that lasted until the walk's end; remember what moved."""
-        self.moved |= self._parts.moved
+        self.moved_segments |= self._parts.moved
         if self.is_silent(t_ns):
             self.silent_ns += t_ns - self.last_ns
 
@@ -115,9 +115,9 @@ class TrackingWatch:
         return [name for name, amount in marks if amount]
 
 
-def named_durations(lasted_ns: Mapping[str, int]) -> str:
+def named_durations(duration_ns: Mapping[str, int]) -> str:
     """Return `segment=milliseconds` of every segment, separated by semicolons."""
-    return ";".join(f"{name}={round(ns / NS_PER_MS)}" for name, ns in lasted_ns.items())
+    return ";".join(f"{name}={round(ns / NS_PER_MS)}" for name, ns in duration_ns.items())
 
 
 def never_tracked() -> tuple[dict[str, Scalar | None], list[str]]:
@@ -149,22 +149,23 @@ def _look(
     `place` (3,), the sum of the arms' joints that are tracked, is renewed where they moved. Arms
     that are lost altogether are lost, not still.
     """
-    found = 0
+    # "Same" unless the sum of the tracked arm joints changes along some axis.
+    bits = 0
     for k in range(arms.shape[0]):
         if np.isfinite(position[arms[k], 0]):
-            found = _SAME
+            bits = _SAME
     for axis in range(3):
         total = 0.0
         for k in range(arms.shape[0]):
             if np.isfinite(position[arms[k], axis]):
                 total += position[arms[k], axis]
         if total != place[axis]:
-            found = 0
+            bits = 0
             place[axis] = total
     for k in range(valid.shape[0]):
         if not valid[k]:
-            found |= _PART_LOST
+            bits |= _PART_LOST
     x, z = position[hips, 0], position[hips, 2]
     if np.isfinite(x) and np.isfinite(z) and max(abs(x), abs(z)) > half_m:
-        found |= _OUTSIDE
-    return found
+        bits |= _OUTSIDE
+    return bits

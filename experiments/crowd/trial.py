@@ -80,29 +80,29 @@ def crowd_record(crowd: Crowd) -> str:
 def run_trial(
     trial: Trial,
     params: CrowdParameters,
-    moved: set[tuple[str, int]] | None = None,
+    moved_segments: set[tuple[str, int]] | None = None,
     *,
-    asked: str = "track",
+    question: str = "track",
 ) -> Plan:
     """Perform a walk there and back; whatever happens, the bands end silent.
 
-    `moved` is the session's memory of segments that moved; see `ContactReflex`. `asked` is put to
-    the operator at the end.
+    `moved_segments` is the session's memory of segments that moved; see `ContactReflex`. `question`
+    is put to the operator at the end.
     """
     try:
-        row = yield from _walk(trial, params, moved)
+        row = yield from _walk(trial, params, moved_segments)
     except TrialInterrupted:
         yield Reflex(None)
         yield Silence()
         raise
     yield Silence()
-    reply = yield Ask("track", asked, TRACKS)
+    reply = yield Ask("track", question, TRACKS)
     answer = reply.answer if isinstance(reply, Answered) else None
     return {**row, "track_read": answer, "track_right": answer == row["track"]}
 
 
 def _walk(
-    trial: Trial, params: CrowdParameters, moved: set[tuple[str, int]] | None
+    trial: Trial, params: CrowdParameters, moved_segments: set[tuple[str, int]] | None
 ) -> Generator[Step, FrameView | Answered | None, Row]:
     crowd, scene = crowd_scene(trial, params.density_per_m2)
     track = track_of(trial)
@@ -115,17 +115,19 @@ def _walk(
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
     limit_ns = start_ns + round(params.limit_s * NS_PER_S)
     quiet_ns = round(params.quiet_after_ms * NS_PER_MS)
-    contacts = ContactReflex(crowd, start_ns, quiet_ns, params, vibrates=vibrates, moved=moved)
+    contacts = ContactReflex(
+        crowd, start_ns, quiet_ns, params, vibrates=vibrates, moved_segments=moved_segments
+    )
     yield Reflex(contacts.answer)
     board_ns: int | None = None
-    begun = frames = 0
+    n_contacts = frames = 0
     while True:
         frames += 1
         now_ns = view.t_ns
         for step in contacts.look_after(now_ns):
             yield step
-        for order in contacts.taken():
-            begun += order.kind == "begin"
+        for order in contacts.take_orders():
+            n_contacts += order.kind == "begin"
             yield Mark(f"contact_{order.kind}", _contact_row(trial, order, vibrates))
         x, _, z = view.head.position_m.tolist()
         reads = can_read(x, z) and view.head_valid
@@ -141,8 +143,8 @@ def _walk(
     yield Reflex(None)
     for step in contacts.end(view.t_ns):
         yield step
-    for order in contacts.taken():
-        begun += order.kind == "begin"
+    for order in contacts.take_orders():
+        n_contacts += order.kind == "begin"
         yield Mark(f"contact_{order.kind}", _contact_row(trial, order, vibrates))
     columns, flags = contacts.account()
     if not came_back:
@@ -153,7 +155,7 @@ def _walk(
         "board_ns": board_ns,
         "came_back": came_back,
         "track": track,
-        "contacts_online": begun,
+        "contacts_online": n_contacts,
         "scene_frames": frames,
         **columns,
         "walk_flags": ";".join(flags),

@@ -40,8 +40,9 @@ def volumes_of_walk(
 
     `positions` (n, 22, 3) and `worlds` (n, 22, 4) move `own`, the one surface of a participant;
     person p has surface `people[p, 15]` of `others`. Steps with a lost joint are NaN. With
-    `only_near` nothing is measured: 1 stands where boxes meet.
+    `only_near` nothing is measured: a 1 marks where boxes meet.
     """
+    # Buffers once for all steps: nothing is allocated within the loops.
     most = 0
     for k in range(others.groups.shape[0]):
         most = max(most, others.vertex[k + 1] - others.vertex[k])
@@ -51,7 +52,7 @@ def volumes_of_walk(
     own_boxes, boxes = np.empty((N_JOINTS, 6)), np.empty((N_JOINTS, 6))
     own_tight, tight = np.empty((own.slices[0], 6)), np.empty((others.slices.max(), 6))
     own_whole, whole = np.empty(6), np.empty(6)
-    shared = np.empty((2, 3))
+    common_box = np.empty((2, 3))
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
     for i in range(positions.shape[0]):
@@ -72,6 +73,7 @@ def volumes_of_walk(
         is_skinned = False
         for p in range(people.shape[0]):
             volumes[i, p] = 0.0
+            # Test 1: distance on the floor, before the person is posed at all.
             dx = max(own_whole[0] - people[p, 0], 0.0, people[p, 0] - own_whole[3])
             dz = max(own_whole[2] - people[p, 1], 0.0, people[p, 1] - own_whole[5])
             if dx * dx + dz * dz > reach_m * reach_m:
@@ -91,6 +93,7 @@ def volumes_of_walk(
                 boxes,
                 whole,
             )
+            # Test 2: boxes of the posed bodies, whole, then piece by piece.
             if not boxes_meet(own_whole, whole):
                 continue
             if not any_boxes_meet(own_boxes, own.groups[0], boxes, n, whole):
@@ -98,6 +101,7 @@ def volumes_of_walk(
             if only_near:
                 volumes[i, p] = 1.0
                 continue
+            # The participant's surface is skinned at most once a step, for the first near person.
             if not is_skinned:
                 skin_vertices(own.rest_m, own.bones, own.weights, own_moves, own_m)
                 posed_boxes(own_m, own.corner, own.slice, own.slices[0], own_tight)
@@ -108,20 +112,21 @@ def volumes_of_walk(
             skin_vertices(
                 others.rest_m[v0:v1], others.bones[v0:v1], others.weights[v0:v1], moves, mesh_m
             )
+            # Test 3: boxes of the skinned slices, which also bound where to measure.
             n = others.slices[who]
             c0, c1 = others.corners[who], others.corners[who + 1]
             posed_boxes(mesh_m, others.corner[c0:c1], others.slice[c0:c1], n, tight)
-            if not box_of_meetings(own_tight, own.slices[0], tight, n, whole, shared):
+            if not box_of_meetings(own_tight, own.slices[0], tight, n, whole, common_box):
                 continue
-            found = measure_within(
+            measured_pair = measure_within(
                 own_m,
                 own.faces,
                 mesh_m,
                 others.faces[f0:f1],
-                shared[0],
-                shared[1],
+                common_box[0],
+                common_box[1],
                 cell_m,
                 refine_below_m3,
                 fine_columns,
             )
-            volumes[i, p] = found[0]
+            volumes[i, p] = measured_pair[0]

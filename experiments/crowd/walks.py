@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from visavis.analysis.gait import resampled
+from visavis.analysis.gait import resample
 from visavis.devices.segment_watch import SegmentWatch
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
@@ -33,8 +33,8 @@ class Walk:
 
     `t_ns` (n,); `position_m` (n, 22, 3) and `orientation_wxyz` (n, 22, 4) of `BODY_JOINTS` in
     world, NaN where a joint was lost; `stature_m` of the body as its arms tell; `row` is the
-    trial's recorded row. `crowd_t_s` (n,) is the time of the people's motion. `frozen_ns` says of
-    segments that repeated their last pose while the body moved, and are missing then, for how long.
+    trial's recorded row. `crowd_t_s` (n,) is the time of the people's motion. `frozen_ns` is how
+    long a segment repeated its last pose while the body moved; it is missing in that time.
     """
 
     trial_id: str
@@ -62,10 +62,10 @@ class Walk:
         since_s = self.crowd_t_s
         length_s = min(float(since_s[-1] - since_s[0]), seconds)
         times = since_s[0] + np.arange(0.0, length_s + 1e-9, 1 / rate_hz)
-        found: npt.NDArray[np.int64] = np.clip(
+        steps: npt.NDArray[np.int64] = np.clip(
             np.searchsorted(since_s, times - 1e-6), 0, len(since_s) - 1
         )
-        return found
+        return steps
 
     def joint(self, name: str) -> Vector:
         """Return the positions (n, 3) of a joint."""
@@ -97,7 +97,7 @@ def crowd_from_record(configuration: int, people: str) -> Crowd:
 
 @dataclass(frozen=True, eq=False)
 class WalkRecord:
-    """What a session recorded of one finished walk, before its body is read."""
+    """The record of one finished walk in a session, before its body stream is read."""
 
     row: Mapping[str, Any]
     crowd: Crowd
@@ -125,7 +125,7 @@ def walk_records(
     people: dict[tuple[int, str], str] = {}
     for event in events[events["name"] == "crowd"].to_dict("records"):
         people[event["recording_part"], event["payload"]["trial_id"]] = event["payload"]["people"]
-    found = []
+    records = []
     for row in trials[trials["status"] == "complete"].to_dict("records"):
         if (row["is_practice"] and not practice) or row.get("t_end_ns") is None:
             continue
@@ -136,8 +136,8 @@ def walk_records(
                 "this study, leave the session out"
             )
         crowd = crowd_from_record(int(row["configuration"]), people[key])
-        found.append(WalkRecord({str(k): v for k, v in row.items()}, crowd))
-    return found
+        records.append(WalkRecord({str(k): v for k, v in row.items()}, crowd))
+    return records
 
 
 def walks(recording: Recording, *, step_ns: int = STEP_NS) -> list[Walk]:
@@ -158,12 +158,12 @@ def walk_of(recording: Recording, trial_id: str, *, step_ns: int = STEP_NS) -> W
         DataError: as `walks`.
     """
     records = walk_records(recording, practice=True)
-    for record in reversed(records):  # of a walk performed again the last
+    for record in reversed(records):  # the last attempt of a repeated walk
         if record.trial_id == trial_id:
             return load_walk(recording, record, step_ns=step_ns)
-    known = ", ".join(r.trial_id for r in records) or "none"
+    names = ", ".join(r.trial_id for r in records) or "none"
     raise UsageError(
-        f"{recording.path} holds no finished walk {trial_id!r}; finished walks: {known}"
+        f"{recording.path} holds no finished walk {trial_id!r}; finished walks: {names}"
     )
 
 
@@ -187,17 +187,17 @@ def load_walk(recording: Recording, record: WalkRecord, *, step_ns: int = STEP_N
     position = arrays["position_m"][keep][:, order].astype(np.float64)
     turn = arrays["orientation_wxyz"][keep][:, order].astype(np.float64)
     position[~valid], turn[~valid] = np.nan, np.nan
-    frozen = standing_still(t_ns, position)
+    is_still = standing_still(t_ns, position)
     parts = frozen_parts(t_ns, position, turn, row.get("frozen_segments"))
-    parts[frozen] = False
-    position[frozen], turn[frozen] = np.nan, np.nan
+    parts[is_still] = False
+    position[is_still], turn[is_still] = np.nan, np.nan
     position[parts], turn[parts] = np.nan, np.nan
     within = (t_ns >= start_ns) & (t_ns < end_ns)
     grid = steps_within(start_ns, end_ns, step_ns, t_ns)
-    at, orientation = resampled(t_ns, position, turn, grid)
+    at, orientation = resample(t_ns, position, turn, grid)
     stature_m = stature_of_arms(position)
-    lasted_ns = durations_ns(t_ns, parts & within[:, None])
-    return Walk(str(row["trial_id"]), row, crowd, grid, at, orientation, stature_m, lasted_ns)
+    frozen_ns = durations_ns(t_ns, parts & within[:, None])
+    return Walk(str(row["trial_id"]), row, crowd, grid, at, orientation, stature_m, frozen_ns)
 
 
 def steps_within(
@@ -255,17 +255,17 @@ def standing_still(
     Joints that stay lost repeat themselves too.
     """
     n = len(t_ns)
-    frozen = np.zeros(n, bool)
+    is_still = np.zeros(n, bool)
     if n < 2:
-        return frozen
+        return is_still
     flat = position_m.reshape(n, -1)
     before, after = flat[:-1], flat[1:]
     same = ((before == after) | (np.isnan(before) & np.isnan(after))).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
     for a, b in edges.reshape(-1, 2):
         if t_ns[b] - t_ns[a] > longest_ns:
-            frozen[a + 1 : b + 1] = True
-    return frozen
+            is_still[a + 1 : b + 1] = True
+    return is_still
 
 
 def frozen_parts(
@@ -276,23 +276,23 @@ def frozen_parts(
     `seen_live` is what the trial's row says of frozen segments: those had moved in an earlier
     walk, though they may never do in this one.
     """
-    named = {text.partition("=")[0] for text in str(seen_live or "").split(";")}
-    known = named & set(BODY_JOINTS)
-    found = SegmentWatch(BODY_JOINTS, moved={(name, 0) for name in known}).repeats(
+    frozen_names = {text.partition("=")[0] for text in str(seen_live or "").split(";")}
+    moving_joints = frozen_names & set(BODY_JOINTS)
+    is_frozen = SegmentWatch(BODY_JOINTS, moved={(name, 0) for name in moving_joints}).repeats(
         t_ns, position_m, orientation_wxyz
     )
-    turned = {(n, 1) for n in known if not found[:, BODY_JOINTS.index(n)].any()}
-    if turned:
-        again = SegmentWatch(BODY_JOINTS, moved=turned)
-        found |= again.repeats(t_ns, position_m, orientation_wxyz)
-    return found
+    turning_joints = {(n, 1) for n in moving_joints if not is_frozen[:, BODY_JOINTS.index(n)].any()}
+    if turning_joints:
+        again = SegmentWatch(BODY_JOINTS, moved=turning_joints)
+        is_frozen |= again.repeats(t_ns, position_m, orientation_wxyz)
+    return is_frozen
 
 
-def durations_ns(t_ns: npt.NDArray[np.int64], frozen: npt.NDArray[np.bool_]) -> dict[str, int]:
+def durations_ns(t_ns: npt.NDArray[np.int64], is_frozen: npt.NDArray[np.bool_]) -> dict[str, int]:
     """Return for how long each of `BODY_JOINTS` was frozen (n, 22), those that ever were."""
     since_ns = np.diff(t_ns, prepend=t_ns[:1])
-    lasted = since_ns @ frozen
-    return {name: int(ns) for name, ns in zip(BODY_JOINTS, lasted.tolist(), strict=True) if ns}
+    durations = since_ns @ is_frozen
+    return {name: int(ns) for name, ns in zip(BODY_JOINTS, durations.tolist(), strict=True) if ns}
 
 
 def stature_of_arms(position_m: Vector) -> float:
@@ -305,7 +305,7 @@ def stature_of_arms(position_m: Vector) -> float:
         )
         both = np.linalg.norm(lower - upper, axis=1) + np.linalg.norm(hand - lower, axis=1)
         lengths.append(both[np.isfinite(both)])
-    known = np.concatenate(lengths)
-    if not known.size:
+    arm_lengths = np.concatenate(lengths)
+    if not arm_lengths.size:
         return REFERENCE_STATURE_M
-    return float(np.clip(np.median(known) / _ARM_OF_STATURE, 1.2, 2.2))
+    return float(np.clip(np.median(arm_lengths) / _ARM_OF_STATURE, 1.2, 2.2))

@@ -13,9 +13,9 @@ import numpy as np
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.dressing.casting import build_of, default_casting
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.build import Build
-from visavis.stimuli.motion.clip import Clip, KeyPoses, Motion, placed_joints, sampled
+from visavis.stimuli.motion.clip import Clip, KeyPoses, Motion, placed_joints, sample_clip
 from visavis.stimuli.motion.gait_kernels import step_m
 from visavis.stimuli.motion.kinds import Crouch, Idle, Kind, Run, Walk
 from visavis.stimuli.motion.people import Doing, Person
@@ -37,7 +37,7 @@ SWING: Final = 1.0
 
 @dataclass(frozen=True)
 class Flaws:
-    """What the source's clips had wrong with them: 0 nothing, 1 as much as there."""
+    """Flaws of the source's clips: 0 for none, 1 for as much as there."""
 
     limp: float = 1.0
     excess_hips: float = 1.0
@@ -57,14 +57,14 @@ def _source(name: str) -> Clip:
             Doing(Crouch(0.8, 0.0), 0.2, 0.7),
             Doing(Idle("hanging", 0.0), 1.3, 0.7),
         )
-        return baked(Person(build, plan, 1), CROUCH_S, rate_hz=SOURCE_HZ)
+        return bake(Person(build, plan, 1), CROUCH_S, rate_hz=SOURCE_HZ)
     kinds: dict[str, Kind] = {
         "walk": Walk(1.3, stride_cv=0.0),
         "run": Run(3.0),
         "idle": Idle("hanging"),
     }
     kind = kinds[name]
-    return baked(Person(build, kind, 1), BEGIN_S + 5.0, rate_hz=SOURCE_HZ)
+    return bake(Person(build, kind, 1), BEGIN_S + 5.0, rate_hz=SOURCE_HZ)
 
 
 def period_s(name: str) -> float:
@@ -83,8 +83,8 @@ def begin_s(name: str) -> float:
         return 0.0 if name == "crouch" else BEGIN_S
     clip = _source(name)
     t_s = BEGIN_S + np.arange(0.0, period_s(name), 1.0 / SOURCE_HZ)
-    placed = placed_joints(clip, t_s).position_m
-    ahead = placed[:, clip.skeleton.index("left_foot"), 2] - placed[:, 0, 2]
+    joints_m = placed_joints(clip, t_s).position_m
+    ahead = joints_m[:, clip.skeleton.index("left_foot"), 2] - joints_m[:, 0, 2]
     return float(t_s[int(np.argmin(ahead))])
 
 
@@ -93,29 +93,29 @@ def key_frame_clip(name: str, flaws: Flaws) -> Clip:
     """Return a motion as a clip in place, played frame by frame, with the source's flaws."""
     round_s = period_s(name)
     frames = round(round_s * PLAYED_HZ)
-    cut = sampled(_source(name), begin_s(name), round_s / frames, frames)
+    cut = sample_clip(_source(name), begin_s(name), round_s / frames, frames)
     share = np.arange(frames) / frames
     root = _in_place(cut.root_m, name)
     if name == "run":  # in the half of which no poses are taken: a hybrid mirrors the other
         root[:, 1] -= flaws.limp * DIP_M * np.where(share >= 0.5, np.sin(2 * np.pi * share) ** 2, 0)
     if name == "walk":
         root[:, 0] += flaws.excess_hips * SWING * np.where(root[:, 0] < 0, root[:, 0], 0.0)
-    return replace(cut, root_m=root, looped=True)
+    return replace(cut, root_m=root, is_loop=True)
 
 
 @cache
 def hybrid_clip(name: str, increment: int, controls: Controls, flaws: Flaws) -> KeyPoses | Sprung:
     """Return the hybrid of a motion, from poses of the clip as it is played."""
     round_s = period_s(name)
-    flawed = key_frame_clip(name, flaws)
+    clip = key_frame_clip(name, flaws)
     if name == "crouch":
-        down = sampled(flawed, 0.0, flawed.frame_s, len(flawed.root_m) // 2)
-        lowest = float(np.argmin(down.root_m[:, 1])) * flawed.frame_s
+        down = sample_clip(clip, 0.0, clip.frame_s, len(clip.root_m) // 2)
+        lowest = float(np.argmin(down.root_m[:, 1])) * clip.frame_s
         return hybrid(
-            name, authored_poses(name, flawed, 0.0, lowest, increment), round_s, controls=controls
+            name, authored_poses(name, clip, 0.0, lowest, increment), round_s, controls=controls
         )
     return hybrid(
-        name, authored_poses(name, flawed, 0.0, round_s / 2, increment), round_s, controls=controls
+        name, authored_poses(name, clip, 0.0, round_s / 2, increment), round_s, controls=controls
     )
 
 

@@ -1,4 +1,4 @@
-"""What the report has beside the standard sections: votes cell by cell, and the sides."""
+"""Further sections of the report: votes cell by cell, and the sides."""
 
 from typing import Final
 
@@ -32,12 +32,12 @@ def votes(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
         for i in experiment.levels["increment"]
         if ((rows["clip"] == c) & (rows["increment"] == i)).any()
     ]
-    told = []
+    table_rows = []
     for clip, increment in cells:
         own = rows[(rows["clip"] == clip) & (rows["increment"] == increment)]
         counts = [int((own["preference"] == value).sum()) for value, _ in SCALE]
         p = min(1.0, sign_test_p(own) * len(cells))
-        told.append(
+        table_rows.append(
             (
                 f"{clip}, increment {increment}",
                 *map(str, counts),
@@ -47,7 +47,7 @@ def votes(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
     blocks: list[Block] = [
         Table(
             (Column("pair"), *(Column(words, "right") for _, words in SCALE), Column("p", "right")),
-            tuple(told),
+            tuple(table_rows),
             "Votes by motion and number of poses",
             "p: sign test over people of their mean vote against no preference, "
             f"Bonferroni-corrected over {len(cells)} cells.",
@@ -74,11 +74,11 @@ def consistency(rows: pd.DataFrame) -> str:
     if not {"left", "right"} <= set(both):
         return "Pairs were not shown on both sides."
     both = both.dropna()
-    opposed = int((both["left"] * both["right"] < 0).sum())
+    n_opposite = int((both["left"] * both["right"] < 0).sum())
     mean_right = float(
         (rows["preference"].where(rows["hybrid_side"] == "right", -rows["preference"])).mean()
     )
     return (
-        f"With sides swapped, {opposed} of {len(both)} pairs of votes contradict each other. The "
-        f"mean vote for the right side is {mean_right:+.2f} steps."
+        f"With sides swapped, {n_opposite} of {len(both)} pairs of votes contradict each other. "
+        f"The mean vote for the right side is {mean_right:+.2f} steps."
     )

@@ -39,7 +39,7 @@ TURN_DEG: Final = 40.0
 """Figures are seen from the side of their front, so that steps show."""
 LENS: Final = Lens(eye_m=(0.0, 1.15, 0.6), aim_m=(0.0, 0.92, -AWAY_M), half_height_01=0.31)
 ROUNDS_S: Final = 2.0
-"""A film holds as many whole rounds as last so long at least."""
+"""Shortest film; it holds whole rounds only."""
 
 # What the simulated rater sees of a figure, and what it costs on the scale of votes, where 1 parts
 # "slightly" from "significantly": fitted so that votes lie as the source describes its bars
@@ -53,14 +53,14 @@ UNEVEN: Final = 0.559
 SLIDING: Final = 0.783
 """For feet that slide ten times as fast where they should stand."""
 LIVELY: Final = 1.981
-"""Is gained by speeds that differ ten times as much."""
+"""Gain for speeds that differ ten times as much."""
 HASTE: Final = 5.858
 """For a body that is ten times as fast."""
 PERSON_SD: Final = 0.499
 ERROR_SD: Final = 0.438
 EYES_HZ: Final = 120.0
 STILL: Final = 1e-6
-"""What is less is nothing: of somebody who does not move at all."""
+"""Smaller values count as zero: somebody who does not move at all."""
 STANDING_M: Final = 0.015
 """How far above its lowest point a foot still stands."""
 STEPPING_MPS: Final = 0.5
@@ -167,13 +167,13 @@ def trial(t: TrialScript) -> Iterator[Action]:
         )
         return Film(scene, seconds, size_px=(540, 720), lens=LENS)
 
-    made, clip = film(int(t.increment)), film(-1)
+    hybrid_film, clip = film(int(t.increment)), film(-1)
     is_left = t.hybrid_side == "left"
-    pair = Pair(made, clip) if is_left else Pair(clip, made)
+    pair = Pair(hybrid_film, clip) if is_left else Pair(clip, hybrid_film)
     answers: Any = yield t.watch(pair, Choice("vote", VOTES))
-    given: Answer = answers["vote"]
-    if given.option is not None:
-        for_right = VOTES.index(given.option) - 2
+    vote: Answer = answers["vote"]
+    if vote.option is not None:
+        for_right = VOTES.index(vote.option) - 2
         t.row["preference"] = -for_right if is_left else for_right
     else:
         t.row["preference"] = None
@@ -191,15 +191,15 @@ def answer(seen: Seen, response: Response, rng: np.random.Generator) -> str:
             if isinstance(p.does, Recorded)
         )
         better = left.cost - right.cost
-    felt = better + PERSON_SD * seen.leaning + ERROR_SD * rng.standard_normal()
-    return VOTES[int(np.clip(round(felt), -2, 2)) + 2]
+    opinion = better + PERSON_SD * seen.leaning + ERROR_SD * rng.standard_normal()
+    return VOTES[int(np.clip(round(opinion), -2, 2)) + 2]
 
 
 @dataclass(frozen=True)
 class Looks:
-    """What is seen of a figure that moves: faults, and how the body's mean speed goes.
+    """Visible properties of a moving figure: faults, and the course of the body's mean speed.
 
-    Of feet that step nobody sees whether they slide: figures walk and run in place.
+    Whether stepping feet slide cannot be seen, because figures walk and run in place.
     """
 
     below_cm: float
@@ -213,7 +213,7 @@ class Looks:
 
     @property
     def cost(self) -> float:
-        """What the simulated rater thinks of it: more is worse."""
+        """Cost in the simulated rater's eyes; more is worse."""
         return (
             FEET_BELOW * self.below_cm
             + LAME * self.lame_cm
@@ -228,19 +228,19 @@ class Looks:
 def looks_of(motion: Motion, seconds: float) -> Looks:
     """Return what is seen of a motion for so long."""
     t_s = np.arange(0.0, seconds, 1.0 / EYES_HZ)
-    placed = placed_joints(motion, t_s).position_m
+    joints_m = placed_joints(motion, t_s).position_m
     skeleton = motion.skeleton
     sole_m = skeleton.rest_m[skeleton.index("left_toes"), 1] - skeleton.rest_m[:, 1].min()
-    toes = placed[:, [skeleton.index(t) for t in TOES]]
+    toes = joints_m[:, [skeleton.index(t) for t in TOES]]
     lowest_m = float(toes[..., 1].min())
-    hips_m = placed[:, 0, 1]
-    apart_m = [placed[:, skeleton.index(f"{side}_foot"), 2] for side in ("left", "right")]
+    hips_m = joints_m[:, 0, 1]
+    apart_m = [joints_m[:, skeleton.index(f"{side}_foot"), 2] for side in ("left", "right")]
     passing = np.gradient(apart_m[0] - apart_m[1]) * EYES_HZ
     swings = [hips_m[passing > STEPPING_MPS], hips_m[passing < -STEPPING_MPS]]
     steps = all(s.size for s in swings)
     toe_mps = np.linalg.norm(np.diff(toes[..., [0, 2]], axis=0), axis=-1) * EYES_HZ
     stands = toes[1:, :, 1] < toes[..., 1].min(axis=0) + STANDING_M
-    speed_mps = (np.linalg.norm(np.diff(placed, axis=0), axis=-1) * EYES_HZ).mean(axis=1)
+    speed_mps = (np.linalg.norm(np.diff(joints_m, axis=0), axis=-1) * EYES_HZ).mean(axis=1)
     mean_mps = max(float(speed_mps.mean()), STILL)
     return Looks(
         below_cm=100 * max(0.0, float(sole_m) - lowest_m),

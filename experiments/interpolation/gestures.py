@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 
 from visavis.lab.geometry import Vector, quat_conjugate, quat_multiply, unit
 from visavis.stimuli.dressing.casting import build_of, default_casting
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.clip import Clip, KeyPoses
 from visavis.stimuli.motion.interpolation import Method
 from visavis.stimuli.motion.kinds import Idle
@@ -32,17 +32,17 @@ Moment = tuple[float, Vec, Vec, Vec, Vec, float]
 DOWN: Final[tuple[Vec, Vec]] = ((0.20, -0.97, 0.05), (0.12, -0.96, -0.24))
 
 
-def _mirrored(arm: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
+def _mirror(arm: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     (ux, uy, uz), (fx, fy, fz) = arm
     return (-ux, uy, uz), (-fx, fy, fz)
 
 
 def _one(t_s: float, upper: Vec, fore: Vec, turn_deg: float = 0.0) -> Moment:
-    return (t_s, upper, fore, *_mirrored(DOWN), turn_deg)
+    return (t_s, upper, fore, *_mirror(DOWN), turn_deg)
 
 
 def _both(t_s: float, upper: Vec, fore: Vec) -> Moment:
-    return (t_s, upper, fore, *_mirrored((upper, fore)), 0.0)
+    return (t_s, upper, fore, *_mirror((upper, fore)), 0.0)
 
 
 GESTURES: Final[dict[str, tuple[Moment, ...]]] = {
@@ -87,7 +87,7 @@ def seconds_of(gesture: str) -> float:
 def source_of(gesture: str) -> Clip:
     """Return a gesture as drawn, sixty poses a second."""
     build = build_of(default_casting(CHARACTER))
-    standing = baked(Person(build, Idle("hanging", 0.0), seed=3), 1.0, rate_hz=RATE_HZ)
+    standing = bake(Person(build, Idle("hanging", 0.0), seed=3), 1.0, rate_hz=RATE_HZ)
     moments = GESTURES[gesture]
     frames = round(moments[-1][0] * RATE_HZ) + 1
     t_s = np.arange(frames) / RATE_HZ
@@ -128,10 +128,10 @@ def motion_of(gesture: str, method: Method) -> KeyPoses:
 
 
 def _smooth(moments: tuple[Moment, ...], place: int, t_s: Vector) -> Vector:
-    """Return what stands at a place of the moments between them, at rest at both ends."""
-    given = np.array([np.atleast_1d(m[place]) for m in moments], dtype=np.float64)
+    """Interpolate one entry of the moments smoothly, at rest at both ends."""
+    values = np.array([np.atleast_1d(m[place]) for m in moments], dtype=np.float64)
     at_s = np.array([m[0] for m in moments])
     at_s = np.concatenate([[at_s[0] - STILL_S], at_s, [at_s[-1] + STILL_S]])
-    given = np.concatenate([given[:1], given, given[-1:]])
-    found: Vector = PchipInterpolator(at_s, given)(t_s)
-    return found
+    values = np.concatenate([values[:1], values, values[-1:]])
+    smooth: Vector = PchipInterpolator(at_s, values)(t_s)
+    return smooth

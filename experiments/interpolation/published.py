@@ -1,4 +1,4 @@
-"""What the source prints of its study: means per method and p of one-way ANOVAs, by subset."""
+"""Numbers that the source printed: means per method and p of one-way ANOVAs, by subset."""
 
 from dataclasses import dataclass
 from typing import Final

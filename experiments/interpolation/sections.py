@@ -1,4 +1,4 @@
-"""What the report has beside the standard sections: the source's own analysis, and its numbers."""
+"""Further sections of the report: the source's own analysis, and its numbers."""
 
 from typing import Final
 
@@ -27,20 +27,22 @@ def as_printed(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
         )
     ]
     methods = [m for m in published.METHODS if m in set(rows["method"])]
-    said = []
+    sentences = []
     try:
-        said.append(oneway_anova(rows, "naturalness", factor="method", levels=methods).sentence())
-        said.append(tukey_hsd(rows, "naturalness", factor="method", levels=methods).sentence())
+        sentences.append(
+            oneway_anova(rows, "naturalness", factor="method", levels=methods).sentence()
+        )
+        sentences.append(tukey_hsd(rows, "naturalness", factor="method", levels=methods).sentence())
     except StatisticsError as problem:
-        said.append(f"That cannot be computed: {problem}")
-    said.append(equivalence(rows))
-    blocks.append(Bullets(tuple(said)))
+        sentences.append(f"That cannot be computed: {problem}")
+    sentences.append(equivalence(rows))
+    blocks.append(Bullets(tuple(sentences)))
     misfits = published.impossible_means()
-    listed = "; ".join(f"{mean} ({method}, {subset})" for subset, method, mean in misfits)
+    misfit_list = "; ".join(f"{mean} ({method}, {subset})" for subset, method, mean in misfits)
     blocks.append(
         Paragraph(
             f"Of the {3 * len(published.SUBSETS)} printed means {len(misfits)} are those of no "
-            f"whole-number ratings: {listed}."
+            f"whole-number ratings: {misfit_list}."
         )
     )
     return Extra(Section("printed", "As the source analysed it", tuple(blocks)))

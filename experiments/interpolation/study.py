@@ -51,15 +51,15 @@ UNEASE: Final = 5.775
 SPEED: Final = 1.822
 RISE_PER_M: Final = 1.133
 EXPERIENCED_01: Final = 0.9
-"""From which experience on somebody says that animation is or was their work: a quarter of people,
-as in the source."""
+"""Experience above which somebody says that animation is or was their work: a quarter of people, as
+in the source."""
 SAME_TO_ALL: Final = 3.34
 NOVICES_SEE: Final = 0.83
 EXPERIENCED_SEE: Final = 1.50
-"""How far apart the methods are to either, about a rating where both agree: as printed of them."""
+"""How far apart the methods are for each group, around a rating both agree on; as printed."""
 PERSON_SD: Final = 0.45
 ERROR_SD: Final = 0.95
-"""Beside the spread of people that of single ratings, which makes the 1.03 the printed p imply."""
+"""SD of single ratings; with the spread of people it makes the 1.03 that the printed p imply."""
 WRISTS: Final = ("right_hand", "left_hand")
 EYES_HZ: Final = 120.0
 EYES_SD_S: Final = 1 / 60
@@ -158,8 +158,8 @@ def answer(seen: Seen, response: Response, rng: np.random.Generator) -> int:
         motion: Any = scene.people[0].does.motion
         sees = EXPERIENCED_SEE if seen.experience_01 > EXPERIENCED_01 else NOVICES_SEE
         latent = SAME_TO_ALL + sees * (naturalness_of(motion, round(seen.seconds, 3)) - SAME_TO_ALL)
-    felt = latent + PERSON_SD * seen.leaning + ERROR_SD * rng.standard_normal()
-    return int(np.clip(round(felt), 1, 5))
+    opinion = latent + PERSON_SD * seen.leaning + ERROR_SD * rng.standard_normal()
+    return int(np.clip(round(opinion), 1, 5))
 
 
 @lru_cache(maxsize=256)

@@ -1,4 +1,4 @@
-"""What the study measures and compares: families of the source's tests, a second view, rules."""
+"""Measures and comparisons of the study: families of the source's tests, a second view, rules."""
 
 from typing import Any, Final
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from visavis.analysis.report.blocks import Status
-from visavis.analysis.report.notation import counted, fraction
+from visavis.analysis.report.notation import count_of, fraction
 from visavis.experiments.stare.comparisons import DWELL, FIXATION_COUNT
 from visavis.results.family_tests import CorrelationTest, PairTest, find_test
 from visavis.study.sections import Conclusion
@@ -51,10 +51,10 @@ def _effect(
     name: str, question: str, pair: tuple[str, str], comparisons: Sequence[PairTest]
 ) -> Conclusion:
     """Answer whether both measures differ in the direction of the hypothesis."""
-    return replace(_answered(question, pair, comparisons), name=name)
+    return replace(_answer(question, pair, comparisons), name=name)
 
 
-def _answered(question: str, pair: tuple[str, str], comparisons: Sequence[PairTest]) -> Conclusion:
+def _answer(question: str, pair: tuple[str, str], comparisons: Sequence[PairTest]) -> Conclusion:
     tests = [find_test(comparisons, measure.column, pair) for measure in (DWELL, FIXATION_COUNT)]
     evidence = tuple(t.sentence() for t in tests)
     if any(t.outcome is None for t in tests):
@@ -91,24 +91,24 @@ def _anxiety(correlations: Sequence[CorrelationTest]) -> Conclusion:
     question = "Less looking with more social anxiety"
     dwell = [c for c in correlations if c.measure == DWELL and c.level in STARED_AT]
     evidence = tuple(c.sentence() for c in dwell)
-    tested = [(c, c.outcome.r) for c in dwell if c.outcome is not None]
-    if not tested:
+    with_outcome = [(c, c.outcome.r) for c in dwell if c.outcome is not None]
+    if not with_outcome:
         return Conclusion("undecided", question, "not tested", evidence, was_tested=False)
-    falling = [(c, r) for c, r in tested if c.holds_corrected and r < 0]
-    rising = [(c, r) for c, r in tested if c.holds_corrected and r > 0]
+    falling = [(c, r) for c, r in with_outcome if c.holds_corrected and r < 0]
+    rising = [(c, r) for c, r in with_outcome if c.holds_corrected and r > 0]
     if rising:
         word = "mixed" if falling else "reversed"
-        answer = f"{word} ({_listed([*falling, *rising])})"
+        answer = f"{word} ({_correlation_list([*falling, *rising])})"
         return Conclusion("not_found", question, answer, evidence)
     if falling:
-        of_all = f"{len(falling)} of {counted(len(dwell), 'condition')}"
-        answer = f"found in {of_all} ({_listed(falling)})"
+        of_all = f"{len(falling)} of {count_of(len(dwell), 'condition')}"
+        answer = f"found in {of_all} ({_correlation_list(falling)})"
         status: Status = "found" if len(falling) == len(dwell) else "partly"
         return Conclusion(status, question, answer, evidence)
-    out_of_reach = [c.level for c, _ in tested if not c.can_reach]
-    n = min(c.n for c, _ in tested)
-    return _nothing_found(question, n, out_of_reach, len(tested), evidence)
+    out_of_reach = [c.level for c, _ in with_outcome if not c.can_reach]
+    n = min(c.n for c, _ in with_outcome)
+    return _nothing_found(question, n, out_of_reach, len(with_outcome), evidence)
 
 
-def _listed(found: Sequence[tuple[CorrelationTest, float]]) -> str:
-    return ", ".join(f"{c.level} rs = {fraction(r)}" for c, r in found)
+def _correlation_list(correlations: Sequence[tuple[CorrelationTest, float]]) -> str:
+    return ", ".join(f"{c.level} rs = {fraction(r)}" for c, r in correlations)

@@ -23,7 +23,7 @@ MIN_AGENTS: Final = len(ACTIVE_PLACES)
 
 @dataclass(frozen=True)
 class StareParameters:
-    """What can be set in the study; the defaults are those of the source.
+    """Parameters of the study; the defaults are those of the source.
 
     `agents` people sit in the audience, at least one on each of the nine places of the active
     agent. `pad_deg` widens heads in the area-of-interest rule that decides a look online and

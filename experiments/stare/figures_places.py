@@ -26,27 +26,27 @@ def place_figure(analysis: StudyAnalysis) -> Figure:
     """Draw dwell time under A and D and their difference at every place."""
     means = aggregated(analysis.selection.counted, [DWELL], ["condition", "place"])
     by_place = means.groupby(["condition", "place"])[DWELL.column].mean()
-    averted, directed = (
+    under_averted, under_directed = (
         {p: float(by_place.get((c, p), float("nan"))) for p in PLACES} for c in ("A", "D")
     )
-    difference = {p: directed[p] - averted[p] for p in PLACES}
-    known = [v for d in (averted, directed) for v in d.values() if np.isfinite(v)]
+    difference = {p: under_directed[p] - under_averted[p] for p in PLACES}
+    dwell_ms = [v for d in (under_averted, under_directed) for v in d.values() if np.isfinite(v)]
     most = max((abs(v) for v in difference.values() if np.isfinite(v)), default=1.0)
-    plain = Normalize(0, max(known, default=1.0))
-    signed = TwoSlopeNorm(0, -max(most, 1.0), max(most, 1.0))
+    plain = Normalize(0, max(dwell_ms, default=1.0))
+    difference_norm = TwoSlopeNorm(0, -max(most, 1.0), max(most, 1.0))
     figure = new_figure(9.6, 7.0)
     grid = figure.subplots(2, 3, height_ratios=(3.6, 1.45))
     tests = analysis.pairs_of("places")
     stars = {t.where: t.stars for t in tests if t.measure == DWELL}
     columns: tuple[tuple[str, dict[str, float], Normalize, str, dict[str, str]], ...] = (
-        ("Averted", averted, plain, "cividis", {}),
-        ("Directed", directed, plain, "cividis", {}),
-        ("Directed − averted", difference, signed, "PuOr_r", stars),
+        ("Averted", under_averted, plain, "cividis", {}),
+        ("Directed", under_directed, plain, "cividis", {}),
+        ("Directed − averted", difference, difference_norm, "PuOr_r", stars),
     )
     for j, (title, values, norm, colours, marks) in enumerate(columns):
         scale = ScalarMappable(norm, mpl.colormaps[colours])
         _above(grid[0, j], values, scale, marks)
-        _seen(grid[1, j], values, scale)
+        _from_seat(grid[1, j], values, scale)
         grid[0, j].set_title(title)
         if j > 0:
             below = grid[:, :2] if j == 1 else grid[:, 2]
@@ -86,7 +86,7 @@ def _above(
     axes.set_xlabel("To the right (m)")
 
 
-def _seen(axes: Axes, values: dict[str, float], scale: ScalarMappable) -> None:
+def _from_seat(axes: Axes, values: dict[str, float], scale: ScalarMappable) -> None:
     for place, seat in sorted(SEATS.items(), key=lambda item: -item[1].distance_m):
         rise = seat.head_height_m - float(PARTICIPANT_EYE_M[1])
         away = float(np.hypot(seat.distance_m, rise))

@@ -1,4 +1,4 @@
-"""What the source of the stare study printed, number by number.
+"""Numbers that the source of the stare study printed.
 
 Source: A. Jovane, *Modeling of reactive movement and non-verbal behaviors for the creation of
 digital agents for virtual reality*, thesis, Université de Rennes, 2023 (NNT 2023URENS005),
@@ -97,24 +97,24 @@ CELLS: Final = {m: {c: of[m] for c, of in MEANS.items()} for m in MAIN_MEASURES}
 
 
 _WILCOXON: Final = None
-_BOUND: Final = "<"
+_BOUND_SIGN: Final = "<"
 
 _Row: TypeAlias = tuple[str, float, int, tuple[float, float] | None]
 
 # (printed sign, p, stars, (t, eta) or None for a Wilcoxon test), measures in table order.
 _TABLES: Final[Mapping[tuple[str, str, str], tuple[_Row, ...]]] = {
     ("A", "D", "3.1"): (
-        (_BOUND, 0.00001, 3, (-6.75, 0.61)),
-        (_BOUND, 0.00001, 3, (-6.45, 0.59)),
-        (_BOUND, 0.00001, 3, (-5.61, 0.52)),
+        (_BOUND_SIGN, 0.00001, 3, (-6.75, 0.61)),
+        (_BOUND_SIGN, 0.00001, 3, (-6.45, 0.59)),
+        (_BOUND_SIGN, 0.00001, 3, (-5.61, 0.52)),
         ("", 0.53119, 0, (0.63, 0.014)),
         ("", 0.00158, 1, _WILCOXON),
         ("", 0.00031, 2, (4.09, 0.37)),
     ),
     ("A", "AD", "A.2"): (
-        (_BOUND, 0.00001, 3, _WILCOXON),
-        (_BOUND, 0.00001, 3, (-7.24, 0.64)),
-        (_BOUND, 0.00001, 3, (-6.22, 0.57)),
+        (_BOUND_SIGN, 0.00001, 3, _WILCOXON),
+        (_BOUND_SIGN, 0.00001, 3, (-7.24, 0.64)),
+        (_BOUND_SIGN, 0.00001, 3, (-6.22, 0.57)),
         ("", 0.87121, 0, _WILCOXON),
         ("", 0.00011, 2, _WILCOXON),
         ("", 0.00032, 2, (4.08, 0.36)),
@@ -136,8 +136,8 @@ _TABLES: Final[Mapping[tuple[str, str, str], tuple[_Row, ...]]] = {
         ("", 0.05175, 0, (2.03, 0.12)),
     ),
     ("D", "DA", "A.1"): (
-        (_BOUND, 0.00001, 3, (6.83, 0.62)),
-        (_BOUND, 0.00001, 3, (6.17, 0.57)),
+        (_BOUND_SIGN, 0.00001, 3, (6.83, 0.62)),
+        (_BOUND_SIGN, 0.00001, 3, (6.17, 0.57)),
         ("", 0.07638, 0, (1.84, 0.10)),
         ("", 0.69058, 0, (0.40, 0.01)),
         ("", 0.00016, 2, (4.32, 0.39)),
@@ -152,14 +152,14 @@ TESTS: Final[Mapping[tuple[str, str, str], Printed]] = {
         p,
         stars,
         int(np.sign(MEANS[second][measure].mean - MEANS[first][measure].mean)),
-        statistic=None if found is None else found[0],
-        eta_p2=None if found is None else found[1],
-        is_wilcoxon=found is None,
+        statistic=None if t_and_eta is None else t_and_eta[0],
+        eta_p2=None if t_and_eta is None else t_and_eta[1],
+        is_wilcoxon=t_and_eta is None,
         where=f"table {table}",
-        p_is_bound=sign == _BOUND,
+        p_is_bound=sign == _BOUND_SIGN,
     )
     for (first, second, table), rows in _TABLES.items()
-    for measure, (sign, p, stars, found) in zip(MAIN_MEASURES, rows, strict=True)
+    for measure, (sign, p, stars, t_and_eta) in zip(MAIN_MEASURES, rows, strict=True)
 }
 """The 30 tests of tables 3.1, 3.2, A.1, A.2 and A.3, by both conditions and measure."""
 

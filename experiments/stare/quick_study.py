@@ -87,10 +87,10 @@ def quick_trials(
     for block in plan.blocks:
         participant.wear(block.index + 1)
         for trial in (t for t in block.trials if not t.is_practice):
-            measured, switch_ms = _trial(participant, tracker, trial, params)
-            found = measured.as_row()
+            looks, switch_ms = _trial(participant, tracker, trial, params)
+            columns = looks.as_row()
             names = (*MAIN_MEASURES, "lost_01")
-            yield trial, {n: found[n] for n in names} | {"switch_ms": switch_ms}
+            yield trial, {n: columns[n] for n in names} | {"switch_ms": switch_ms}
 
 
 def _trial(
@@ -111,24 +111,24 @@ def _trial(
     first = int(t_ns[0] * TRACKER_HZ // NS_PER_S) + 1
     _begin(participant, trial.number, start_ns, params.agents, behaviour)
 
-    def seen(part: slice) -> npt.NDArray[np.int16]:
+    def aoi_of_part(part: slice) -> npt.NDArray[np.int16]:
         return _aoi(participant, tracker, geometry, t_ns[part], first + part.start, params.pad_deg)
 
     n = t_ns.shape[0]
     if condition not in DYNAMIC_CONDITIONS:
-        aoi = seen(slice(0, n))
+        aoi = aoi_of_part(slice(0, n))
         return measure_trial(t_ns, aoi, active, start_ns, end_ns), None
 
-    # To someone who does not notice contact the change is nothing, so one pass does.
+    # The change does not affect a participant who does not notice contact: one pass is enough.
     step = CHUNK_SAMPLES if participant.notices_contact else n
     aoi = np.empty(0, np.int16)
     while aoi.size < n and not (aoi == active).any():
-        aoi = np.concatenate([aoi, seen(slice(aoi.size, min(aoi.size + step, n)))])
+        aoi = np.concatenate([aoi, aoi_of_part(slice(aoi.size, min(aoi.size + step, n)))])
     turn_frame = _turn_frame(t_ns, aoi, active, start_ns, tracker.delay_ns, params)
     switch_ns = _frame_ns(turn_frame + 1)
-    # What was seen beyond the change was seen too early: go back and live through it again.
+    # Samples beyond the change were simulated without it: go back and simulate them again.
     after = int(np.searchsorted(t_ns, switch_ns))
-    known = min(aoi.size, after)
+    n_valid = min(aoi.size, after)
     if participant.notices_contact:
         turning = behaviour.turning(
             active,
@@ -136,15 +136,15 @@ def _trial(
             to_observer=condition == AVERTED_THEN_DIRECTED,
         )
         _begin(participant, trial.number, start_ns, params.agents, behaviour)
-        participant.head(int(t_ns[known - 1]))
-        between = seen(slice(known, after)) if known < after else aoi[:0]
+        participant.head(int(t_ns[n_valid - 1]))
+        between = aoi_of_part(slice(n_valid, after)) if n_valid < after else aoi[:0]
         moving = True
         while moving:
             moving = _show(participant, scene, turning, start_ns, turn_frame)
             turn_frame += 1
-        aoi = np.concatenate([aoi[:known], between, seen(slice(after, n))])
-    measured = measure_trial(t_ns, aoi, active, start_ns, end_ns, switch_ns=switch_ns)
-    return measured, (switch_ns - start_ns) / NS_PER_MS
+        aoi = np.concatenate([aoi[:n_valid], between, aoi_of_part(slice(after, n))])
+    looks = measure_trial(t_ns, aoi, active, start_ns, end_ns, switch_ns=switch_ns)
+    return looks, (switch_ns - start_ns) / NS_PER_MS
 
 
 def _begin(
@@ -185,8 +185,8 @@ def _aoi(
     direction_head, valid = tracker.measure(
         eyes, first_sample=first_sample, stretch=participant.stretch(), fit=participant.fit()
     )
-    held = np.arange(t_ns.shape[0]) // HELD_SAMPLES * HELD_SAMPLES
-    origin = position[held]
+    head_sample = np.arange(t_ns.shape[0]) // HELD_SAMPLES * HELD_SAMPLES
+    origin = position[head_sample]
     direction = rotate(orientation, direction_head)
     angle, radius, limit, hit = geometry.observe(origin, direction, valid)
     return aoi_of_samples(angle, radius, limit, hit, pad_deg=pad_deg)

@@ -22,15 +22,15 @@ CHARACTERS: tuple[str, ...] = (
     *(f"female_{i:02d}" for i in range(1, 7)),
     *(f"male_{i:02d}" for i in range(1, 6)),
 )
-"""The eleven models of the audience: six women and five men; a smaller one draws among them."""
+"""The eleven models of the audience, six women and five men; smaller audiences draw from them."""
 
 _SHUFFLE, _BLINKS = range(2)
 
 
 def characters_of(trial: Trial, agents: int = len(CHARACTERS)) -> tuple[str, ...]:
     """Return the model at each of the first places, shuffled anew for every trial by its seed."""
-    shuffled = [CHARACTERS[i] for i in trial.rng(_SHUFFLE).permutation(len(CHARACTERS))]
-    return tuple(shuffled[:agents])
+    characters = [CHARACTERS[i] for i in trial.rng(_SHUFFLE).permutation(len(CHARACTERS))]
+    return tuple(characters[:agents])
 
 
 def scene_of(trial: Trial, agents: int = len(CHARACTERS)) -> Scene:

@@ -1,4 +1,4 @@
-"""What the report of the stare study has beside the standard sections."""
+"""Further sections of the stare study's report, after the standard ones."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -7,7 +7,7 @@ import pandas as pd
 
 from visavis.analysis.plots import draw
 from visavis.analysis.report import Block, Bullets, Fold, Paragraph, Section
-from visavis.analysis.report.notation import counted, percentage
+from visavis.analysis.report.notation import count_of, percentage
 from visavis.experiments.stare import published
 from visavis.experiments.stare.design import DYNAMIC_CONDITIONS
 from visavis.experiments.stare.figures_places import place_figure
@@ -19,7 +19,7 @@ from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import FIRST_FIXATION_DURATION_MS, FIRST_FIXATION_TIME_MS
 from visavis.study.sections import Extra
 
-_NEEDED: Final = (
+_REQUIRED_COLUMNS: Final = (
     "condition",
     "switch_cause",
     "look_ns",
@@ -31,7 +31,7 @@ _NEEDED: Final = (
 
 def places_figure(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
     """Return the figure of the tests by place: dwell time on the seating plan."""
-    drawn = draw(
+    figure = draw(
         "places",
         lambda: place_figure(analysis),
         title="Dwell time by the active agent's place",
@@ -43,7 +43,7 @@ def places_figure(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra
         "dwell time.",
         is_simulated=analysis.is_simulated,
     )
-    return Extra(figures=(drawn,))
+    return Extra(figures=(figure,))
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class GazeChanges:
         if not total:
             return "No trial with a change of the agent's gaze was analysed."
         text = (
-            f"In {self.by_look} of {counted(total, 'trial')} with averted-then-directed or "
+            f"In {self.by_look} of {count_of(total, 'trial')} with averted-then-directed or "
             "directed-then-averted gaze a look caused the change"
         )
         if not self.by_look:
@@ -83,7 +83,7 @@ class GazeChanges:
 
 def gaze_changes(rows: pd.DataFrame) -> GazeChanges | None:
     """Count the changes of finished trials; None when the table does not say what caused them."""
-    if any(name not in rows for name in _NEEDED):
+    if any(name not in rows for name in _REQUIRED_COLUMNS):
         return None
     changing = rows[rows["condition"].isin(DYNAMIC_CONDITIONS)]
     by_look = changing[changing["switch_cause"] == "look"]
@@ -97,7 +97,7 @@ def gaze_changes(rows: pd.DataFrame) -> GazeChanges | None:
 
 
 def changes_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
-    """Return what made the agents' gaze change, one trial of it, and where the source slips."""
+    """Return what made agents' gaze change, with one trial, and what does not fit in the source."""
     blocks: list[Block] = []
     changes = gaze_changes(analysis.selection.counted)
     if changes is not None:
@@ -111,8 +111,10 @@ def changes_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Ext
         )
     rules = analysis.study.analysis.looks[0].rules({"parameters": experiment.parameters})
     example = None if analysis.example is None else example_of(analysis.example, rules)
-    drawn = () if example is None else (trial_figure(example, is_simulated=analysis.is_simulated),)
-    blocks += [picture_of(d) for d in drawn]
+    figures = (
+        () if example is None else (trial_figure(example, is_simulated=analysis.is_simulated),)
+    )
+    blocks += [picture_of(d) for d in figures]
     slips = tuple(f"{slip.where}: {slip.what}." for slip in published.INCONSISTENCIES)
     blocks.append(Fold("What does not fit in the published numbers", (Bullets(slips),)))
-    return Extra(Section("changes", "Changes of gaze", tuple(blocks)), drawn)
+    return Extra(Section("changes", "Changes of gaze", tuple(blocks)), figures)

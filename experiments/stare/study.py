@@ -161,7 +161,9 @@ def dark(t: TrialScript) -> Iterator[Any]:
 
 
 @study.scaled
-def scaled(index: int, seed: int, effect: float, experiment: StudyExperiment) -> Observer:
+def person_with_effect(
+    index: int, seed: int, effect: float, experiment: StudyExperiment
+) -> Observer:
     """Return a simulated participant, fitted to the published means and spreads.
 
     Gaze contact does `effect` times to them what was fitted.

@@ -94,20 +94,20 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
             end_ns = yield from training.end_ns(view)
         if end_ns is not None and now_ns >= end_ns and arrived(view, end_ns, params.drain_ms):
             break
-        turned = False
+        turns_now = False
         if may_change and switch_ns is None:
             if look_ns is None:
                 look_ns = _first_look_ns(view.gaze, active, params.pad_deg, start_ns)
             if look_ns is not None and now_ns >= look_ns + wait_ns:
-                turned, cause = True, "look"
+                turns_now, cause = True, "look"
             elif elapsed_ns >= limit_ns:
-                turned, cause = True, "time"
-        if turned:
+                turns_now, cause = True, "time"
+        if turns_now:
             to_observer = condition == AVERTED_THEN_DIRECTED
             picture.look(eyes.turning(active, elapsed_ns, to_observer=to_observer))
         yield from shown(picture.frame(view, elapsed_ns))
         view = yield from frame()
-        if turned:
+        if turns_now:
             # As with the scene's onset, the change counts from when its light leaves.
             switch_ns = view.t_ns
             yield Mark("gaze_change", _change(trial, active, condition, cause, switch_ns, start_ns))

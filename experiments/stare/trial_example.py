@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from visavis.analysis.gaze.looks import looks_on
 from visavis.analysis.gaze.targets import GazeTargets
-from visavis.analysis.plots import BLUE, VERMILION, Drawn, draw, new_figure
+from visavis.analysis.plots import BLUE, VERMILION, ReportFigure, draw, new_figure
 from visavis.analysis.plots.style import BLACK, GREY
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DataError
@@ -50,8 +50,8 @@ def example_of(
 ) -> TrialExample | None:
     """Return the trial in which a look made the agent look back and then lasted longest.
 
-    Of finished main trials under averted-then-directed gaze; None without one that changed by a
-    look. The first of several equals is taken.
+    Looks through finished main trials under averted-then-directed gaze; None if no look caused a
+    change. Among equals the first is taken.
     """
     best, longest_ms = None, -1.0
     gaze = SessionGaze(recording)
@@ -131,7 +131,7 @@ def _whole(row: Row, name: str) -> int:
     return int(value)
 
 
-def trial_figure(example: TrialExample, *, is_simulated: bool) -> Drawn:
+def trial_figure(example: TrialExample, *, is_simulated: bool) -> ReportFigure:
     """Return the angle between gaze and the active agent's head over a trial, and its looks."""
     return draw(
         "trial",

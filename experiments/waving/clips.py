@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 import visavis.stimuli.motion.warping
+from visavis.lab.array_cache import digest_of, digest_of_code, read_cache, write_cache
 from visavis.lab.geometry import Vector
-from visavis.lab.kept import digest_of, digest_of_code, keep, read_kept
 from visavis.stimuli.dressing.casting import build_of
 from visavis.stimuli.dressing.office import PARTS, pose_of_waver
 from visavis.stimuli.dressing.office_view import (
@@ -27,7 +27,7 @@ from visavis.stimuli.dressing.office_view import (
     seen_body_of,
     view_of,
 )
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.kinds import Wave
 from visavis.stimuli.motion.people import Person
@@ -39,7 +39,7 @@ from visavis.stimuli.motion.warping.track import (
     WarpTrack,
     planned_track,
     reached_by,
-    solved,
+    solve_offsets,
 )
 from visavis.stimuli.motion.warping.units import units_named
 from visavis.stimuli.scenes import office as places
@@ -61,18 +61,18 @@ SETTINGS: Final = ControlSettings(
     rate_hz=30.0, most_steps=4, probe_deg=6.0, step_cap_deg=10.0, error_cap=0.4, passes=5,
     smoothness=0.005, rest_pull=0.005, search=True,
 )  # fmt: skip
-"""Of the plan of a wave, a key every 1 / `rate_hz` seconds."""
+"""Settings of a wave's plan, which has a key every 1 / `rate_hz` seconds."""
 REFINING: Final = replace(SETTINGS, most_steps=3, step_cap_deg=2.0, search=False)
-"""Of what a plan's keys get when all of them together have been solved."""
+"""Settings of the refinement of a plan's keys after all of them have been solved together."""
 LOOP: Final = replace(REFINING, most_steps=1)
-"""Of the loop in the session: one step a key, at most 2° for a unit."""
+"""Settings of the loop in the session: one step a key, at most 2° for a unit."""
 FINE_PX: Final = 512
-"""Height and width of the view by which keys are refined, corrected and told. At the 256 that are
-searched a hand has 260 pixels: its edges alone move its share by half of what may be left, and keys
-fitted to them miss between each other.
+"""Height and width of the view in which keys are refined, corrected and reported. At the 256 of the
+search a hand covers 260 pixels: its edges alone change its share by half of the tolerance, and keys
+fitted to that miss the target in between.
 """
 WARPED_PARTS: Final = (("face", "eyes"), ("right_hand",))
-"""Coverage is wanted of each: the head by its face (a profile has more pixels), the waving hand."""
+"""Parts with a target of coverage: the head by its face (a profile has more pixels), the hand."""
 UNITS: Final = ("spine", "neck_head", "right_arm")
 """All warping units that move head or waving hand."""
 FADE_S: Final = 0.5
@@ -80,7 +80,7 @@ FADE_S: Final = 0.5
 
 @dataclass(frozen=True)
 class Making:
-    """What waves are made from: the wave lasts `wave_s` from `before_s` after the onset on.
+    """Parameters of all waves: a wave lasts `wave_s` from `before_s` after the onset on.
 
     `increment` is how much more coverage of head and hand the warped wave shall have, `warp_from`
     what it starts from: the wave to the "front" as it was captured, or one "oriented", whole body,
@@ -98,11 +98,11 @@ DEFAULT_MAKING: Final = Making()
 
 @dataclass(frozen=True, eq=False)
 class StudyWave:
-    """One wave of the study; `planned` is what its plan comes to, None where nothing is warped."""
+    """One wave of the study; `plan_result` is what its plan reaches, None without a warp."""
 
     waving: Waving
     sha256: str
-    planned: Reached | None
+    plan_result: Reached | None
 
 
 @cache
@@ -121,13 +121,15 @@ def study_wave(
     front = warps and making.warp_from == "front"
     heading = places.place(clerk).yaw_deg if front else heading_deg(clerk, target_place)
     clip = base_clip(clerk, making.wave_s)
-    waving, planned = Waving(clerk, clip, heading, making.before_s, FADE_S), None
+    waving, plan_result = Waving(clerk, clip, heading, making.before_s, FADE_S), None
     if warps and making.increment > 0:
         eye_m = eye_at(target_place, eye_height_m)
-        waving, planned = _planned(waving, target_place, eye_m, making.increment)
+        waving, plan_result = _with_plan(waving, target_place, eye_m, making.increment)
     omega = np.zeros(0) if waving.warp is None else waving.warp.omega_rad
     poses = (clip.root_m, clip.orientation_wxyz, omega)
-    return StudyWave(waving, digest_of(*poses, said=f"turned by {heading:.6f} degrees"), planned)
+    return StudyWave(
+        waving, digest_of(*poses, text=f"turned by {heading:.6f} degrees"), plan_result
+    )
 
 
 def wave_of(factors: Mapping[str, Any], making: Making, eye_height_m: float) -> StudyWave:
@@ -145,15 +147,13 @@ def base_clip(clerk: str, wave_s: float) -> Clip:
     person = Person(
         build_of(character_of(clerk)), Wave(hand=HAND, seat_m=places.SEAT_M), 300 + number
     )
-    return baked(person, FADE_S + wave_s, gaze=STILL)
+    return bake(person, FADE_S + wave_s, gaze=STILL)
 
 
 def situation_of(
     waving: Waving, viewer_place: str, eye_m: Vector, t_s: float, increment: float
 ) -> Situation:
-    """Return the unwarped pose at a time of the scene as somebody's eyes (3,) see it, and what is
-    wanted of it.
-    """
+    """Return the unwarped pose at a time of the scene as eyes (3,) see it, with its targets."""
     view = view_of(waving.clerk, eye_m, viewer_place, FINE_PX)
     pose = pose_of_waver(replace(waving, warp=None), t_s)
     return Situation(
@@ -162,7 +162,7 @@ def situation_of(
 
 
 def targets_of(increment: float) -> tuple[FeatureTarget, ...]:
-    """Return what is wanted of a warped wave."""
+    """Return the targets of a warped wave."""
     return tuple(FeatureTarget("coverage", parts, increment) for parts in WARPED_PARTS)
 
 
@@ -171,7 +171,7 @@ def solved_key(
 ) -> Vector:
     """Return offsets (w,) for a key of a wave (clerk, target place, making) seen from eyes (3,)."""
     waving, place, increment = _wave_about(about)
-    return solved(situation_of(waving, place, eye_m, t_s, increment), start_rad, LOOP)
+    return solve_offsets(situation_of(waving, place, eye_m, t_s, increment), start_rad, LOOP)
 
 
 def reached_in(
@@ -193,35 +193,37 @@ def _wave_about(about: tuple[str, str, Making]) -> tuple[Waving, str, float]:
     return bare, place, making.increment
 
 
-def _planned(
+def _with_plan(
     waving: Waving, target_place: str, eye_m: Vector, increment: float
 ) -> tuple[Waving, Reached]:
     """Return a wave with offsets planned for eyes (3,), and what they come to."""
     clerk, clip = waving.clerk, waving.clip
     body, view = seen_body_of(clerk), view_of(clerk, eye_m, target_place)
     targets, units = targets_of(increment), units_named(UNITS)
-    asked = (targets, UNITS, SETTINGS, REFINING, FINE_PX, waving.heading_deg, waving.start_s)
-    seen = (view.eye, view.behind, view.lamps, view.maps)
+    settings = (targets, UNITS, SETTINGS, REFINING, FINE_PX, waving.heading_deg, waving.start_s)
+    view_arrays = (view.eye, view.behind, view.lamps, view.maps)
     key = digest_of(
-        *(clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, *seen),
-        said=f"{asked} {FADE_S} {clerk} {digest_of_code(visavis.stimuli.motion.warping)}",
+        *(clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, *view_arrays),
+        text=f"{settings} {FADE_S} {clerk} {digest_of_code(visavis.stimuli.motion.warping)}",
     )
-    kept = read_kept(KEPT_AS, key)
-    if kept is None:
-        found = warp_clip(drawn_clip(waving), body, view, targets, units, SETTINGS)
+    file_arrays = read_cache(KEPT_AS, key)
+    if file_arrays is None:
+        clip_warp = warp_clip(drawn_clip(waving), body, view, targets, units, SETTINGS)
         track, came_to = planned_track(
-            found,
+            clip_warp,
             waving.start_s,
             waving.end_s,
             FADE_S,
             lambda t_s: situation_of(waving, target_place, eye_m, t_s, increment),
             REFINING,
         )
-        kept = {
+        file_arrays = {
             "omega_rad": track.omega_rad,
             "gap_s": np.array(track.gap_s),
             "numbers": np.array(astuple(came_to)),
         }
-        keep(KEPT_AS, key, kept)
-    track = WarpTrack(units, waving.start_s, float(kept["gap_s"]), kept["omega_rad"], FADE_S)
-    return replace(waving, warp=track), Reached(*map(float, kept["numbers"]))
+        write_cache(KEPT_AS, key, file_arrays)
+    track = WarpTrack(
+        units, waving.start_s, float(file_arrays["gap_s"]), file_arrays["omega_rad"], FADE_S
+    )
+    return replace(waving, warp=track), Reached(*map(float, file_arrays["numbers"]))

@@ -17,14 +17,14 @@ from visavis.lab.geometry import Vector
 
 @dataclass(frozen=True)
 class Population:
-    """What simulated participants have in common and how they differ (SD between people).
+    """Parameters of all simulated participants, and their SDs between people.
 
     A cue of n pixels is read with an error of `blur_deg` (`pixels` / n) ^ `sharpness` and
     `looseness_deg` together (per cue: eyes, face, torso, hand), times a factor of the person whose
-    logarithm has an SD of `acuity_sd`. `reach_power` is how much it counts that a customer can see
-    the wave, of whom sees less than `least_reach_01` as much as of who sees just that; `self_bias`
-    is in log odds. `lapse_01` is the usual share of waves that were not attended to, in which any
-    place is answered, `lapse_sd` of its log odds.
+    logarithm has an SD of `acuity_sd`. `reach_power` weighs how well a customer can see the wave;
+    a share below `least_reach_01` counts as that share. `self_bias` is in log odds. `lapse_01` is
+    the usual share of waves that were not attended to, in which any place is answered, `lapse_sd`
+    the SD of its log odds.
     Realism falls with what is hidden and rises with feeling addressed. Fitted to published values
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
@@ -84,7 +84,7 @@ def draw_person(population: Population, rng: np.random.Generator) -> Person:
 
 
 def lapse_share(population: Population, z: float | Vector) -> float | Vector:
-    """Return the share of waves not attended to by who is z SDs from the usual."""
+    """Return the share of waves not attended to by a person z SDs from the mean."""
     odds = population.lapse_01 / (1 - population.lapse_01) * np.exp(population.lapse_sd * z)
     share: float | Vector = odds / (1 + odds)
     return share
@@ -92,8 +92,8 @@ def lapse_share(population: Population, z: float | Vector) -> float | Vector:
 
 def noise_deg(pixels: Vector, blur: float | Vector, population: Population) -> Vector:
     """Return the error (..., 4) with which cues of so many pixels (..., 4) are read."""
-    seen = np.maximum(pixels, 1e-3)
-    sharp = np.array(population.blur_deg) * (np.array(population.pixels) / seen) ** (
+    visible_px = np.maximum(pixels, 1e-3)
+    sharp = np.array(population.blur_deg) * (np.array(population.pixels) / visible_px) ** (
         population.sharpness
     )
     error: Vector = blur * np.hypot(sharp, np.array(population.looseness_deg))
@@ -113,7 +113,7 @@ def worth_of(
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What somebody makes of a wave: probabilities (5,) of the places, answers, times taken."""
+    """One judgement of a wave: probabilities (5,) of the places, answers, times taken."""
 
     probability: Vector
     place: int
@@ -133,8 +133,8 @@ def judge(
 ) -> Judgement:
     """Judge one wave; `own_place` is the index of the observer's place.
 
-    Without `effect` nothing of the wave is taken in and nobody leans to their own place: to lean
-    so is to be right more often where the wave was to oneself.
+    Without `effect` nothing of the wave is taken in and nobody leans to their own place, because
+    that leaning alone makes answers to waves at oneself right more often.
     """
     q = population
     noise = noise_deg(evidence.pixels, person.blur, q)
@@ -149,14 +149,14 @@ def judge(
     if rng.random() < person.lapse_01:
         place = int(rng.integers(len(probability)))
     doubt = float(-(probability * np.log(probability + 1e-12)).sum() / np.log(len(probability)))
-    felt = person.realism + effect * q.realism_of_sight * (evidence.visible_01 - 0.7)
-    felt += effect * q.realism_of_contact * (float(probability[own_place]) - 0.4)
-    felt += q.realism_noise_sd * float(rng.standard_normal())
+    realism = person.realism + effect * q.realism_of_sight * (evidence.visible_01 - 0.7)
+    realism += effect * q.realism_of_contact * (float(probability[own_place]) - 0.4)
+    realism += q.realism_noise_sd * float(rng.standard_normal())
     who_s, realism_s = q.answer_s * person.speed * np.exp(q.answer_log_sd * rng.standard_normal(2))
     return Judgement(
         probability,
         place,
-        int(np.clip(round(felt), 1, 9)),
+        int(np.clip(round(realism), 1, 9)),
         float(who_s + q.doubt_s * doubt),
         float(realism_s),
     )

@@ -40,7 +40,7 @@ _PERSON, _TRIAL, _BODY, _ANSWER = range(4)
 EYE_HEIGHT_SD_M: Final = 0.06
 HAND_AT_M: Final = (0.26, 1.12, -0.30)
 HAND_REST: Final = (0.30, 0.75, -1.0)
-"""What the hand points to before a question."""
+"""Point to which the hand points before a question."""
 AHEAD_M: Final = (0.0, 1.35, -5.0)
 EYES_ONLY: Final = "I looked at the eyes."
 STRATEGIES: Final = (
@@ -71,11 +71,11 @@ class WavingParticipant(StandingBody):
         seed: int,
         effect: bool = True,
         *,
-        asked: Mapping[str, str] = MappingProxyType({}),
+        question_names: Mapping[str, str] = MappingProxyType({}),
         population: Population = DEFAULT_POPULATION,
     ) -> None:
         self.population = population
-        self._asked = asked
+        self._question_names = question_names
         self._entropy = (seed, index)
         self._effect = effect
         self.person = draw_person(population, self.rng(_PERSON))
@@ -139,7 +139,7 @@ class WavingParticipant(StandingBody):
         rng = self.rng(_TRIAL, stretch)
         return judge(evidence, own, self.person, self.population, rng, effect=self._effect)
 
-    def _judged(self, scene: OfficeScene) -> Judgement:
+    def _judgement_of(self, scene: OfficeScene) -> Judgement:
         if self._judgement is None:
             if scene.waving is None or self._gaze is None:
                 raise DataError("a question was asked about a scene in which nobody waved")
@@ -156,7 +156,7 @@ class WavingParticipant(StandingBody):
         return self._judgement.place if question == "who" else self._judgement.realism - 1
 
     def _decide(self, scene: OfficeScene, panel: Panel, t_s: float) -> None:
-        judgement, question = self._judged(scene), self._asked[panel.text]
+        judgement, question = self._judgement_of(scene), self._question_names[panel.text]
         takes_s = judgement.who_s if question == "who" else judgement.realism_s
         choice_m = choice_centre_m(panel, self._choice(question))
         self.answer_at(panel.pose.position_m, choice_m, t_s, max(takes_s, POINT_S + 0.15))

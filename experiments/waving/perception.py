@@ -1,4 +1,4 @@
-"""What somebody in the line can see of a wave: pixels of eyes, head, torso and hand, rendered.
+"""Rendered view of a wave from the line of customers: pixels of eyes, head, torso and hand.
 
 The raster of visual motion warping draws the clerk at the resolution of a headset, past
 furniture and people, from the observer's eyes. Bearings are horizontal angles at the clerk,
@@ -26,13 +26,13 @@ from visavis.stimuli.dressing.office_view import (
 from visavis.stimuli.motion.clip import Frames
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.motion.warping.outlook import Outlook
-from visavis.stimuli.motion.warping.perceived import mask_of, perceived
+from visavis.stimuli.motion.warping.perceived import mask_of, perceived_parts
 from visavis.stimuli.motion.warping.track import WarpTrack
 from visavis.stimuli.scenes import office as places
 from visavis.stimuli.scenes.office import Waving
 
 PIXELS_PER_DEG: Final = 12.0
-"""Of a headset of the source's time (1080 pixels over about 90°)."""
+"""Resolution of a headset of the source's time (1080 pixels over about 90°)."""
 LOOKS: Final = 6
 """Moments of a wave that are looked at."""
 REACH_PX: Final = 96
@@ -42,7 +42,7 @@ REACH_PARTS: Final = ("face", "eyes", "right_hand")
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What an observer can see of one wave.
+    """Everything an observer can see of one wave.
 
     `pixels` (4,) visible of eyes, head, torso and hand, mean over the looks; `free` (4,) the same
     with nothing in between; `pointing_deg` (4,) the bearing each points to; `bearing_deg` (5,) of
@@ -118,21 +118,21 @@ def _seen_and_free(clerk: str, poses: Frames, view: Outlook) -> Iterator[npt.NDA
     """Yield the parts drawn in every pixel, then those drawn with nothing in between."""
     body = seen_body_of(clerk)
     for one in (view, replace(view, behind=np.zeros_like(view.behind))):
-        yield perceived(body, one, poses.root_m, poses.orientation_wxyz)
+        yield perceived_parts(body, one, poses.root_m, poses.orientation_wxyz)
 
 
 def _pixels(clerk: str, poses: Frames, view: Outlook) -> list[Vector]:
-    counted = []
+    counts = []
     for ids in _seen_and_free(clerk, poses, view):
         by_part = np.bincount(ids.ravel(), minlength=len(PARTS)) / LOOKS
-        counted.append(np.array([by_part[mask_of(p)[: len(by_part)]].sum() for p in CUE_PARTS]))
-    return counted
+        counts.append(np.array([by_part[mask_of(p)[: len(by_part)]].sum() for p in CUE_PARTS]))
+    return counts
 
 
 def _reach(clerk: str, poses: Frames, view: Outlook) -> float:
     mask = mask_of(REACH_PARTS)
-    seen, free = (float(mask[ids].sum()) for ids in _seen_and_free(clerk, poses, view))
-    return seen / max(free, 1.0)
+    seen_px, free_px = (float(mask[ids].sum()) for ids in _seen_and_free(clerk, poses, view))
+    return seen_px / max(free_px, 1.0)
 
 
 def _bearing_deg(way: Vector) -> float:

@@ -24,9 +24,9 @@ from visavis.experiments.waving.clips import (
     study_wave,
 )
 from visavis.experiments.waving.perception import Evidence, evidence_of, reach_view
+from visavis.lab.array_cache import digest_of, digest_of_code, read_cache, write_cache
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Vector
-from visavis.lab.kept import digest_of, digest_of_code, keep, read_kept
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.stimuli.dressing.office import PARTS as ROLES
 from visavis.stimuli.dressing.office import office_eyes, office_scene, roles_of
@@ -81,14 +81,14 @@ def evidence_for(stimulus: Stimulus, making: Making = DEFAULT_MAKING) -> Evidenc
     technique, direction, clerk, place = stimulus
     target = neighbour(place, direction).name
     wave = study_wave(clerk, target, technique, making)
-    key = digest_of(said=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
-    kept = read_kept(KEPT_AS, key)
-    if kept is not None:
-        return Evidence(**kept)
+    key = digest_of(text=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
+    file_arrays = read_cache(KEPT_AS, key)
+    if file_arrays is not None:
+        return Evidence(**file_arrays)
     gaze = gaze_of(wave.waving, place, target)
-    found = evidence_of(wave.waving, place, eye_at(place), gaze)
-    keep(KEPT_AS, key, vars(found))
-    return found
+    evidence = evidence_of(wave.waving, place, eye_at(place), gaze)
+    write_cache(KEPT_AS, key, vars(evidence))
+    return evidence
 
 
 def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector:
@@ -112,5 +112,5 @@ def surroundings_sha256() -> str:
         *(part for v in views for part in (v.eye, v.behind, v.lamps, v.maps, v.map_eyes)),
         *(m.vertices_m for m in meshes),
         *(part for b in bodies for part in (b.rest, b.joints, b.weights, b.triangles, b.labels)),
-        said=" ".join((*code, *(f"{v.ambient} {v.least_light}" for v in views))),
+        text=" ".join((*code, *(f"{v.ambient} {v.least_light}" for v in views))),
     )

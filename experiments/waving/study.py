@@ -80,7 +80,7 @@ if TYPE_CHECKING:
 MEAN_ACCURACY: Final = {"orientation": (0.59, 0.25), "warping": (0.67, 0.20)}
 """Mean and SD as printed; over what the SD is taken is not said."""
 NO_VALUES: Final = Printed(False, text="not significant (no values)")
-COMPARED: Final = Compare(
+COMPARISON: Final = Compare(
     "is_right",
     within=("technique", "direction"),
     test="art",
@@ -175,9 +175,9 @@ study = Study(
     ],
     exclusions=(needs_answer("who"), *STANDARD_RULES),
     compare=[
-        COMPARED,
+        COMPARISON,
         replace(
-            COMPARED,
+            COMPARISON,
             dv="realism",
             published={
                 "technique": NO_VALUES,
@@ -187,7 +187,7 @@ study = Study(
                 "technique:direction": NO_VALUES,
             },
         ),
-        replace(COMPARED, dv="who_ms", published=None, exploratory=True),
+        replace(COMPARISON, dv="who_ms", published=None, exploratory=True),
     ],
     sections=[
         Confusion(
@@ -312,7 +312,7 @@ class Office(WithEyes):
 @study.trial
 def trial(t: TrialScript) -> Generator[Any, Any, None]:
     """Show the wave, then ask to whom it was and how realistic; times count from the onset."""
-    wave, planned = None, told_of(None)
+    wave, plan_columns = None, warp_columns(None)
     if not t.is_read:
         wave = wave_of(t.trial.factors, making_of(t.settings.parameters), t.eye_height_m)
     scene = office_scene(t.participant_place, None if wave is None else wave.waving, SCENE_SEED)
@@ -329,19 +329,19 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     yield t.mark("scene_on", scene_name=scene.name)
     if wave is not None:
         yield t.mark("wave", **wave_record(wave, t.increment))
-        planned = told_of(wave.planned)
-        t.row |= {"wave_sha256": wave.sha256, **planned}
+        plan_columns = warp_columns(wave.plan_result)
+        t.row |= {"wave_sha256": wave.sha256, **plan_columns}
     while view.t_ns < start_ns + round(scene_s * NS_PER_S):
         if view.head_valid:
             heights.append(float(view.head.position_m[1]))
-        taken = office.correct(view.t_ns)
-        if taken is not None:
-            yield t.mark("warp", **taken)
+        key = office.correct(view.t_ns)
+        if key is not None:
+            yield t.mark("warp", **key)
         yield Show(office.frame(view, view.t_ns - start_ns))
         view = yield NextFrame()
         frames += 1
     loop = office.loop
-    measured = None if loop is None else loop.came_to(partial(reached_in, about_of(t)))
+    loop_result = None if loop is None else loop.came_to(partial(reached_in, about_of(t)))
     t.row |= {
         "t_start_ns": start_ns,
         "scene_frames": frames,
@@ -350,30 +350,30 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     }
     for question in (who_question(t.participant_place), REALISM):
         yield t.ask(question, over_scene=True, at=BOARD_AT, size_m=BOARD_SIZE_M)
-    if loop is not None and measured is not None:
-        t.row |= told_of(measured.result())
-        t.row["target_reachable_01"] = planned["target_reachable_01"]
+    if loop is not None and loop_result is not None:
+        t.row |= warp_columns(loop_result.result())
+        t.row["target_reachable_01"] = plan_columns["target_reachable_01"]
         t.row |= {
-            "warp_loop_hz": round(loop.taken / t.wave_s, 2),
+            "warp_loop_hz": round(loop.n_taken / t.wave_s, 2),
             "warp_late": loop.late,
         }
-    told = t.row["who"]
-    t.row["is_right"] = None if told is None else told == t.target_place
+    answer = t.row["who"]
+    t.row["is_right"] = None if answer is None else answer == t.target_place
     yield t.dark(0.0)
 
 
 def wave_record(wave: StudyWave, increment: float) -> dict[str, Scalar | None]:
     """Return what the recording keeps of a wave: enough to make it again and to know it again."""
-    found: dict[str, Scalar | None] = {
+    record: dict[str, Scalar | None] = {
         "clerk": wave.waving.clerk,
         "wave_sha256": wave.sha256,
         "heading_deg": round(wave.waving.heading_deg, 6),
         "wave_start_s": wave.waving.start_s,
         "wave_s": wave.waving.end_s - wave.waving.start_s,
-        "is_warped": wave.planned is not None,
+        "is_warped": wave.plan_result is not None,
     }
-    if wave.planned is not None and wave.waving.warp is not None:
-        found |= {
+    if wave.plan_result is not None and wave.waving.warp is not None:
+        record |= {
             "features": "; ".join(f"coverage of {'+'.join(p)}" for p in WARPED_PARTS),
             "increment": increment,
             "largest_offset_deg": float(np.degrees(np.abs(wave.waving.warp.omega_rad).max())),
@@ -384,34 +384,34 @@ def wave_record(wave: StudyWave, increment: float) -> dict[str, Scalar | None]:
             "plan_view_px": VIEW_PX,
             "fine_view_px": FINE_PX,
         }
-    return found
+    return record
 
 
 def track_shown(waving: Waving, wave: Mapping[str, Any], keys: list[dict[str, Any]]) -> Waving:
     """Return a wave warped as its record and those of corrected keys say."""
-    warped = "offsets_rad" in wave
-    return replace(waving, warp=recorded_track(wave, keys) if warped else None)
+    is_warped = "offsets_rad" in wave
+    return replace(waving, warp=recorded_track(wave, keys) if is_warped else None)
 
 
 def about_of(t: TrialScript) -> tuple[str, str, Making]:
-    """Return what says which wave a trial has."""
+    """Return the key of a trial's wave: clerk, target place and making."""
     return str(t.clerk), str(t.target_place), making_of(t.settings.parameters)
 
 
 def loop_of(t: TrialScript, wave: StudyWave | None) -> TrackLoop | None:
-    """Return what corrects a wave for the participant's eyes; None for waves at somebody else."""
+    """Return the loop that corrects a wave for the participant's eyes; None for waves at others."""
     track = None if wave is None else wave.waving.warp
     if track is None or t.target_place != t.participant_place:
         return None
     return TrackLoop(track, partial(solved_key, about_of(t)), t.beside)
 
 
-def told_of(found: Reached | None) -> dict[str, Scalar | None]:
-    """Return what a trial's row tells of the warp: wanted, reached, frames on target, reachable."""
+def warp_columns(result: Reached | None) -> dict[str, Scalar | None]:
+    """Return the columns of a trial's row about the warp: wanted, reached, on target, reachable."""
     names = ("coverage_wanted", "coverage_reached", "target_met_01", "target_reachable_01")
-    if found is None:
+    if result is None:
         return dict.fromkeys(names)
-    return {n: known(round(v, 4)) for n, v in zip(names, astuple(found), strict=True)}
+    return {n: known(round(v, 4)) for n, v in zip(names, astuple(result), strict=True)}
 
 
 @study.person
@@ -419,13 +419,13 @@ def person(
     index: int, seed: int, effect: bool, experiment: StudyExperiment
 ) -> SimulatedParticipant:
     """Return a simulated participant, who knows the two questions by their words."""
-    asked = {text: response.name for text, response in experiment.words.items()}
-    return WavingParticipant(index, seed, effect, asked=asked)
+    question_names = {text: response.name for text, response in experiment.words.items()}
+    return WavingParticipant(index, seed, effect, question_names=question_names)
 
 
 @study.quick
 def quick(experiment: StudyExperiment, person: WavingParticipant, tracker: "TrackerModel") -> Any:
-    """Return what performs a plan in a moment, once what can be seen of each wave is known."""
+    """Return a function that performs a plan in a moment, once each wave has been rendered."""
     return partial(quick_trials, person, making=making_of(experiment.parameters))
 
 
@@ -436,8 +436,8 @@ def _office_shown(
     script = TrialScript(trial, experiment.settings)
     making = replace(making_of(experiment.parameters), increment=0.0)
     plain = wave_of(script.trial.factors, making, script.eye_height_m)
-    planned = track_shown(plain.waving, wave, [])
-    return script, plain, office_scene(script.participant_place, planned, SCENE_SEED)
+    waving = track_shown(plain.waving, wave, [])
+    return script, plain, office_scene(script.participant_place, waving, SCENE_SEED)
 
 
 @study.views
@@ -446,12 +446,12 @@ def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
 
     The wave's offsets are those of the recording, whatever this version would plan.
     """
-    name, told = str(shown.description["scene_name"]), shown.latest("wave")
-    if told is None or not name.startswith("office_"):
+    name, wave_event = str(shown.description["scene_name"]), shown.latest("wave")
+    if wave_event is None or not name.startswith("office_"):
         yield shown.view
         return
     script, plain, office = shown.once(
-        ("office", told[0]), lambda: _office_shown(shown.trial(), told[1], experiment)
+        ("office", wave_event[0]), lambda: _office_shown(shown.trial(), wave_event[1], experiment)
     )
     bare = OfficeFrame(
         office,
@@ -460,10 +460,10 @@ def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
         shown.eye_openness_01,
         gaze_distance_m=shown.gaze_distance_m,
         start_ns=shown.since_ns,
-        warp=track_shown(plain.waving, told[1], shown.since("warp")).warp,
+        warp=track_shown(plain.waving, wave_event[1], shown.since("warp")).warp,
     )
     yield bare
     for question in (who_question(script.participant_place), REALISM):
         prompt, labels = script.words_of(question)
-        for lit in (None, *range(len(labels))):
-            yield replace(bare, panels=(Panel(prompt, labels, BOARD_AT, BOARD_SIZE_M, lit),))
+        for pointed_at in (None, *range(len(labels))):
+            yield replace(bare, panels=(Panel(prompt, labels, BOARD_AT, BOARD_SIZE_M, pointed_at),))

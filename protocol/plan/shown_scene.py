@@ -10,7 +10,7 @@ import pandas as pd
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector
 from visavis.protocol.plan.session_plan import Trial
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.recording.reader import Recording
 from visavis.stimuli.scene import Agent, Scene, SceneFrame
 
@@ -63,7 +63,7 @@ class Shown:
         """Return what `make` returns, made once where the recording is kept: for what is the same
         in many frames, and dear.
         """
-        if isinstance(self.recording, KeptRecording):
+        if isinstance(self.recording, CachedRecording):
             return self.recording.once((self.part, key), make)
         return make()
 

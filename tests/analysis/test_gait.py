@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from visavis.analysis.gait import STEP_LENGTH_M, resampled, step_length_m, walk_measures
+from visavis.analysis.gait import STEP_LENGTH_M, resample, step_length_m, walk_measures
 from visavis.lab.errors import DataError
 
 DT_S = 0.01
@@ -85,7 +85,7 @@ def test_poses_between_samples_lie_between_them_along_the_shorter_turn():
     t_ns, position, orientation = body([0, 20, 40], [170, 190, 210])
     orientation[1] *= -1  # the same turn, written the other way round
     grid = np.arange(0, 41, 10, dtype=np.int64) * 1_000_000
-    at, turn = resampled(t_ns, position, orientation, grid)
+    at, turn = resample(t_ns, position, orientation, grid)
     np.testing.assert_allclose([0, 0.01, 0.02, 0.03, 0.04], at[:, 0, 0])
     for angle, found in zip((170, 180, 190, 200, 210), turn[:, 0], strict=True):
         assert 1 == pytest.approx(abs(np.dot(turned(angle), found)))
@@ -94,7 +94,7 @@ def test_poses_between_samples_lie_between_them_along_the_shorter_turn():
 def test_nothing_is_interpolated_across_a_long_gap_or_beyond_the_ends():
     t_ns, position, orientation = body([10, 20, 120, 221, 230], [0] * 5)
     grid = np.arange(0, 241, 10, dtype=np.int64) * 1_000_000
-    at, turn = resampled(t_ns, position, orientation, grid)
+    at, turn = resample(t_ns, position, orientation, grid)
     lost = [0, *range(130, 221, 10), 240]  # 100 ms are bridged, 101 ms are not
     assert lost == (np.flatnonzero(np.isnan(at[:, 0, 0])) * 10).tolist()
     assert (np.isnan(at).all(axis=(1, 2)) == np.isnan(turn).all(axis=(1, 2))).all()
@@ -106,7 +106,7 @@ def test_a_lost_joint_stays_lost_on_both_sides_and_alone():
     orientation = np.repeat(orientation, 2, axis=1)
     position[1, 1] = np.nan
     grid = np.arange(0, 61, 10, dtype=np.int64) * 1_000_000
-    at, _ = resampled(t_ns, position, orientation, grid)
+    at, _ = resample(t_ns, position, orientation, grid)
     assert [False, True, True, True, False, False, False] == np.isnan(at[:, 1, 0]).tolist()
     assert np.isfinite(at[:, 0]).all()
 
@@ -114,4 +114,4 @@ def test_a_lost_joint_stays_lost_on_both_sides_and_alone():
 def test_times_that_do_not_rise_are_refused():
     t_ns, position, orientation = body([0, 20, 20], [0] * 3)
     with pytest.raises(DataError, match="sample 2: time does not rise"):
-        resampled(t_ns, position, orientation, t_ns)
+        resample(t_ns, position, orientation, t_ns)

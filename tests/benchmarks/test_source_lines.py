@@ -57,6 +57,14 @@ def test_imports_are_seen_under_type_checking_and_in_functions_too(tmp_path):
     assert imports_of(tmp_path, files) == expected
 
 
+def test_an_import_by_a_written_name_counts(tmp_path):
+    files = {
+        "a.py": "def f(part):\n    import_module('kit.b')\n    importlib.import_module(part)\n",
+        "b.py": "say('kit.a')\n",
+    }
+    assert imports_of(tmp_path, files) == [("kit.a", "kit.b", True)]
+
+
 def test_a_folder_that_two_links_lead_to_is_read_once(tmp_path):
     room = tmp_path / "room"
     room.mkdir()

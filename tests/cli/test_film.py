@@ -28,8 +28,8 @@ from visavis.cli.telling import Forecast
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.geometry import Pose
 from visavis.protocol.people.exports_register import registered_exports
+from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
-from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
 from visavis.running.page.seen_trial import Question, SeenStep, seen_trial
 from visavis.running.sessions.study_folder import settle, wanted_settings
@@ -101,7 +101,7 @@ def test_every_picture_says_that_nobody_took_part_and_the_verb_how_long_it_takes
     monkeypatch.setattr("visavis.cli.film.film.labelled", keep)
     monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
     for name, is_simulated in (("simulated", True), ("duel", False)):
-        monkeypatch.setattr(KeptRecording, "is_simulated", is_simulated)
+        monkeypatch.setattr(CachedRecording, "is_simulated", is_simulated)
         written.clear()
         done = filmed(session, tmp_path / f"{name}.avi", "--camera", "eyes")
         assert 1 == done.output.count("3 take long"), done.output
@@ -146,12 +146,12 @@ def test_a_film_goes_on_in_the_dark_where_no_camera_finds_a_place(
     done = filmed(session, tmp_path / "a.avi", "--seconds", "20", "--rate", "1")
     assert done.exit_code == 0, done.output  # the question is asked in the dark
     views = json.loads((tmp_path / "a.json").read_text())["views"]
-    start_ns, end_ns = recorded_trial(KeptRecording(session), "T01").span_ns
+    start_ns, end_ns = recorded_trial(CachedRecording(session), "T01").span_ns
     assert 0 < len(views) < (end_ns - start_ns) / 1e9
 
 
 def test_a_question_in_the_dark_is_in_the_film_by_any_camera(session: Path) -> None:
-    recording = KeptRecording(session)
+    recording = CachedRecording(session)
     (told,) = (
         told
         for told in recording.events_named("answered", 1)["payload"]
@@ -184,7 +184,7 @@ def test_a_question_in_the_dark_is_in_the_film_by_any_camera(session: Path) -> N
 
 
 def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None:
-    recording = KeptRecording(session)
+    recording = CachedRecording(session)
     trial = recorded_trial(recording, "T01")
     t_ns = trial.span_ns[0]
     picture = picture_of(next(iter(opened("duel").views_of(trial.shown_at(t_ns)))))
@@ -200,7 +200,7 @@ def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None
 
 
 def test_gaze_is_drawn_as_far_as_the_head_it_met(session: Path) -> None:
-    trial = recorded_trial(KeptRecording(session), "T01")
+    trial = recorded_trial(CachedRecording(session), "T01")
     assert trial.gaze is not None
     start_ns, end_ns = trial.span_ns
     t_ns, hit = trial.gaze["t_sample_ns"], trial.gaze["hit"]

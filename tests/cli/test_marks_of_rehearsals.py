@@ -17,7 +17,7 @@ from visavis.cli.preview.pictures import TITLE_PX, write_below
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import with_devices
 from visavis.lab.config_files import SCREEN_EXAMPLE
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.device_setup import screen_display
 from visavis.running.sessions.drawn_stages import window_title
@@ -77,9 +77,9 @@ def test_a_frame_drawn_again_has_the_line_below_it_unless_people_took_part(
         assert 0 == done.exit_code, done.exception
         with Image.open(path) as picture:
             heights.append(picture.height)
-        monkeypatch.setattr(KeptRecording, "is_simulated", False)
+        monkeypatch.setattr(CachedRecording, "is_simulated", False)
     assert [40 + TITLE_PX, 40] == heights
 
 
 def test_pictures_of_a_page_say_so(session: Path) -> None:
-    assert page_label(KeptRecording(session), "T01").startswith("simulated  ·  duel S01 T01  ")
+    assert page_label(CachedRecording(session), "T01").startswith("simulated  ·  duel S01 T01  ")

@@ -9,10 +9,10 @@ import pytest
 from scipy import special
 from typer.testing import CliRunner
 
-from benchmarks.stare_studies import condition_means
+from tests.experiments.stare.simulated_studies import condition_means
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
 from visavis.analysis.power import (
-    Found,
+    PlannedTestResult,
     PowerRequest,
     PrintedTest,
     Replicate,
@@ -220,7 +220,7 @@ def made_up(hits: dict[int, int], untested: int = 0) -> list[Replicate]:
         Replicate(
             k,
             {
-                n: {"first": Found(None if k >= 100 - untested else k < h, 2.0, 0.5)}
+                n: {"first": PlannedTestResult(None if k >= 100 - untested else k < h, 2.0, 0.5)}
                 for n, h in hits.items()
             },
         )
@@ -242,7 +242,7 @@ def test_the_rule_decides_which_number_is_adequate() -> None:
 
 
 def test_power_of_the_printed_statistic_is_that_of_the_noncentral_t() -> None:
-    printed = power_study("stare").printed[DWELL]
+    printed = power_study("stare").printed_tests[DWELL]
     assert "t(29) = −6.75" == printed.text
     for n, expected in ((12, 0.57), (16, 0.83)):
         assert expected == pytest.approx(printed.power(n, 0.05), abs=0.005)
@@ -253,7 +253,7 @@ def test_power_of_the_printed_statistic_is_that_of_the_noncentral_t() -> None:
 
 
 def test_the_demo_has_people_enough_to_find_what_its_study_is_about() -> None:
-    power = power_study("stare").printed[DWELL].power
+    power = power_study("stare").printed_tests[DWELL].power
     assert 0.8 < power(DEMO_PARTICIPANTS, 0.05)
     assert 0.25 > power(DEMO_PARTICIPANTS // 2, 0.05)
     readme = (Path(__file__).parents[2] / "README.md").read_text("utf-8")
@@ -289,7 +289,7 @@ def test_simulated_power_that_parts_from_the_printed_is_warned_of() -> None:
 
 
 def test_power_of_a_printed_f_with_corrected_df_is_that_of_its_people() -> None:
-    printed = power_study("crowd").printed["speed_m_s:condition"]
+    printed = power_study("crowd").printed_tests["speed_m_s:condition"]
     assert ("F(1.56, 34.2) = 7.14", 23) == (printed.text, printed.n)
     critical = special.fdtri(1.56, 34.2, 0.95)
     expected = 1 - special.ncfdtr(1.56, 34.2, 1.56 * 7.14, critical)
@@ -318,13 +318,13 @@ def test_the_order_in_which_replicates_come_does_not_matter() -> None:
 def test_a_test_that_could_not_be_made_counts_as_not_found_and_is_told() -> None:
     summary = summary_of(made_up({4: 100, 8: 100, 12: 100}, untested=30))
     assert [0.7, 0.7, 0.7] == [p.power for p in summary.tests[0].curve.points]
-    assert (30, 30, 30) == summary.tests[0].untested
+    assert (30, 30, 30) == summary.tests[0].untestable
     assert any("could not be tested" in note for note in summary.notes)
 
 
 def test_too_few_replicates_for_the_rule_are_told() -> None:
     wanted = request(tests=("first",), numbers=(4,), replicates=5)
-    found = [Replicate(k, {4: {"first": Found(True)}}) for k in range(5)]
+    found = [Replicate(k, {4: {"first": PlannedTestResult(True)}}) for k in range(5)]
     summary = summarise(TwoTests(), wanted, found, source="studies", people_are_simulated=True)
     assert summary.smallest_n is None
     assert any("ask for more" in note for note in summary.notes)

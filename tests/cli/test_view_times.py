@@ -4,7 +4,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from visavis.cli.viewer.content import GAP_S, times_of
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 
 HOUR_NS = 3_600_000_000_000
 SECOND_NS = 1_000_000_000
@@ -21,6 +21,6 @@ def test_a_page_begins_with_the_session_however_long_the_computer_has_run() -> N
         ),
         stream_names=(),
     )
-    times = times_of(cast(KeptRecording, recorded))
+    times = times_of(cast(CachedRecording, recorded))
     assert (0.0, 3.0) == (times.s(1, 5 * HOUR_NS), times.s(1, 5 * HOUR_NS + 3 * SECOND_NS))
     assert 20.0 + GAP_S + 1.0 == times.s(2, SECOND_NS)

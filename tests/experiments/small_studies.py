@@ -15,9 +15,6 @@ import pandas as pd
 from typer.testing import CliRunner
 
 from benchmarks.crowd_participants import quick_study as quick_crowd
-from benchmarks.simulated_tracker import tracker_of
-from benchmarks.waving_quick import quick_analysis
-from benchmarks.waving_quick import quick_study as quick_waving
 from tests.experiments.crowd.synthetic_walks import tables, walks
 from tests.experiments.crowd.tables import analysed as analysed_crowd
 from tests.experiments.fingerprint import (
@@ -29,7 +26,10 @@ from tests.experiments.fingerprint import (
 )
 from tests.experiments.former_tables import FORMER, fingerprint_as_pinned
 from tests.experiments.stare.synthetic_rows import analysed
+from tests.experiments.waving.quick_sessions import quick_analysis
+from tests.experiments.waving.quick_sessions import quick_study as quick_waving
 from visavis.cli.main import app
+from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP
 from visavis.experiments.crowd.sections import similarity_rows
 from visavis.experiments.stare.study import experiment_of as stare_experiment

@@ -15,7 +15,7 @@ OUTER = """
 from inner_kernel import inner
 import rows_of_numbers as rows
 from numbers_taken_in import SHIFT
-from visavis.lab.compiled import compiled, tell_of_compiling
+from visavis.lab.compiled import compiled, announce_compiling
 
 
 @compiled
@@ -24,7 +24,7 @@ def outer(x):
 
 
 told = []
-tell_of_compiling(lambda: told.append(None))
+announce_compiling(lambda: told.append(None))
 print(outer(1), sum(outer.stats.cache_hits.values()), len(told))
 """
 

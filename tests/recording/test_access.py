@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from tests.analysis.gaze.test_import import vive_text
 from tests.recording.sessions import record_session
 from visavis.analysis.gaze.bids import write_bids
-from visavis.analysis.gaze.imported import read_gaze, report
+from visavis.analysis.gaze.import_report import read_gaze, report
 from visavis.cli.main import app
 from visavis.devices.wirelog import ReplayLink, TeeLink
 from visavis.lab.clock import SimClock

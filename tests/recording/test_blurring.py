@@ -29,8 +29,8 @@ from visavis.recording.blurring import (
     blurred_targets,
     heights_m,
     kind_of,
-    smoothed,
-    smoothed_turns,
+    smooth,
+    smooth_turns,
     tells_length,
 )
 from visavis.recording.journal import encode_line
@@ -131,14 +131,14 @@ def test_slow_movements_stay_and_quick_ones_go() -> None:
     t_s = np.arange(1800) / RATE_HZ
     for rate_hz in (0.1, 1.0, 3.0):
         wave = np.sin(2 * np.pi * rate_hz * t_s)[:, None]
-        shown = smoothed(wave, np.ones(1800, bool), stamps(1800))
+        shown = smooth(wave, np.ones(1800, bool), stamps(1800))
         expected = np.exp(-2 * (np.pi * rate_hz * SMOOTHING_S) ** 2)
         assert expected == pytest.approx(np.abs(shown[400:-400]).max(), abs=0.01)
 
 
 def test_what_stands_still_is_kept_and_missing_stays_missing() -> None:
     valid = np.arange(300) % 7 != 0
-    shown = smoothed(np.full((300, 2), 1.25), valid, stamps(300))
+    shown = smooth(np.full((300, 2), 1.25), valid, stamps(300))
     assert 1.25 == pytest.approx(shown[valid])
     assert np.isnan(shown[~valid]).all()
 
@@ -147,7 +147,7 @@ def test_the_sign_of_a_quaternion_does_not_count() -> None:
     turns = head_at(np.ones(300))["orientation_wxyz"]
     flipped = turns * np.where(np.arange(300) % 3 == 0, -1.0, 1.0)[:, None]
     ones = np.ones(300, bool)
-    one, other = (smoothed_turns(q, ones, stamps(300)) for q in (turns, flipped))
+    one, other = (smooth_turns(q, ones, stamps(300)) for q in (turns, flipped))
     assert 1.0 == pytest.approx(np.abs((one * other).sum(axis=1)))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from visavis.recording.csv_file import tell_neutralised, write_csv
+from visavis.recording.csv_file import note_escaped_columns, write_csv
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_column_names_are_neutralised_too(tmp_path: Path) -> None:
 def test_the_dictionary_says_where(tmp_path: Path) -> None:
     sidecar = tmp_path / "t.json"
     sidecar.write_text(json.dumps({"comment": {"Description": "free comment"}, "n": {}}))
-    tell_neutralised(sidecar, ("comment",))
+    note_escaped_columns(sidecar, ("comment",))
     told = json.loads(sidecar.read_text())
     assert told["comment"]["Description"].startswith("free comment; text that a spreadsheet")
     assert {} == told["n"]

@@ -273,7 +273,7 @@ def test_bids_says_from_when_and_how_long_every_recording_lasted(tmp_path: Path)
 
 def test_bids_refuses_a_mixture_of_simulated_and_real(tmp_path: Path) -> None:
     both = [gaze_session(tmp_path / "d", is_simulated=s) for s in (True, False)]
-    with pytest.raises(RecordingError, match="analyse them apart"):
+    with pytest.raises(RecordingError, match="analyse them separately"):
         export_bids(both, tmp_path / "b", task="stare", dataset_name="Stare")
 
 

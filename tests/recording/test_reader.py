@@ -314,7 +314,7 @@ def test_simulated_and_real_have_roots_apart_and_never_mix(tmp_path: Path) -> No
         p.relative_to(tmp_path).parts[0] for p in (simulated, real)
     )
     both = [Recording(simulated), Recording(real)]
-    with pytest.raises(RecordingError, match="analyse them apart"):
+    with pytest.raises(RecordingError, match="analyse them separately"):
         require_one_kind(both)
     require_one_kind(both, allow_mixture=True)
     shutil.copy(simulated / "part-01" / "probe.arrows", real / "part-01" / "strange.arrows")

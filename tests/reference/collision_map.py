@@ -26,7 +26,7 @@ from visavis.analysis.collisions import (
     common_volume,
     find_collisions,
     inside_out,
-    posed,
+    mesh_in_pose,
     sphere,
     union,
 )
@@ -198,7 +198,7 @@ def check_series(where: str, case: Mapping[str, Any]) -> Outcome:
     for j, (character, other) in enumerate(zip(case["characters"], others, strict=True)):
         apart = np.linalg.norm(np.asarray(mover["start"]) + places - character["c"], axis=1)
         for i in np.flatnonzero(apart < mover["r"] + character["r"] + 0.01):
-            moved = posed(participant, participant.vertices_m + places[i])
+            moved = mesh_in_pose(participant, participant.vertices_m + places[i])
             volumes[i, j] = common_volume(moved, other, settings=SERIES).volume_m3
     t_ns = np.rint(steps * case["dt"] * 1e9).astype(np.int64)
     found = find_collisions(

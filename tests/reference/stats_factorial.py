@@ -125,7 +125,7 @@ def _refuses(case: Case, entry: Entry) -> dict[str, Any]:
 
 def contrast_rows(table: statistics.Contrasts) -> dict[Any, Mapping[str, Any]]:
     """Return contrasts by level pair with every adjustment, in either direction."""
-    adjusted = {name: table.adjusted(name) for name in ("tukey", "holm", "bonferroni")}
+    adjusted = {name: table.with_adjustment(name) for name in ("tukey", "holm", "bonferroni")}
     rows = {}
     for i, c in enumerate(table.contrasts):
         rows[c.pairs[0]] = {
@@ -175,7 +175,7 @@ def _double_differences(error: str) -> Callable[[Case, Entry], dict[str, Any]]:
             art(case, entry), entry["term"].split(":"), error=error, adjust="none"
         )
         wanted = entry["term"].split(":")
-        holm, bonferroni = table.adjusted("holm"), table.adjusted("bonferroni")
+        holm, bonferroni = table.with_adjustment("holm"), table.with_adjustment("bonferroni")
         rows: dict[Any, Mapping[str, Any]] = {}
         for i, c in enumerate(table.contrasts):
             row = {

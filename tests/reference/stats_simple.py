@@ -396,7 +396,7 @@ def _ward(case: Case, entry: Entry) -> dict[str, Any]:
     return {
         "max_abs_mean": selection.max_abs_mean.tolist(),
         "mean_sd": selection.mean_spread.tolist(),
-        "kept_index": selection.kept.tolist(),
+        "kept_index": selection.indices.tolist(),
         "delta_E": tree.increases.tolist(),
         "ward_D2_height": tree.heights.tolist(),
         "cluster": tree.labels.tolist(),

@@ -18,7 +18,7 @@ from tests.reference.interpolation_map import Case, Check, Checks, Entries, unkn
 from visavis.stimuli.motion.interpolation import KeyTimes, Squad
 from visavis.stimuli.motion.rotations import quat_about
 from visavis.stimuli.motion.spring import Spring
-from visavis.stimuli.motion.synthesis.gap_filling import Hold, best_segment, filled
+from visavis.stimuli.motion.synthesis.gap_filling import Hold, best_segment, fill_gap
 from visavis.stimuli.motion.synthesis.hybrid import Controls, pose_counts
 from visavis.stimuli.motion.synthesis.phrase_posture import CLASSES, Habits, Phrase, strongest
 from visavis.stimuli.motion.synthesis.pose_distance import pose_distance
@@ -138,7 +138,7 @@ def check_gapfill(where: str, case: Case) -> Iterator[Check]:
             "best_start": best.start,
             "distance": best.distance,
             "second_best_gap": best.runner_up,
-            "fill": filled(source, before, after, gap, best.start),
+            "fill": fill_gap(source, before, after, gap, best.start),
         }
     else:
         hold = Hold(case["p_end"], case["v_end"], case["p_next"], case["gap_s"])

@@ -36,7 +36,7 @@ def context() -> Iterator[moderngl.Context]:
 
 def _draw(context: moderngl.Context, timer: CardTimer, index: int) -> None:
     target = context.simple_framebuffer((64, 64))
-    with timer.timed(FrameInfo(index, index, 10 * index)):
+    with timer.time_frame(FrameInfo(index, index, 10 * index)):
         target.use()
         target.clear(0.5)
 
@@ -67,7 +67,7 @@ def test_every_frame_s_time_is_told_once_the_card_has_done_it(context: moderngl.
     for index in range(3 * MAX_OPEN):
         _draw(context, timer, index)
         context.finish()
-        told += timer.told()
+        told += timer.results()
     timer.release()
     assert list(range(3 * MAX_OPEN)) == [frame.index for frame, _ in told]
     assert min(gpu_ms for _, gpu_ms in told) > 0.0
@@ -82,7 +82,7 @@ def test_a_driver_without_timers_tells_nothing(
     for index in range(2 * MAX_OPEN):
         _draw(context, timer, index)
         context.finish()
-        assert timer.told() == []
+        assert timer.results() == []
     timer.release()
     assert context.error == "GL_NO_ERROR"
 
@@ -94,7 +94,7 @@ def test_a_card_that_is_behind_is_not_waited_for_and_its_times_are_missing(
     timer = CardTimer(context)
     for index in range(3 * MAX_OPEN):
         _draw(context, timer, index)
-        assert timer.told() == []
+        assert timer.results() == []
     timer.release()
     assert not driver.waited
     assert context.error == "GL_NO_ERROR"
@@ -106,7 +106,7 @@ def test_no_time_at_all_is_missing_and_never_zero(
     _Driver(monkeypatch, available=1, elapsed_ns=0)
     timer = CardTimer(context)
     _draw(context, timer, 0)
-    assert timer.told() == []
+    assert timer.results() == []
     timer.release()
 
 

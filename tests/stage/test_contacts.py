@@ -257,7 +257,7 @@ def test_floors_at_furniture_are_as_dark_as_the_sky_it_hides(renderer: Renderer,
 
 def test_shade_grows_up_to_the_foot_of_what_is_round(renderer: Renderer) -> None:
     near_m, radius, foot = 4.3, 0.15, 0.142  # round feet are narrower than their blocks
-    things = furniture.placed(
+    things = furniture.place_prop(
         "column",
         cylinder((0, 0, 0), (0, 0.3, 0), foot, (160, 160, 160), sides=64),
         (0, 0, -near_m - radius),

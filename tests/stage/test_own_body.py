@@ -62,7 +62,7 @@ def head_of(scale: float) -> Pose:
 
 
 def shape_of(body: OwnBody, scale: float = 1.0) -> tuple[Vector, Vector]:
-    picture = body.worn(figures.picture(2), head_of(scale))
+    picture = body.add_to(figures.picture(2), head_of(scale))
     mine = picture.cast[-1]
     placed = forward(
         mine.skeleton, picture.people.root_m[-1:], picture.people.orientation_wxyz[-1:]
@@ -110,11 +110,11 @@ def test_nobody_is_added_before_the_hips_are_tracked_or_in_the_dark() -> None:
     body = OwnBody(character(), SEGMENTS)
     picture = figures.picture(2)
     body.take(sample(lost=("hips",)))
-    assert body.worn(picture, head_of(1.0)) is picture
+    assert body.add_to(picture, head_of(1.0)) is picture
     body.take(sample())
     dark = replace(picture, brightness_01=0.0)
-    assert body.worn(dark, head_of(1.0)) is dark
-    assert len(body.worn(picture, head_of(1.0)).cast) == 3
+    assert body.add_to(dark, head_of(1.0)) is dark
+    assert len(body.add_to(picture, head_of(1.0)).cast) == 3
 
 
 def test_lost_segment_keeps_to_its_parent() -> None:
@@ -150,7 +150,7 @@ def test_arms_and_legs_are_as_long_as_their_participants(arms: float, legs: floa
     placed = forward(long, np.array([[0.0, 0.95, 0.0]]) + WALK_TO, local)
     batch.values["position_m"][0] = placed.position_m[0, index]
     body.take(batch)
-    mine = body.worn(figures.picture(2), head_of(1.0)).cast[-1].skeleton
+    mine = body.add_to(figures.picture(2), head_of(1.0)).cast[-1].skeleton
     measured = {name: long.offsets_m[long.index_of[name]] for name in long.names}
     for bone in ("left_lower_arm", "left_hand", "right_hand", "left_foot"):
         length = np.linalg.norm(mine.offsets_m[mine.index_of[bone]])

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from tests.stage import figures
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
-from visavis.stage import processor_crowd
 from visavis.stage.card.targets import EyeTarget
 from visavis.stage.card.vertices import room_vertices
 from visavis.stage.errors import StageError
 from visavis.stage.identity import FAITHFUL, IdentityBuffer, IdentityImages
+from visavis.stage.processor import crowd as processor_crowd
 from visavis.stage.processor.baked_room import baked_room
 from visavis.stage.processor.layout import FreeRows
 from visavis.stage.processor.vertex_light import (
@@ -145,7 +145,7 @@ def test_people_who_leave_and_come_back_are_drawn_at_their_new_level(renderer: R
 def test_room_is_drawn_when_everybody_is_out_of_view(renderer: Renderer) -> None:
     picture, behind = _pictured(), figures.camera(yaw_deg=180)
     image = renderer.image(picture, behind, (160, 120))
-    assert renderer.drawn.level.tolist() == [-1, -1, -1]
+    assert renderer.last_choice.level.tolist() == [-1, -1, -1]
     assert np.array_equal(image, renderer.image(figures.picture(0), behind, (160, 120)))
     assert renderer.image(picture, figures.camera(), (160, 120)).std() > image.std()
 
@@ -229,8 +229,8 @@ def test_rows_kept_for_people_are_bounded_by_the_most_they_needed(renderer: Rend
         used = int(crowd._sizes(np.arange(12)).sum())
         most = max(most, used)
         free = sum(end - start for start, end in room.free.stretches)
-        assert len(room.posed) == used + free
-        assert len(room.posed) <= (1 + processor_crowd.SPARE_01) * most
+        assert len(room.positions) == used + free
+        assert len(room.positions) <= (1 + processor_crowd.SPARE_01) * most
 
 
 def test_triangles_have_room_as_people_come_nearer_one_by_one(

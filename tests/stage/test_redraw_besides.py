@@ -14,8 +14,8 @@ from visavis.cli.redraw import redraw
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
 from visavis.lab.errors import UsageError
+from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
-from visavis.recording.kept import KeptRecording
 from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
@@ -77,7 +77,7 @@ def test_boards_and_own_body_are_drawn_again(
         index=0,
         seed=3,
     )
-    recording = KeptRecording(perform_new(request))
+    recording = CachedRecording(perform_new(request))
     (stage,) = made
     drawn = recording.stream_arrays("drawn")
     stage.close()

@@ -9,7 +9,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import angle_deg, unit, yaw_pitch_deg_of
 from visavis.stimuli.characters.body_parts import PARTS
 from visavis.stimuli.characters.cast import load_character
-from visavis.stimuli.characters.sizing import sized
+from visavis.stimuli.characters.sizing import scale_to_stature
 from visavis.stimuli.characters.skinning import skin_vertices
 from visavis.stimuli.dressing.audience import audience_picture
 from visavis.stimuli.motion.errors import MotionError
@@ -213,7 +213,7 @@ def test_unknown_place_names_the_known_ones() -> None:
 
 
 def test_who_cannot_sit_under_the_eyes_of_the_audience_is_named() -> None:
-    giant = replace(sized(load_character("anna"), 2.4), name="giant_F")
+    giant = replace(scale_to_stature(load_character("anna"), 2.4), name="giant_F")
     scene = audience_scene(CHARACTERS)
     facing = np.array([a.facing for a in scene.agents])
     frame = SceneFrame(scene, 0, facing, np.ones(len(scene.agents)))
@@ -223,7 +223,7 @@ def test_who_cannot_sit_under_the_eyes_of_the_audience_is_named() -> None:
 
 def test_a_tall_man_sits_on_a_low_chair_at_every_place_of_the_audience() -> None:
     # As far from seat to eyes as the tallest man of VALID, .90 m.
-    tall = sized(load_character("ike"), 2.02)
+    tall = scale_to_stature(load_character("ike"), 2.02)
     scene = audience_scene(CHARACTERS)
     facing = np.array([a.facing for a in scene.agents])
     frame = SceneFrame(scene, 0, facing, np.ones(len(scene.agents)))

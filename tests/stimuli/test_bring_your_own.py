@@ -8,7 +8,7 @@ import pytest
 
 from tests.stimuli.glb_figure import write_glb
 from visavis.stage.errors import StageError
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.build import build_of_skeleton
 from visavis.stimuli.motion.bvh import write_bvh
 from visavis.stimuli.motion.bvh_clip import bvh_of_clip
@@ -23,7 +23,7 @@ def test_examples_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(tmp_path)
     write_glb(tmp_path / "visitor_F.glb")
     waver = Person(build_of_skeleton(canonical_skeleton(1.7)), Wave("right"), 1)
-    write_bvh(tmp_path / "greeting.bvh", bvh_of_clip(baked(waver, 3.0)))
+    write_bvh(tmp_path / "greeting.bvh", bvh_of_clip(bake(waver, 3.0)))
     examples = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert len(examples) == 6
     names: dict[str, object] = {"__name__": "example"}

@@ -10,7 +10,7 @@ from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.characters.closing import closed_surface, collision_mesh, is_closed, volume_m3
 from visavis.stimuli.characters.coverage import seen_areas_m2, visible_area_m2
 from visavis.stimuli.characters.errors import CharacterError
-from visavis.stimuli.characters.sizing import sized
+from visavis.stimuli.characters.sizing import scale_to_stature
 from visavis.stimuli.characters.skinning import shaped_m, skin, skin_vertices
 from visavis.stimuli.characters.storage import read_character, write_character
 from visavis.stimuli.motion.clip import floor_of_rest_m
@@ -210,7 +210,7 @@ def test_wrong_number_of_shapes_or_joints_is_refused() -> None:
 
 def test_sized_person_grows_in_all_measures() -> None:
     person = load_character("dai")
-    tall = sized(person, 1.5 * person.stature_m)
+    tall = scale_to_stature(person, 1.5 * person.stature_m)
     np.testing.assert_allclose(
         tall.levels[2].vertices_m, np.float32(1.5) * person.levels[2].vertices_m, rtol=1e-6
     )
@@ -218,7 +218,7 @@ def test_sized_person_grows_in_all_measures() -> None:
     assert tall.capsules[0].radius_m == 1.5 * person.capsules[0].radius_m
     assert tall.eyeball.radius_m == 1.5 * person.eyeball.radius_m
     with pytest.raises(CharacterError, match="metres between"):
-        sized(person, 17.0)
+        scale_to_stature(person, 17.0)
 
 
 def test_written_character_reads_back_the_same(tmp_path) -> None:

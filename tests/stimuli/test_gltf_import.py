@@ -232,7 +232,7 @@ def test_only_copies_for_measuring_are_bent_to_a_measure(
     def bent(thin: SkinnedMesh, full: SkinnedMesh) -> SkinnedMesh:
         return replace(thin, vertices_m=thin.vertices_m + np.float32(0.014))
 
-    monkeypatch.setattr("visavis.stimuli.characters.gltf.importing.matched", bent)
+    monkeypatch.setattr("visavis.stimuli.characters.gltf.importing.match_areas", bent)
     person = import_gltf(glb)
     for level, as_before in zip(person.levels, expected.levels, strict=True):
         np.testing.assert_array_equal(level.vertices_m, as_before.vertices_m)

@@ -8,7 +8,15 @@ from visavis.lab.geometry import rotate
 from visavis.stimuli.rooms import surfaces
 from visavis.stimuli.rooms.audience_room import Chair, audience_room, step_height_m
 from visavis.stimuli.rooms.office import office
-from visavis.stimuli.rooms.solids import box, cylinder, flat, joined, moved, turned, volume_m3
+from visavis.stimuli.rooms.solids import (
+    box,
+    cylinder,
+    flat,
+    join_meshes,
+    lathe,
+    move_mesh,
+    volume_m3,
+)
 from visavis.stimuli.rooms.station import board_face, board_pose, station
 from visavis.stimuli.scenes import audience, station_crowd
 from visavis.stimuli.scenes import office as office_places
@@ -23,7 +31,7 @@ ROOMS = (audience_room, station, office)
     by=st.tuples(*[st.floats(-3, 3)] * 3),
 )
 def test_volume_of_a_box_survives_turning_and_shifting(size, yaw_deg, by):
-    mesh = moved(box((0, 0, 0), size, GREY), by, yaw_deg=yaw_deg)
+    mesh = move_mesh(box((0, 0, 0), size, GREY), by, yaw_deg=yaw_deg)
     assert np.prod(size) == pytest.approx(volume_m3(mesh), rel=2e-3, abs=1e-5)
 
 
@@ -47,7 +55,7 @@ def test_solids_close_and_look_outward():
         rel=1e-3,
     )
     profile = [(1e-6, 0), (0.5, 0), (0.5, 1), (1e-6, 1)]
-    assert np.pi / 4 == pytest.approx(volume_m3(turned(profile, GREY, sides=256)), rel=1e-3)
+    assert np.pi / 4 == pytest.approx(volume_m3(lathe(profile, GREY, sides=256)), rel=1e-3)
 
 
 def test_front_of_a_flat_piece_is_u_cross_v():
@@ -55,7 +63,7 @@ def test_front_of_a_flat_piece_is_u_cross_v():
 
 
 def test_joined_meshes_keep_their_volumes():
-    both = joined(box((0, 0, 0), (1, 1, 1), GREY), box((5, 0, 0), (1, 2, 1), GREY))
+    both = join_meshes(box((0, 0, 0), (1, 1, 1), GREY), box((5, 0, 0), (1, 2, 1), GREY))
     assert volume_m3(both) == pytest.approx(3.0, rel=1e-6)
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.simulated_tracker import tracker_of
 from tests.faults.sessions import CONFIG, TIMING, lab
 from visavis.cli.preview.pictures import Viewpoint, camera_of
+from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.geometry import Pose
 from visavis.protocol.session.operator import SessionStatus, UnattendedOperator

@@ -17,7 +17,7 @@ from visavis.lab.config import LabConfig, load_config
 from visavis.lab.errors import DataError, SessionAborted, UsageError
 from visavis.protocol.session.operator import Action, Command, UnattendedOperator
 from visavis.protocol.session.states import SessionState
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.recording.reader import Recording
 from visavis.recording.stream_file import Columns
 from visavis.results.opened_study import find_study
@@ -35,7 +35,7 @@ SHORT: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-class Tampered(KeptRecording):
+class Tampered(CachedRecording):
     """A recording in which one number was changed."""
 
     def __init__(self, path: Path, stream: str, column: str, row: int, *, part: int = 1) -> None:
@@ -281,7 +281,7 @@ def test_real_time_without_gaze_says_what_repeats(duel: Recording, tmp_path: Pat
 
 
 def test_never_more_rows_differ_than_there_are(duel: Recording) -> None:
-    class Longer(KeptRecording):
+    class Longer(CachedRecording):
         def stream_arrays(self, name: str, **limits: Any) -> Columns:
             arrays = super().stream_arrays(name, **limits)
             if name != "head":

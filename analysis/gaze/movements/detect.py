@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.gaze.event_kernels import fill_gaps, merge_runs, runs_where, speeds_deg_s
-from visavis.analysis.gaze.events import half_window, limit_ns, prepared
+from visavis.analysis.gaze.events import checked_samples, half_window, limit_ns
 from visavis.analysis.gaze.movements.engbert_kliegl import noise_deg_s, outside_ellipse
 from visavis.analysis.gaze.movements.finish_kernels import (
     describe_events,
@@ -95,7 +95,7 @@ AUTO: Final = MovementParameters()
 
 @dataclass(frozen=True, slots=True)
 class _Signal:
-    """A recording made ready: losses filled, velocity and its noise measured."""
+    """A recording prepared for detection: losses filled, velocity and its noise measured."""
 
     t_ns: Times
     v: Vector
@@ -129,7 +129,7 @@ def _signal(
     in_head: npt.NDArray[np.floating] | None,
     params: MovementParameters,
 ) -> _Signal:
-    t, v, step_ns = prepared(t_ns, in_world, params.nominal_rate_hz)
+    t, v, step_ns = checked_samples(t_ns, in_world, params.nominal_rate_hz)
     stretch = fill_gaps(t, v, limit_ns(params.fill_ms), step_ns)
     half, window_ms = 1, params.windows_ms[0]
     velocity = np.full((len(t), 2), np.nan)
@@ -156,7 +156,7 @@ def _velocity_of(
     step_ns: int,
     params: MovementParameters,
 ) -> Vector:
-    _, v, _ = prepared(t_ns, direction, params.nominal_rate_hz)
+    _, v, _ = checked_samples(t_ns, direction, params.nominal_rate_hz)
     stretch = fill_gaps(t_ns, v, limit_ns(params.fill_ms), step_ns)
     return velocities_deg_s(t_ns, v, stretch, half)
 
@@ -169,12 +169,12 @@ and with noise added (`python -m benchmarks.gaze_detectors.choice`)."""
 
 def chosen_detector(rate_hz: float, noise_deg_s: float) -> tuple[Detector, str]:
     """Return which detector suits a rate and a spread of velocity, and a sentence why."""
-    measured = f"{rate_hz:.0f} Hz, velocity noise {noise_deg_s:.1f}°/s"
+    signal = f"{rate_hz:.0f} Hz, velocity noise {noise_deg_s:.1f}°/s"
     if rate_hz < I2MC_BELOW_HZ:
-        return "i2mc", f"{measured}: below {I2MC_BELOW_HZ:.0f} Hz a saccade is too few samples"
+        return "i2mc", f"{signal}: below {I2MC_BELOW_HZ:.0f} Hz a saccade is too few samples"
     if noise_deg_s > I2MC_ABOVE_DEG_S:
-        return "i2mc", f"{measured}: above {I2MC_ABOVE_DEG_S:.0f}°/s noise hides saccades"
-    return "engbert_kliegl", f"{measured}: saccades stand out of the noise"
+        return "i2mc", f"{signal}: above {I2MC_ABOVE_DEG_S:.0f}°/s noise hides saccades"
+    return "engbert_kliegl", f"{signal}: saccades stand out of the noise"
 
 
 def detect_movements(
@@ -188,9 +188,9 @@ def detect_movements(
     """Find eye movements in gaze (n, 3) with stamps (n,) strictly increasing.
 
     `in_world` for a free head, any frame for a still one; NaN or zero rows are lost. `in_head`
-    (n, 3) is the eye in the head at the same rows, `head_deg_s` (n,) the head's speed; both are
-    optional and only asked for together with a moving head. Raises DataError for stamps that go
-    back, UsageError for repeated ones, shapes that do not fit, or an unknown detector.
+    (n, 3) is the eye in the head at the same rows, `head_deg_s` (n,) the head's speed; give both
+    when the head moves. Raises DataError for stamps that go back, UsageError for repeated ones,
+    shapes that do not fit, or an unknown detector.
     """
     signal = _signal(t_ns, in_world, in_head, params)
     n = len(signal.t_ns)
@@ -206,7 +206,7 @@ def detect_movements(
         )
     movement, runs = _rough(signal, name, params)
     _finish(signal, movement, runs, params)
-    return _described(signal, movement, in_head, head_deg_s, name, why, params)
+    return _movements_of(signal, movement, in_head, head_deg_s, name, why, params)
 
 
 def runs_between_saccades(
@@ -256,10 +256,10 @@ def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kind
     elif name == "i2mc":
         rest = ~_clustered_jumps(s, params) & (s.stretch >= 0)
         merge_deg, merge_ms = max(merge_deg, params.cluster_merge_deg), params.cluster_merge_ms
-        runs = _joined(s, rest, merge_ms, merge_deg, params)
+        runs = _merged_runs(s, rest, merge_ms, merge_deg, params)
         runs = runs[: trim_borders(s.v, runs, params.cluster_border_spreads)]
-        lasted = s.t_ns[runs[:, 1]] - s.t_ns[runs[:, 0]] + s.step_ns
-        runs = np.ascontiguousarray(runs[lasted >= limit_ns(params.min_fixation_ms, -1)])
+        duration_ns = s.t_ns[runs[:, 1]] - s.t_ns[runs[:, 0]] + s.step_ns
+        runs = np.ascontiguousarray(runs[duration_ns >= limit_ns(params.min_fixation_ms, -1)])
         mark_between(s.t_ns, s.stretch, runs, limit_ns(params.max_saccade_ms), s.step_ns, movement)
         mark_blinks(s.t_ns, s.stretch, movement, limit_ns(params.max_blink_ms), s.step_ns)
         return movement, runs
@@ -269,7 +269,7 @@ def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kind
         )
     mark_blinks(s.t_ns, s.stretch, movement, limit_ns(params.max_blink_ms), s.step_ns)
     rest = (movement == Movement.UNKNOWN) & (s.stretch >= 0)
-    return movement, _joined(s, rest, merge_ms, merge_deg, params)
+    return movement, _merged_runs(s, rest, merge_ms, merge_deg, params)
 
 
 def _clustered_jumps(s: _Signal, params: MovementParameters) -> npt.NDArray[np.bool_]:
@@ -283,15 +283,17 @@ def _clustered_jumps(s: _Signal, params: MovementParameters) -> npt.NDArray[np.b
         np.array([1, 2, 5, 10], np.int64),
         params.cluster_max_changes,
     )
-    known = weights[np.isfinite(weights)]
-    if not known.size:
+    finite_weights = weights[np.isfinite(weights)]
+    if not finite_weights.size:
         return np.zeros(len(weights), np.bool_)
     with np.errstate(invalid="ignore"):
-        jumps: npt.NDArray[np.bool_] = weights > known.mean() + params.cluster_spreads * known.std()
+        jumps: npt.NDArray[np.bool_] = (
+            weights > finite_weights.mean() + params.cluster_spreads * finite_weights.std()
+        )
     return jumps
 
 
-def _joined(
+def _merged_runs(
     s: _Signal,
     rest: npt.NDArray[np.bool_],
     merge_ms: float,
@@ -329,7 +331,7 @@ def _finish(s: _Signal, movement: Kinds, runs: Rows, params: MovementParameters)
     )
 
 
-def _described(
+def _movements_of(
     s: _Signal,
     movement: Kinds,
     in_head: npt.NDArray[np.floating] | None,
@@ -340,16 +342,16 @@ def _described(
 ) -> Movements:
     edges = np.flatnonzero(np.diff(movement, prepend=np.int8(-1), append=np.int8(-1)))
     first, last = edges[:-1], edges[1:] - 1
-    known = movement[first] != Movement.UNKNOWN if len(first) else np.zeros(0, np.bool_)
-    first, last = first[known], last[known]
+    is_named = movement[first] != Movement.UNKNOWN if len(first) else np.zeros(0, np.bool_)
+    first, last = first[is_named], last[is_named]
     speed = np.linalg.norm(s.velocity, axis=1)
     direction, peak = describe_events(s.v, speed, first, last)
     duration = np.minimum(
         s.t_ns[last] - s.t_ns[first] + s.step_ns,
         np.append(s.t_ns[1:], np.iinfo(np.int64).max)[last] - s.t_ns[first],
     )
-    unknown = np.full(len(first), np.nan)
-    eye = unknown
+    all_missing = np.full(len(first), np.nan)
+    eye = all_missing
     if in_head is not None:
         of_eye = np.linalg.norm(_velocity_of(s.t_ns, in_head, s.half, s.step_ns, params), axis=1)
         eye = _means(of_eye, first, last)
@@ -361,9 +363,9 @@ def _described(
         onset_ns=s.t_ns[first],
         duration_ns=duration,
         direction=direction,
-        amplitude_deg=np.asarray(angle_deg(s.v[first], s.v[last])) if len(first) else unknown,
+        amplitude_deg=np.asarray(angle_deg(s.v[first], s.v[last])) if len(first) else all_missing,
         peak_deg_s=peak,
-        head_deg_s=unknown if head_deg_s is None else _means(head_deg_s, first, last),
+        head_deg_s=all_missing if head_deg_s is None else _means(head_deg_s, first, last),
         eye_deg_s=eye,
         detector=name,
         why=why,
@@ -374,9 +376,9 @@ def _described(
 
 def _means(values: npt.NDArray[np.floating], first: Rows, last: Rows) -> Vector:
     """Return the mean of the known values of every event; NaN where none is."""
-    known = np.isfinite(values)
-    sums = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
-    counts = np.concatenate([[0], np.cumsum(known)])
+    is_known = np.isfinite(values)
+    sums = np.concatenate([[0.0], np.cumsum(np.where(is_known, values, 0.0))])
+    counts = np.concatenate([[0], np.cumsum(is_known)])
     many = counts[last + 1] - counts[first]
     with np.errstate(invalid="ignore", divide="ignore"):
         means: Vector = np.where(many > 0, (sums[last + 1] - sums[first]) / many, np.nan)

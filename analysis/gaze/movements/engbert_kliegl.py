@@ -11,11 +11,11 @@ def noise_deg_s(velocity: Vector) -> tuple[float, float]:
 
     √(median(v²) − median(v)²), Engbert & Kliegl (2003), equation 3; NaN when nothing is known.
     """
-    known = velocity[np.isfinite(velocity[:, 0])]
-    if not len(known):
+    finite = velocity[np.isfinite(velocity[:, 0])]
+    if not len(finite):
         return np.nan, np.nan
-    middle = np.median(known, axis=0)
-    spread = np.sqrt(np.maximum(np.median(known**2, axis=0) - middle**2, 0.0))
+    middle = np.median(finite, axis=0)
+    spread = np.sqrt(np.maximum(np.median(finite**2, axis=0) - middle**2, 0.0))
     return float(spread[0]), float(spread[1])
 
 

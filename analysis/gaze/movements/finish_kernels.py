@@ -32,7 +32,7 @@ def mark_fast_runs(
     when it goes the other way, for `oscillation_ns` after the saccade.
     """
     n = t_ns.shape[0]
-    ended = -1  # last row of the saccade before
+    saccade_end = -1  # last row of the saccade before
     of_peak = np.zeros(2)
     i = 0
     while i < n:
@@ -46,26 +46,27 @@ def mark_fast_runs(
             last += 1
             if _square(velocity, last) > _square(velocity, peak):
                 peak = last
+        # The saccade ends where velocity turns against its peak; what follows is looked at anew.
         end = peak
         while end < last and _dot(velocity, end + 1, velocity[peak]) > 0.0:
             end += 1
         i = end + 1
         if (
-            ended >= 0
-            and stretch[ended] == stretch[first]
-            and t_ns[first] - t_ns[ended] <= oscillation_ns // 2 + step_ns
+            saccade_end >= 0
+            and stretch[saccade_end] == stretch[first]
+            and t_ns[first] - t_ns[saccade_end] <= oscillation_ns // 2 + step_ns
             and _dot(velocity, peak, of_peak) < 0.0
             and _square(velocity, peak) < of_peak[0] ** 2 + of_peak[1] ** 2
         ):
-            for j in range(ended + 1, end + 1):
-                if t_ns[j] - t_ns[ended] <= oscillation_ns:
+            for j in range(saccade_end + 1, end + 1):
+                if t_ns[j] - t_ns[saccade_end] <= oscillation_ns:
                     out[j] = OSCILLATION
             continue
         if t_ns[end] - t_ns[first] + step_ns < minimum_ns:
             continue
         for j in range(first, end + 1):
             out[j] = SACCADE
-        ended = end
+        saccade_end = end
         of_peak[0] = velocity[peak, 0]
         of_peak[1] = velocity[peak, 1]
 
@@ -141,15 +142,16 @@ def drop_short(
     for r in range(runs.shape[0]):
         i = runs[r, 0]
         while i <= runs[r, 1]:
+            # A part of the run in which pursuit does not change.
             last = i
             while last < runs[r, 1] and pursues[last + 1] == pursues[i]:
                 last += 1
-            lasted = t_ns[last] - t_ns[i] + step_ns
+            duration_ns = t_ns[last] - t_ns[i] + step_ns
             kind = UNKNOWN
             if pursues[i]:
-                if lasted >= pursuit_ns:
+                if duration_ns >= pursuit_ns:
                     kind = PURSUIT
-            elif lasted >= fixation_ns:
+            elif duration_ns >= fixation_ns:
                 kind = FIXATION
             for j in range(i, last + 1):
                 out[j] = kind
@@ -171,6 +173,7 @@ def describe_events(v: Vector, speed: Vector, first: Rows, last: Rows) -> tuple[
                 x += v[i, 0]
                 y += v[i, 1]
                 z += v[i, 2]
+            # written so that the first speed replaces NaN
             if np.isfinite(speed[i]) and not speed[i] <= peak[e]:
                 peak[e] = speed[i]
         length = np.sqrt(x * x + y * y + z * z)

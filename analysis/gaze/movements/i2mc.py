@@ -2,7 +2,7 @@
 
 Own implementation of Hessels, Niehorster, Kemner & Hooge (2017), Behavior Research Methods 49:
 a moving window is split into two clusters again and again; rows where the split often falls
-weigh much, because gaze moved there.
+get a high weight, because gaze moved there.
 """
 
 import numpy as np
@@ -22,6 +22,7 @@ def _flatten(v: Vector, first: int, last: int, x: Vector, y: Vector) -> None:
     ax = v[first, 0]
     ay = v[first, 1]
     az = v[first, 2]
+    # Two axes across the first row, from whichever world axis is not along it.
     if abs(ay) < 0.9:
         ux = -az
         uy = 0.0
@@ -57,6 +58,7 @@ def _split(x: Vector, y: Vector, width: int, every: int, cluster: npt.NDArray[np
         count += 1
     from_x = mean_x / count
     from_y = mean_y / count
+    # Start from two far points, so that the result does not depend on chance.
     one = 0
     two = 0
     for turn in range(2):
@@ -71,9 +73,10 @@ def _split(x: Vector, y: Vector, width: int, every: int, cluster: npt.NDArray[np
         from_x = x[two]
         from_y = y[two]
     one_x, one_y, two_x, two_y = x[one], y[one], x[two], y[two]
+    # Lloyd's rounds: assign to the nearer centre, move the centres, until nothing changes.
     changes = 0
     for turn in range(MAX_ROUNDS):
-        changed = turn == 0
+        any_change = turn == 0
         sum_x = 0.0
         sum_y = 0.0
         second = 0
@@ -83,7 +86,7 @@ def _split(x: Vector, y: Vector, width: int, every: int, cluster: npt.NDArray[np
             is_two = (x[j] - two_x) ** 2 + (y[j] - two_y) ** 2 < (x[j] - one_x) ** 2 + (
                 y[j] - one_y
             ) ** 2
-            changed |= is_two != cluster[j]
+            any_change |= is_two != cluster[j]
             cluster[j] = is_two
             if j > 0 and is_two != before:
                 changes += 1
@@ -92,7 +95,7 @@ def _split(x: Vector, y: Vector, width: int, every: int, cluster: npt.NDArray[np
                 sum_x += x[j]
                 sum_y += y[j]
                 second += 1
-        if not changed or second == 0 or second == count:
+        if not any_change or second == 0 or second == count:
             break
         two_x = sum_x / second
         two_y = sum_y / second
@@ -123,12 +126,13 @@ def clustering_weights(
     x = np.empty(n)
     y = np.empty(n)
     cluster = np.zeros(n, np.bool_)
-    added = np.zeros(n)
+    window_weight = np.zeros(n)
     first = 0
     while first < n:
         if stretch[first] < 0:
             first += 1
             continue
+        # One window: rows of a stretch within `window_ns` of the first.
         last = first
         while (
             last < n - 1
@@ -141,7 +145,7 @@ def clustering_weights(
         if width >= 4:
             good = True
             for j in range(width):
-                added[j] = 0.0
+                window_weight[j] = 0.0
             _flatten(v, first, last, x, y)
             for thinning in thinnings:
                 if width < 3 * thinning + 1:
@@ -150,14 +154,16 @@ def clustering_weights(
                 if changes > max_changes:
                     good = False
                     break
+                # A change weighs 1 / (number of changes), shared by the rows it lies between.
                 for j in range(thinning, width, thinning):
                     if changes > 0 and cluster[j] != cluster[j - thinning]:
                         for i in range(j - thinning + 1, j + 1):
-                            added[i] += 1.0 / changes / thinning
+                            window_weight[i] += 1.0 / changes / thinning
             for j in range(width):
                 if good:
-                    total[first + j] += added[j]
+                    total[first + j] += window_weight[j]
                 times[first + j] += 1.0
+        # Move on by `advance_ns`; a window cut by the stretch's end is its last one.
         if is_full:
             begin = t_ns[first]
             i = first
@@ -173,12 +179,12 @@ def clustering_weights(
 
 @compiled
 def trim_borders(v: Vector, runs: Rows, spreads: float) -> int:
-    """Take rows off both ends of runs (k, 2), in place; return how many runs are left.
+    """Trim both ends of runs (k, 2) in place; return how many runs are left.
 
-    Off go rows further from the run's mean than the median distance plus `spreads` times the
-    median deviation from it.
+    A row at an end is removed when it lies further from the run's mean than the median distance
+    plus `spreads` times the median deviation from it.
     """
-    kept = 0
+    n_runs = 0
     for r in range(runs.shape[0]):
         first = runs[r, 0]
         last = runs[r, 1]
@@ -192,6 +198,7 @@ def trim_borders(v: Vector, runs: Rows, spreads: float) -> int:
             for k in range(3):
                 square += (v[i, k] - mean[k]) ** 2
             distance[i - first] = np.sqrt(square)
+        # Limits from the run as it was, so that the order of trimming does not matter.
         middle = np.median(distance)
         limit = middle + spreads * np.median(np.abs(distance - middle)) + 1e-12
         start = first
@@ -200,7 +207,7 @@ def trim_borders(v: Vector, runs: Rows, spreads: float) -> int:
         while last >= first and distance[last - start] > limit:
             last -= 1
         if first <= last:
-            runs[kept, 0] = first
-            runs[kept, 1] = last
-            kept += 1
-    return kept
+            runs[n_runs, 0] = first
+            runs[n_runs, 1] = last
+            n_runs += 1
+    return n_runs

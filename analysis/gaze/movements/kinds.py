@@ -13,7 +13,7 @@ from visavis.lab.geometry import Vector
 
 
 class Movement(IntEnum):
-    """What the eyes do at a sample; `UNKNOWN` where nothing can be said.
+    """What the eyes do at a sample; `UNKNOWN` where it cannot be determined.
 
     Numbered as in the labelled recordings of Andersson et al. (2017). `OSCILLATION` is the
     wobble of the eye after a saccade.
@@ -35,7 +35,7 @@ Kinds = npt.NDArray[np.int8]
 class Movements:
     """Detected eye movements; k events in n samples.
 
-    `movement` (n,) a `Movement` per sample. Of each event (k,): `kind`; `first_row` and
+    `movement` (n,) a `Movement` per sample. Per event (k,): `kind`; `first_row` and
     `last_row` among the samples given; `onset_ns` and `duration_ns`, the last sample held one
     step; `amplitude_deg` between its two ends and `peak_deg_s`, of gaze in world; `head_deg_s`
     and `eye_deg_s`, mean speeds of the head and of the eye in it, NaN without a head or where
@@ -68,15 +68,15 @@ class Movements:
         return float((self.movement == kind).mean()) if len(self.movement) else np.nan
 
 
-def fixations_of(found: Movements) -> Fixations:
+def fixations_of(movements: Movements) -> Fixations:
     """Return the fixations alone, as the other detectors return theirs."""
-    own = found.kind == Movement.FIXATION
+    own = movements.kind == Movement.FIXATION
     return Fixations(
-        onset_ns=found.onset_ns[own],
-        duration_ns=found.duration_ns[own],
-        first_row=found.first_row[own],
-        last_row=found.last_row[own],
-        direction=found.direction[own],
-        in_fixation=found.movement == Movement.FIXATION,
-        window_ms=found.window_ms,
+        onset_ns=movements.onset_ns[own],
+        duration_ns=movements.duration_ns[own],
+        first_row=movements.first_row[own],
+        last_row=movements.last_row[own],
+        direction=movements.direction[own],
+        in_fixation=movements.movement == Movement.FIXATION,
+        window_ms=movements.window_ms,
     )

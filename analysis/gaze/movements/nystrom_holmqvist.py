@@ -48,6 +48,7 @@ def adapted_thresholds(speed_deg_s: Vector, first_deg_s: float) -> tuple[float, 
         count, mean, spread = _below(speed_deg_s, peak)
         if count == 0:
             return np.nan, np.nan
+        # Peak = mean + 6 SD, onset = mean + 3 SD of the speeds below the last peak.
         before = peak
         peak = mean + PEAK_SPREADS * spread
         onset = mean + ONSET_SPREADS * spread
@@ -89,6 +90,7 @@ def mark_saccades(
             if speed[first] < onset_deg_s and falls:
                 break
             first -= 1
+        # Noise of the `local_ns` before the onset, from rows that belong to no saccade.
         count = 0
         total = 0.0
         squares = 0.0
@@ -99,6 +101,7 @@ def mark_saccades(
                 total += speed[j]
                 squares += speed[j] * speed[j]
             j -= 1
+        # Without local rows, or with noisy ones, the onset threshold ends the saccade, too.
         limit = onset_deg_s
         if count > 2:
             mean = total / count
@@ -116,6 +119,7 @@ def mark_saccades(
             continue
         for j in range(first, last + 1):
             out[j] = SACCADE
+        # An oscillation: speed rises above the end threshold again soon after the saccade.
         end = last
         j = last + 1
         while j < n and stretch[j] == s and t_ns[j] - t_ns[last] <= oscillation_ns:

@@ -54,12 +54,16 @@ def fitted_weights() -> PursuitWeights:
 
 def log_odds(features: Vector, weights: PursuitWeights) -> Vector:
     """Return (m,) log odds of pursuit of features (m, f)."""
-    hidden = np.tanh((features - weights.mean) / weights.spread @ weights.inner + weights.offset)
-    odds: Vector = hidden @ weights.outer + weights.bias
+    hidden_layer = np.tanh(
+        (features - weights.mean) / weights.spread @ weights.inner + weights.offset
+    )
+    odds: Vector = hidden_layer @ weights.outer + weights.bias
     return odds
 
 
-def described(t_ns: Times, v: Vector, runs: Rows, step_ns: int) -> tuple[Rows, Rows, Vector]:
+def rows_with_features(
+    t_ns: Times, v: Vector, runs: Rows, step_ns: int
+) -> tuple[Rows, Rows, Vector]:
     """Return rows about every `EVERY_MS` of the runs, the run of each, and their features."""
     return drift_features(
         t_ns,
@@ -77,7 +81,7 @@ def is_pursuit(
     """Return (n,) True for rows of runs (k, 2) during which gaze pursues."""
     out = np.zeros(len(t_ns), np.bool_)
     if len(runs):
-        rows, of, features = described(t_ns, v, runs, step_ns)
+        rows, of, features = rows_with_features(t_ns, v, runs, step_ns)
         odds = log_odds(features, fitted_weights())
         cheapest_path(rows, of, np.ascontiguousarray(runs), odds, change_cost, out)
     return out

@@ -9,7 +9,7 @@ from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
 NEIGHBOUR_NS = 150_000_000
-"""Runs further apart than this say nothing of each other."""
+"""Runs further apart than this are not used to describe each other."""
 SLOWEST_DEG_S = 0.5
 
 
@@ -28,6 +28,7 @@ def _cumulate(t_ns: Times, v: Vector, first: int, last: int, sums: Vector) -> No
         sums[i + 1, 1] = sums[i, 1] + s
         sums[i + 1, 2] = sums[i, 2] + s * s
         for k in range(3):
+            # From the first row: squares of small differences keep their digits.
             x = v[i, k] - v[first, k]
             sums[i + 1, 3 + k] = sums[i, 3 + k] + x
             sums[i + 1, 6 + k] = sums[i, 6 + k] + x * x
@@ -41,6 +42,7 @@ def _fit(sums: Vector, first: int, last: int, out: Vector) -> None:
     out[:] = 0.0
     if n < 3:
         return
+    # Differences of cumulated sums give the moments of any window at a constant cost.
     mean_s = (sums[last + 1, 1] - sums[first, 1]) / n
     spread = sums[last + 1, 2] - sums[first, 2] - n * mean_s * mean_s
     total = 0.0
@@ -52,6 +54,7 @@ def _fit(sums: Vector, first: int, last: int, out: Vector) -> None:
         out[k] = common / spread
         along += common * common / spread
     out[3] = min(1.0, max(0.0, along / total)) if total > 1e-18 else 0.0
+    # A uniform spread of times has variance T² / 12.
     out[4] = np.sqrt(12.0 * spread / n)
 
 
@@ -78,6 +81,7 @@ def drift_features(
     whole = np.zeros((count, 5))
     bounds = np.zeros((count, 2), np.int64)
     m = 0
+    # First pass: cut the ends off every run, where saccades begin and end.
     for r in range(count):
         a = runs[r, 0]
         b = runs[r, 1]
@@ -95,6 +99,7 @@ def drift_features(
     low = np.empty(w, np.int64)
     high = np.empty(w, np.int64)
     j = 0
+    # Second pass: a line in every window round every row; the windows slide, so two pointers do.
     for r in range(count):
         a = bounds[r, 0]
         b = bounds[r, 1]
@@ -107,6 +112,7 @@ def drift_features(
             of[j] = r
             at = t_ns[min(max(i, a), b)]
             for q in range(w):
+                # Centred on the row, shifted inwards at the run's ends.
                 begin = max(t_ns[a], min(at - windows_ns[q] // 2, t_ns[b] - windows_ns[q]))
                 end = min(t_ns[b], begin + windows_ns[q])
                 while t_ns[low[q]] < begin:
@@ -117,6 +123,7 @@ def drift_features(
                 out[j, 2 * q] = _log_speed(fit)
                 out[j, 2 * q + 1] = fit[3]
             j += 1
+    # Third pass: features of the whole run and of its neighbours, the same for all of its rows.
     of_run = np.empty(9)
     j = 0
     for r in range(count):
@@ -168,6 +175,7 @@ def cheapest_path(
         end = i
         no = 0.0
         yes = 0.0
+        # Viterbi over two states: best value of a path that ends in "no" and in "yes".
         while end < m and of[end] == of[i]:
             came_from[end, 0] = yes - change_cost > no
             came_from[end, 1] = yes >= no - change_cost
@@ -176,6 +184,7 @@ def cheapest_path(
             no = best_no
             end += 1
         state = yes > no
+        # Walk back along the choices made.
         for j in range(end - 1, i - 1, -1):
             is_yes[j] = state
             state = came_from[j, 1] if state else came_from[j, 0]

@@ -29,6 +29,7 @@ def velocities_deg_s(t_ns: Times, v: Vector, stretch: Rows, half: int) -> Vector
         last = i
         while last < n - 1 and last - i < half and stretch[last + 1] == s:
             last += 1
+        # As many rows on either side as both have.
         k = min(i - first, last - i)
         dx = 0.0
         dy = 0.0
@@ -45,11 +46,13 @@ def velocities_deg_s(t_ns: Times, v: Vector, stretch: Rows, half: int) -> Vector
             dz = sign * (v[at, 2] - v[i, 2])
             span = abs(t_ns[at] - t_ns[i]) * 1e-9
         else:
+            # Σ (v[i + d] − v[i − d]) / Σ (t[i + d] − t[i − d])
             for d in range(1, k + 1):
                 dx += v[i + d, 0] - v[i - d, 0]
                 dy += v[i + d, 1] - v[i - d, 1]
                 dz += v[i + d, 2] - v[i - d, 2]
                 span += (t_ns[i + d] - t_ns[i - d]) * 1e-9
+        # Right and up at the direction of gaze; straight up or down any right does.
         level = np.sqrt(v[i, 0] ** 2 + v[i, 2] ** 2)
         if level < 1e-9:
             right_x = 1.0

@@ -29,5 +29,5 @@ def answer_question(
 
 
 def _rating(level: float, options: Sequence[str], rng: np.random.Generator) -> str:
-    drawn = round(level + _NOISE * rng.standard_normal())
-    return options[min(max(drawn, 1), len(options)) - 1]
+    category = round(level + _NOISE * rng.standard_normal())
+    return options[min(max(category, 1), len(options)) - 1]

@@ -89,7 +89,7 @@ class CrowdParticipant(PressesNothing):
         self._fit = 0
         self._bands: dict[str, float] = {}
         self._whole: Sequence[str] = BODY_JOINTS
-        self._instructed: Vector | None = None
+        self._gaze_target_m: Vector | None = None
         self._scene: CrowdScene | None = None
         self._ways: tuple[tuple[Way, Vector], ...] = ()
         self._still = Way(np.array([START_M, START_M]), np.zeros(2), np.full(2, 2.0))
@@ -99,14 +99,14 @@ class CrowdParticipant(PressesNothing):
 
     def prepare(self, stretch: int, t_ns: int) -> None:
         """Stand on the mark and begin a new stretch of behaviour at this session time."""
-        learned = self._states[self._row, [CAUTION, ALARM]].copy()
+        caution_and_alarm = self._states[self._row, [CAUTION, ALARM]].copy()
         self._stretch, self._origin_ns = stretch, t_ns
         self._traits = in_form(self.person, self.population, self.form(stretch))
         self._rng_walk = self._rng(_N_WALK, stretch)
         self._noise = self._rng_walk.standard_normal((MAX_ROWS, 2))
         self._row = 0
         self._states[0] = 0.0
-        self._states[0, [CAUTION, ALARM]] = learned
+        self._states[0, [CAUTION, ALARM]] = caution_and_alarm
         self._states[0, [X, Z]] = START_M
         self._states[0, HEADING] = np.arctan2(START_M[0] - READING_M[0], START_M[1] - READING_M[1])
         self._still = Way(
@@ -128,7 +128,7 @@ class CrowdParticipant(PressesNothing):
 
     def look_at(self, target_world_m: Sequence[float] | None, t_ns: int) -> None:
         """Follow the instruction to look at a point (calibration, mark); None ends it."""
-        self._instructed = None if target_world_m is None else np.array(target_world_m, float)
+        self._gaze_target_m = None if target_world_m is None else np.array(target_world_m, float)
 
     def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
         """Answer a question; None when this participant would leave it out."""
@@ -173,9 +173,9 @@ class CrowdParticipant(PressesNothing):
         eyes = np.zeros(t_ns.shape[0], EYES_DTYPE)
         ahead = np.array([0.0, 0.0, -1.0])
         eyes["left_direction_head"] = eyes["right_direction_head"] = ahead
-        if self._instructed is not None and t_ns.shape[0]:
+        if self._gaze_target_m is not None and t_ns.shape[0]:
             position, orientation = self.head(int(t_ns[-1]))
-            aim = unit(rotate(quat_conjugate(orientation), self._instructed - position))
+            aim = unit(rotate(quat_conjugate(orientation), self._gaze_target_m - position))
             eyes["left_direction_head"] = eyes["right_direction_head"] = aim
         eyes["openness_01"] = 1.0
         eyes["pupil_mm"] = 3.5
@@ -207,9 +207,9 @@ class CrowdParticipant(PressesNothing):
             self._whole = names
             return self._pose(np.asarray(t_ns))
         if not _JOINTS.issuperset(names):
-            unknown = [name for name in names if name not in _JOINTS]
+            absent = [name for name in names if name not in _JOINTS]
             raise DataError(
-                f"the simulated body has no segment {', '.join(unknown)}; "
+                f"the simulated body has no segment {', '.join(absent)}; "
                 f"it has {', '.join(BODY_JOINTS)}"
             )
         positions, worlds = self._pose(np.asarray(t_ns))
@@ -277,7 +277,7 @@ class CrowdParticipant(PressesNothing):
         until = min(-(-(t_ns - self._origin_ns) // STEP_NS), MAX_ROWS - 1)
         while self._row < until:
             to = min(until, max(self._until_row, self._row + 1), self._row + 8)
-            felt = max(self._bands.values(), default=0.0)
+            vibration_01 = max(self._bands.values(), default=0.0)
             self._row = advance(
                 self._states,
                 self._row,
@@ -288,7 +288,7 @@ class CrowdParticipant(PressesNothing):
                 self._way.free_m,
                 self._way_side,
                 self._noise,
-                felt,
+                vibration_01,
                 self._doing in (_OUT, _BACK),
             )
             self._decide()
@@ -340,8 +340,8 @@ class CrowdParticipant(PressesNothing):
     def _sides(self, way: Way) -> Vector:
         """Draw for every stretch of the way to which side the shoulders turn there."""
         every = round(1.2 / STEP_M)
-        drawn = np.where(self._rng_walk.random(len(way.point_m) // every + 1) < 0.5, -1.0, 1.0)
-        return np.repeat(drawn, every)[: len(way.point_m)]
+        sides = np.where(self._rng_walk.random(len(way.point_m) // every + 1) < 0.5, -1.0, 1.0)
+        return np.repeat(sides, every)[: len(way.point_m)]
 
     def _rng(self, *spawn_key: int) -> np.random.Generator:
         return generator(self._entropy, *spawn_key)

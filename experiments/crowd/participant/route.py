@@ -15,7 +15,7 @@ from visavis.lab.geometry import Vector
 from visavis.stimuli.scenes.station_crowd import Crowd, body_radius_m
 
 ENTRY_M: Final = 2.4
-"""From the ends of the way one enters the crowd through its outer gaps at most this far away."""
+"""Farthest outer gap through which the way enters the crowd from either end."""
 MIN_GAP_M: Final = 0.18
 STEP_M: Final = 0.02
 HALF_WIDTH_M: Final = 0.25
@@ -60,10 +60,10 @@ def gap_graph(crowd: Crowd) -> GapGraph:
     return GapGraph(
         middle_m=middle,
         free_m=distance - reach_a - reach_b,
-        is_outer=np.array([len(found) == 1 for found in edges.values()]),
+        is_outer=np.array([len(neighbours) == 1 for neighbours in edges.values()]),
         beside=tuple(
-            tuple((j, float(np.hypot(*(middle[j] - middle[k])))) for j in sorted(found))
-            for k, found in enumerate(beside)
+            tuple((j, float(np.hypot(*(middle[j] - middle[k])))) for j in sorted(neighbours))
+            for k, neighbours in enumerate(beside)
         ),
     )
 
@@ -121,10 +121,10 @@ def choose_gaps(
     return row[::-1]
 
 
-def _entries(allowed: npt.NDArray[np.bool_], distance: Vector) -> list[int]:
-    near = np.flatnonzero(allowed & (distance <= ENTRY_M))
+def _entries(may_enter: npt.NDArray[np.bool_], distance: Vector) -> list[int]:
+    near = np.flatnonzero(may_enter & (distance <= ENTRY_M))
     if near.size == 0:
-        near = np.flatnonzero(allowed)[np.argsort(distance[allowed])[:1]]
+        near = np.flatnonzero(may_enter)[np.argsort(distance[may_enter])[:1]]
     return [int(k) for k in near]
 
 
@@ -142,10 +142,10 @@ class Way:
 def way_through(crowd: Crowd, gaps: list[int], start_m: Vector, goal_m: Vector) -> Way:
     """Relax a band through a row of gaps off the bodies and sample it."""
     corners = np.concatenate([[start_m], gap_graph(crowd).middle_m[gaps], [goal_m]])
-    band = _resampled(corners, _BAND_M)
+    band = _resample(corners, _BAND_M)
     bodies = np.column_stack([crowd.position_m, np.cos(crowd.yaw_rad), np.sin(crowd.yaw_rad)])
     _relax(band, np.ascontiguousarray(bodies), 120)
-    point = _resampled(_smoothed(band), STEP_M)
+    point = _resample(_smooth(band), STEP_M)
     ahead = np.gradient(point, axis=0)
     heading = np.unwrap(np.arctan2(-ahead[:, 0], -ahead[:, 1]))
     free = np.empty(len(point))
@@ -153,17 +153,17 @@ def way_through(crowd: Crowd, gaps: list[int], start_m: Vector, goal_m: Vector) 
     return Way(point, heading, free)
 
 
-def _resampled(points: Vector, step_m: float) -> Vector:
+def _resample(points: Vector, step_m: float) -> Vector:
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     n = max(int(np.ceil(length[-1] / step_m)), 2)
     at = np.linspace(0, length[-1], n + 1)
     return np.stack([np.interp(at, length, points[:, k]) for k in range(2)], axis=1)
 
 
-def _smoothed(points: Vector) -> Vector:
-    padded = np.concatenate([points[:1], points[:1], points, points[-1:], points[-1:]])
+def _smooth(points: Vector) -> Vector:
+    with_ends = np.concatenate([points[:1], points[:1], points, points[-1:], points[-1:]])
     weights = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16
-    inner = sum(w * padded[k : k + len(points)] for k, w in enumerate(weights))
+    inner = sum(w * with_ends[k : k + len(points)] for k, w in enumerate(weights))
     smooth: Vector = np.asarray(inner)
     smooth[0], smooth[-1] = points[0], points[-1]
     return smooth
@@ -198,6 +198,7 @@ def _relax(band: Vector, bodies: Vector, rounds: int) -> None:
                         near[i, many[i]] = k
                         many[i] += 1
         for i in range(1, n - 1):
+            # Pull towards the middle of the neighbours shortens and straightens the band,
             fx = 0.5 * (band[i - 1, 0] + band[i + 1, 0]) - band[i, 0]
             fz = 0.5 * (band[i - 1, 1] + band[i + 1, 1]) - band[i, 1]
             fx *= 0.7
@@ -211,6 +212,7 @@ def _relax(band: Vector, bodies: Vector, rounds: int) -> None:
                 aside = dx * bodies[k, 2] - dz * bodies[k, 3]
                 ahead = dx * bodies[k, 3] + dz * bodies[k, 2]
                 distance = np.sqrt(square)
+                # bodies push it off where less than `keep_m` is free between band and surface.
                 lacking = keep_m - (distance - reach_of(aside, ahead))
                 if lacking > 0.0:
                     push = 0.12 * lacking / distance
@@ -234,6 +236,7 @@ def _free_across(point: Vector, ahead: Vector, bodies: Vector, free: Vector) -> 
             across = dx * ahead[i, 1] - dz * ahead[i, 0]
             if abs(along) > 0.35 or abs(across) > 1.3:
                 continue
+            # The way in the body's own axes: a body reaches further aside than ahead.
             aside = dx * bodies[k, 2] - dz * bodies[k, 3]
             before = dx * bodies[k, 3] + dz * bodies[k, 2]
             clear = np.hypot(dx, dz) - reach_of(aside, before)

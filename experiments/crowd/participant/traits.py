@@ -210,13 +210,13 @@ class Person:
     traits: Vector
 
 
-def _correlated(z: float, fresh: float, r: float) -> float:
+def _correlated_normal(z: float, fresh: float, r: float) -> float:
     """Return a standard normal with correlation `r` to `z`."""
     return float(r * z + np.sqrt(1 - r * r) * fresh)
 
 
 def draw_person(population: Population, rng: np.random.Generator, *, feels: bool) -> Person:
-    """Draw a person; who does not feel is blind to vibration, everything else alike."""
+    """Draw a person; without `feels` vibration changes nothing, everything else is the same."""
     q = population
     sex = "woman" if rng.random() < 8 / 23 else "man"
     mean, spread = (1.65, 0.06) if sex == "woman" else (1.78, 0.065)
@@ -251,15 +251,14 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     traits[CAREFUL_MARGIN] = (
         q.caution.careful_margin_m
         + q.caution.careful_margin_spread_m
-        * _correlated(z[1], shoulders, q.caution.careful_with_own)
+        * _correlated_normal(z[1], shoulders, q.caution.careful_with_own)
     )
     answer = 1.0 + q.caution.caution_tuck_spread * arms - q.caution.loose_response * loose
     traits[CAUTION_TUCK] = min(q.caution.caution_tuck * answer, 1.0 - traits[TUCK])
     traits[CAUTION_WANDER] = q.caution.caution_wander
     traits[ALARM_SLOWING] = q.alarm.alarm_slowing * np.exp(q.alarm.alarm_slowing_spread * slowing)
-    traits[ALARM_MARGIN] = q.alarm.alarm_margin_m + q.alarm.alarm_margin_spread_m * _correlated(
-        z[1], alarmed, q.alarm.alarm_with_own
-    )
+    wariness = _correlated_normal(z[1], alarmed, q.alarm.alarm_with_own)
+    traits[ALARM_MARGIN] = q.alarm.alarm_margin_m + q.alarm.alarm_margin_spread_m * wariness
     traits[SPREAD] = min(q.arms.spread_rad * np.exp(q.arms.loose_spread * loose), MAX_SPREAD_RAD)
     return Person(
         sex=sex,

@@ -76,7 +76,7 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import REFERENCE_STATURE_M, bones
-from visavis.stimuli.contact.idle import hang_joint, turned
+from visavis.stimuli.contact.idle import hang_joint, set_turn
 from visavis.stimuli.motion.slerp_kernels import forward_rows
 
 STEP_S: Final = 0.01
@@ -119,6 +119,7 @@ def needed_turn(free_m: float, width_m: float, depth_m: float, limit: float) -> 
     low, high = 0.0, limit
     if width_m * np.cos(high) + depth_m * np.sin(high) > free_m:
         return limit
+    # Width of a turned box: w cos(a) + d sin(a). Bisection to a millionth of the limit.
     for _ in range(20):
         middle = (low + high) / 2
         if width_m * np.cos(middle) + depth_m * np.sin(middle) > free_m:
@@ -139,24 +140,26 @@ def advance(
     free: Vector,
     side: Vector,
     noise: Vector,
-    felt: float,
+    vibration_01: float,
     go: bool,
 ) -> int:
     """Walk from row `at` of `states` (n, 14) to row `until`; return the row reached.
 
     Way as in `Way`; `side` (n,) ±1 to which side the shoulders turn there; `noise` (n, 2)
-    standard normal numbers per row. `felt` is the strongest vibration now, 0..1; without `go`
-    the body stands.
+    standard normal numbers per row. `vibration_01` is the strongest vibration now, 0..1; without
+    `go` the body stands.
     """
     last = point.shape[0] - 1
     until = min(until, states.shape[0] - 1)
     for i in range(at, until):
         s, n = states[i], states[i + 1]
+        # Learning: both approach 1 while vibration is felt and decay exponentially.
         caution, alarm = s[CAUTION], s[ALARM]
-        caution += _STEP_S * traits[T_CAUTION_PER_S] * felt * (1.0 - caution)
+        caution += _STEP_S * traits[T_CAUTION_PER_S] * vibration_01 * (1.0 - caution)
         caution *= 1.0 - _STEP_S / traits[T_CAUTION_FORGOTTEN]
-        alarm += _STEP_S * traits[T_ALARM_PER_S] * felt * (1.0 - alarm)
+        alarm += _STEP_S * traits[T_ALARM_PER_S] * vibration_01 * (1.0 - alarm)
         alarm *= 1.0 - _STEP_S / traits[T_ALARM_FORGOTTEN]
+        # The narrowest of the next 30 cm decides how far the shoulders turn.
         here = s[PROGRESS] / _STEP_M
         k = min(int(here), last)
         narrow = free[k]
@@ -164,10 +167,11 @@ def advance(
             narrow = min(narrow, free[min(k + ahead, last)])
         margin = traits[T_MARGIN] + (traits[T_CAREFUL_MARGIN] - traits[T_MARGIN]) * caution
         margin += traits[T_ALARM_MARGIN] * alarm
-        wanted = (
+        target_turn = (
             needed_turn(narrow - 2 * margin, traits[T_WIDTH], traits[T_DEPTH], traits[T_TURN_LIMIT])
             * side[k]
         )
+        # Slower when turned, in narrow places, when alarmed, and just before the end.
         target = 0.0
         if go:
             target = traits[T_FREE_SPEED]
@@ -177,11 +181,13 @@ def advance(
             left_m = (last - here) * _STEP_M
             target = min(target, max(0.9 * left_m, 0.0) + 0.02)
         else:
-            wanted = 0.0
+            target_turn = 0.0
+        # First-order lags (s): speed 0.35, heading 0.25, arms 0.4 to 0.5, sideways 0.4.
         speed = s[SPEED] + (target - s[SPEED]) * _STEP_S / 0.35
         progress = min(s[PROGRESS] + speed * _STEP_S, last * _STEP_M)
         tuck = traits[T_TUCK] + traits[T_CAUTION_TUCK] * caution
         wander = traits[T_WANDER] * (1.0 - traits[T_CAUTION_WANDER] * caution)
+        # An Ornstein-Uhlenbeck process leads off the way and back, with SD `wander`.
         pull = _STEP_S / traits[T_WANDER_S]
         astray = s[ASTRAY] * (1.0 - pull) + wander * np.sqrt(2.0 * pull) * noise[i, 0]
         aside = s[ASIDE] + (astray * min(speed / 0.2, 1.0) - s[ASIDE]) * _STEP_S / 0.4
@@ -196,7 +202,7 @@ def advance(
         n[Z] = z - aside * np.sin(way)
         difference = (way - s[HEADING] + np.pi) % (2 * np.pi) - np.pi
         n[HEADING] = s[HEADING] + difference * _STEP_S / 0.25
-        n[TURN] = s[TURN] + (wanted - s[TURN]) * _STEP_S / traits[T_TURN_S]
+        n[TURN] = s[TURN] + (target_turn - s[TURN]) * _STEP_S / traits[T_TURN_S]
         n[SPEED] = speed
         n[PHASE] = s[PHASE] + 2 * np.pi * speed * _STEP_S / traits[T_STRIDE]
         amplitude = traits[T_SWING] * (1.0 - 0.85 * tuck) * min(speed / 0.5, 1.3)
@@ -205,6 +211,7 @@ def advance(
         n[PROGRESS] = progress
         n[ASTRAY], n[ASIDE] = astray, aside
         n[CAUTION], n[ALARM] = caution, alarm
+        # another one turns the head: 0.8 s, SD 0.10 rad
         n[LOOK] = s[LOOK] * (1.0 - _STEP_S / 0.8) + 0.10 * np.sqrt(2 * _STEP_S / 0.8) * noise[i, 1]
     return max(until, at)
 
@@ -242,17 +249,17 @@ def walker_pose(
     root[0, 0] = x + sway * np.cos(yaw)
     root[0, 1] = _HIP_HEIGHT_M * scale - 0.012 * stepping * (1 - np.cos(2 * phase)) / 2
     root[0, 2] = z - sway * np.sin(yaw)
-    turned(turns, 0, 0.0, yaw + 0.05 * stepping * np.sin(phase), 0.0)
-    turned(turns, _SPINE, -0.03, 0.1 * turn - 0.04 * stepping * np.sin(phase), 0.0)
-    turned(turns, _CHEST, -0.02, 0.1 * turn - 0.06 * stepping * np.sin(phase), 0.0)
-    turned(turns, _NECK, 0.0, -0.4 * turn, 0.0)
-    turned(turns, _HEAD, -0.10, -0.5 * turn + state[LOOK], 0.0)
+    set_turn(turns, 0, 0.0, yaw + 0.05 * stepping * np.sin(phase), 0.0)
+    set_turn(turns, _SPINE, -0.03, 0.1 * turn - 0.04 * stepping * np.sin(phase), 0.0)
+    set_turn(turns, _CHEST, -0.02, 0.1 * turn - 0.06 * stepping * np.sin(phase), 0.0)
+    set_turn(turns, _NECK, 0.0, -0.4 * turn, 0.0)
+    set_turn(turns, _HEAD, -0.10, -0.5 * turn + state[LOOK], 0.0)
     stride = 0.24 * stepping * np.sin(phase)
     knee = 0.35 * stepping
-    turned(turns, _LEFT_LEG, stride, 0.0, -0.02)
-    turned(turns, _RIGHT_LEG, -stride, 0.0, 0.02)
-    turned(turns, _LEFT_LEG + 1, -knee * max(np.cos(phase), 0.0), 0.0, 0.0)
-    turned(turns, _RIGHT_LEG + 1, -knee * max(-np.cos(phase), 0.0), 0.0, 0.0)
+    set_turn(turns, _LEFT_LEG, stride, 0.0, -0.02)
+    set_turn(turns, _RIGHT_LEG, -stride, 0.0, 0.02)
+    set_turn(turns, _LEFT_LEG + 1, -knee * max(np.cos(phase), 0.0), 0.0, 0.0)
+    set_turn(turns, _RIGHT_LEG + 1, -knee * max(-np.cos(phase), 0.0), 0.0, 0.0)
     hang = 1.57 - spread * (1.0 - tuck)
     bend = 0.30 + 0.4 * max(tuck, 0.0)
     lift = 0.12 * max(tuck, 0.0)
@@ -313,6 +320,7 @@ def walker_head(
     walker_poses(states, rows, stature_m, spread, parents, offsets_m, position, world)
     w, x, y, z = world[0, _HEAD, 0], world[0, _HEAD, 1], world[0, _HEAD, 2], world[0, _HEAD, 3]
     vx, vy, vz = eyes_m[0], eyes_m[1], eyes_m[2]
+    # v + 2w (q × v) + 2 q × (q × v): the eyes' offset turned by the head's quaternion.
     tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
     middle[0] = position[0, _HEAD, 0] + vx + w * tx + y * tz - z * ty
     middle[1] = position[0, _HEAD, 1] + vy + w * ty + z * tx - x * tz

@@ -14,7 +14,7 @@ from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.shown_scene import Shown, of_part, shown_in
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.sessions.study_folder import study_of_folder
@@ -269,7 +269,7 @@ def _experiment(recording: Recording, study: OpenedStudy) -> StudyExperiment:
     def make() -> StudyExperiment:
         return study.experiment(overrides_of(recording.manifest.plan))
 
-    if isinstance(recording, KeptRecording):
+    if isinstance(recording, CachedRecording):
         return recording.once("experiment", make)
     return make()
 

@@ -71,9 +71,9 @@ TELLING = TerminalTelling()
 @cache
 def say_when_compiling() -> None:
     """Say on stderr, once in a process, that compiling has begun, which nothing else would show."""
-    from visavis.lab.compiled import tell_of_compiling  # late: it loads numba
+    from visavis.lab.compiled import announce_compiling  # late: it loads numba
 
-    tell_of_compiling(lambda: errors.print(f"[dim]{COMPILES_FIRST}[/]", soft_wrap=True))
+    announce_compiling(lambda: errors.print(f"[dim]{COMPILES_FIRST}[/]", soft_wrap=True))
 
 
 def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:

@@ -17,11 +17,11 @@ from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.motion.clip import Clip, Frames
 from visavis.stimuli.motion.warping.clips import WarpedClip
 from visavis.stimuli.motion.warping.outlook import Outlook
-from visavis.stimuli.motion.warping.perceived import SeenBody, perceived, posed_points
+from visavis.stimuli.motion.warping.perceived import SeenBody, perceived_parts, posed_points
 from visavis.stimuli.motion.warping.raster_kernels import BOTH_SIDES
 from visavis.stimuli.picture import Light, Picture, PosedPeople, Prop, Room, StaticMesh
 from visavis.stimuli.rooms import surfaces
-from visavis.stimuli.rooms.furniture import level, placed
+from visavis.stimuli.rooms.furniture import level, place_prop
 
 COLUMNS = 6
 TILE_PX = 300
@@ -78,7 +78,7 @@ def _people(
     )
     room = Room(
         "sheet",
-        (floor, *(placed(f"thing_{i}", m, (0, 0, 0), 0.0) for i, m in enumerate(things))),
+        (floor, *(place_prop(f"thing_{i}", m, (0, 0, 0), 0.0) for i, m in enumerate(things))),
         tuple(replace(lamp, casts_shadow=True) for lamp in lamps) or (DAYLIGHT,),
         np.full(3, 0.1 if lamps else 0.55),
         np.full(3, 0.08 if lamps else 0.42),
@@ -116,7 +116,7 @@ def _held(body: SeenBody, pose: Frames) -> tuple[Prop, ...]:
         np.tile(np.array(HELD_SRGB, dtype=np.uint8), (count, 1)),
         np.arange(count, dtype=np.int32).reshape(-1, 3),
     )
-    return (placed("held", mesh, (0, 0, 0), 0.0),)
+    return (place_prop("held", mesh, (0, 0, 0), 0.0),)
 
 
 def _parts(clips: Sequence[Clip], body: SeenBody, view: Outlook, times: Vector) -> list[list[Tile]]:
@@ -125,7 +125,7 @@ def _parts(clips: Sequence[Clip], body: SeenBody, view: Outlook, times: Vector) 
     rows = []
     for clip in clips:
         poses = clip.at(times)
-        rows.append(list(table[perceived(body, view, poses.root_m, poses.orientation_wxyz)]))
+        rows.append(list(table[perceived_parts(body, view, poses.root_m, poses.orientation_wxyz)]))
     return rows
 
 
@@ -138,8 +138,8 @@ def write_curves(path: Path, warped: WarpedClip) -> None:
     for f, target in enumerate(warped.targets):
         axes = figure.add_subplot(n, 1, f + 1)
         axes.plot(warped.frame_s, warped.original[:, f], color="0.55", label="original")
-        axes.plot(warped.frame_s, warped.wanted[:, f], "k--", lw=1.0, label="wanted")
-        axes.plot(warped.frame_s, warped.reached[:, f], color="tab:blue", label="reached")
+        axes.plot(warped.frame_s, warped.goal[:, f], "k--", lw=1.0, label="wanted")
+        axes.plot(warped.frame_s, warped.final[:, f], color="tab:blue", label="reached")
         axes.set_ylabel(f"{target.kind.replace('_', ' ')}\n{', '.join(target.parts)} [1]")
         axes.set_ylim(bottom=0)
         axes.spines[["top", "right"]].set_visible(False)

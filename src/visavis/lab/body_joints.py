@@ -1,4 +1,4 @@
-"""The joints of the canonical skeleton that every body has, told, measured or drawn."""
+"""Names of the joints that every body has: simulated, tracked or drawn."""
 
 from typing import Final
 

@@ -35,10 +35,11 @@ class Clock(Protocol):
 
 
 SPIN_NS = 1_500_000 if sys.platform == "win32" else 0
-"""The last stretch before a deadline that is looked through: Windows wakes a sleeper that late."""
+"""Time before a deadline in which the clock is polled, because Windows may wake a sleeper this
+late."""
 
 MAX_STEP_NS = 100_000
-"""A clock that moves in larger steps cannot tell when within a frame something was."""
+"""Largest usable clock step. With coarser steps, samples within one frame get the same time."""
 
 STEPS_LOOKED_AT = 9
 MAX_LOOK_NS = NS_PER_S
@@ -69,7 +70,7 @@ class SystemClock:
         return self._counter_ns()
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
-        """Sleep until the deadline; the last stretch is looked through where sleeping is coarse."""
+        """Sleep until the deadline; poll the clock at its end where sleeping is coarse."""
         while (left_ns := deadline_ns - self._counter_ns()) > 0:
             self._sleep_s(max(0, left_ns - self._spin_ns) / NS_PER_S)
 
@@ -96,14 +97,14 @@ class SimClock:
             self._now_ns = deadline_ns
 
     def wall_iso(self) -> str:
-        """Return the epoch every simulated session claims."""
+        """Return the fixed date of every simulated session."""
         return SIMULATED_EPOCH_ISO
 
 
-class ToldClock:
-    """A clock that goes by what others' stamps tell, for what was recorded elsewhere; never back.
+class StampClock:
+    """A clock that follows time stamps, for data recorded elsewhere; it never goes back.
 
-    Session time is the time since 1970 that the stamps give.
+    Session time is the time of the latest stamp since 1970.
     """
 
     is_virtual = False
@@ -112,11 +113,11 @@ class ToldClock:
         self._now_ns = round(start_unix_ms * NS_PER_MS)
 
     def tell(self, unix_ms: float) -> None:
-        """Go on to a stamp."""
+        """Advance to a stamp."""
         self.sleep_until_ns(round(unix_ms * NS_PER_MS))
 
     def now_ns(self) -> int:
-        """Return the time told last."""
+        """Return the latest time."""
         return self._now_ns
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
@@ -124,36 +125,36 @@ class ToldClock:
         self._now_ns = max(self._now_ns, deadline_ns)
 
     def wall_iso(self) -> str:
-        """Return the time told last, in UTC."""
-        told = datetime.fromtimestamp(self._now_ns / NS_PER_S, tz=UTC)
-        return told.isoformat(timespec="milliseconds")
+        """Return the latest time, in UTC."""
+        wall_time = datetime.fromtimestamp(self._now_ns / NS_PER_S, tz=UTC)
+        return wall_time.isoformat(timespec="milliseconds")
 
 
 def clock_step_ns(clock: Clock) -> int:
-    """Return the smallest step a clock was seen to make, in ns; 0 for a virtual one.
+    """Return the smallest observed step of a clock in ns; 0 for a virtual clock.
 
-    It is looked at for a second at most: a clock that stands still is one second coarse.
+    The clock is polled for one second at most; one that does not move counts as one second coarse.
     """
     if clock.is_virtual:
         return 0
     first_ns = last_ns = clock.now_ns()
-    least_ns, seen = MAX_LOOK_NS, 0
+    least_ns, n_steps = MAX_LOOK_NS, 0
     for _ in range(MAX_LOOKS):
         now_ns = clock.now_ns()
         if now_ns != last_ns:
-            least_ns, last_ns, seen = min(least_ns, now_ns - last_ns), now_ns, seen + 1
-        if seen == STEPS_LOOKED_AT or now_ns - first_ns > MAX_LOOK_NS:
+            least_ns, last_ns, n_steps = min(least_ns, now_ns - last_ns), now_ns, n_steps + 1
+        if n_steps == STEPS_LOOKED_AT or now_ns - first_ns > MAX_LOOK_NS:
             break
     return least_ns
 
 
 def require_fine_clock(clock: Clock) -> None:
-    """Refuse a clock too coarse to stamp samples by; raises ConfigError with the reason."""
+    """Raise ConfigError, with the reason, when a clock is too coarse to stamp samples."""
     step_ns = clock_step_ns(clock)
     if step_ns > MAX_STEP_NS:
         raise ConfigError(
             f"this computer's clock moves in steps of {step_ns / NS_PER_MS:g} ms, more than "
-            f"{MAX_STEP_NS / NS_PER_MS:g} ms, so no sample could be told apart within a frame; "
+            f"{MAX_STEP_NS / NS_PER_MS:g} ms, so all samples within a frame would get one time; "
             "switch the high precision event timer on in the computer's firmware, or use another "
             "computer"
         )

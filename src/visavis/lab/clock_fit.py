@@ -1,6 +1,6 @@
 """Map a device's clock to the host's from time exchanges or from one-way arrivals.
 
-Nothing here corrects anything: raw stamps and all exchanges are stored, fits beside them.
+Raw stamps and all exchanges are stored as they are; the fits are stored in addition.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
 
 LOWEST_ROUND_TRIPS = 0.30
-"""Share of exchanges a fit uses: those least disturbed by waiting in queues."""
+"""Share of exchanges that a fit uses: those with the shortest waits in queues."""
 
 SAME_CLOCK_NS = 20_000_000
 QUICK_WITHIN_NS = 20_000
@@ -60,11 +60,13 @@ class ClockFit:
 
     def to_host_ns(self, t_device_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Map device times (n,) to the host's clock."""
-        elapsed = t_device_ns - self.reference_device_ns
-        moved: npt.NDArray[np.int64] = (
-            t_device_ns + self.offset_ns + np.rint(elapsed * (self.drift_ppm * 1e-6)).astype("i8")
+        elapsed_ns = t_device_ns - self.reference_device_ns
+        t_host_ns: npt.NDArray[np.int64] = (
+            t_device_ns
+            + self.offset_ns
+            + np.rint(elapsed_ns * (self.drift_ppm * 1e-6)).astype("i8")
         )
-        return moved
+        return t_host_ns
 
 
 def fit_clock(pairs: Sequence[TimeExchange], *, share: float = LOWEST_ROUND_TRIPS) -> ClockFit:

@@ -32,19 +32,19 @@ if not _config.CACHE_DIR:
 
 
 def _put_off_scipy() -> None:
-    """Have numba look whether there is SciPy without importing all of its linear algebra, 0.1 s of
-    every command that uses a kernel. Kernels that multiply matrices import it as ever.
+    """Let numba check that SciPy is installed without importing its linear algebra. That import
+    costs 0.1 s in every command that uses a kernel; kernels that multiply matrices still import it.
     """
     ensure: Any = getattr(linalg, "ensure_blas", None)
 
-    def found() -> None:
+    def find_blas() -> None:
         linalg.ensure_blas = ensure  # only the first to ask asks in vain
         if find_spec("scipy") is None:
             ensure()
 
     # numba asks as it loads this module, before the first kernel runs.
     if ensure is not None and "numba.np.arraymath" not in sys.modules:
-        linalg.ensure_blas = found
+        linalg.ensure_blas = find_blas
 
 
 _put_off_scipy()
@@ -53,8 +53,8 @@ _put_off_scipy()
 def compiled(function: F) -> F:
     """Compile a function of arrays and scalars; the machine code is kept for the next process.
 
-    No fast-math: results must repeat bit for bit. Code cached before another kernel or a number
-    that its module imports has changed is not used again.
+    No fast-math, because results must repeat bit for bit. Cached code is discarded when a kernel or
+    a number that its module imports has changed.
     """
     kernel: Any = numba.njit(cache=True, nogil=True)(function)
     # numba itself looks at one source file alone; where its cache is made otherwise than known,
@@ -62,58 +62,61 @@ def compiled(function: F) -> F:
     file: Any = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
     if not hasattr(file, "_source_stamp"):
         return cast(F, numba.njit(nogil=True)(function))
-    stamp = (file._source_stamp, _imported(function.__globals__))  # noqa: SLF001 - as above
+    stamp = (file._source_stamp, _digest_of_imports(function.__globals__))  # noqa: SLF001 - as above
     file._source_stamp = stamp  # noqa: SLF001 - as above
     setattr(kernel, _STAMP, stamp)
     return cast(F, kernel)
 
 
 class _FirstCompilation(Listener):
-    """Hears of every compilation, and tells of the first alone."""
+    """Calls a function at the first compilation, and never again."""
 
-    def __init__(self, told: Callable[[], None]) -> None:
-        self._told: Callable[[], None] | None = told
+    def __init__(self, on_first: Callable[[], None]) -> None:
+        self._on_first: Callable[[], None] | None = on_first
 
     def on_start(self, event: object) -> None:
-        """Tell once; machine code that was kept is loaded without any event."""
-        told, self._told = self._told, None
-        if told is not None:
-            told()
+        """Call the function once; cached machine code is loaded without any event."""
+        on_first, self._on_first = self._on_first, None
+        if on_first is not None:
+            on_first()
 
     def on_end(self, event: object) -> None:
-        """Let it pass."""
+        """Do nothing."""
 
 
-def tell_of_compiling(told: Callable[[], None]) -> None:
-    """Have `told` called once, as the first kernel begins to be compiled: none of it was kept.
+def announce_compiling(on_first: Callable[[], None]) -> None:
+    """Call `on_first` once, when the first kernel without cached machine code is compiled.
 
-    That takes seconds for one kernel, and a minute or two for all of them.
+    One kernel takes seconds, all of them take one or two minutes.
     """
-    register("numba:compile", _FirstCompilation(told))  # type: ignore[no-untyped-call]  # numba's
+    register("numba:compile", _FirstCompilation(on_first))  # type: ignore[no-untyped-call]  # numba's
 
 
 def forget_old_kernels(folder: Path = KERNELS, max_bytes: int = MAX_KERNEL_BYTES) -> None:
-    """Delete the machine code that was made first, beyond so many bytes; a lost one is made again.
+    """Delete the oldest machine code beyond `max_bytes`; deleted kernels are compiled again when
+    needed.
 
-    That of one module goes together, as numba's index and its files belong to each other.
+    The files of one module are deleted together, because numba's index refers to all of them.
     """
-    kept: list[tuple[int, int, list[Path]]] = []
+    kernels: list[tuple[int, int, list[Path]]] = []
     for module in folder.glob("*/*"):
         with suppress(OSError):  # another process deletes it, too
             files = [path for path in module.iterdir() if path.suffix in (".nbi", ".nbc")]
-            found = [path.stat() for path in files]
-            newest_ns = max((one.st_mtime_ns for one in found), default=0)
-            kept.append((newest_ns, sum(one.st_size for one in found), files))
+            sizes = [path.stat() for path in files]
+            newest_ns = max((one.st_mtime_ns for one in sizes), default=0)
+            kernels.append((newest_ns, sum(one.st_size for one in sizes), files))
     total_bytes = 0
-    for _, size_bytes, files in sorted(kept, key=lambda one: one[0], reverse=True):
+    for _, size_bytes, files in sorted(kernels, key=lambda one: one[0], reverse=True):
         total_bytes += size_bytes
         for path in files if total_bytes > max_bytes else ():
             with suppress(OSError):
                 path.unlink()
 
 
-def _imported(names: dict[str, Any]) -> str:
-    """Return a digest of everything compiled code of a module may have taken in from others."""
+def _digest_of_imports(names: dict[str, Any]) -> str:
+    """Return a digest of all imported kernels and constants that a module's compiled code may
+    contain.
+    """
     digest = hashlib.sha256()
     for line in sorted(_taken_in(names)):
         digest.update(line.encode())
@@ -135,7 +138,7 @@ def _taken_in(names: dict[str, Any], prefix: str = "") -> Iterator[str]:
 
 
 def _may_change(module: ModuleType) -> bool:
-    """Return whether numbers of a module are written by hand, here or by a lab."""
+    """Return whether a module's constants may change: it is ours or a lab's, not a library."""
     return module.__name__.partition(".")[0] not in {*sys.stdlib_module_names, "numpy", "numba"}
 
 

@@ -1,4 +1,4 @@
-"""Read `lab_config.yaml`: one lab, its folders, its devices by role; wrong in full or right."""
+"""Read `lab_config.yaml`: a lab's folders and devices by role; all mistakes come together."""
 
 import difflib
 import hashlib
@@ -31,10 +31,10 @@ TAKEN_STREAMS = frozenset(
         "drawn_views",
     }
 )  # fmt: skip
-"""Streams and tables of Visavis: a device of the lab's own is called by another name."""
+"""Names of Visavis' own streams and tables; a lab's own device needs another name."""
 OWN_ROLE = re.compile(r"[a-z][a-z0-9_]{1,40}")
 MISSPELT_01 = 0.8
-"""A role as like one of ours as this is taken for misspelt; others are the lab's own."""
+"""Similarity from which an unknown role counts as ours, misspelt; others are the lab's own."""
 
 OptionModels: TypeAlias = Mapping[str, type[BaseModel]]
 """Option models by driver name; only these drivers are then known."""
@@ -122,7 +122,7 @@ class Screen(_Part):
         )
 
     def as_options(self) -> dict[str, float]:
-        """Return what a screen-based eye tracker is told of the screen (mm, pixels)."""
+        """Return the screen's settings for a screen-based eye tracker (mm, pixels)."""
         return {
             "screen_width_px": self.width_px,
             "screen_height_px": self.height_px,
@@ -210,7 +210,7 @@ class Privacy(_Part):
 
 
 class Publication(_Part):
-    """What data sets that leave the lab say of themselves: who, where, under which licence."""
+    """What published data sets say about themselves: authors, place and licence."""
 
     authors: tuple[str, ...] = Field(default=(), strict=False)
     licence: str = ""
@@ -293,15 +293,15 @@ class _File(_Part):
 
     @field_validator("incidents")
     @classmethod
-    def _are_codes(cls, found: dict[str, str]) -> dict[str, str]:
-        for code, words in found.items():
+    def _are_codes(cls, texts: dict[str, str]) -> dict[str, str]:
+        for code, words in texts.items():
             if not INCIDENT.fullmatch(code):
                 raise ValueError(
                     f"{code!r} is no code: small letters, digits and _, such as participant_late"
                 )
             if not words.strip():
                 raise ValueError(f"{code} says nothing; write in words what it stands for")
-        return found
+        return texts
 
 
 def load_config(path: Path, option_models: OptionModels | None = None) -> LabConfig:
@@ -309,7 +309,7 @@ def load_config(path: Path, option_models: OptionModels | None = None) -> LabCon
 
     Raises `visavis.lab.yaml_lines.ProblemsError` (a ConfigError) with everything that is wrong.
     """
-    return _validated(read_document(path), option_models)
+    return _validate(read_document(path), option_models)
 
 
 def parse_config(
@@ -323,7 +323,7 @@ def parse_config(
 
     Relative paths in it are relative to `folder`, the folder of `path` when left out.
     """
-    return _validated(parse_document(text, path), option_models, folder)
+    return _validate(parse_document(text, path), option_models, folder)
 
 
 def with_devices(config: LabConfig, kind: Literal["sim", "real"]) -> LabConfig:
@@ -335,7 +335,7 @@ def with_devices(config: LabConfig, kind: Literal["sim", "real"]) -> LabConfig:
     return config.model_copy(update={"devices": devices})
 
 
-def _validated(
+def _validate(
     document: Document, option_models: OptionModels | None, folder: Path | None = None
 ) -> LabConfig:
     folder = folder or document.path.absolute().parent
@@ -350,9 +350,9 @@ def _validated(
     entries: dict[str, DeviceConfig] = {}
     if isinstance(devices, dict):
         for role, entry in devices.items():
-            checked = _device(document, role, entry, option_models, problems, screen)
-            if checked is not None:
-                entries[checked.role] = checked
+            device = _device(document, role, entry, option_models, problems, screen)
+            if device is not None:
+                entries[device.role] = device
     paths = {
         key: _absolute(folder, str(raw[key])) for key in ("data_root", "key_root") if raw.get(key)
     }
@@ -390,7 +390,7 @@ def _absolute(folder: Path, text: str) -> Path:
 
 
 def _screen_of(raw: Mapping[str, Any]) -> Screen | None:
-    """Return the screen participants sit before; what is wrong with it is told elsewhere."""
+    """Return the screen in front of participants; mistakes in it are reported elsewhere."""
     try:
         return Display.model_validate(raw.get("display", {})).on_screen
     except ValidationError:
@@ -398,7 +398,7 @@ def _screen_of(raw: Mapping[str, Any]) -> Screen | None:
 
 
 def is_own_role(role: str) -> bool:
-    """Say whether the lab named the role itself: what fills it is recorded beside every study."""
+    """Return whether the lab named the role itself; such a device is recorded with every study."""
     return role not in ROLES and not ARMBAND_ROLE.fullmatch(role)
 
 
@@ -425,19 +425,20 @@ def _device(
         problems.append(document.problem(at, "expects settings such as {driver: NAME}"))
         return None
     options = {str(k): v for k, v in entry.items() if k not in ("driver", "simulated")}
-    simulated = entry.get("simulated", False)
-    if not isinstance(simulated, bool):
-        problems.append(document.problem((*at, "simulated"), f"is {simulated!r}; true or false"))
+    is_simulated = entry.get("simulated", False)
+    if not isinstance(is_simulated, bool):
+        problems.append(document.problem((*at, "simulated"), f"is {is_simulated!r}; true or false"))
     driver = entry.get("driver")
     if not isinstance(driver, str):
-        said = "is missing" if "driver" not in entry else f"is {driver!r}"
+        state = "is missing" if "driver" not in entry else f"is {driver!r}"
         near = did_you_mean("", option_models or ())
-        problems.append(document.problem((*at, "driver"), f"{said}; name the driver{near}"))
+        problems.append(document.problem((*at, "driver"), f"{state}; name the driver{near}"))
         return None
     if option_models is not None and driver not in option_models:
         hint = did_you_mean(driver, option_models)
         problems.append(document.problem((*at, "driver"), f"unknown driver {driver!r}{hint}"))
         return None
+    # Without the drivers' models only units in option names can be checked.
     if option_models is None:
         problems += [
             document.problem((*at, key), message)
@@ -448,11 +449,16 @@ def _device(
         model = option_models[driver]
         if screen is not None:
             problems += _taken_from_screen(document, at, model, options, screen)
-        found = model_problems(document, model, options, at, also_known=("driver", "simulated"))
-        problems += found
-        if not found:
+        option_problems = model_problems(
+            document, model, options, at, also_known=("driver", "simulated")
+        )
+        problems += option_problems
+        if not option_problems:
+            # Defaults are filled in, so that the recording shows what the driver really used.
             options = {**options, **model.model_validate(options).model_dump()}
-    return DeviceConfig(role=str(role), driver=driver, simulated=simulated is True, options=options)
+    return DeviceConfig(
+        role=str(role), driver=driver, simulated=is_simulated is True, options=options
+    )
 
 
 def _taken_from_screen(
@@ -462,7 +468,7 @@ def _taken_from_screen(
     options: dict[str, Any],
     screen: Screen,
 ) -> list[Problem]:
-    """Tell a screen-based eye tracker of the lab's screen; it is described once."""
+    """Give a screen-based eye tracker the lab's screen, so that it is described only once."""
     problems = []
     for name, value in screen.as_options().items():
         if name not in model.model_fields:
@@ -479,7 +485,7 @@ def _taken_from_screen(
 
 
 def _unit_doubt(key: str, value: object) -> str | None:
-    """Doubt the unit of an option nobody has described."""
+    """Return a warning when the value of an undescribed option looks like another unit."""
     if unit_of(key) and isinstance(value, str):
         return explain_text(key, value)
     return explain_magnitude(key, value)

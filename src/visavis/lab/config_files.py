@@ -1,7 +1,7 @@
 """Where a lab's configuration lies, and the example that comes with Visavis.
 
 The example is written by `visavis init` and stands in for a configuration where a command only
-simulates. No other file of the installed package is ever taken for a lab's configuration.
+simulates. No other file of the installed package is ever used as a lab's configuration.
 """
 
 from pathlib import Path

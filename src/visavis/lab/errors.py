@@ -17,7 +17,7 @@ class ConfigError(LabError):
 
 
 class UsageError(LabError):
-    """The command was asked for something impossible; the message gives the way out."""
+    """The command cannot do what was asked; the message says what to do instead."""
 
     exit_code = 2
 

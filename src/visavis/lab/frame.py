@@ -1,4 +1,4 @@
-"""What one display frame is, for whoever paces, draws or records it."""
+"""One display frame, as used by the code that paces, draws and records it."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple

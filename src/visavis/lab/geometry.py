@@ -20,8 +20,8 @@ def unit(v: Vector) -> Vector:
     """Scale vectors (..., 3) to length one; zero and non-finite vectors become NaN."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
-        scaled: Vector = np.where(np.isfinite(length) & (length > 0), v / length, np.nan)
-    return scaled
+        direction: Vector = np.where(np.isfinite(length) & (length > 0), v / length, np.nan)
+    return direction
 
 
 def angle_deg(a: Vector, b: Vector) -> Vector:
@@ -69,7 +69,7 @@ def rotate(q: Vector, v: Vector) -> Vector:
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     vx, vy, vz = v[..., 0], v[..., 1], v[..., 2]
     tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
-    turned: Vector = np.stack(
+    result: Vector = np.stack(
         [
             vx + w * tx + y * tz - z * ty,
             vy + w * ty + z * tx - x * tz,
@@ -77,7 +77,7 @@ def rotate(q: Vector, v: Vector) -> Vector:
         ],
         axis=-1,
     )
-    return turned
+    return result
 
 
 def direction_from_yaw_pitch_deg(yaw_deg: npt.ArrayLike, pitch_deg: npt.ArrayLike) -> Vector:
@@ -95,8 +95,8 @@ def yaw_pitch_deg_of(direction: Vector) -> tuple[Vector, Vector]:
 
 
 def turn_towards(direction: Vector) -> Vector:
-    """Return some turn (4,) that leads −z to a unit direction (3,)."""
+    """Return a rotation (4,) that turns −z to a unit direction (3,)."""
     ahead = np.array([0.0, 0.0, -1.0])
-    found = np.array([1.0 + float(ahead @ direction), *np.cross(ahead, direction)])
-    length = float(np.linalg.norm(found))
-    return np.array([0.0, 0.0, 1.0, 0.0]) if length < 1e-9 else found / length
+    quaternion = np.array([1.0 + float(ahead @ direction), *np.cross(ahead, direction)])
+    length = float(np.linalg.norm(quaternion))
+    return np.array([0.0, 0.0, 1.0, 0.0]) if length < 1e-9 else quaternion / length

@@ -1,4 +1,4 @@
-"""Say what a pydantic model finds wrong in a file as an operator wants to read it."""
+"""Turn a pydantic model's errors about a file into messages for an operator."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeGuard, get_args
@@ -22,12 +22,12 @@ def model_problems(
     with `json_schema_extra={"any_magnitude": True}` is never doubted for its magnitude.
     """
     problems: list[Problem] = []
-    complained: set[KeyPath] = set()
-    known = {*model.model_fields, *also_known}
+    places: set[KeyPath] = set()
+    names = {*model.model_fields, *also_known}
     if model.model_config.get("extra") != "forbid":
-        for key in raw.keys() - known:
-            problems.append(_unknown(document, (*at, key), raw[key], known))
-            complained.add((*at, key))
+        for key in raw.keys() - names:
+            problems.append(_unknown_key(document, (*at, key), raw[key], names))
+            places.add((*at, key))
     try:
         model.model_validate(dict(raw))
     except ValidationError as error:
@@ -36,12 +36,12 @@ def model_problems(
             if item["type"] == "extra_forbidden":
                 fields = _fields_at(model, item["loc"][:-1])
                 extra = also_known if len(item["loc"]) == 1 else ()
-                problems.append(_unknown(document, place, item["input"], {*fields, *extra}))
+                problems.append(_unknown_key(document, place, item["input"], {*fields, *extra}))
             else:
                 message = _wording(str(place[-1]) if place else "", dict(item))
                 problems.append(document.problem(place, message))
-            complained.add(place)
-    problems += _magnitudes(document, model, raw, at, complained)
+            places.add(place)
+    problems += _magnitudes(document, model, raw, at, places)
     return problems
 
 
@@ -49,14 +49,22 @@ def _in_file(document: Document, place: tuple[str | int, ...]) -> KeyPath:
     """Drop the parts of a pydantic location that name a type and not a key."""
     if place and place[-1] == "[key]":
         place = place[:-1]
-    kept: KeyPath = ()
+    key_path: KeyPath = ()
     for part in place[:-1]:
         # keys of mappings are text in a document, whatever YAML reads them as
-        kept = next(
-            ((*kept, name) for name in (part, str(part)) if (*kept, name) in document.lines), kept
+        key_path = next(
+            (
+                (*key_path, name)
+                for name in (part, str(part))
+                if (*key_path, name) in document.lines
+            ),
+            key_path,
         )
     last = place[-1:]
-    return (*kept, *(map(str, last) if (*kept, *map(str, last)) in document.lines else last))
+    return (
+        *key_path,
+        *(map(str, last) if (*key_path, *map(str, last)) in document.lines else last),
+    )
 
 
 def _fields_at(model: type[BaseModel], place: Sequence[str | int]) -> set[str]:
@@ -79,34 +87,34 @@ def _is_model(kind: object) -> TypeGuard[type[BaseModel]]:
     return isinstance(kind, type) and issubclass(kind, BaseModel)
 
 
-def _unknown(document: Document, place: KeyPath, value: object, known: set[str]) -> Problem:
+def _unknown_key(document: Document, place: KeyPath, value: object, names: set[str]) -> Problem:
     key = str(place[-1])
-    message = explain_unknown(key, value, known) or f"unknown key{did_you_mean(key, known)}"
+    message = explain_unknown(key, value, names) or f"unknown key{did_you_mean(key, names)}"
     return document.problem(place, message)
 
 
 def _wording(key: str, item: Mapping[str, Any]) -> str:
-    """Say a pydantic complaint to an operator."""
+    """Return a pydantic error as a message for an operator."""
     kind, value = str(item["type"]), item["input"]
     if kind == "missing":
         unit = unit_of(key)
         return "is missing" + (f"; give it in {NAMES[unit]}" if unit else "; add it")
-    if kind.startswith(("int_", "float_")) and (explained := explain_text(key, value)):
-        return explained
+    if kind.startswith(("int_", "float_")) and (explanation := explain_text(key, value)):
+        return explanation
     if kind == "string_type":
         return f"is {value}, which YAML does not read as text; put it in quotes"
     if kind == "value_error":  # raised by a model of ours, in our own words
-        said = str(item["msg"]).removeprefix("Value error, ")
-        return said if isinstance(value, Mapping) else f"is {value!r}; {said}"
-    said = str(item["msg"])
-    said = (said[0].lower() + said[1:]).replace("input should", "should")
+        text = str(item["msg"]).removeprefix("Value error, ")
+        return text if isinstance(value, Mapping) else f"is {value!r}; {text}"
+    text = str(item["msg"])
+    text = (text[0].lower() + text[1:]).replace("input should", "should")
     unit = unit_of(key)
     in_unit = f", in {NAMES[unit]}" if unit else ""
     if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
-        if doubted := explain_magnitude(key, value):
-            return doubted
-        return f"is {value!r}; {said}{in_unit}"
-    return f"is {value!r}; {said}{in_unit}"
+        if doubt := explain_magnitude(key, value):
+            return doubt
+        return f"is {value!r}; {text}{in_unit}"
+    return f"is {value!r}; {text}{in_unit}"
 
 
 def _magnitudes(
@@ -114,17 +122,17 @@ def _magnitudes(
     model: type[BaseModel],
     raw: Mapping[str, Any],
     at: KeyPath,
-    complained: set[KeyPath],
+    places: set[KeyPath],
 ) -> list[Problem]:
-    """Doubt numbers that look like another unit, in this part and the parts below it."""
+    """Return warnings about numbers that look like another unit, here and in nested parts."""
     problems = []
     for name, field in model.model_fields.items():
         if name not in raw:
             continue
         place, value, kind = (*at, name), raw[name], field.annotation
         if _is_model(kind) and isinstance(value, dict):
-            problems += _magnitudes(document, kind, value, place, complained)
-        elif place not in complained and not _any_magnitude(field.json_schema_extra):
+            problems += _magnitudes(document, kind, value, place, places)
+        elif place not in places and not _any_magnitude(field.json_schema_extra):
             usual = None if field.is_required() else field.default
             if message := explain_magnitude(name, value, usual):
                 problems.append(document.problem(place, message))

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 MAX_DEPTH = 64
 MAX_TEXT_BYTES = 256 * 1024 * 1024
-"""No file of text that Visavis writes comes near this."""
+"""Far more than any text file that Visavis writes."""
 MAX_UNPACKED_BYTES = 4 << 30
 PIECE_BYTES = 1 << 20
 
@@ -49,9 +49,9 @@ def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
 
     Raises OSError, also when it is cut or damaged, or unpacks to more than `max_bytes`.
     """
-    with open_plain(path) as file, gzip.GzipFile(fileobj=file) as packed:
+    with open_plain(path) as file, gzip.GzipFile(fileobj=file) as stream:
         try:
-            data = _at_most(packed, max_bytes + 1, PIECE_BYTES)
+            data = _at_most(stream, max_bytes + 1, PIECE_BYTES)
         except (EOFError, zlib.error) as error:
             raise OSError(errno.EIO, f"it is no whole gzip file ({error})", str(path)) from error
     if len(data) > max_bytes:
@@ -62,7 +62,7 @@ def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
 def _at_most(file: BufferedReader | gzip.GzipFile, most: int, piece: int) -> bytes:
     """Read a file to its end, no more than `most` bytes, `piece` at first and then more.
 
-    Python takes memory for as much as is asked for, before it looks how much there is.
+    Python allocates as much as is requested before it knows how much there is.
     """
     data = file.read(min(piece, most))
     if len(data) < piece:  # all there is, which need not be copied
@@ -82,7 +82,7 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """
     try:
         with open_plain(path) as file, zipfile.ZipFile(file) as archive:
-            found = {
+            arrays = {
                 name.removesuffix(".npy"): _array(archive.read(name)) for name in archive.namelist()
             }
     except (
@@ -102,16 +102,16 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     ) as error:
         # zipfile and NumPy's header parser let through whatever a damaged byte leads them to.
         raise ValueError(f"no whole .npz file: {error or type(error).__name__}") from error
-    for name, array in found.items():
+    for name, array in arrays.items():
         if array.dtype.kind == "c":
             raise ValueError(f"array {name!r} holds complex numbers")
-    return found
+    return arrays
 
 
 def _array(member: bytes) -> npt.NDArray[Any]:
     """Return what a member of an .npz file holds; raises ValueError for all but arrays.
 
-    As NumPy reads it, but headers that are alike are parsed once: files hold many such arrays.
+    Same result as NumPy's reader, but equal headers are parsed once: files hold many such arrays.
     """
     end = 10 + int.from_bytes(member[8:10], "little")
     if member[:8] == b"\x93NUMPY\x01\x00":

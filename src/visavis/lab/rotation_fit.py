@@ -19,7 +19,7 @@ class FittedTurn:
 
     @property
     def is_mirrored(self) -> bool:
-        """Say whether no rotation does it, but a reflection does."""
+        """Return whether only a reflection fits, not a rotation."""
         return bool(np.linalg.det(self.matrix) < 0)
 
     @property

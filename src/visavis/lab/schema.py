@@ -47,11 +47,13 @@ class Field:
     def __post_init__(self) -> None:
         if self.unit:
             require_ucum(self.unit, f"field {self.name!r}")
-        stated = next((u for s, u in UNIT_OF_SUFFIX.items() if self.name.endswith(s)), None)
-        if self.unit in UNIT_OF_SUFFIX.values() and self.unit != "1" and stated != self.unit:
+        suffix_unit = next((u for s, u in UNIT_OF_SUFFIX.items() if self.name.endswith(s)), None)
+        if self.unit in UNIT_OF_SUFFIX.values() and self.unit != "1" and suffix_unit != self.unit:
             raise DataError(f"field {self.name!r} has unit {self.unit!r} but its name does not")
-        if stated is not None and stated != self.unit:
-            raise DataError(f"field {self.name!r} ends like {stated!r} but has unit {self.unit!r}")
+        if suffix_unit is not None and suffix_unit != self.unit:
+            raise DataError(
+                f"field {self.name!r} ends like {suffix_unit!r} but has unit {self.unit!r}"
+            )
 
 
 @dataclass(frozen=True)

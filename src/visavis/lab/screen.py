@@ -1,4 +1,4 @@
-"""A flat screen before somebody's eyes: where it stands, and what of the world is seen through it.
+"""A flat screen in front of the participant: where it stands, and what is visible through it.
 
 The frame is the viewing place's: its origin is the midpoint between the eyes where the lab
 measured the distance (the chin rest), its axes are the screen's: x right, y up, −z into it.
@@ -14,7 +14,7 @@ from visavis.lab.geometry import Vector, unit
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 MIN_EYE_DISTANCE_M = 0.1
-"""An eye nearer to the screen than this is a tracker's mistake: nothing is drawn from there."""
+"""An eye nearer to the screen than this is a tracking error, and nothing is drawn for it."""
 
 
 @dataclass(frozen=True)

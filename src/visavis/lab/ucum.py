@@ -25,7 +25,7 @@ atm [lbf_av] [in_i] [ft_i] [yd_i] [mi_i] [fth_i] [nmi_i] [kn_i] [sin_i] [sft_i] 
 [in_i'H2O] [in_i'Hg] [diop] [p'diop] %[slope] [MET] [pH] [S] [arb'U] [CFU] Ao b att [psi] circ sph
 [m/s2/Hz^(1/2)] [NTU] [FNU] bit_s
 """.split()
-"""Units that take none; customary ones of trade and of the pharmacy are left out."""
+"""Units without a prefix; customary units of trade and pharmacy are left out."""
 
 WRITTEN = {
     "microvolt": "uV", "millivolt": "mV", "volt": "V", "microsiemens": "uS", "siemens": "S",
@@ -42,8 +42,8 @@ WRITTEN = {
 }  # fmt: skip
 """Names that people and programs write, in small letters and the singular, and their code."""
 
-_TYPED = {"µ": "u", "μ": "u", "Ω": "Ohm", "²": "2", "³": "3", "⁻": "-", "¹": "1"}
-_TYPED |= {"**": "", "^": "", "·": ".", "×": ".", "*": ".", " ": ""}
+_ASCII_OF_SIGN = {"µ": "u", "μ": "u", "Ω": "Ohm", "²": "2", "³": "3", "⁻": "-", "¹": "1"}
+_ASCII_OF_SIGN |= {"**": "", "^": "", "·": ".", "×": ".", "*": ".", " ": ""}
 
 
 def _longest_first(codes: list[str]) -> str:
@@ -62,7 +62,7 @@ def _component() -> re.Pattern[str]:
 
 @cache
 def is_ucum(unit: str) -> bool:
-    """Say whether a text is a unit of UCUM; the empty text is none."""
+    """Return whether a text is a UCUM unit; the empty text is not."""
     return _end_of_term(unit, 0) == len(unit)
 
 
@@ -77,32 +77,32 @@ def require_ucum(unit: str, where: str) -> None:
 
 
 def nearest(unit: str) -> str:
-    """Return the unit that was probably meant; empty when nothing is near."""
+    """Return the most likely unit; empty when none is similar."""
     if is_ucum(unit):
         return unit
-    if known := code_of(unit):
-        return known
+    if exact := code_of(unit):
+        return exact
     some = [*METRIC, *OTHER, *(p + m for p in ("k", "c", "m", "u", "n") for m in METRIC)]
     by_letters = {code.lower(): code for code in reversed(some)}
-    found = difflib.get_close_matches(_typed(unit).lower(), by_letters, n=1, cutoff=0.6)
-    return by_letters[found[0]] if found else ""
+    matches = difflib.get_close_matches(_as_ascii(unit).lower(), by_letters, n=1, cutoff=0.6)
+    return by_letters[matches[0]] if matches else ""
 
 
-def code_of(written: str) -> str:
+def code_of(unit: str) -> str:
     """Return the code of a unit as programs write it ("microvolts", "µV", "m/s^2"), or nothing."""
-    text = written.strip()
+    text = unit.strip()
     plain = re.sub(r"[\s_-]", "", text.lower())
     for name in (plain, plain.removesuffix("s")):
         if name in WRITTEN:
             return WRITTEN[name]
-    for code in (text, _typed(text)):
+    for code in (text, _as_ascii(text)):
         if is_ucum(code):
             return code
     return ""
 
 
-def _typed(text: str) -> str:
-    for sign, plain in _TYPED.items():
+def _as_ascii(text: str) -> str:
+    for sign, plain in _ASCII_OF_SIGN.items():
         text = text.replace(sign, plain)
     return text
 
@@ -120,8 +120,8 @@ def _end_of_term(unit: str, at: int) -> int:
 
 def _end_of_component(unit: str, at: int) -> int:
     if unit[at : at + 1] != "(":
-        found = _component().match(unit, at)
-        return found.end() if found else -1
+        component = _component().match(unit, at)
+        return component.end() if component else -1
     end = _end_of_term(unit, at + 1)
     if end < 0 or unit[end : end + 1] != ")":
         return -1

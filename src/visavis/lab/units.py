@@ -1,4 +1,4 @@
-"""Say which unit a setting wants when the one given looks wrong."""
+"""Explain which unit a setting expects when the value looks wrong."""
 
 import re
 from collections.abc import Callable, Iterable
@@ -52,11 +52,11 @@ def stem_of(key: str) -> str:
     return key.rsplit("_", 1)[0] if unit_of(key) else key
 
 
-def convert(value: float, given: str, wanted: str) -> float | None:
+def convert(value: float, from_unit: str, to_unit: str) -> float | None:
     """Convert between units of one kind; None when they are of different kinds."""
     for kind in _SAME_KIND:
-        if given in kind and wanted in kind:
-            return float(f"{value * kind[given] / kind[wanted]:.12g}")
+        if from_unit in kind and to_unit in kind:
+            return float(f"{value * kind[from_unit] / kind[to_unit]:.12g}")
     return None
 
 
@@ -72,8 +72,8 @@ def read_quantity(value: object) -> tuple[float, str | None] | None:
     match = _WITH_UNIT.fullmatch(value) if isinstance(value, str) else None
     if match is None:
         return None
-    written = (match[2] or "").lower()
-    unit = _WRITTEN.get(written, written)
+    unit_text = (match[2] or "").lower()
+    unit = _WRITTEN.get(unit_text, unit_text)
     if unit and unit not in NAMES:
         return None
     return float(match[1].replace(",", ".")), unit or None
@@ -84,33 +84,33 @@ def explain_text(key: str, value: object) -> str | None:
     quantity = read_quantity(value)
     if quantity is None or not isinstance(value, str):
         return None
-    number, given = quantity
-    wanted = unit_of(key)
-    if wanted is None:
+    number, own_unit = quantity
+    key_unit = unit_of(key)
+    if key_unit is None:
         return f"is {value!r}; write the number alone: {key}: {number:g}"
-    converted = convert(number, given or wanted, wanted)
-    if converted is None:
-        return f"is {value!r} but expects {NAMES[wanted]}; for example {key}: 10"
+    converted_value = convert(number, own_unit or key_unit, key_unit)
+    if converted_value is None:
+        return f"is {value!r} but expects {NAMES[key_unit]}; for example {key}: 10"
     return (
-        f"is {value!r}; the unit stands in the name, write the number alone, "
-        f"in {NAMES[wanted]}: {key}: {converted:g}"
+        f"is {value!r}; the unit is in the name; write only the number, "
+        f"in {NAMES[key_unit]}: {key}: {converted_value:g}"
     )
 
 
-def explain_unknown(key: str, value: object, known: Iterable[str]) -> str | None:
+def explain_unknown(key: str, value: object, names: Iterable[str]) -> str | None:
     """Say which known setting differs from an unknown one by its unit only; None if none does."""
-    stem, given = stem_of(key), unit_of(key)
-    for name in known:
-        wanted = unit_of(name)
-        if wanted is None or name == key or stem_of(name) != stem:
+    stem, own_unit = stem_of(key), unit_of(key)
+    for name in names:
+        key_unit = unit_of(name)
+        if key_unit is None or name == key or stem_of(name) != stem:
             continue
         quantity = read_quantity(value)
         example = ""
         if quantity is not None:
-            converted = convert(quantity[0], quantity[1] or given or wanted, wanted)
-            if converted is not None:
-                example = f": {converted:g}"
-        return f"unknown key; the setting is in {NAMES[wanted]}, write {name}{example}"
+            converted_value = convert(quantity[0], quantity[1] or own_unit or key_unit, key_unit)
+            if converted_value is not None:
+                example = f": {converted_value:g}"
+        return f"unknown key; the setting is in {NAMES[key_unit]}, write {name}{example}"
     return None
 
 
@@ -120,20 +120,21 @@ def explain_magnitude(key: str, value: object, usual: object = None) -> str | No
     With a `usual` value (a default), a number is suspect when it is a hundred times off and the
     other unit would bring it within ten times; without, only when it is beyond all sense.
     """
-    wanted = unit_of(key)
+    key_unit = unit_of(key)
     quantity = read_quantity(value)
-    if wanted is None or quantity is None or isinstance(value, str) or wanted not in _LOOK_FOR:
+    if key_unit is None or quantity is None or isinstance(value, str) or key_unit not in _LOOK_FOR:
         return None
-    number, other = quantity[0], _LOOK_FOR[wanted]
-    meant = convert(number, other, wanted)
-    if meant is None:
+    number, other = quantity[0], _LOOK_FOR[key_unit]
+    meant_value = convert(number, other, key_unit)
+    if meant_value is None:
         return None
-    suspect = _SUSPECT[wanted](number)
+    suspect = _SUSPECT[key_unit](number)
     if isinstance(usual, int | float) and not isinstance(usual, bool) and usual > 0 < number:
         far = not 0.01 < number / usual < 100
-        suspect = suspect or (far and 0.1 <= meant / usual <= 10)
+        suspect = suspect or (far and 0.1 <= meant_value / usual <= 10)
     if not suspect:
         return None
     return (
-        f"is {number:g}, which looks like {NAMES[other]}; expects {NAMES[wanted]}: {key}: {meant:g}"
+        f"is {number:g}, which looks like {NAMES[other]}; expects {NAMES[key_unit]}: "
+        f"{key}: {meant_value:g}"
     )

@@ -1,4 +1,4 @@
-"""Which Visavis this is."""
+"""The version of Visavis."""
 
 import tomllib
 from importlib import metadata
@@ -8,7 +8,9 @@ UNKNOWN = "unknown"
 
 
 def version() -> str:
-    """Return the version as installed; that of its pyproject.toml for a tree never installed."""
+    """Return the installed version, or the one in pyproject.toml for a source tree that is not
+    installed.
+    """
     try:
         return metadata.version("visavis")
     except metadata.PackageNotFoundError:

@@ -68,9 +68,9 @@ def flat_columns(
 
 def describe(target: Element, schema: StreamSchema) -> None:
     """Write the channels of a stream below an XML `desc` element."""
-    listed = SubElement(target, "channels")
+    channels = SubElement(target, "channels")
     for channel in channels_of(schema):
-        entry = SubElement(listed, "channel")
+        entry = SubElement(channels, "channel")
         for tag, text in (
             ("label", channel.label),
             ("eye", channel.eye),

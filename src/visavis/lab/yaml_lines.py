@@ -1,4 +1,4 @@
-"""Read YAML so that every complaint about it can name the line."""
+"""Read YAML so that every error message can name the line."""
 
 import difflib
 from collections.abc import Iterable, Sequence
@@ -64,11 +64,11 @@ class Document:
 
     def problem(self, key_path: Sequence[str | int], message: str) -> Problem:
         """Return a problem at a key."""
-        return Problem(self.line_of(key_path), dotted(key_path), message)
+        return Problem(self.line_of(key_path), key_text(key_path), message)
 
 
-def dotted(key_path: Sequence[str | int]) -> str:
-    """Write a key path as an operator would: `items[3].text`."""
+def key_text(key_path: Sequence[str | int]) -> str:
+    """Return a key path as text: `items[3].text`."""
     text = ""
     for part in key_path:
         if isinstance(part, int):
@@ -78,9 +78,9 @@ def dotted(key_path: Sequence[str | int]) -> str:
     return text
 
 
-def did_you_mean(word: object, known: Iterable[str]) -> str:
+def did_you_mean(word: object, choices: Iterable[str]) -> str:
     """Return "; did you mean 'x'?" or, when nothing is near, "; known: ..."."""
-    names = sorted(known)
+    names = sorted(choices)
     near = difflib.get_close_matches(str(word), names, n=1, cutoff=0.6)
     if near:
         return f"; did you mean {near[0]!r}?"
@@ -117,7 +117,7 @@ def parse_document(text: str, path: Path) -> Document:
         mark = error.problem_mark or error.context_mark
         message = "; ".join(part for part in (error.context, error.problem) if part)
         if "\\t" in message:
-            message = "a tab stands where YAML wants spaces; indent with spaces"
+            message = "YAML allows no tabs for indentation; indent with spaces"
         elif "flow" in message:
             message += "; inside { } and [ ] put texts with punctuation in quotes"
         line = 1 if mark is None else mark.line + 1
@@ -130,7 +130,7 @@ def parse_document(text: str, path: Path) -> Document:
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads only what it is safe to walk through: not nested beyond all sense."""
+    """A loader that refuses YAML nested deeper than `MAX_DEPTH`."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -196,7 +196,7 @@ def _walk(
                 problems.append(
                     Problem(
                         line,
-                        dotted((*path, key)),
+                        key_text((*path, key)),
                         f"given twice, first on line {first_line[key]}; keep one",
                     )
                 )

@@ -13,7 +13,7 @@ from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
 from visavis.people.resting_pose import at_ease, posed
 from visavis.protocol.session.boards import ALONG_FINGERS, HAND
-from visavis.stimuli.motion.blending import eased
+from visavis.stimuli.motion.blending import smootherstep
 
 POINT_S: Final = 0.5
 """How long a hand takes from one point to the next."""
@@ -59,7 +59,7 @@ class PointingHand:
         """Return what is pointed to (t, 3)."""
         point = np.broadcast_to(self._points[0][1], (len(t_s), 3))
         for start_s, goal in self._points[1:]:
-            point = point + eased((t_s - start_s) / POINT_S)[:, None] * (goal - point)
+            point = point + smootherstep((t_s - start_s) / POINT_S)[:, None] * (goal - point)
         return point
 
 
@@ -223,7 +223,7 @@ class StandingBody:
         angles = np.broadcast_to(aims[0], (len(t_s), 2))
         if len(aims) > 1:
             starts = np.array([start for start, _ in self._looks[1:]])
-            angles = angles + eased((t_s[:, None] - starts) / TURN_S) @ np.diff(aims, axis=0)
+            angles = angles + smootherstep((t_s[:, None] - starts) / TURN_S) @ np.diff(aims, axis=0)
         yaw, up = HEAD_SHARE * angles.T / 2
         cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(up), np.sin(up)
         return self._positions(t_s), np.stack([cy * cp, cy * sp, sy * cp, -sy * sp], axis=1)

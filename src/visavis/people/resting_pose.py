@@ -22,8 +22,8 @@ from visavis.stimuli.motion.quaternion_kernels import (
     inverse,
     minus,
     plus,
-    scaled,
-    turned,
+    rotate_vector,
+    scale_vector,
 )
 from visavis.stimuli.motion.skeleton import Skeleton, canonical_skeleton
 from visavis.stimuli.motion.slerp_kernels import forward_rows
@@ -139,10 +139,10 @@ def _body_rows(
     facing, root = np.empty((1, 3)), np.empty((1, 3))
     local = np.empty((1, p.JOINTS, 4))
     own = offsets[0]
-    between_eyes = scaled(plus(_triple(own[p.J_LEFT_EYE]), _triple(own[p.J_RIGHT_EYE])), 0.5)
+    between_eyes = scale_vector(plus(_triple(own[p.J_LEFT_EYE]), _triple(own[p.J_RIGHT_EYE])), 0.5)
     for t in range(eyes_m.shape[0]):
         head, hand = _quat(head_wxyz[t]), _quat(hand_wxyz[t])
-        ahead = turned(head, AHEAD)
+        ahead = rotate_vector(head, AHEAD)
         facing[0, 0], facing[0, 1], facing[0, 2] = ahead
         eyes, at, turn = eyes_m[t : t + 1], positions[t : t + 1], turns[t : t + 1]
         # First without the hand: where the chest is, in whose axes an arm is led.
@@ -155,14 +155,14 @@ def _body_rows(
         arm[p.HOLD : p.HOLD + p.HOLDS * p.HOLD_SIZE] = 0.0
         hold = p.HOLD + p.CHEST * p.HOLD_SIZE
         arm[hold] = 1.0
-        _reflected(arm, hold + 1, turned(back, reach))
-        _reflected(arm, hold + 4, turned(back, turned(hand, FINGERS)))
-        _reflected(arm, hold + 7, turned(back, turned(hand, PALM)))
+        _reflected(arm, hold + 1, rotate_vector(back, reach))
+        _reflected(arm, hold + 4, rotate_vector(back, rotate_vector(hand, FINGERS)))
+        _reflected(arm, hold + 7, rotate_vector(back, rotate_vector(hand, PALM)))
         arm[p.POLE], arm[p.POLE + 1], arm[p.POLE + 2] = ELBOW_TOWARDS
         pose_rows(controls, offsets, _ONE, _HELD, eyes, facing, root, local)
         forward_rows(parents, own, root, local, at, turn)
         # Nothing that is given is approached only: a wrist bends so far, a facing has no roll.
         at[0, J_RIGHT_HAND], turn[0, J_RIGHT_HAND] = hand_m[t], hand_wxyz[t]
-        joint = minus(_triple(eyes_m[t]), turned(head, between_eyes))
+        joint = minus(_triple(eyes_m[t]), rotate_vector(head, between_eyes))
         at[0, p.J_HEAD, 0], at[0, p.J_HEAD, 1], at[0, p.J_HEAD, 2] = joint
         turn[0, p.J_HEAD] = head_wxyz[t]

@@ -27,7 +27,7 @@ from visavis.lab.schema import StreamSchema
 from visavis.lab.version import version
 from visavis.recording.bids_about import DatasetAbout
 from visavis.recording.blurring import segments_of
-from visavis.recording.csv_file import NEUTRALISED, neutralised
+from visavis.recording.csv_file import NEUTRALISED, escape_formulas
 from visavis.recording.durable import make_folder, replace_file
 from visavis.recording.journal import as_json
 from visavis.recording.number_table import holds_numbers, tsv_of_numbers
@@ -35,7 +35,7 @@ from visavis.recording.reader import (
     PART_COLUMN,
     Recording,
     component_names,
-    flattened,
+    flat_components,
     require_one_kind,
 )
 from visavis.recording.stream_file import Columns
@@ -44,7 +44,7 @@ BIDS_VERSION = "1.11.1"
 MAX_SPACING = 1.5
 """Samples farther apart than so many usual spacings have a gap between them."""
 NO_TIME = -(2**63)
-"""What stands in a stream for an unknown time: `visavis.devices.streams.NO_DEVICE_TIME`."""
+"""Value of an unknown time in a stream: `visavis.devices.streams.NO_DEVICE_TIME`."""
 NOTHING_SAID = DatasetAbout()
 MISSING = "n/a"
 GZIP_LEVEL = 1
@@ -67,10 +67,10 @@ BOOKKEEPING = frozenset(
         "pointer",
     )
 )
-"""Streams of the session itself, of use beside the session alone: what was shown and when."""
+"""Streams about the session itself (what was shown and when), which mean nothing without it."""
 
 _ARRANGEMENTS: Mapping[str, str] = {"scene": "agents", "crowd": "people"}
-"""Events that say who stood where, and the key under which they do."""
+"""Events that describe an arrangement of people, and the key that holds it."""
 
 FILES: Mapping[str, str] = {
     "beh/*_recording-eye1_physio.tsv.gz": "gaze of the left eye (eye2: right, eye3: combined)",
@@ -114,7 +114,7 @@ def export_bids(
     files.json("participants.json", {c: _PEOPLE[c] for c in people.columns[1:]})
     for recording in recordings:
         _session(recording, files, task, about)
-    return tuple(files.written)
+    return tuple(files.paths)
 
 
 _PEOPLE: Mapping[str, Mapping[str, Any]] = {
@@ -126,7 +126,7 @@ _PEOPLE: Mapping[str, Mapping[str, Any]] = {
 
 
 def _people(recordings: Sequence[Recording]) -> pd.DataFrame:
-    """Return a row per participant: what demographic questions were answered with."""
+    """Return a row per participant with the answers to demographic questions."""
     rows: dict[str, dict[str, Any]] = {}
     for recording in recordings:
         label = f"sub-{recording.manifest.participant}"
@@ -148,13 +148,13 @@ class _Files:
 
     def __init__(self, root: Path) -> None:
         self._root = root
-        self.written: list[Path] = []
+        self.paths: list[Path] = []
 
     def bytes(self, name: str, data: bytes) -> None:
         path = self._root / name
         make_folder(path.parent, exist_ok=True)
         replace_file(path, data)
-        self.written.append(path)
+        self.paths.append(path)
 
     def text(self, name: str, text: str) -> None:
         self.bytes(name, text.encode())
@@ -166,9 +166,9 @@ class _Files:
         """Write an arrangement once, however often it was shown; return its name in `stimuli`."""
         text = json.dumps(as_json(content), indent=1, ensure_ascii=False) + "\n"
         digest = hashlib.sha256(text.encode()).hexdigest()[:12]
-        shown = _label(str(content.get("scene_name") or name))
-        file = f"{shown}_{digest}.json"
-        if self._root / "stimuli" / file not in self.written:
+        label = _label(str(content.get("scene_name") or name))
+        file = f"{label}_{digest}.json"
+        if self._root / "stimuli" / file not in self.paths:
             self.text(f"stimuli/{file}", text)
         return file
 
@@ -186,7 +186,7 @@ class _Files:
 def _tsv(frame: pd.DataFrame, *, header: bool) -> bytes:
     if not header and holds_numbers(frame):
         return tsv_of_numbers(frame, na_rep=MISSING)
-    safe, _ = neutralised(frame)
+    safe, _ = escape_formulas(frame)
     text: str = safe.to_csv(
         sep="\t", index=False, header=header, na_rep=MISSING, lineterminator="\n"
     )
@@ -212,7 +212,7 @@ def _description(name: str, is_simulated: bool, about: DatasetAbout) -> dict[str
 
 def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout) -> None:
     manifest = recording.manifest
-    shared = {"TaskName": task, **_task_fields(recording, about), **about.place_fields()}
+    common_fields = {"TaskName": task, **_task_fields(recording, about), **about.place_fields()}
     subject, session = f"sub-{manifest.participant}", f"ses-{manifest.session:03d}"
     scans = []
     for part in manifest.parts:
@@ -225,7 +225,8 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
         events = _with_stimuli(_events(recording, part.number, zero_ns), files)
         body = _arrays_with(recording, part.number, _HEAD_NEEDS, bodies=True)
         head = head if _head_system(recording) else None
-        notes = {**_events_notes(recording, events), **shared}
+        notes = {**_events_notes(recording, events), **common_fields}
+        # BIDS wants events beside every kind of data; both copies are the same.
         for kind in ("beh", *(["motion"] if head is not None or body is not None else [])):
             files.tsv(f"{base}/{kind}/{stem}_{run}_events.tsv", events)
             files.json(f"{base}/{kind}/{stem}_{run}_events.json", notes)
@@ -237,7 +238,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
                 files.tsv_gz(f"{base}/{name}.tsv.gz", table)
                 files.json(
                     f"{base}/{name}.json",
-                    _eye_notes(recording, table, eye[1], rate_hz(gaze)) | shared,
+                    _eye_notes(recording, table, eye[1], rate_hz(gaze)) | common_fields,
                 )
                 scans.append(f"{name}.tsv.gz")
         for stream in _others(recording):
@@ -250,7 +251,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
             files.tsv_gz(f"{base}/{name}.tsv.gz", table)
             files.json(
                 f"{base}/{name}.json",
-                _stream_notes(recording, schema, table, rate_hz(arrays)) | shared,
+                _stream_notes(recording, schema, table, rate_hz(arrays)) | common_fields,
             )
             scans.append(f"{name}.tsv.gz")
         for system, poses, points in (
@@ -263,7 +264,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
             table = _motion_table(poses, points, zero_ns)
             notes = _motion_notes(recording, table, points, system, rate_hz(poses))
             files.tsv(f"{base}/{name}_motion.tsv", table, header=False)
-            files.json(f"{base}/{name}_motion.json", notes | shared)
+            files.json(f"{base}/{name}_motion.json", notes | common_fields)
             files.tsv(f"{base}/{name}_channels.tsv", _channels(points))
             files.json(f"{base}/{name}_channels.json", _HEAD_CHANNELS_NOTES)
             scans.append(f"{name}_motion.tsv")
@@ -273,7 +274,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
 
 
 def _arrays_with(
-    recording: Recording, part: int, needed: frozenset[str], *, bodies: bool = False
+    recording: Recording, part: int, fields: frozenset[str], *, bodies: bool = False
 ) -> Columns | None:
     """Return the first stream of a part that has the needed fields and any sample.
 
@@ -283,7 +284,7 @@ def _arrays_with(
         schema = recording.stream_schema(name)
         if schema is None or name in BOOKKEEPING or _is_body(schema) != bodies:
             continue
-        if needed <= {f.name for f in schema.fields}:
+        if fields <= {f.name for f in schema.fields}:
             arrays = recording.stream_arrays(name, part=part)
             if len(arrays[PART_COLUMN]):
                 return arrays
@@ -296,14 +297,14 @@ def _is_body(schema: StreamSchema) -> bool:
 
 def _others(recording: Recording) -> list[str]:
     """Return the streams of devices that are neither gaze nor poses."""
-    found = []
+    names = []
     for name in recording.stream_names:
         schema = recording.stream_schema(name)
         fields = set() if schema is None else {f.name for f in schema.fields}
         if schema is not None and name not in BOOKKEEPING:
             if not _GAZE_NEEDS <= fields and not _HEAD_NEEDS <= fields:
-                found.append(name)
-    return found
+                names.append(name)
+    return names
 
 
 def _label(name: str) -> str:
@@ -313,31 +314,31 @@ def _label(name: str) -> str:
 def _segments(recording: Recording, body: Columns | None) -> tuple[str, ...]:
     """Return the names of a body's segments, as its stream describes them."""
     schemas = (recording.stream_schema(name) for name in recording.stream_names)
-    found = next((s for s in schemas if s is not None and _is_body(s)), None)
-    return () if body is None or found is None else segments_of(found)
+    schema = next((s for s in schemas if s is not None and _is_body(s)), None)
+    return () if body is None or schema is None else segments_of(schema)
 
 
 def _task_fields(recording: Recording, about: DatasetAbout) -> dict[str, Any]:
-    """Return what is said of the task: what participants did, and what they were told."""
+    """Return the task's description and instructions."""
     plan = recording.manifest.plan
     blocks = plan.get("blocks", ()) if isinstance(plan, Mapping) else ()
-    told = [str(b.get("instruction", "")) for b in blocks if b.get("instruction")]
-    found = {
+    instructions = [str(b.get("instruction", "")) for b in blocks if b.get("instruction")]
+    fields = {
         "TaskDescription": about.description or f"the study {recording.manifest.study}",
-        "Instructions": "\n\n".join(dict.fromkeys(told)) or "n/a",
+        "Instructions": "\n\n".join(dict.fromkeys(instructions)) or "n/a",
     }
-    return {key: value for key, value in found.items() if value}
+    return {key: value for key, value in fields.items() if value}
 
 
 def _screen(recording: Recording) -> Mapping[str, Any]:
-    """Return the screen participants sat before; empty where there was none."""
-    configured = recording.manifest.configuration
-    screen = configured.get("screen") if isinstance(configured, Mapping) else None
+    """Return the settings of the screen; empty when there was none."""
+    configuration = recording.manifest.configuration
+    screen = configuration.get("screen") if isinstance(configuration, Mapping) else None
     return screen if isinstance(screen, Mapping) else {}
 
 
 def _screen_fields(recording: Recording) -> dict[str, Any]:
-    """Return what is said of the screen: distance and size in metres, pixels right and down."""
+    """Return the fields about the screen: distance and size in metres, pixels right and down."""
     screen = _screen(recording)
     if not screen:
         return {}
@@ -352,7 +353,7 @@ def _screen_fields(recording: Recording) -> dict[str, Any]:
 
 
 def _head_system(recording: Recording) -> str:
-    """Return what followed the head; nothing does in a chin rest."""
+    """Return the name of the head tracker; empty when the head rests in a chin rest."""
     head = _screen(recording).get("head")
     return {None: "HMD", "tracked": "eyetracker"}.get(head, "")
 
@@ -460,7 +461,7 @@ def _stream_table(arrays: Columns, zero_ns: int) -> pd.DataFrame:
     columns: dict[str, Any] = {"timestamp": _seconds(arrays["t_host_ns"], zero_ns)}
     for field, values in arrays.items():
         if field not in ("seq", PART_COLUMN):
-            for name, column in flattened(field, values):
+            for name, column in flat_components(field, values):
                 columns[name] = column.astype(np.int64) if column.dtype == bool else column
     return pd.DataFrame(columns)
 
@@ -482,8 +483,8 @@ def _stream_notes(
         size = int(np.prod(field.shape)) if field.shape else 1
         for name in component_names(field.name, size) if field.shape else [field.name]:
             frame = f"; {field.frame} frame" if field.frame else ""
-            said = field.description or field.name.replace("_", " ")
-            notes[name] = {"Description": f"{said}{frame}", "Units": field.unit or "n/a"}
+            description = field.description or field.name.replace("_", " ")
+            notes[name] = {"Description": f"{description}{frame}", "Units": field.unit or "n/a"}
     return notes | _device_fields(_device(recording, schema.name.partition("_")[0]))
 
 
@@ -587,25 +588,27 @@ def _events(recording: Recording, part: int, zero_ns: int) -> pd.DataFrame:
 
 
 def _with_stimuli(events: pd.DataFrame, files: _Files) -> pd.DataFrame:
-    """Move what events tell of an arrangement into a file of its own, and name it there."""
-    found: dict[Any, str] = {}
+    """Move each arrangement out of the events into its own file, and put the file's name there."""
+    names: dict[Any, str] = {}
     for name, key in _ARRANGEMENTS.items():
         if key not in events:
             continue
-        told = events[(events["trial_type"] == name) & events[key].map(bool) & events[key].notna()]
-        for at, row in told.to_dict("index").items():
-            said = json.loads(row[key]) if isinstance(row[key], str) else row[key]
+        arrangements = events[
+            (events["trial_type"] == name) & events[key].map(bool) & events[key].notna()
+        ]
+        for at, row in arrangements.to_dict("index").items():
+            content = json.loads(row[key]) if isinstance(row[key], str) else row[key]
             labels: dict[str, Any] = {
                 column: row[column]
                 for column in ("scene_name", "brightness_01")
                 if column in row and row[column] == row[column]
             }
-            found[at] = files.stimulus(name, {**labels, key: said})
+            names[at] = files.stimulus(name, {**labels, key: content})
         events.loc[events["trial_type"] == name, key] = None
         if events[key].isna().all():
             events = events.drop(columns=key)
-    if found:
-        events.insert(3, "stim_file", pd.Series(found, dtype=object).reindex(events.index))
+    if names:
+        events.insert(3, "stim_file", pd.Series(names, dtype=object).reindex(events.index))
     return events
 
 
@@ -647,9 +650,9 @@ def _events_notes(recording: Recording, events: pd.DataFrame) -> dict[str, Any]:
             **_screen_fields(recording),
         },
     }
-    _, touched = neutralised(events)
+    _, escaped_columns = escape_formulas(events)
     for column in events.columns[3:]:
-        note = f"; {NEUTRALISED}" if str(column) in touched else ""
+        note = f"; {NEUTRALISED}" if str(column) in escaped_columns else ""
         notes[str(column)] = {"Description": f"{column}, as the study recorded it{note}"}
     if "stim_file" in notes:
         notes["stim_file"] = {"Description": "file in stimuli/ that says who and what stood where"}

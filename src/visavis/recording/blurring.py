@@ -21,7 +21,7 @@ from visavis.recording.stream_file import Columns
 from visavis.stimuli.motion.skeleton import canonical_skeleton, forward, local_of_world
 
 STATURE_M: Final = 1.70
-"""Everybody's height in what is shown."""
+"""Height that everybody gets in shared data."""
 
 STANDING_EYE_M: Final = 0.936 * STATURE_M
 """Height of the eyes of a standing person (Drillis & Contini 1966)."""
@@ -37,12 +37,12 @@ SMOOTHING_S: Final = 0.2
 OUTSIDE_STEP_DEG: Final = 0.5
 MAX_OUTSIDE_DEG: Final = 5.0
 FAR_DEG: Final = 180.0
-"""How far outside a head the gaze fell is told in steps, and not at all beyond."""
+"""Distances of gaze from a head are given in steps of this, and left out beyond the limit."""
 
 _RIM: Final = 1 - 1e-5
 
 BLURRED: Final = ("head", "body", "gaze", "gaze_targets")
-"""Kinds of streams that are shown blurred; see `kind_of`."""
+"""Kinds of streams that are blurred; see `kind_of`."""
 
 _LENGTH = re.compile(
     r"(.*_)?(height|stature|arm|leg|limb|reach|span|ipd|eye_distance)(_off|_told)?_(m|mm)"
@@ -72,7 +72,7 @@ def tells_length(column: str) -> bool:
     return _LENGTH.fullmatch(column) is not None
 
 
-def smoothed(values: Vector, valid: npt.NDArray[np.bool_], t_ns: npt.NDArray[np.int64]) -> Vector:
+def smooth(values: Vector, valid: npt.NDArray[np.bool_], t_ns: npt.NDArray[np.int64]) -> Vector:
     """Return values (n, k) under a Gaussian over the valid samples; NaN where one is not valid.
 
     Samples count as evenly spaced by their median, which is what a tracker's are.
@@ -82,14 +82,14 @@ def smoothed(values: Vector, valid: npt.NDArray[np.bool_], t_ns: npt.NDArray[np.
     if not spacing_s > 0:
         return np.where(valid[:, None], values, np.nan)
     sigma = SMOOTHING_S / spacing_s
-    kept = np.where(valid[:, None], values, 0.0)
-    amount = gaussian_filter1d(kept, sigma, axis=0, mode="constant")
+    filled_values = np.where(valid[:, None], values, 0.0)
+    amount = gaussian_filter1d(filled_values, sigma, axis=0, mode="constant")
     weight = gaussian_filter1d(valid.astype(np.float64), sigma, mode="constant")
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(valid[:, None], amount / weight[:, None], np.nan)
 
 
-def smoothed_turns(
+def smooth_turns(
     turns: Vector, valid: npt.NDArray[np.bool_], t_ns: npt.NDArray[np.int64]
 ) -> Vector:
     """Return unit quaternions (n, 4) under the same Gaussian."""
@@ -97,7 +97,7 @@ def smoothed_turns(
     last = np.maximum.accumulate(np.where(valid, np.arange(len(q)), 0))
     before = q[np.concatenate([[0], last[:-1]])] if len(q) else q
     flips = np.where((q * before).sum(axis=1) < 0, -1.0, 1.0)
-    mean = smoothed(q * np.cumprod(flips)[:, None], valid, t_ns)
+    mean = smooth(q * np.cumprod(flips)[:, None], valid, t_ns)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
 
@@ -108,8 +108,8 @@ def at_height(
     """Return heights stretched (or, where the floor is not 0, shifted) so that the median fits."""
     if not np.isfinite(median_m):
         return y_m
-    stretched = y_m * (wanted_m / median_m) if median_m > MIN_EYE_M else y_m - median_m + wanted_m
-    return np.where(valid, stretched, np.nan)
+    height_m = y_m * (wanted_m / median_m) if median_m > MIN_EYE_M else y_m - median_m + wanted_m
+    return np.where(valid, height_m, np.nan)
 
 
 def heights_m(columns: Columns) -> Vector:
@@ -125,10 +125,10 @@ def segments_of(schema: StreamSchema) -> tuple[str, ...]:
     `segment_1 …` where it lists none.
     """
     field = next(f for f in schema.fields if f.name == "position_m")
-    listed = field.description.rpartition(":")[2].split()
+    names = field.description.rpartition(":")[2].split()
     n = field.shape[0] if len(field.shape) == 2 else 1
-    if len(listed) == n and all(t.isidentifier() for t in listed):
-        return tuple(listed)
+    if len(names) == n and all(t.isidentifier() for t in names):
+        return tuple(names)
     return tuple(f"segment_{i + 1}" for i in range(n))
 
 
@@ -140,10 +140,10 @@ def has_reference(names: tuple[str, ...]) -> bool:
 def blurred_head(columns: Columns, median_m: float) -> Columns:
     """Return head poses at the reference height, smoothed."""
     t_ns, valid = columns["t_host_ns"], columns["valid"].astype(bool)
-    position = smoothed(columns["position_m"].astype(np.float64), valid, t_ns)
+    position = smooth(columns["position_m"].astype(np.float64), valid, t_ns)
     wanted_m = SEATED_EYE_M if MIN_EYE_M < median_m <= MAX_SEATED_EYE_M else STANDING_EYE_M
     position[:, 1] = at_height(position[:, 1], valid, median_m, wanted_m)
-    turns = smoothed_turns(columns["orientation_wxyz"].astype(np.float64), valid, t_ns)
+    turns = smooth_turns(columns["orientation_wxyz"].astype(np.float64), valid, t_ns)
     return _with(columns, position_m=position, orientation_wxyz=turns)
 
 
@@ -157,40 +157,40 @@ def blurred_body(columns: Columns, names: tuple[str, ...], median_m: float) -> C
     n, t_ns = len(columns["t_host_ns"]), columns["t_host_ns"]
     valid = columns["valid"].astype(bool)
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (n, len(skeleton.names), 1))
-    tracked = np.zeros((n, len(skeleton.names)), bool)
+    is_tracked = np.zeros((n, len(skeleton.names)), bool)
     own = columns["orientation_wxyz"].astype(np.float64)
     for i, name in enumerate(names):
         j = skeleton.index(name)
-        turned = smoothed_turns(own[:, i], valid[:, i], t_ns)
-        turns[:, j] = np.where(valid[:, i, None], turned, turns[:, j])
-        tracked[:, j] = valid[:, i]
+        own_turns = smooth_turns(own[:, i], valid[:, i], t_ns)
+        turns[:, j] = np.where(valid[:, i, None], own_turns, turns[:, j])
+        is_tracked[:, j] = valid[:, i]
     for j, parent in enumerate(skeleton.parents):
         if parent >= 0:
             missing = skeleton.names[j] not in names
-            tracked[:, j] = tracked[:, parent] & (tracked[:, j] | missing)
+            is_tracked[:, j] = is_tracked[:, parent] & (is_tracked[:, j] | missing)
             if missing:
                 turns[:, j] = turns[:, parent]
     hips = names.index("hips")
-    root = smoothed(columns["position_m"][:, hips].astype(np.float64), valid[:, hips], t_ns)
+    root = smooth(columns["position_m"][:, hips].astype(np.float64), valid[:, hips], t_ns)
     standing_m = -float(skeleton.rest_m[:, 1].min())
     root[:, 1] = at_height(root[:, 1], valid[:, hips], median_m, standing_m)
-    placed = forward(skeleton, np.nan_to_num(root), local_of_world(skeleton, turns))
+    pose = forward(skeleton, np.nan_to_num(root), local_of_world(skeleton, turns))
     at = [skeleton.index(name) for name in names]
-    seen = tracked[:, at]
-    position = np.where(seen[..., None], placed.position_m[:, at], np.nan)
-    orientation = np.where(seen[..., None], turns[:, at], np.nan)
-    return _with(columns, position_m=position, orientation_wxyz=orientation, valid=seen)
+    is_valid = is_tracked[:, at]
+    position = np.where(is_valid[..., None], pose.position_m[:, at], np.nan)
+    orientation = np.where(is_valid[..., None], turns[:, at], np.nan)
+    return _with(columns, position_m=position, orientation_wxyz=orientation, valid=is_valid)
 
 
 def blurred_gaze(columns: Columns) -> Columns:
     """Return gaze without the distance of the eyes and without pupils: one direction for both."""
-    changed: dict[str, npt.NDArray[Any]] = {}
+    new_columns: dict[str, npt.NDArray[Any]] = {}
     for name, values in columns.items():
         if name in ("left_direction_head", "right_direction_head"):
-            changed[name] = columns["direction_head"]
+            new_columns[name] = columns["direction_head"]
         elif name.endswith("_mm") or (name.endswith("_m") and values.dtype.kind == "f"):
-            changed[name] = np.full(values.shape, 0.0 if name.endswith("_m") else np.nan)
-    return _with(columns, **changed)
+            new_columns[name] = np.full(values.shape, 0.0 if name.endswith("_m") else np.nan)
+    return _with(columns, **new_columns)
 
 
 def blurred_targets(columns: Columns, gaze: Columns | None, head: Columns | None) -> Columns:
@@ -203,26 +203,26 @@ def blurred_targets(columns: Columns, gaze: Columns | None, head: Columns | None
     n = len(columns["t_host_ns"])
     direction, origin = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     if gaze is not None and head is not None and len(head["seq"]) and len(gaze["seq"]):
-        known = np.isin(columns["gaze_seq"], gaze["seq"]) & columns["valid"].astype(bool)
+        has_gaze = np.isin(columns["gaze_seq"], gaze["seq"]) & columns["valid"].astype(bool)
         order = np.argsort(gaze["seq"], kind="stable")
-        row = order[np.searchsorted(gaze["seq"], columns["gaze_seq"][known], sorter=order)]
-        at = np.searchsorted(head["t_host_ns"], columns["t_sample_ns"][known])
+        row = order[np.searchsorted(gaze["seq"], columns["gaze_seq"][has_gaze], sorter=order)]
+        at = np.searchsorted(head["t_host_ns"], columns["t_sample_ns"][has_gaze])
         at = np.minimum(at, len(head["t_host_ns"]) - 1)
         turn = head["orientation_wxyz"][at].astype(np.float64)
-        direction[known] = rotate(turn, gaze["direction_head"][row].astype(np.float64))
-        origin[known] = head["position_m"][at]
+        direction[has_gaze] = rotate(turn, gaze["direction_head"][row].astype(np.float64))
+        origin[has_gaze] = head["position_m"][at]
     angle = columns["angle_deg"].astype(np.float64)
     radius = columns["radius_deg"].astype(np.float64)
     size = _median_size(radius)
     outside = np.ceil((angle - radius) / OUTSIDE_STEP_DEG - 1e-6) * OUTSIDE_STEP_DEG
-    shown = np.where(angle < radius * _RIM, size / 2, size + np.maximum(outside, 0.0))
-    shown = np.where(outside > MAX_OUTSIDE_DEG, FAR_DEG, shown)
+    blurred_deg = np.where(angle < radius * _RIM, size / 2, size + np.maximum(outside, 0.0))
+    blurred_deg = np.where(outside > MAX_OUTSIDE_DEG, FAR_DEG, blurred_deg)
     limit = np.floor(columns["pad_limit_deg"].astype(np.float64) / OUTSIDE_STEP_DEG)
     return _with(
         columns,
         direction_world=direction,
         origin_world_m=origin,
-        angle_deg=np.where(np.isfinite(angle), shown, np.nan),
+        angle_deg=np.where(np.isfinite(angle), blurred_deg, np.nan),
         radius_deg=np.where(np.isfinite(radius), size, np.nan),
         pad_limit_deg=limit * OUTSIDE_STEP_DEG,
     )
@@ -232,16 +232,16 @@ def _median_size(radius_deg: Vector) -> Vector:
     """Return each head's median size (1, m) in steps, at least one; NaN where it is not seen."""
     size = np.full((1, radius_deg.shape[1]), np.nan)
     for j in range(radius_deg.shape[1]):
-        seen = radius_deg[np.isfinite(radius_deg[:, j]), j]
-        if len(seen):
-            steps = max(1.0, float(np.round(np.median(seen) / OUTSIDE_STEP_DEG)))
+        radii_deg = radius_deg[np.isfinite(radius_deg[:, j]), j]
+        if len(radii_deg):
+            steps = max(1.0, float(np.round(np.median(radii_deg) / OUTSIDE_STEP_DEG)))
             size[0, j] = steps * OUTSIDE_STEP_DEG
     return size
 
 
-def _with(columns: Columns, **changed: npt.NDArray[Any]) -> Columns:
+def _with(columns: Columns, **new_columns: npt.NDArray[Any]) -> Columns:
     """Replace columns, each kept in its own type."""
     return {
-        name: changed[name].astype(values.dtype) if name in changed else values
+        name: new_columns[name].astype(values.dtype) if name in new_columns else values
         for name, values in columns.items()
     }

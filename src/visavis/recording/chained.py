@@ -1,4 +1,5 @@
-"""Files of JSON lines that only grow: every line vouches for all before it, and there is a copy.
+"""Append-only files of JSON lines. Every line holds a checksum of all lines before it, and there is
+a copy.
 
 A line ends in its own CRC-32 and names that of everything before it (`after`), so that no byte of
 the file can change, and no line go or move, unseen. What a cut would take from the end is in the
@@ -30,13 +31,13 @@ class Lines:
 
 
 def read_lines(path: Path) -> Lines:
-    """Read a file of lines; none of a file that is not there.
+    """Read a file of lines; a missing file has none.
 
     Where it was cut short, what its copy has more is read from there. Raises OSError when neither
     can be read.
     """
     data, copy = _content(path), _content(copy_path(path))
-    own = _decoded(data or b"")
+    own = _decode(data or b"")
     if copy is None:
         notes = () if data is None else (f"{copy_path(path)} is missing",)
         return Lines(own.records, own.damaged_line, notes if own.records else ())
@@ -44,12 +45,12 @@ def read_lines(path: Path) -> Lines:
     if whole == spare:
         return own
     if spare.startswith(whole):  # cut short, or its writer died before it was written to both
-        longer = _decoded(spare)
+        longer = _decode(spare)
         if longer.damaged_line is None:
-            lost = len(spare) - len(whole)
-            return Lines(longer.records, None, (f"{path} lacks {lost} bytes of its copy",))
+            n_lost_bytes = len(spare) - len(whole)
+            return Lines(longer.records, None, (f"{path} lacks {n_lost_bytes} bytes of its copy",))
     if own.damaged_line is None:
-        if _decoded(spare).damaged_line is None and not whole.startswith(spare):
+        if _decode(spare).damaged_line is None and not whole.startswith(spare):
             return Lines(own.records, (len(own.records), "and its copy say different things"))
         return Lines(own.records, None, (f"{copy_path(path)} is damaged or cut short",))
     return own
@@ -60,17 +61,17 @@ def append_lines(path: Path, records: Sequence[Mapping[str, Any]]) -> None:
 
     The caller keeps others from writing. Raises OSError; ValueError where the file is damaged.
     """
-    found = read_lines(path)
-    if found.damaged_line is not None:
-        raise ValueError(f"{path}:{found.damaged_line[0]} {found.damaged_line[1]}")
+    content = read_lines(path)
+    if content.damaged_line is not None:
+        raise ValueError(f"{path}:{content.damaged_line[0]} {content.damaged_line[1]}")
     data, copy = _whole(_content(path) or b""), _whole(_content(copy_path(path)) or b"")
-    whole = copy if copy.startswith(data) and found.notes else data
-    added = b""
+    whole = copy if copy.startswith(data) and content.notes else data
+    new_bytes = b""
     for record in records:
-        after = f"{zlib.crc32(whole + added):08x}"
-        added += encode_line({**record, "after": after})
+        after = f"{zlib.crc32(whole + new_bytes):08x}"
+        new_bytes += encode_line({**record, "after": after})
     for target in (copy_path(path), path):
-        _extend(target, whole, added)
+        _extend(target, whole, new_bytes)
 
 
 def repair_lines(path: Path) -> str | None:
@@ -83,10 +84,10 @@ def repair_lines(path: Path) -> str | None:
         return None
     own, spare = _whole(data or b""), _whole(copy or b"")
     if own == spare:
-        if _decoded(own).damaged_line is not None:
+        if _decode(own).damaged_line is not None:
             raise ValueError(f"{path} and its copy are damaged; restore one from a backup")
         return None
-    sound = [d for d in (own, spare) if _decoded(d).damaged_line is None]
+    sound = [d for d in (own, spare) if _decode(d).damaged_line is None]
     if not sound:
         raise ValueError(f"{path} and its copy are damaged; restore one from a backup")
     best = max(sound, key=len)
@@ -113,13 +114,13 @@ def _whole(data: bytes) -> bytes:
     return data[: data.rfind(b"\n") + 1]
 
 
-def _decoded(data: bytes) -> Lines:
+def _decode(data: bytes) -> Lines:
     records: list[dict[str, Any]] = []
     crc, is_chained = 0, False
     for number, line in enumerate(_whole(data).split(b"\n")[:-1], start=1):
         record = decode_line(line)
         if record is None and not is_chained:
-            record = _unchained(line)
+            record = _decode_unchained(line)
         elif record is None or record.pop("after", None) != f"{crc:08x}":
             return Lines(tuple(records), (number, "or one before it is not as it was written"))
         else:
@@ -132,8 +133,8 @@ def _decoded(data: bytes) -> Lines:
     return Lines(tuple(records))
 
 
-def _unchained(line: bytes) -> dict[str, Any] | None:
-    """Return a line written before lines vouched for each other; None when it is none."""
+def _decode_unchained(line: bytes) -> dict[str, Any] | None:
+    """Return a line in the older format without chained checksums; None when it is not one."""
     try:
         record = parse_json(line)
     except ValueError:
@@ -142,10 +143,10 @@ def _unchained(line: bytes) -> dict[str, Any] | None:
     return record if is_one else None
 
 
-def _extend(path: Path, whole: bytes, added: bytes) -> None:
+def _extend(path: Path, whole: bytes, new_bytes: bytes) -> None:
     if (_content(path) or b"") != whole:
         replace_file(path, whole)
     with os.fdopen(open_private(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab") as file:
-        file.write(added)
+        file.write(new_bytes)
         file.flush()
         os.fsync(file.fileno())

@@ -91,9 +91,11 @@ def stream_schema(schema: Any) -> StreamSchema:
     fields = []
     for column in list(schema)[len(STAMPS) :]:
         notes = {k.decode(): v.decode() for k, v in (column.metadata or {}).items()}
-        unit, described = notes["unit"], notes["description"]
+        unit, description = notes["unit"], notes["description"]
         if unit and not is_ucum(unit):  # recorded before units were those of UCUM
-            described = described if unit in described else f"{described or column.name} in {unit}"
+            description = (
+                description if unit in description else f"{description or column.name} in {unit}"
+            )
             code = code_of(unit)
             unit = code if code not in UNIT_OF_SUFFIX.values() else ""
         fields.append(
@@ -103,7 +105,7 @@ def stream_schema(schema: Any) -> StreamSchema:
                 unit=unit,
                 frame=notes["frame"],
                 shape=_shape(notes["shape"]),
-                description=described,
+                description=description,
             )
         )
         if np.dtype(fields[-1].dtype).str[1:] not in _ARROW_TYPES:
@@ -193,9 +195,9 @@ class BatchEncoder:
         for i in range(3):
             columns[i][...] = stamps[i]
             crc = zlib.crc32(columns[i].data, crc)
-        for i, (name, packed) in enumerate(self._own, start=3):
+        for i, (name, is_packed) in enumerate(self._own, start=3):
             columns[i][...] = (
-                np.packbits(values[name], bitorder="little") if packed else values[name]
+                np.packbits(values[name], bitorder="little") if is_packed else values[name]
             )
             crc = zlib.crc32(columns[i].data, crc)
         template.message[template.crc_at] = b"%08x" % crc

@@ -1,4 +1,4 @@
-"""Write tables as CSV that a spreadsheet shows and never runs."""
+"""Write tables as CSV in which a spreadsheet runs no formula."""
 
 import json
 import re
@@ -25,42 +25,42 @@ def write_csv(table: pd.DataFrame, path: Path) -> tuple[str, ...]:
 
     Text cells and column names beginning with = + - @ or a control character, which spreadsheets
     run, get an apostrophe before them. Returns the columns in which that was needed; say it in
-    the table's dictionary with `tell_neutralised`. Raises OSError when the disk refuses.
+    the table's dictionary with `note_escaped_columns`. Raises OSError when the disk refuses.
     """
-    safe, touched = neutralised(table)
+    safe, escaped_columns = escape_formulas(table)
     rows = max(1, CELLS_AT_ONCE // max(1, len(safe.columns)))
     safe.to_csv(path, index=False, encoding="utf-8", lineterminator="\n", na_rep="", chunksize=rows)
-    return touched
+    return escaped_columns
 
 
-def neutralised(table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Return a table none of whose texts is a formula, and the columns that had any."""
-    columns, touched = {}, []
+def escape_formulas(table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Return a table without formulas in its texts, and the columns that had any."""
+    columns, escaped_columns = {}, []
     for i, name in enumerate(table.columns):
         values = table.iloc[:, i]
         if values.dtype == object or isinstance(values.dtype, pd.StringDtype):
             texts = list(values)
             if any(_is_formula(v) for v in texts):
                 values = pd.Series([_safe(v) for v in texts], index=table.index, dtype=object)
-                touched.append(str(name))
+                escaped_columns.append(str(name))
         columns[i] = values
-    if not touched and not any(_is_formula(n) for n in table.columns):
+    if not escaped_columns and not any(_is_formula(n) for n in table.columns):
         return table, ()
-    found = pd.DataFrame(columns, index=table.index)
-    found.columns = pd.Index([_safe(n) for n in table.columns])
-    return found, tuple(touched)
+    safe = pd.DataFrame(columns, index=table.index)
+    safe.columns = pd.Index([_safe(n) for n in table.columns])
+    return safe, tuple(escaped_columns)
 
 
-def tell_neutralised(sidecar: Path, columns: Collection[str]) -> None:
-    """Add to a table's JSON dictionary that texts of these columns bear an apostrophe."""
+def note_escaped_columns(sidecar: Path, columns: Collection[str]) -> None:
+    """Note in a table's JSON dictionary that texts of these columns start with an apostrophe."""
     if not columns:
         return
-    described: dict[str, Any] = json.loads(sidecar.read_text(encoding="utf-8"))
+    dictionary: dict[str, Any] = json.loads(sidecar.read_text(encoding="utf-8"))
     for name in columns:
-        entry = described.setdefault(name, {})
+        entry = dictionary.setdefault(name, {})
         before = entry.get("Description", "")
         entry["Description"] = f"{before}; {NEUTRALISED}" if before else NEUTRALISED
-    text = json.dumps(described, indent=1, ensure_ascii=False) + "\n"
+    text = json.dumps(dictionary, indent=1, ensure_ascii=False) + "\n"
     replace_file(sidecar, text.encode())
 
 

@@ -1,4 +1,4 @@
-"""Write files so that what was acknowledged stays: unbuffered, synced, replaced atomically."""
+"""Write files that survive a crash: unbuffered, synced, replaced atomically."""
 
 import errno
 import hashlib
@@ -20,9 +20,9 @@ _ADVICE = {
     errno.EROFS: "the disk is read-only: set data_root to a writable folder",
     errno.EACCES: "permission denied: set data_root to a folder you may write to",
     errno.EPERM: "not permitted: set data_root to a folder you may write to",
-    errno.ENOENT: "the folder is gone: reconnect the disk or set data_root anew, then resume",
+    errno.ENOENT: "the folder is gone: reconnect the disk or set another data_root, then resume",
     errno.EIO: "the disk reports a fault: save what is there and record on another disk",
-    errno.ENOTDIR: "a file stands where a folder is needed: move it or set data_root anew",
+    errno.ENOTDIR: "a file is in the place of a folder: move it or set another data_root",
     errno.ENAMETOOLONG: "the path is too long for this disk: choose a shorter data_root",
 }
 
@@ -46,14 +46,14 @@ def sync_folder(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class Modes:
-    """Who may enter a folder and read files in it."""
+    """Access modes of a folder and of the files in it."""
 
     folder: int
     file: int
 
     @property
     def read_only(self) -> int:
-        """The mode of a file that nobody writes to any more."""
+        """The mode of a finished, read-only file."""
         return self.file & 0o444
 
 
@@ -94,7 +94,7 @@ def share_with_group(folder: Path, group: str) -> None:
 
 
 def protect(root: Path) -> None:
-    """Take what others may do from a folder and everything in it; links are left alone."""
+    """Remove the access of others to a folder and everything in it; links are left alone."""
     if os.name == "nt":
         return
     modes = modes_in(root)
@@ -104,7 +104,7 @@ def protect(root: Path) -> None:
 
 
 def protect_files(files: Iterable[Path]) -> None:
-    """Take what others may do from files just written; links are left alone."""
+    """Remove the access of others to files just written; links are left alone."""
     for path in files if os.name != "nt" else ():
         if not path.is_symlink():
             modes = modes_in(path.parent)
@@ -119,12 +119,12 @@ def make_folder(folder: Path, *, exist_ok: bool = False) -> None:
         modes = modes_in(missing[present])
         if present == 0:
             folder.mkdir(exist_ok=exist_ok)
-        for created in reversed(missing[:present]):
-            created.mkdir(mode=modes.folder, exist_ok=exist_ok or created != folder)
+        for new in reversed(missing[:present]):
+            new.mkdir(mode=modes.folder, exist_ok=exist_ok or new != folder)
             if os.name != "nt":
-                created.chmod(modes.folder)
-        for changed in missing[1 : present + 1]:
-            sync_folder(changed)
+                new.chmod(modes.folder)
+        for parent in missing[1 : present + 1]:
+            sync_folder(parent)
     except FileExistsError as error:
         raise RecordingError(f"{folder} exists already; nothing was overwritten") from error
     except OSError as error:
@@ -179,7 +179,7 @@ class AppendOnlyFile:
         self.path = path
         self.size = 0
         self._hash = hashlib.sha256()
-        self._unsynced = False
+        self._needs_sync = False
         self._fd: int | None = None
         try:
             self._fd = open_private(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
@@ -200,21 +200,21 @@ class AppendOnlyFile:
             raise write_failure(self.path, error) from error
         self._hash.update(view)
         self.size += view.nbytes
-        self._unsynced = True
+        self._needs_sync = True
 
     def sync(self) -> None:
         """Return once everything written is on the disk and the file still has its name."""
-        if not self._unsynced:
+        if not self._needs_sync:
             return
         fd = self._open_fd()
         try:
             _sync_data(fd)
-            vanished = os.fstat(fd).st_nlink == 0
+            is_deleted = os.fstat(fd).st_nlink == 0
         except OSError as error:
             raise write_failure(self.path, error) from error
-        if vanished:
+        if is_deleted:
             raise write_failure(self.path, FileNotFoundError(errno.ENOENT, "it was deleted"))
-        self._unsynced = False
+        self._needs_sync = False
 
     def close(self) -> None:
         """Close and make the file read-only; idempotent."""

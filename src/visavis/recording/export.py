@@ -25,7 +25,7 @@ def export_tables(recording: Recording, target: Path) -> tuple[Path, ...]:
     Raises RecordingError when a file is there already.
     """
     make_folder(target, exist_ok=True)
-    written = [_stream_parquet(recording, name, target) for name in recording.stream_names]
+    stream_files = [_stream_parquet(recording, name, target) for name in recording.stream_names]
     trials = recording.trials().assign(is_simulated=recording.is_simulated)
     csv = _new_file(target / "trials.csv")
     parquet = _new_file(target / "trials.parquet")
@@ -34,7 +34,7 @@ def export_tables(recording: Recording, target: Path) -> tuple[Path, ...]:
         trials.to_parquet(parquet, index=False)
     except OSError as error:
         raise write_failure(csv, error) from error
-    return (*written, csv, parquet)
+    return (*stream_files, csv, parquet)
 
 
 def _new_file(path: Path) -> Path:

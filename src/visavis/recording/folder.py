@@ -43,7 +43,7 @@ def session_dir(
     if not PARTICIPANT.fullmatch(participant):
         raise UsageError(
             f"participant label {participant!r} may hold only letters and digits; "
-            "take the one the ledger issued"
+            "use the one that the ledger issued"
         )
     if not 1 <= session <= MAX_SESSION:
         raise UsageError(f"session number {session} must lie between 1 and {MAX_SESSION}")
@@ -78,7 +78,7 @@ class SessionFolder(Closing):
         reason: str = "",
         status: PartStatus | None = None,
     ) -> None:
-        """Write what became of the running part; `summary` None when the recorder is lost."""
+        """Record how the running part ended; `summary` is None when the recorder is lost."""
         running = next((p for p in self.manifest.parts if p.status == "running"), None)
         if running is None:
             raise UsageError(f"{self.path}: no part is being recorded")
@@ -86,7 +86,7 @@ class SessionFolder(Closing):
             outcome: PartStatus = status or "crashed"
         else:
             outcome = status or ("crashed" if summary.failure else summary.status)
-        ended = replace(
+        finished_part = replace(
             running,
             status=outcome,
             ended_ns=clock.now_ns(),
@@ -96,7 +96,7 @@ class SessionFolder(Closing):
             journal=summary.journal if summary else None,
             others=other_files(self.path / running.folder),
         )
-        self._write(self.manifest.with_part(ended))
+        self._write(self.manifest.with_part(finished_part))
 
     def describe(
         self,
@@ -104,7 +104,7 @@ class SessionFolder(Closing):
         devices: Sequence[Any] | None = None,
         calibrations: Sequence[Any] | None = None,
     ) -> None:
-        """Replace what the manifest says of devices or calibrations."""
+        """Replace the devices or calibrations in the manifest."""
         manifest = self.manifest
         if devices is not None:
             manifest = replace(manifest, devices=devices)
@@ -113,7 +113,7 @@ class SessionFolder(Closing):
         self._write(manifest)
 
     def close(self) -> None:
-        """Let other processes have the session; idempotent."""
+        """Release the session for other processes; idempotent."""
         self._lock.release()
 
     def _write(self, manifest: Manifest) -> None:
@@ -164,7 +164,9 @@ def _put_in_place(path: Path, manifest: Manifest) -> None:
 
 
 def open_session(path: Path) -> tuple[SessionFolder, RecoveryReport]:
-    """Hold an existing session to go on with it; parts whose process died are marked crashed."""
+    """Lock an existing session in order to continue it; parts whose process died are marked
+    crashed.
+    """
     read_manifest(path)
     lock = SessionLock(path)
     try:

@@ -1,4 +1,4 @@
-"""What damage a recording bears: which files, rows and trials are gone, in plain words.
+"""Find damage to a recording: which files, rows and trials are gone, in plain words.
 
 Damage is what happened to files after they were written. What a killed process leaves behind (a
 torn last batch or line, a part without its end) costs no finished trial and is none.
@@ -41,7 +41,7 @@ class StreamDamage:
     is_untrusted: bool = False
 
     def strikes(self, t_start_ns: int | None, t_end_ns: int | None) -> bool:
-        """Tell whether samples between two times may be among those lost."""
+        """Return whether samples between two times may be lost."""
         if self.is_untrusted:
             return True
         if t_start_ns is None or t_end_ns is None:
@@ -87,20 +87,28 @@ class DamageReport:
 
     @property
     def is_damaged(self) -> bool:
-        """Tell whether anything at all is wrong."""
+        """Return whether anything is wrong."""
         return bool(self.problems)
 
     def summary(self) -> tuple[str, ...]:
         """Return in plain words what is missing, a line each."""
         lines = []
-        lost = [t.trial_id for t in self.trials if t.status == LOST]
+        lost_ids = [t.trial_id for t in self.trials if t.status == LOST]
         if self.journal_lines_lost:
             n = self.journal_lines_lost
-            of = f": with them {_counted(lost, 'trial')} and perhaps answers" if lost else ""
+            of = (
+                f": with them {_count_and_names(lost_ids, 'trial')} and perhaps answers"
+                if lost_ids
+                else ""
+            )
             lines.append(f"{n} line{'s' if n != 1 else ''} of the journal cannot be read{of}")
         for stream in self.streams:
-            struck = [t.trial_id for t in self.trials if stream.stream in t.streams]
-            where = f", during {_counted(struck, 'trial')}" if struck else ", outside all trials"
+            trial_ids = [t.trial_id for t in self.trials if stream.stream in t.streams]
+            where = (
+                f", during {_count_and_names(trial_ids, 'trial')}"
+                if trial_ids
+                else ", outside all trials"
+            )
             lines.append(f"{stream.stream} (part {stream.part}): {_rows(stream)}{where}")
         if not lines or not self.streams:
             lines += self.problems
@@ -122,30 +130,30 @@ def damage_of(recording: Recording) -> DamageReport:
 
 
 def _damage_of(recording: Recording) -> DamageReport:
-    problems: list[str] = [*_misplaced(recording)]
+    problems: list[str] = [*_place_problems(recording)]
     streams: list[StreamDamage] = []
     trials: list[TrialDamage] = []
     lines_lost = 0
     for part in recording.manifest.parts:
-        changed = recording.changed_files(part.number)
-        found = _problems(recording, part, changed)
-        if not found:
+        changed_files = recording.changed_files(part.number)
+        part_problems = _problems(recording, part, changed_files)
+        if not part_problems:
             continue
-        problems += found
-        struck = [
+        problems += part_problems
+        stream_damage = [
             damage
             for name, state in recording.stream_states(part.number).items()
-            if (damage := _stream_damage(part, name, state, changed)) is not None
+            if (damage := _stream_damage(part, name, state, changed_files)) is not None
         ]
-        streams += struck
+        streams += stream_damage
         journal = recording.journal(part.number)
-        lost = journal.damaged_lines
+        n_lost_lines = journal.damaged_lines
         if part.journal is not None:
-            lost = max(lost, part.journal.lines - journal.n_lines)
-        lines_lost += lost
-        is_foreign = JOURNAL_NAME in changed and not journal.problems
-        trials += _struck_trials(recording, part, struck, is_foreign=is_foreign)
-        if lost:
+            n_lost_lines = max(n_lost_lines, part.journal.lines - journal.n_lines)
+        lines_lost += n_lost_lines
+        is_foreign = JOURNAL_NAME in changed_files and not journal.problems
+        trials += _struck_trials(recording, part, stream_damage, is_foreign=is_foreign)
+        if n_lost_lines:
             trials += _lost_rows(recording, part)
     if lines_lost:
         trials += _without_trace(recording, trials)
@@ -169,34 +177,34 @@ def analysed_trials(recording: Recording, needs: Collection[str] | None = None) 
     the status LOST. `reason` says what is missing. Without damage nothing changes.
     """
     rows = recording.trials()
-    found = damage_of(recording)
-    marked = {
+    damage = damage_of(recording)
+    damage_of_row = {
         (t.part, t.trial_id, t.attempt): t
-        for t in found.trials
+        for t in damage.trials
         if t.status == DAMAGED and (needs is None or not t.streams or set(t.streams) & set(needs))
     }
-    lost = [t for t in found.trials if t.status == LOST]
-    if not marked and not lost:
+    lost_trials = [t for t in damage.trials if t.status == LOST]
+    if not damage_of_row and not lost_trials:
         return rows
     records: list[dict[str, Any]] = []
     for row in rows.to_dict("records"):
-        known = marked.get((row[PART_COLUMN], str(row["trial_id"]), row.get("attempt")))
-        if known is not None and row.get("status", "complete") == "complete":
-            row |= {"status": known.status, "reason": known.reason}
+        row_damage = damage_of_row.get((row[PART_COLUMN], str(row["trial_id"]), row.get("attempt")))
+        if row_damage is not None and row.get("status", "complete") == "complete":
+            row |= {"status": row_damage.status, "reason": row_damage.reason}
         records.append({str(k): v for k, v in row.items()})
-    planned = {t["trial_id"]: t for t in planned_trials(recording.manifest.plan)}
-    records += [_planned_row(recording, t, planned.get(t.trial_id)) for t in lost]
+    plan_of_trial = {t["trial_id"]: t for t in planned_trials(recording.manifest.plan)}
+    records += [_planned_row(recording, t, plan_of_trial.get(t.trial_id)) for t in lost_trials]
     return pd.DataFrame(records)
 
 
 def planned_trials(plan: Any) -> Iterator[Mapping[str, Any]]:
-    """Yield the trials of a recorded plan in order; none of a plan that has no blocks."""
+    """Yield the trials of a recorded plan in order; nothing when the plan has no blocks."""
     for block in plan.get("blocks", ()) if isinstance(plan, Mapping) else ():
         yield from block["trials"]
 
 
 def _planned_row(
-    recording: Recording, trial: TrialDamage, planned: Mapping[str, Any] | None
+    recording: Recording, trial: TrialDamage, plan_row: Mapping[str, Any] | None
 ) -> dict[str, Any]:
     manifest = recording.manifest
     row: dict[str, Any] = {
@@ -209,15 +217,15 @@ def _planned_row(
         "reason": trial.reason,
         "flags": "",
     }
-    if planned is not None:
-        row |= {k: planned[k] for k in ("number", "block", "is_practice")}
+    if plan_row is not None:
+        row |= {k: plan_row[k] for k in ("number", "block", "is_practice")}
         row |= {k: manifest.plan[k] for k in ("participant_index", "group")}
-        row |= planned["factors"]
+        row |= plan_row["factors"]
     return row
 
 
-def _misplaced(recording: Recording) -> Iterator[str]:
-    """Yield what is wrong where a session stands in another one's folder."""
+def _place_problems(recording: Recording) -> Iterator[str]:
+    """Yield the problem when a session lies in another session's folder."""
     manifest, path = recording.manifest, recording.path.resolve()
     own = f"sub-{manifest.participant}/ses-{manifest.session:03d}"
     here = f"{path.parent.name}/{path.name}"
@@ -235,11 +243,17 @@ def _notes(recording: Recording) -> Iterator[str]:
         return
     state = copy_state(path)
     if state != "same":
-        said = {"missing": "is missing", "damaged": "is damaged", "other": "says something else"}
-        yield f"{copy_path(path)} {said[state]}; `visavis recover {recording.path}` renews it"
+        state_texts = {
+            "missing": "is missing",
+            "damaged": "is damaged",
+            "other": "says something else",
+        }
+        yield (
+            f"{copy_path(path)} {state_texts[state]}; `visavis recover {recording.path}` renews it"
+        )
 
 
-def _problems(recording: Recording, part: Part, changed: Collection[str]) -> list[str]:
+def _problems(recording: Recording, part: Part, changed_files: Collection[str]) -> list[str]:
     folder = recording.path / part.folder
     journal = recording.journal(part.number)
     states = recording.stream_states(part.number)
@@ -249,40 +263,40 @@ def _problems(recording: Recording, part: Part, changed: Collection[str]) -> lis
     if part.status == "running":  # or killed before it was begun: nothing says what there was
         tails |= {f"{folder / name}.arrows is missing" for name in states}
         tails.add(f"{folder / JOURNAL_NAME} is missing")
-    found = [p for p in recording.part_problems(part.number) if p not in tails]
-    return found + [f"{folder / file}: {CHANGED}" for file in changed]
+    problems = [p for p in recording.part_problems(part.number) if p not in tails]
+    return problems + [f"{folder / file}: {CHANGED}" for file in changed_files]
 
 
 def _stream_damage(
-    part: Part, name: str, state: StreamContent, changed: Collection[str]
+    part: Part, name: str, state: StreamContent, changed_files: Collection[str]
 ) -> StreamDamage | None:
     summary = next((s for s in part.streams if s.name == name), None)
-    written = None if summary is None else summary.rows
-    is_changed = summary is not None and summary.file in changed
+    n_written = None if summary is None else summary.rows
+    is_changed = summary is not None and summary.file in changed_files
     if is_changed and not state.problems:
-        return StreamDamage(part.number, name, written, None, (), is_untrusted=True)
+        return StreamDamage(part.number, name, n_written, None, (), is_untrusted=True)
     gaps = [g for g in state.gaps if g.n_rows is not None]
-    lost = sum(g.n_rows or 0 for g in gaps)
-    if written is None:
+    n_lost = sum(g.n_rows or 0 for g in gaps)
+    if n_written is None:
         if len(gaps) < len(state.gaps) and part.status in ("complete", "aborted"):
             gaps, lost_all = list(state.gaps), None
             return StreamDamage(part.number, name, None, lost_all, tuple(gaps))
-    elif written > state.n_rows + lost:
-        rest = written - state.n_rows - lost
-        gaps.append(Gap(written - rest, rest, state.last_ns, None))
-        lost += rest
-    return StreamDamage(part.number, name, written, lost, tuple(gaps)) if gaps else None
+    elif n_written > state.n_rows + n_lost:
+        rest = n_written - state.n_rows - n_lost
+        gaps.append(Gap(n_written - rest, rest, state.last_ns, None))
+        n_lost += rest
+    return StreamDamage(part.number, name, n_written, n_lost, tuple(gaps)) if gaps else None
 
 
 def _struck_trials(
-    recording: Recording, part: Part, struck: Collection[StreamDamage], *, is_foreign: bool
+    recording: Recording, part: Part, stream_damage: Collection[StreamDamage], *, is_foreign: bool
 ) -> Iterator[TrialDamage]:
     for entry in recording.trial_entries(part.number):
         row = entry["row"]
         if row.get("status", "complete") != "complete":
             continue
         times = row.get("t_start_ns"), row.get("t_end_ns")
-        names = tuple(d.stream for d in struck if d.strikes(*times))
+        names = tuple(d.stream for d in stream_damage if d.strikes(*times))
         if is_foreign:
             reason = f"{part.folder}/{JOURNAL_NAME} is not the file that was recorded"
         elif names:
@@ -310,13 +324,15 @@ def _lost_rows(recording: Recording, part: Part) -> Iterator[TrialDamage]:
             yield TrialDamage(part.number, trial_id, attempt, LOST, (), _row_gone(part.folder))
 
 
-def _without_trace(recording: Recording, known: Collection[TrialDamage]) -> Iterator[TrialDamage]:
-    """Yield what was planned of a finished session and left neither row nor beginning."""
+def _without_trace(
+    recording: Recording, damaged_trials: Collection[TrialDamage]
+) -> Iterator[TrialDamage]:
+    """Yield planned trials of a finished session that have neither a row nor a start event."""
     parts = recording.manifest.parts
     if not parts or parts[-1].status != "complete":
         return
     there = {str(t["row"]["trial_id"]) for p in parts for t in recording.trial_entries(p.number)}
-    there |= {t.trial_id for t in known if t.status == LOST}
+    there |= {t.trial_id for t in damaged_trials if t.status == LOST}
     for trial in planned_trials(recording.manifest.plan):
         if trial["trial_id"] not in there:
             yield TrialDamage(None, trial["trial_id"], None, LOST, (), _row_gone("the journal"))
@@ -334,7 +350,8 @@ def _rows(stream: StreamDamage) -> str:
     return f"{stream.rows_lost:,} of {stream.rows_written:,} rows cannot be read"
 
 
-def _counted(names: Collection[str], what: str, most: int = 12) -> str:
-    shown = list(dict.fromkeys(names))
-    more = f" and {len(shown) - most} more" if len(shown) > most else ""
-    return f"{len(shown)} {what}{'s' if len(shown) != 1 else ''} ({', '.join(shown[:most])}{more})"
+def _count_and_names(names: Collection[str], what: str, most: int = 12) -> str:
+    unique = list(dict.fromkeys(names))
+    more = f" and {len(unique) - most} more" if len(unique) > most else ""
+    plural = "s" if len(unique) != 1 else ""
+    return f"{len(unique)} {what}{plural} ({', '.join(unique[:most])}{more})"

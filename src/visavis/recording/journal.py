@@ -80,12 +80,12 @@ _ENTRIES: Mapping[str, Mapping[str, type]] = {
 
 
 def is_entry(entry: Mapping[str, Any]) -> bool:
-    """Tell whether an entry has what readers count on; one of a kind to come has nothing to.
+    """Return whether an entry has the fields that readers need; unknown kinds need none.
 
     A trial's name may not be a path: files are named after it.
     """
-    needed = _ENTRIES.get(str(entry.get("kind")), {"kind": str})
-    if not all(isinstance(entry.get(name), kind) for name, kind in needed.items()):
+    kind_of_field = _ENTRIES.get(str(entry.get("kind")), {"kind": str})
+    if not all(isinstance(entry.get(name), kind) for name, kind in kind_of_field.items()):
         return False
     return entry["kind"] != "trial" or can_name_files(entry["row"].get("trial_id"))
 

@@ -44,7 +44,7 @@ def read_journal(path: Path) -> JournalContent:
         raise RecordingError(f"{path} cannot be read: {error.strerror}; check the disk") from error
     problems: list[str] = []
     entries = []
-    damaged, tail_problem = 0, ""
+    n_damaged, tail_problem = 0, ""
     lines = data.split(b"\n")
     for number, line in enumerate(lines, start=1):
         entry = decode_line(line)
@@ -54,7 +54,7 @@ def read_journal(path: Path) -> JournalContent:
             tail_problem = f"{path}: line {number} is cut; {len(line)} bytes were left out"
             problems.append(tail_problem)
         elif line:
-            damaged += 1
+            n_damaged += 1
             problems.append(f"{path}: line {number} is damaged and was left out")
     head = next((e for e in entries if e["kind"] == "header"), None)
     if head is not None and head["format"] > FORMAT_VERSION:
@@ -73,7 +73,7 @@ def read_journal(path: Path) -> JournalContent:
         is_simulated=None if head is None else bool(head["is_simulated"]),
         is_ended=end is not None,
         problems=tuple(problems),
-        damaged_lines=damaged,
+        damaged_lines=n_damaged,
         tail_problem=tail_problem,
     )
 

@@ -23,15 +23,15 @@ MAX_READERS = 64
 if sys.platform == "win32":
     import msvcrt
 
-    def _try_lock(fd: int, *, shared: bool) -> bool:
-        """Lock a byte of one's own for reading, every byte for writing.
+    def _try_lock(fd: int, *, is_shared: bool) -> bool:
+        """Lock one byte for reading, every byte for writing.
 
         Windows has exclusive locks only, so readers keep out of each other's way.
         """
-        for place in range(MAX_READERS if shared else 1):
+        for place in range(MAX_READERS if is_shared else 1):
             os.lseek(fd, place, os.SEEK_SET)
             try:
-                msvcrt.locking(fd, msvcrt.LK_NBLCK, 1 if shared else MAX_READERS)
+                msvcrt.locking(fd, msvcrt.LK_NBLCK, 1 if is_shared else MAX_READERS)
             except OSError:
                 continue
             return True
@@ -40,9 +40,9 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-    def _try_lock(fd: int, *, shared: bool) -> bool:
+    def _try_lock(fd: int, *, is_shared: bool) -> bool:
         try:
-            fcntl.flock(fd, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+            fcntl.flock(fd, (fcntl.LOCK_SH if is_shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError:
             return False
         return True
@@ -57,7 +57,7 @@ class SessionLock:
             self._fd: int | None = open_private(path, os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise write_failure(path, error) from error
-        if not _try_lock(self._fd, shared=False):
+        if not _try_lock(self._fd, is_shared=False):
             self.release()
             raise UsageError(
                 f"session {session_dir} is in use by another Visavis process; "
@@ -65,7 +65,7 @@ class SessionLock:
             )
 
     def release(self) -> None:
-        """Let others have the session; idempotent."""
+        """Release the session; idempotent."""
         if self._fd is not None:
             fd, self._fd = self._fd, None
             os.close(fd)
@@ -78,6 +78,6 @@ def is_held(session_dir: Path) -> bool:
     except FileNotFoundError:
         return False
     try:
-        return not _try_lock(fd, shared=True)
+        return not _try_lock(fd, is_shared=True)
     finally:
         os.close(fd)

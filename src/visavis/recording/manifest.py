@@ -1,4 +1,4 @@
-"""The manifest of a session: what was planned, with what, and what became of every part."""
+"""The manifest of a session: its plan, its equipment, and how every part ended."""
 
 import hashlib
 import json
@@ -129,11 +129,11 @@ def refuse_links(session_dir: Path) -> None:
 
 
 def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
-    """Read a manifest, and tell whether a checksum vouches for it: before version 2 none did."""
+    """Read a manifest, and return whether it has a valid checksum (since version 2)."""
     path = session_dir / MANIFEST_NAME
     refuse_links(session_dir)
     try:
-        found = read_sealed(path)
+        file = read_sealed(path)
     except FileNotFoundError as error:
         if copy_path(path).exists():
             raise RecordingError(f"{path} is gone; {_repair(session_dir)}") from error
@@ -143,7 +143,7 @@ def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
         ) from error
     except (OSError, ValueError) as error:
         raise RecordingError(f"{path} cannot be read ({error}); {_repair(session_dir)}") from error
-    raw = found.content
+    raw = file.content
     version = raw.get("format_version")
     if not isinstance(version, int) or version < 1:
         raise RecordingError(f"{path} states no format version; it is not a Visavis manifest")
@@ -152,7 +152,7 @@ def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
             f"{path} has format version {version}, this Visavis reads up to {MANIFEST_VERSION}; "
             "install a newer Visavis"
         )
-    if version >= SEALED_SINCE and not found.is_sealed:
+    if version >= SEALED_SINCE and not file.is_sealed:
         raise RecordingError(f"{path} lost its checksum; {_repair(session_dir)}")
     try:
         manifest = _manifest_of(raw)
@@ -160,13 +160,13 @@ def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
         raise RecordingError(
             f"{path} lacks or misstates a field ({error}); {_repair(session_dir)}"
         ) from error
-    return manifest, found.is_sealed
+    return manifest, file.is_sealed
 
 
 def _repair(session_dir: Path) -> str:
     if copy_path(session_dir / MANIFEST_NAME).exists():
         return f"`visavis recover {session_dir}` puts its copy in its place"
-    return "restore it from a copy, the streams beside it are untouched"
+    return "restore it from a copy; the streams in its folder are untouched"
 
 
 @cache
@@ -177,7 +177,7 @@ def _adapter() -> Any:
 
 
 def _manifest_of(raw: Mapping[str, Any]) -> Manifest:
-    """Return a manifest; raises ValueError, in one line, for whatever it may not hold."""
+    """Return a manifest; raises ValueError, in one line, for invalid content."""
     from pydantic import ValidationError
 
     try:
@@ -214,7 +214,7 @@ def _label_problems(manifest: Manifest) -> Iterator[str]:
 
 
 def _plan_problems(plan: Any) -> Iterator[str]:
-    """Yield what keeps a plan from being compared with what was recorded."""
+    """Yield the problems that prevent comparing a plan with the recorded trials."""
     if not isinstance(plan, dict):
         yield "plan: it is no object"
         return

@@ -11,11 +11,11 @@ from pyarrow import csv
 
 MIN_PLAIN: Final = 1e-4
 MAX_PLAIN: Final = 1e6
-"""Above one and below the other both libraries write a fraction as the same shortest decimal."""
+"""Between these limits both libraries write a fraction as the same shortest decimal."""
 
 
 def holds_numbers(table: pd.DataFrame) -> bool:
-    """Tell whether every column is of NumPy's integers or floats of 32 or 64 bits."""
+    """Return whether every column holds NumPy integers or floats of 32 or 64 bits."""
     return all(
         isinstance(dtype, np.dtype) and (dtype.kind == "i" or dtype.str in ("<f4", "<f8"))
         for dtype in table.dtypes
@@ -25,13 +25,13 @@ def holds_numbers(table: pd.DataFrame) -> bool:
 def tsv_of_numbers(table: pd.DataFrame, *, na_rep: str) -> bytes:
     """Return rows of a table that `holds_numbers`, without its header; NaN is `na_rep`."""
     columns = [_texts(table.iloc[:, i].to_numpy(), na_rep) for i in range(table.shape[1])]
-    written = pa.BufferOutputStream()
+    buffer = pa.BufferOutputStream()
     csv.write_csv(
         pa.table(columns, names=[str(i) for i in range(len(columns))]),
-        written,
+        buffer,
         csv.WriteOptions(include_header=False, delimiter="\t", quoting_style="none"),
     )
-    data: bytes = written.getvalue().to_pybytes()
+    data: bytes = buffer.getvalue().to_pybytes()
     return data
 
 

@@ -1,4 +1,4 @@
-"""Which versions of what recorded a session."""
+"""The versions of the software that recorded a session."""
 
 import platform
 import subprocess
@@ -39,7 +39,7 @@ def _git(*arguments: str) -> str | None:
     if not (root / ".git").exists():
         return None
     try:
-        done = subprocess.run(  # noqa: S603 - fixed arguments
+        process = subprocess.run(  # noqa: S603 - fixed arguments
             ["git", "-C", str(root), *arguments],  # noqa: S607 - git is where the user put it
             capture_output=True,
             text=True,
@@ -48,12 +48,12 @@ def _git(*arguments: str) -> str | None:
         )
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return done.stdout.strip() if done.returncode == 0 else None
+    return process.stdout.strip() if process.returncode == 0 else None
 
 
 @cache
 def provenance() -> Provenance:
-    """Return the versions at work in this process."""
+    """Return the versions in this process."""
     revision = _git("rev-parse", "HEAD") or ""
     if revision and _git("status", "--porcelain", "--untracked-files=no"):
         revision += "+changes"

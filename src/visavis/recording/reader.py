@@ -32,7 +32,7 @@ class Verification:
 
     @property
     def is_intact(self) -> bool:
-        """Tell whether nothing at all is wrong."""
+        """Return whether everything is intact."""
         return not self.problems
 
 
@@ -50,11 +50,11 @@ class Recording:
         self.manifest, self.is_sealed = read_with_seal(path)
         self._journals: dict[int, JournalContent] = {}
         self._states: dict[tuple[int, str], StreamContent] = {}
-        self._named: dict[int, tuple[str, ...]] = {}
+        self._names_of_part: dict[int, tuple[str, ...]] = {}
 
     @property
     def is_simulated(self) -> bool:
-        """Tell whether the data come from a simulated participant or simulated devices."""
+        """Return whether the data come from a simulated participant or simulated devices."""
         return self.manifest.is_simulated
 
     @property
@@ -83,14 +83,14 @@ class Recording:
         return part.status
 
     def part_problems(self, number: int) -> tuple[str, ...]:
-        """Return everything wrong with the files of one part, hashes apart."""
+        """Return all problems with the files of one part, except for hashes."""
         part, journal = self._part(number), self._journal(number)
         problems = [*journal.problems]
         folder = self.path / part.folder
-        closed = part.status in ("complete", "aborted")
-        if closed and not journal.is_ended:
+        is_closed = part.status in ("complete", "aborted")
+        if is_closed and not journal.is_ended:
             problems.append(f"{folder / 'events.jsonl'}: the end line is missing")
-        if closed and part.journal is not None and part.journal.lines != journal.n_lines:
+        if is_closed and part.journal is not None and part.journal.lines != journal.n_lines:
             problems.append(
                 f"{folder / 'events.jsonl'}: the manifest counts {part.journal.lines} lines, "
                 f"{journal.n_lines} are there"
@@ -100,24 +100,22 @@ class Recording:
             for other in part.others
             if not (folder / other.file).exists()
         ]
-        expected = {s.name: s.rows for s in part.streams}
+        rows_of_stream = {s.name: s.rows for s in part.streams}
         for name in self._names(number):
             state = self._state(number, name)
             file = folder / f"{name}.arrows"
             problems.extend(state.problems)
-            if closed and not state.is_ended:
+            if is_closed and not state.is_ended:
                 problems.append(f"{file}: the end marker is missing")
-            if closed and state.n_rows != expected.get(name, 0):
+            if is_closed and state.n_rows != rows_of_stream.get(name, 0):
                 problems.append(
-                    f"{file}: the manifest counts {expected.get(name, 0)} rows, "
+                    f"{file}: the manifest counts {rows_of_stream.get(name, 0)} rows, "
                     f"{state.n_rows} are there"
                 )
         kinds = {journal.is_simulated}
         kinds |= {self._state(number, n).is_simulated for n in self._names(number)}
         if (not self.is_simulated) in kinds:
-            problems.append(
-                f"{folder} mixes simulated and real data; take the files apart before analysis"
-            )
+            problems.append(f"{folder} mixes simulated and real data; separate the files first")
         return tuple(problems)
 
     @property
@@ -128,8 +126,8 @@ class Recording:
     def stream_schema(self, name: str) -> StreamSchema | None:
         """Return a stream's schema; None when every copy of it was cut away."""
         self._require(name)
-        found = (self._state(p.number, name).schema for p in self._parts_with(name))
-        return next((s for s in found if s is not None), None)
+        schemas = (self._state(p.number, name).schema for p in self._parts_with(name))
+        return next((s for s in schemas if s is not None), None)
 
     def stream(self, name: str) -> pd.DataFrame:
         """Return a stream as a table, all parts in order.
@@ -143,7 +141,7 @@ class Recording:
             {
                 flat: column
                 for field, values in arrays.items()
-                for flat, column in flattened(field, values)
+                for flat, column in flat_components(field, values)
             }
         )
 
@@ -177,7 +175,7 @@ class Recording:
             return {**columns, PART_COLUMN: np.zeros(0, dtype=np.int16)}
         if len(pieces) == 1:
             return pieces[0]
-        return self._joined(name, pieces)
+        return self._join(name, pieces)
 
     def events(self) -> pd.DataFrame:
         """Return all events in written order: recording_part, t_ns, name, payload (a dict)."""
@@ -218,18 +216,18 @@ class Recording:
     def changed_files(self, number: int) -> tuple[str, ...]:
         """Return the files of a part that are not, byte for byte, what the manifest says of them.
 
-        Missing ones are no part of it, nor those of which the manifest keeps no hash.
+        Missing files and files without a hash in the manifest are not included.
         """
         part = self._part(number)
-        kept = [(s.file, s.sha256) for s in part.streams]
-        kept += [(s.file, s.sha256) for s in part.others]
+        digests = [(s.file, s.sha256) for s in part.streams]
+        digests += [(s.file, s.sha256) for s in part.others]
         if part.journal is not None:
-            kept.append((part.journal.file, part.journal.sha256))
+            digests.append((part.journal.file, part.journal.sha256))
         folder = self.path / part.folder
         try:
             return tuple(
                 file
-                for file, digest in kept
+                for file, digest in digests
                 if digest and (folder / file).exists() and sha256_of(folder / file) != digest
             )
         except OSError as error:
@@ -263,13 +261,13 @@ class Recording:
         return self._journals[number]
 
     def _names(self, number: int) -> tuple[str, ...]:
-        if number not in self._named:
+        if number not in self._names_of_part:
             part = self._part(number)
-            declared = [s.name for s in part.streams] + list(self._journal(number).headers)
-            found = (p.stem for p in (self.path / part.folder).glob("*.arrows"))
-            files = sorted(name for name in found if STREAM.fullmatch(name))
-            self._named[number] = tuple(dict.fromkeys(declared + files))
-        return self._named[number]
+            header_names = [s.name for s in part.streams] + list(self._journal(number).headers)
+            stems = (p.stem for p in (self.path / part.folder).glob("*.arrows"))
+            files = sorted(name for name in stems if STREAM.fullmatch(name))
+            self._names_of_part[number] = tuple(dict.fromkeys(header_names + files))
+        return self._names_of_part[number]
 
     def _parts_with(self, name: str) -> list[Part]:
         return [p for p in self.manifest.parts if name in self._names(p.number)]
@@ -293,7 +291,7 @@ class Recording:
             self._content(number, name, with_columns=False)
         return self._states[number, name]
 
-    def _joined(self, name: str, pieces: list[Columns]) -> Columns:
+    def _join(self, name: str, pieces: list[Columns]) -> Columns:
         names = list(pieces[0])
         for piece in pieces[1:]:
             if list(piece) != names:
@@ -305,18 +303,18 @@ class Recording:
 
 
 def require_one_kind(recordings: Iterable[Recording], *, allow_mixture: bool = False) -> None:
-    """Refuse recordings of which some are simulated and some real."""
+    """Raise an error when some recordings are simulated and some are real."""
     kinds: dict[bool, Path] = {}
     for recording in recordings:
         kinds.setdefault(recording.is_simulated, recording.path)
     if len(kinds) == 2 and not allow_mixture:
         raise RecordingError(
-            f"{kinds[True]} is simulated and {kinds[False]} is real; analyse them apart"
+            f"{kinds[True]} is simulated and {kinds[False]} is real; analyse them separately"
         )
 
 
 def rows_between(columns: Columns, t_start_ns: int | None, t_end_ns: int | None) -> Columns:
-    """Return the rows of a stream's columns that arrived within times, all where none is given."""
+    """Return a stream's rows that arrived between two times; all rows when no time is given."""
     if t_start_ns is None and t_end_ns is None:
         return columns
     t = columns["t_host_ns"]
@@ -324,12 +322,12 @@ def rows_between(columns: Columns, t_start_ns: int | None, t_end_ns: int | None)
     first = lowest if t_start_ns is None else t_start_ns
     last = highest if t_end_ns is None else t_end_ns
     if bool(np.all(t[1:] >= t[:-1])):
-        kept: slice | npt.NDArray[np.bool_] = slice(
+        selection: slice | npt.NDArray[np.bool_] = slice(
             int(np.searchsorted(t, first)), int(np.searchsorted(t, last))
         )
     else:
-        kept = (t >= first) & (t < last)
-    return {name: values[kept] for name, values in columns.items()}
+        selection = (t >= first) & (t < last)
+    return {name: values[selection] for name, values in columns.items()}
 
 
 _UNIT_SUFFIXES = ("_m", "_mm", "_deg", "_ns", "_ms", "_s", "_hz", "_01")
@@ -345,7 +343,7 @@ def component_names(field: str, n_components: int) -> list[str]:
     return [f"{stem}_{c}{suffix}" for c in parts]
 
 
-def flattened(field: str, values: npt.NDArray[Any]) -> list[tuple[str, npt.NDArray[Any]]]:
+def flat_components(field: str, values: npt.NDArray[Any]) -> list[tuple[str, npt.NDArray[Any]]]:
     """Return a field's components as columns with their names; see `Recording.stream`."""
     if values.ndim == 1:
         return [(field, values)]

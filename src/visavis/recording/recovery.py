@@ -1,4 +1,4 @@
-"""Take stock of a session whose process died, without touching its raw files."""
+"""Recover a session whose process died, without changing its raw files."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,33 +80,33 @@ def recover(session_dir: Path) -> RecoveryReport:
 
 
 def recover_held(session_dir: Path) -> RecoveryReport:
-    """Do what `recover` does for a caller who holds the session's lock."""
+    """Do the same as `recover` for a caller that already holds the session's lock."""
     refuse_links(session_dir)
-    manifest, repaired = _manifest_or_copy(session_dir)
+    manifest, repairs = _manifest_or_copy(session_dir)
     findings = []
-    changed = False
+    is_changed = False
     for part in manifest.parts:
-        found, part_now = _take_stock(session_dir, part)
-        findings.append(found)
+        findings_of_part, part_now = _take_stock(session_dir, part)
+        findings.append(findings_of_part)
         if part_now != part:
             manifest = manifest.with_part(part_now)
-            changed = True
+            is_changed = True
     copy = copy_state(session_dir / MANIFEST_NAME)
-    if changed or (copy != "same" and manifest.format_version >= SEALED_SINCE):
+    if is_changed or (copy != "same" and manifest.format_version >= SEALED_SINCE):
         write_manifest(session_dir, manifest)
-    return RecoveryReport(session_dir, changed, tuple(findings), repaired)
+    return RecoveryReport(session_dir, is_changed, tuple(findings), repairs)
 
 
 def other_files(folder: Path) -> tuple[FileSummary, ...]:
     """Return the files of a part that are neither stream nor journal, kept from others' eyes.
 
-    They were written by others: what the doctor found, a tracker's own recording.
+    Other code wrote them: the doctor's findings, a tracker's own recording.
     """
-    known = (".arrows", ".jsonl")
+    own_suffixes = (".arrows", ".jsonl")
     paths = [
         path
         for path in (sorted(folder.iterdir()) if folder.is_dir() else ())
-        if path.is_file() and path.suffix not in known and not path.name.startswith(".")
+        if path.is_file() and path.suffix not in own_suffixes and not path.name.startswith(".")
     ]
     protect_files(paths)
     return tuple(FileSummary(p.name, p.stat().st_size, sha256_of(p)) for p in paths)
@@ -122,9 +122,9 @@ def _manifest_or_copy(session_dir: Path) -> tuple[Manifest, tuple[str, ...]]:
     else:
         if not _is_strayed(path, manifest) or not restore(path):
             return manifest, ()
-    damaged = path.with_name(path.name + ".damaged")
-    kept = f"; the damaged one is kept as {damaged.name}" if damaged.exists() else ""
-    return read_manifest(session_dir), (f"{path} was put back from its copy{kept}",)
+    damaged_path = path.with_name(path.name + ".damaged")
+    note = f"; the damaged one is kept as {damaged_path.name}" if damaged_path.exists() else ""
+    return read_manifest(session_dir), (f"{path} was put back from its copy{note}",)
 
 
 def _is_strayed(path: Path, manifest: Manifest) -> bool:
@@ -175,7 +175,7 @@ def _take_stock(session_dir: Path, part: Part) -> tuple[PartFindings, Part]:
             journal=_journal_as_found(folder / JOURNAL_NAME, journal.n_lines, len(journal.trials)),
             others=other_files(folder),
         )
-    found = PartFindings(
+    findings = PartFindings(
         number=part.number,
         status_before=part.status,
         status=now.status,
@@ -184,7 +184,7 @@ def _take_stock(session_dir: Path, part: Part) -> tuple[PartFindings, Part]:
         streams=tuple(streams),
         problems=journal.problems,
     )
-    return found, now
+    return findings, now
 
 
 def _journal_as_found(path: Path, lines: int, trials: int) -> JournalSummary | None:

@@ -1,4 +1,4 @@
-"""JSON files that bear a checksum of their own and have a copy beside them.
+"""JSON files that end in their own checksum and have a copy next to them.
 
 The last line is the SHA-256 of everything before it, so that every byte of the file is covered.
 `study.json` has its copy in `study.copy.json`.
@@ -25,7 +25,7 @@ CopyState: TypeAlias = Literal["same", "missing", "damaged", "other"]
 
 @dataclass(frozen=True)
 class Sealed:
-    """What a file said; `is_sealed` tells whether a checksum vouches for it."""
+    """The content of a file; `is_sealed` tells whether its checksum is present and valid."""
 
     content: dict[str, Any]
     is_sealed: bool
@@ -45,7 +45,7 @@ def seal_of(data: bytes) -> str:
 
 
 def unseal(data: bytes) -> Sealed:
-    """Return what a text says; raises ValueError when it is no JSON object, or not as written."""
+    """Return the content of a text; raises ValueError when it is no JSON object or was changed."""
     match = _TAIL_PATTERN.search(data[-_TAIL_BYTES:])
     if match and hashlib.sha256(data[:-_TAIL_BYTES]).hexdigest().encode() != match[1]:
         raise ValueError("its checksum disagrees with its content")
@@ -75,7 +75,7 @@ def copy_path(path: Path) -> Path:
 
 
 def copy_state(path: Path) -> CopyState:
-    """Tell how a file's copy stands to it."""
+    """Return the state of a file's copy."""
     copy = copy_path(path)
     try:
         data = read_plain(copy)

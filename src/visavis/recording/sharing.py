@@ -1,4 +1,4 @@
-"""A recording as others may see it: under a pseudonym, no free text, ages in bands, blurred."""
+"""A recording prepared for sharing: pseudonym, no free text, ages in bands, motion blurred."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -28,7 +28,7 @@ Tier: TypeAlias = Literal["raw", "shared", "public"]
 TIERS: Final[tuple[Tier, ...]] = ("raw", "shared", "public")
 
 TextRule: TypeAlias = Callable[[str, str], bool]
-"""Tells of a questionnaire and a question whether the answer is free text."""
+"""Returns whether the answer to a question (questionnaire, question) is free text."""
 
 AGE_BAND_YEARS: Final = 10
 TYPED: Final = ("text", "reason", "message")
@@ -63,7 +63,7 @@ class SharedRecording(Recording):
         super().__init__(path)
         self.sharing = sharing
         self._own = self.manifest.participant
-        self._blurred: dict[tuple[int, str], StreamContent] = {}
+        self._blurred_streams: dict[tuple[int, str], StreamContent] = {}
         self._medians_m: dict[str, float] = {}
         parts = self.manifest.parts
         if self._hides:
@@ -106,12 +106,12 @@ class SharedRecording(Recording):
     def _content(self, number: int, name: str, *, with_columns: bool = True) -> StreamContent:
         if not (self.sharing.blurs and with_columns):
             return super()._content(number, name, with_columns=with_columns)
-        if (number, name) not in self._blurred:
+        if (number, name) not in self._blurred_streams:
             content = super()._content(number, name)
-            self._blurred[number, name] = replace(
+            self._blurred_streams[number, name] = replace(
                 content, columns=self._blur(number, name, content)
             )
-        return self._blurred[number, name]
+        return self._blurred_streams[number, name]
 
     def _blur(self, number: int, name: str, content: StreamContent) -> Columns:
         columns, schema = content.columns, content.schema
@@ -124,7 +124,7 @@ class SharedRecording(Recording):
             return blurred_body(columns, segments_of(schema), self._median_m(name))
         if kind == "gaze":
             return blurred_gaze(columns)
-        gaze, head = (self._first(number, wanted) for wanted in ("gaze", "head"))
+        gaze, head = (self._first(number, kind_of_stream) for kind_of_stream in ("gaze", "head"))
         return blurred_targets(columns, gaze, head)
 
     def _median_m(self, name: str) -> float:
@@ -135,8 +135,8 @@ class SharedRecording(Recording):
                 for p in self._parts_with(name)
             ]
             heights = [heights_m(content.columns) for content in parts if content.n_rows]
-            tracked = np.concatenate(heights) if heights else np.zeros(0)
-            self._medians_m[name] = float(np.median(tracked)) if len(tracked) else float("nan")
+            valid_m = np.concatenate(heights) if heights else np.zeros(0)
+            self._medians_m[name] = float(np.median(valid_m)) if len(valid_m) else float("nan")
         return self._medians_m[name]
 
     def _first(self, number: int, kind: str) -> Columns | None:
@@ -147,49 +147,51 @@ class SharedRecording(Recording):
         return None
 
     def _row(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        hidden = {*TYPED, *self.sharing.text_columns} if self._hides else set()
+        hidden_columns = {*TYPED, *self.sharing.text_columns} if self._hides else set()
         if self.sharing.blurs:
-            hidden |= {name for name in row if tells_length(name)}
-        return {k: None if k in hidden else self._relabelled(v) for k, v in row.items()}
+            hidden_columns |= {name for name in row if tells_length(name)}
+        return {k: None if k in hidden_columns else self._relabel(v) for k, v in row.items()}
 
     def _payload(self, name: str, payload: Mapping[str, Any]) -> dict[str, Any]:
-        shown = {k: self._relabelled(v) for k, v in payload.items()}
+        public = {k: self._relabel(v) for k, v in payload.items()}
         if self.sharing.blurs:
-            shown |= {k: None for k in shown if tells_length(k)}
+            public |= {k: None for k in public if tells_length(k)}
         if not self._hides:
-            return shown
+            return public
         if name in TYPED_EVENTS:
-            shown |= {k: None for k in TYPED if k in shown}
+            public |= {k: None for k in TYPED if k in public}
         if name == "answer":
-            shown["answer"] = self._answer(shown)
-        return shown
+            public["answer"] = self._answer(public)
+        return public
 
     def _answer(self, payload: Mapping[str, Any]) -> Any:
-        asked, question, answer = (payload.get(k) for k in ("questionnaire", "question", "answer"))
+        questionnaire, question, answer = (
+            payload.get(k) for k in ("questionnaire", "question", "answer")
+        )
         if answer is None:
             return None
         if _AGE.fullmatch(str(question)):
             return age_band(answer)
-        name = str(asked).partition("@")[0]
+        name = str(questionnaire).partition("@")[0]
         return None if self.sharing.is_text(name, str(question)) else answer
 
     @property
     def _hides(self) -> bool:
         return self.sharing.tier != "raw"
 
-    def _relabelled(self, value: Any) -> Any:
-        """Put the label shown in the place of the own one, wherever it stands by itself."""
+    def _relabel(self, value: Any) -> Any:
+        """Replace the participant's own label by the shared one, wherever it is a whole value."""
         if isinstance(value, str):
             return self.sharing.label if value == self._own else value
         if isinstance(value, Mapping):
-            return {k: self._relabelled(v) for k, v in value.items()}
+            return {k: self._relabel(v) for k, v in value.items()}
         if isinstance(value, list):
-            return [self._relabelled(v) for v in value]
+            return [self._relabel(v) for v in value]
         return value
 
 
 def age_band(answer: object) -> str | None:
-    """Return the ten years an age lies in ("30-39"); None for what is no age."""
+    """Return the decade of an age ("30-39"); None when the value is not an age."""
     try:
         age = int(float(str(answer)))
     except (ValueError, OverflowError):

@@ -31,7 +31,7 @@ class OpenStream:
     """A declared stream: its file, the rows being filled, and counts.
 
     `spare` is what the writer thread writes from while `rows` fills; None without a thread, and
-    then batches are `held` until they are written together.
+    then batches are `waiting_batches` until they are written together.
     """
 
     schema: StreamSchema
@@ -42,14 +42,14 @@ class OpenStream:
     lock: threading.Lock = field(default_factory=threading.Lock)
     opaque: Any = None
     most_rows: int = 0
-    held: list[tuple[bytes, bytes, bytes, bytes]] = field(default_factory=list)
+    waiting_batches: list[tuple[bytes, bytes, bytes, bytes]] = field(default_factory=list)
     held_rows: int = 0
     oldest_t_host_ns: int = 0
     first_t_host_ns: int | None = None
     last_t_host_ns: int | None = None
     rows_accepted: int = 0
     rows_written: int = 0
-    dropped: int = 0
+    n_dropped: int = 0
 
     def copy_in(self, batch: SampleBatch, n: int, latest_ns: int) -> bool:
         """Copy n samples into `rows`; False, counting them as dropped, where there is no room.
@@ -61,7 +61,7 @@ class OpenStream:
         end = start + n
         if end > rows.capacity:
             if end > self.most_rows:
-                self.dropped += n
+                self.n_dropped += n
                 return False
             rows = self._enlarge(min(max(end, 2 * rows.capacity), self.most_rows))
         rows.seq[start:end] = batch.seq
@@ -74,10 +74,10 @@ class OpenStream:
 
     def hold(self, batch: SampleBatch, n: int, latest_ns: int) -> None:
         """Keep n samples until they are written together."""
-        if not self.held:
+        if not self.waiting_batches:
             self.oldest_t_host_ns = int(batch.t_host_ns[0])
         # Bytes are the quickest copy of a row or two, and are joined before they are written.
-        self.held.append(
+        self.waiting_batches.append(
             (
                 batch.seq.tobytes(),
                 batch.t_device_ns.tobytes(),
@@ -89,31 +89,31 @@ class OpenStream:
         self._note(batch, n, latest_ns)
 
     def join_held(self) -> Rows:
-        """Return everything held as rows, and hold nothing."""
-        held, n = self.held, self.held_rows
+        """Return all waiting batches as rows, and empty the list."""
+        batches, n = self.waiting_batches, self.held_rows
         if n > self.rows.capacity:
             self.rows = Rows(self.schema, n)
         rows = self.rows
         seq, t_device_ns, t_host_ns, values = (
-            b"".join(column) for column in zip(*held, strict=True)
+            b"".join(column) for column in zip(*batches, strict=True)
         )
         rows.seq[:n] = np.frombuffer(seq, np.int64)
         rows.t_device_ns[:n] = np.frombuffer(t_device_ns, np.int64)
         rows.t_host_ns[:n] = np.frombuffer(t_host_ns, np.int64)
         rows.opaque[:n] = np.frombuffer(values, self.opaque)
         rows.count = n
-        held.clear()
+        batches.clear()
         self.held_rows = 0
         return rows
 
     def summary(self, *, is_clean: bool) -> StreamSummary:
-        """Return what the manifest keeps of the file at its end."""
+        """Return the summary of the closed file for the manifest."""
         return StreamSummary(
             name=self.schema.name,
             file=self.file.path.name,
             rows=self.rows_written,
             bytes=self.file.size,
-            dropped=self.dropped,
+            dropped=self.n_dropped,
             first_t_host_ns=self.first_t_host_ns,
             last_t_host_ns=self.last_t_host_ns,
             sha256=self.file.sha256() if is_clean else "",

@@ -30,7 +30,7 @@ Columns = dict[str, npt.NDArray[Any]]
 
 @dataclass(frozen=True)
 class Gap:
-    """Rows that a stream file holds no more, between two readable samples.
+    """Rows lost from a stream file, between two readable samples.
 
     `n_rows` is None where nothing says how many there were; `after_ns` and `before_ns` are the
     host times of the samples on both sides, None at the file's beginning and end.
@@ -64,7 +64,7 @@ class StreamContent:
 
     @property
     def tail_problem(self) -> str:
-        """Return what is wrong with the file's end alone, empty when nothing is."""
+        """Return the problem at the file's end; empty when there is none."""
         return self.problems[-1] if self.gaps and self.gaps[-1].n_rows is None else ""
 
 
@@ -184,16 +184,16 @@ def _batches(
             batch = _decode(data, message, fields)
             end = message.end
         except Torn as error:
-            resumed = _next_intact(data, at + 8, fields, row)
-            if resumed is None:
-                lost = len(data) - at
+            next_batch = _next_intact(data, at + 8, fields, row)
+            if next_batch is None:
+                n_lost = len(data) - at
                 problems.append(
                     f"{path}: batch {len(batches)} (byte {at}) is cut: {error}; "
-                    f"the last {lost} bytes are not a whole batch"
+                    f"the last {n_lost} bytes are not a whole batch"
                 )
                 gaps.append(Gap(row, None, _last_ns(batches), None))
                 return batches, _ends_in_marker(data, at), gaps
-            where, batch, end = resumed
+            where, batch, end = next_batch
             problems.append(
                 f"{path}: bytes {at} to {where} are damaged ({error}); "
                 f"rows {row} to {batch.first_row - 1} are lost"
@@ -208,8 +208,8 @@ def _batches(
         if batch.first_row < row:
             continue  # rows that came before: a copy, or out of order
         if batch.first_row > row:
-            lost = batch.first_row - row
-            gaps.append(Gap(row, lost, _last_ns(batches), batch.t_host_ns(0)))
+            n_lost = batch.first_row - row
+            gaps.append(Gap(row, n_lost, _last_ns(batches), batch.t_host_ns(0)))
         batches.append(batch)
         row = batch.first_row + batch.n_rows
     return batches, False, gaps
@@ -249,18 +249,18 @@ def _sizes(fields: tuple[Field, ...], n: int) -> tuple[int, ...]:
 
 
 def _decode(data: memoryview, message: Message, fields: tuple[Field, ...]) -> _Batch:
-    """Return the column buffers of a message; raises Torn unless all is as written."""
+    """Return the column buffers of a message; raises Torn when it was changed or cut."""
     if message.is_schema:
         raise Torn("a second header")
     places = [(at, size) for at, size in message.buffers.tolist() if size > 0]
     n, body, end = message.n_rows, message.body, message.end
     sizes = _sizes(fields, n)
-    filled = len(sizes) - sizes.count(0)  # a column without values takes no bytes
-    if not places or len(places) != filled:
-        raise Torn(f"{len(places)} columns instead of {filled}")
+    n_filled = len(sizes) - sizes.count(0)  # a column without values takes no bytes
+    if not places or len(places) != n_filled:
+        raise Torn(f"{len(places)} columns instead of {n_filled}")
     if end - body != -(-sum(places[-1]) // 8) * 8:
         raise Torn("the body has another length than its columns")
-    row, stated = message.metadata.get("row", ""), message.metadata.get("crc32", "")
+    row, crc_text = message.metadata.get("row", ""), message.metadata.get("crc32", "")
     crc = zlib.crc32(row.encode())
     buffers = []
     place = iter(places)
@@ -271,7 +271,7 @@ def _decode(data: memoryview, message: Message, fields: tuple[Field, ...]) -> _B
         buffer = data[body + at : body + at + size]
         crc = zlib.crc32(buffer, crc)
         buffers.append(buffer)
-    if stated != f"{crc:08x}" or not row.isdigit():
+    if crc_text != f"{crc:08x}" or not row.isdigit():
         raise Torn("the checksum disagrees")
     return _Batch(int(row), n, tuple(buffers))
 

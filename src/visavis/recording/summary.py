@@ -1,4 +1,4 @@
-"""What a recorder tells of its files, while it writes and once it has closed them."""
+"""What a recorder reports about its files, while writing and after closing them."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,7 +8,9 @@ CloseStatus = Literal["complete", "aborted"]
 
 @dataclass(frozen=True)
 class StreamStats:
-    """What the operator sees of a stream being recorded; `last_t_host_ns` None before data."""
+    """What the operator sees of a stream while it is recorded; `last_t_host_ns` is None before
+    data.
+    """
 
     rows: int
     bytes: int
@@ -56,7 +58,7 @@ class FileSummary:
 
 @dataclass(frozen=True)
 class PartSummary:
-    """Everything the manifest says of a part that was closed."""
+    """Everything the manifest stores about a closed part."""
 
     status: CloseStatus
     streams: tuple[StreamSummary, ...]

@@ -68,7 +68,7 @@ class Recorder:
         self._streams: dict[str, OpenStream] = {}
         self._failure: RecordingError | None = None
         self._failure_told = False
-        self._closed: PartSummary | None = None
+        self._summary: PartSummary | None = None
         self._journal = AppendOnlyFile(part_dir / JOURNAL_NAME)
         self._lines: list[bytes] = []
         self._lines_written = 0
@@ -97,7 +97,7 @@ class Recorder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._closed is None:
+        if self._summary is None:
             self.close("complete" if error is None else "aborted")
 
     def declare(self, schema: StreamSchema) -> None:
@@ -117,13 +117,13 @@ class Recorder:
         capacity = max(int(schema.nominal_rate_hz * span_s) + 64, _QUEUE_LEAST_ROWS)
         encoder = BatchEncoder(schema, is_simulated=self._is_simulated)
         file = AppendOnlyFile(self._dir / f"{schema.name}.arrows")
-        self._guarded(file.write, encoder.header)
-        self._guarded(file.sync)
+        self._guard(file.write, encoder.header)
+        self._guard(file.sync)
         sync_folder(self._dir)
         # A second copy of the header, so that damage to the file's first bytes costs nothing.
         copy = base64.b64encode(encoder.header).decode()
         self._add_line({"kind": "stream", "name": schema.name, "t_ns": 0, "header": copy})
-        self._guarded(self._write_pending_lines)
+        self._guard(self._write_pending_lines)
         rows = Rows(schema, capacity)
         spare = Rows(schema, capacity) if threaded else None
         self._streams[schema.name] = OpenStream(
@@ -143,7 +143,7 @@ class Recorder:
         the writer is so far behind that these samples were dropped (they are counted).
         """
         stream = self._streams.get(batch.schema.name)
-        if stream is None or self._failure is not None or self._closed is not None:
+        if stream is None or self._failure is not None or self._summary is not None:
             self._refuse(batch.schema.name)
             return
         if stream.schema is not batch.schema and stream.schema != batch.schema:
@@ -162,8 +162,8 @@ class Recorder:
             if not stream.copy_in(batch, n, latest):
                 raise RecordingError(
                     f"stream {stream.schema.name!r}: the disk is behind by {stream.rows.count} "
-                    f"samples, {n} were dropped ({stream.dropped} in all); end the trial and check "
-                    "the disk"
+                    f"samples, {n} were dropped ({stream.n_dropped} in all); end the trial and "
+                    "check the disk"
                 )
 
     def event(self, name: str, t_ns: int, /, **payload: Any) -> None:
@@ -186,17 +186,17 @@ class Recorder:
         """
         self._raise_failure()
         if self._thread is None:
-            self._guarded(self._write_all_pending, self._awaits_disk)
+            self._guard(self._write_all_pending, self._awaits_disk)
             return
         with self._wake:
             self._sync_wanted += 1
             ticket = self._sync_wanted
             self._wake.notify_all()
-            done = self._wake.wait_for(
+            is_synced = self._wake.wait_for(
                 lambda: self._sync_done >= ticket or self._failure is not None, timeout_s
             )
         self._raise_failure()
-        if not done:
+        if not is_synced:
             raise RecordingError(
                 f"{self._dir}: the disk did not take the data within {timeout_s:g} s; "
                 "check the disk before going on"
@@ -205,21 +205,21 @@ class Recorder:
     def stats(self) -> dict[str, StreamStats]:
         """Return counts per stream for the operator's screen."""
         return {
-            name: StreamStats(s.rows_accepted, s.file.size, s.dropped, s.last_t_host_ns)
+            name: StreamStats(s.rows_accepted, s.file.size, s.n_dropped, s.last_t_host_ns)
             for name, s in self._streams.items()
         }
 
     def close(self, status: CloseStatus) -> PartSummary:
-        """End every file and return what the manifest keeps of this part; idempotent.
+        """Close every file and return this part's summary for the manifest; idempotent.
 
-        Files are closed whatever happens. A failure that no earlier call has raised is raised
-        here; one that was is told in the summary.
+        Files are always closed. A failure that no earlier call has raised is raised here; one that
+        was raised before is named in the summary.
         """
-        if self._closed is not None:
-            return self._closed
+        if self._summary is not None:
+            return self._summary
         self._stop_thread()
         if self._failure is None:
-            self._guarded_quietly(self._finish)
+            self._guard_quietly(self._finish)
         failure = self._failure
         clean = failure is None
         streams = tuple(stream.summary(is_clean=clean) for stream in self._streams.values())
@@ -231,7 +231,7 @@ class Recorder:
             sha256=self._journal.sha256() if clean else "",
             closed_cleanly=clean,
         )
-        self._closed = PartSummary(
+        self._summary = PartSummary(
             status if clean else "aborted", streams, journal, str(failure) if failure else ""
         )
         for stream in self._streams.values():
@@ -239,7 +239,7 @@ class Recorder:
         self._journal.close()
         if failure is not None and not self._failure_told:
             raise failure
-        return self._closed
+        return self._summary
 
     # ---- private --------------------------------------------------------------------------
 
@@ -252,7 +252,7 @@ class Recorder:
         if self._failure is not None:
             self._failure_told = True
             raise self._failure
-        if self._closed is not None:
+        if self._summary is not None:
             raise RecordingError(f"{self._dir} is closed; begin a new part to record more")
 
     def _refuse(self, name: str) -> None:
@@ -264,11 +264,11 @@ class Recorder:
 
     def _hold(self, stream: OpenStream, batch: SampleBatch, n: int, latest_ns: int) -> None:
         """Keep a batch; write what is held once it spans long enough, or is too much."""
-        if stream.held and stream.held_rows + n > stream.rows.capacity:
-            self._guarded(self._write_held, stream)
+        if stream.waiting_batches and stream.held_rows + n > stream.rows.capacity:
+            self._guard(self._write_held, stream)
         stream.hold(batch, n, latest_ns)
         if latest_ns - stream.oldest_t_host_ns >= self._max_batch_ns:
-            self._guarded(self._write_held, stream)
+            self._guard(self._write_held, stream)
 
     def _write_held(self, stream: OpenStream) -> None:
         rows = stream.join_held()
@@ -296,15 +296,15 @@ class Recorder:
             is_old = entry["t_ns"] - self._oldest_line_ns >= self._max_batch_ns
             due = is_old and entry["kind"] != "trial"  # whose samples come first
         if self._thread is None and due:
-            self._guarded(self._write_pending_lines)
+            self._guard(self._write_pending_lines)
 
-    def _guarded(self, action: Callable[..., None], *args: Any) -> None:
-        """Do something to the files; the first failure is kept and raised."""
-        self._guarded_quietly(action, *args)
+    def _guard(self, action: Callable[..., None], *args: Any) -> None:
+        """Run an action on the files; the first failure is stored and raised."""
+        self._guard_quietly(action, *args)
         if self._failure is not None:
             self._raise_failure()
 
-    def _guarded_quietly(self, action: Callable[..., None], *args: Any) -> None:
+    def _guard_quietly(self, action: Callable[..., None], *args: Any) -> None:
         try:
             action(*args)
         except RecordingError as error:
@@ -340,7 +340,7 @@ class Recorder:
             with stream.lock:
                 rows = stream.rows
                 if stream.spare is None:
-                    if stream.held:
+                    if stream.waiting_batches:
                         self._write_held(stream)
                     continue
                 if rows.count == 0:
@@ -370,19 +370,19 @@ class Recorder:
             with self._wake:
                 if not self._stopping and self._sync_wanted == self._sync_done:
                     self._wake.wait(period_s)
-                stopping, wanted = self._stopping, self._sync_wanted
+                stopping, ticket = self._stopping, self._sync_wanted
             now_ns = self._clock.now_ns()
-            sync = wanted > self._sync_done or now_ns - self._last_sync_ns >= _SYNC_EVERY_NS
+            sync = ticket > self._sync_done or now_ns - self._last_sync_ns >= _SYNC_EVERY_NS
             try:
-                self._guarded_quietly(self._write_all_pending, sync)
-            except Exception as error:  # the thread's top: whatever it is, the session must know
+                self._guard_quietly(self._write_all_pending, sync)
+            except Exception as error:  # top of the thread: the session must know of it
                 self._failure = RecordingError(
                     f"{self._dir}: the writer stopped ({error!r}); end the session and resume it"
                 )
             if sync:
                 self._last_sync_ns = now_ns
             with self._wake:
-                self._sync_done = wanted
+                self._sync_done = ticket
                 self._wake.notify_all()
             if stopping or self._failure is not None:
                 return

@@ -37,7 +37,7 @@ Times = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class XdfStream:
-    """What stands in a stream header; `format` is "double64" or "string"."""
+    """The content of a stream header; `format` is "double64" or "string"."""
 
     number: int
     name: str
@@ -129,7 +129,7 @@ def export_xdf(recording: Recording, target: Path) -> tuple[Path, ...]:
     """
     make_folder(target, exist_ok=True)
     manifest = recording.manifest
-    written = []
+    paths = []
     for part in manifest.parts:
         name = f"{manifest.participant}_ses-{manifest.session:03d}_{part.folder}.xdf"
         path = target / name
@@ -140,8 +140,8 @@ def export_xdf(recording: Recording, target: Path) -> tuple[Path, ...]:
             raise RecordingError(f"{path} exists already; export into an empty folder") from error
         except OSError as error:
             raise write_failure(path, error) from error
-        written.append(path)
-    return tuple(written)
+        paths.append(path)
+    return tuple(paths)
 
 
 def _write_part(recording: Recording, part: int, writer: XdfWriter) -> None:
@@ -175,12 +175,14 @@ def _write_part(recording: Recording, part: int, writer: XdfWriter) -> None:
         )
         pairs = exchanges.get(name, [])
         device_ns, host_ns = columns["t_device_ns"], columns["t_host_ns"]
+        # Device stamps are usable when exchanges map them, or when they are the session's clock.
         own = bool(pairs) or bool((np.abs(device_ns - host_ns) <= SAME_CLOCK_NS).all())
         clock = "device" if own else "arrival"
         writer.begin(stream, {**facts, "time_stamps": clock})
         stamps_ns = device_ns if own else host_ns
         writer.samples(number, stamps_ns / NS_PER_S, flat)
         for send, device, receive in pairs:
+            # Middle of the round trip: the usual estimate when both ways take equally long.
             offset_ns = (send + receive) // 2 - device
             writer.clock_offset(number, device / NS_PER_S, offset_ns / NS_PER_S)
         if not pairs and len(stamps_ns):  # they are on the session's clock already
@@ -211,11 +213,11 @@ def _write_part(recording: Recording, part: int, writer: XdfWriter) -> None:
 
 
 def _exchanges(payloads: Iterable[dict[str, Any]]) -> dict[str, list[list[int]]]:
-    found: dict[str, list[list[int]]] = {}
+    exchanges: dict[str, list[list[int]]] = {}
     for payload in payloads:
         stream = STREAM_OF_ROLE.get(str(payload.get("role")), str(payload.get("role")))
-        found.setdefault(stream, []).extend(payload.get("send_device_receive_ns", ()))
-    return found
+        exchanges.setdefault(stream, []).extend(payload.get("send_device_receive_ns", ()))
+    return exchanges
 
 
 def _text(row: dict[str, Any]) -> str:

@@ -6,7 +6,7 @@ from typing import Any, Final
 import pandas as pd
 
 from visavis.analysis.report import Block, Column, Fold, Paragraph, Section, Table
-from visavis.analysis.report.notation import counted, percentage
+from visavis.analysis.report.notation import count_of, percentage
 from visavis.analysis.statistics.binomial import clustered_share
 from visavis.protocol.plan.columns import Column as Described
 from visavis.results.analysis import StudyAnalysis
@@ -118,7 +118,7 @@ def _told(
     if prompt:
         yield Paragraph(f"Asked: {prompt}")
     long = len(listed) > MAX_OPEN_ROWS
-    yield Fold(f"{asked}: {counted(len(listed), 'row')}", (table,)) if long else table
+    yield Fold(f"{asked}: {count_of(len(listed), 'row')}", (table,)) if long else table
     missing = int(analysis.selection.counted[response.name].isna().sum())
     if missing:
-        yield Paragraph(f"{counted(missing, 'trial')} without an answer are left out.")
+        yield Paragraph(f"{count_of(missing, 'trial')} without an answer are left out.")

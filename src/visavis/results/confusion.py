@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from visavis.analysis.plots import BLACK, draw, new_figure
 from visavis.analysis.report import Paragraph, Section
-from visavis.analysis.report.notation import counted, fraction
+from visavis.analysis.report.notation import count_of, fraction
 from visavis.protocol.plan.columns import Column as Described
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.report.study_report import picture_of
@@ -38,7 +38,7 @@ def confusion_section(of: Confusion, analysis: StudyAnalysis, experiment: StudyE
         title=of.title,
         caption="Rows: what was right; columns: the answer. Shades and numbers: share of the "
         "answers in a row; counts below.",
-        alternative=f"{counted(len(each), 'confusion matrix', 'confusion matrices')} of "
+        alternative=f"{count_of(len(each), 'confusion matrix', 'confusion matrices')} of "
         f"{len(options)} options.",
         is_simulated=analysis.is_simulated,
     )
@@ -47,11 +47,11 @@ def confusion_section(of: Confusion, analysis: StudyAnalysis, experiment: StudyE
     told = f"No answer is known to {label_of(experiment.texts, of.answered)}."
     if total:
         told = (
-            f"{fraction(int(every.trace()) / total)} of {counted(total, 'answer')} were right, "
+            f"{fraction(int(every.trace()) / total)} of {count_of(total, 'answer')} were right, "
             f"among {len(options)} options."
         )
     if len(trials) > total:
-        told += f" {counted(len(trials) - total, 'trial')} without an answer are left out."
+        told += f" {count_of(len(trials) - total, 'trial')} without an answer are left out."
     section = Section(of.name, of.title, (picture_of(drawn), Paragraph(told)))
     columns = tuple(Described(str(o), "1", f"answers that named {o}") for o in options)
     return Extra(section, (drawn,), {of.name: _table(of, each, options)}, columns)

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from visavis.analysis.report.notation import counted, decimal, threshold
+from visavis.analysis.report.notation import count_of, decimal, threshold
 from visavis.analysis.statistics import (
     Correlation,
     PairedComparison,
@@ -156,7 +156,7 @@ class PairTest:
         verdict = "differs" if self.outcome.significant else "does not differ significantly"
         kind = "paired t test" if self.outcome.is_parametric else "Wilcoxon signed-rank test"
         incomplete = (
-            f" ({counted(self.n_incomplete, 'participant')} without both values)"
+            f" ({count_of(self.n_incomplete, 'participant')} without both values)"
             if self.n_incomplete
             else ""
         )
@@ -369,7 +369,7 @@ def compare(
     outcome, problem = None, ""
     if len(x) < rules.minimum_participants:
         problem = (
-            f"{counted(len(x), 'participant')} with both values, "
+            f"{count_of(len(x), 'participant')} with both values, "
             f"{rules.minimum_participants} needed"
         )
     else:
@@ -501,7 +501,7 @@ def _correlated(
     n, alpha = len(both), rules.alpha
     needed = max(MIN_CORRELATED, rules.minimum_participants)
     if n < needed:
-        problem = f"{counted(n, 'participant')} with measure and score, {MIN_CORRELATED} needed"
+        problem = f"{count_of(n, 'participant')} with measure and score, {MIN_CORRELATED} needed"
         return CorrelationTest(of, measure, level, n, alpha, None, problem)
     try:
         outcome = spearman(

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from visavis.analysis.own_streams import OwnStream, figures_of_streams, streams_section
-from visavis.analysis.plots import Drawn, write_figure
+from visavis.analysis.plots import ReportFigure, write_figure
 from visavis.analysis.report import Picture, ReportProvenance
 from visavis.lab.errors import UsageError
 from visavis.protocol.plan.columns import Column
@@ -108,9 +108,9 @@ def _section(
 def _figures(
     analysis: StudyAnalysis,
     experiment: StudyExperiment,
-    own: dict[str, Drawn],
+    own: dict[str, ReportFigure],
     quality: Quality | None,
-) -> Iterator[Drawn]:
+) -> Iterator[ReportFigure]:
     """Yield every figure once; `own` are those of the study's sections, which go before others.
 
     They are taken out of `own` as they are yielded.

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from visavis.analysis.power import Found, PrintedTest, Source, Verdicts
+from visavis.analysis.power import PlannedTestResult, PrintedTest, Source, Verdicts
 from visavis.analysis.statistics.results import number
 from visavis.lab.errors import DataError, UsageError
 from visavis.results.analysis import Finding, Results, StudyAnalysis, answered, corrected
@@ -111,7 +111,7 @@ class KitPower:
         return found
 
     @property
-    def printed(self) -> Mapping[str, PrintedTest]:
+    def printed_tests(self) -> Mapping[str, PrintedTest]:
         """The F tests of effects within people, and paired t tests, that the source prints."""
         study = self._opened.study
         found = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
@@ -277,7 +277,7 @@ class KitPower:
         alpha: float,
         opened: OpenedStudy,
         experiment: StudyExperiment,
-    ) -> dict[str, Found]:
+    ) -> dict[str, PlannedTestResult]:
         known = {m.column: m for m in opened.measures(experiment)}
         levels = experiment.levels
         asks = any(name in opened.study.analysis.questions for name in tests)
@@ -288,12 +288,12 @@ class KitPower:
                 if not compare.exploratory and (asks or _is_asked(compare, tests, experiment))
             ]
         )
-        found: dict[str, Found] = dict.fromkeys(tests, Found(None))
+        found: dict[str, PlannedTestResult] = dict.fromkeys(tests, PlannedTestResult(None))
         for finding in findings:
             for term in finding.terms:
                 name = _effect_name(finding.compare, term.name, experiment.compare)
                 if name in found:
-                    found[name] = Found(
+                    found[name] = PlannedTestResult(
                         bool(term.p_corrected < alpha), *_difference(finding, rows, levels)
                     )
         return found | _of_families(opened, experiment, rows, tests, alpha, findings)
@@ -329,14 +329,14 @@ def _of_families(
     tests: Sequence[str],
     alpha: float,
     findings: tuple[Finding, ...],
-) -> dict[str, Found]:
+) -> dict[str, PlannedTestResult]:
     """Make the asked tests of families; a question needs every test of every family."""
     study, levels = opened.study, experiment.levels
     known = {m.column: m for m in opened.measures(experiment)}
     asks = any(name in study.analysis.questions for name in tests)
     rules = DEFAULT_TEST_RULES.with_settings({"alpha": alpha})
     people = rows.drop_duplicates("participant")
-    found: dict[str, Found] = {}
+    found: dict[str, PlannedTestResult] = {}
     results = []
     for of in families_of(study):
         is_asked = asks or not claims_of(study, of).keys().isdisjoint(tests)
@@ -365,7 +365,7 @@ def _of_families(
             tuple(results),
             rules=rules,
         )
-        found |= {c.name: Found(c.is_found) for c in analysis.conclusions}
+        found |= {c.name: PlannedTestResult(c.is_found) for c in analysis.conclusions}
     return {name: verdict for name, verdict in found.items() if name in tests}
 
 
@@ -440,18 +440,24 @@ def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
                 )
 
 
-def _found(rows: pd.DataFrame, tests: Sequence[Test]) -> Iterator[tuple[str, Found]]:
+def _found(rows: pd.DataFrame, tests: Sequence[Test]) -> Iterator[tuple[str, PlannedTestResult]]:
     """Yield the verdict of every test by its name."""
     for test in tests:
         column = test.measure.column
         if isinstance(test, CorrelationTest):
             r = float("nan") if test.outcome is None else test.outcome.r
-            yield f"{test.of.family}-{test.level}:{column}", Found(test.is_significant, r, r)
+            yield (
+                f"{test.of.family}-{test.level}:{column}",
+                PlannedTestResult(test.is_significant, r, r),
+            )
         elif test.outcome is None:
-            yield pair_name((test.first, test.second), column), Found(None)
+            yield pair_name((test.first, test.second), column), PlannedTestResult(None)
         else:
             off = _off(rows, test.of.factor, column, test.first, test.second)
-            yield pair_name((test.first, test.second), column), Found(test.is_significant, *off)
+            yield (
+                pair_name((test.first, test.second), column),
+                PlannedTestResult(test.is_significant, *off),
+            )
 
 
 def _needed(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import pandas as pd
 
 from visavis.analysis.report import Column, Table
-from visavis.analysis.report.notation import counted, decimal, percentage
+from visavis.analysis.report.notation import count_of, decimal, percentage
 from visavis.protocol.plan.columns import Column as Described
 from visavis.protocol.plan.questionnaires import load_questionnaire
 from visavis.results.analysis import StudyAnalysis
@@ -143,7 +143,7 @@ def _calibration_incidents(
         who = str(row["participant"])
         rejected, end = row.get(REJECTED), row.get(END_ACCURACY)
         if rejected is not None and rejected == rejected and rejected > 0:
-            what = counted(int(rejected), "validation") + " rejected"
+            what = count_of(int(rejected), "validation") + " rejected"
             found.append((who, what, "did not meet the thresholds; calibrated again"))
         if max_error_deg is not None and end is not None and end == end and end > max_error_deg:
             what = "large error at the end of the session"

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from visavis.analysis.report.notation import counted
+from visavis.analysis.report.notation import count_of
 from visavis.recording.integrity import DAMAGED, LOST
 from visavis.study.exclusions import Exclusion, Level
 
@@ -74,7 +74,7 @@ def left_out_lines(selection: Selection, rules: Sequence[Exclusion]) -> list[str
     """Return who and what does not count and why: trials by rule, then each person by name."""
     trials = [left for left in selection.left if left.level == "trial" and left.rule != PRACTICE]
     lines = [
-        f"left out: {counted(left.count, 'trial')}, {rule_words(selection, rules, left.rule)}"
+        f"left out: {count_of(left.count, 'trial')}, {rule_words(selection, rules, left.rule)}"
         for left in trials
     ]
     gone = selection.people[~selection.people[COUNTED].astype(bool)]

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from visavis.analysis.report import Cell, Column, Table
-from visavis.analysis.report.notation import counted, decimal
+from visavis.analysis.report.notation import count_of, decimal
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.selection import COUNTED, PERSON_OUT, PRACTICE, REASON, REPEATED
 from visavis.study.measures import Measure
@@ -115,7 +115,7 @@ def looks_table(striking: tuple[Striking, ...], folder: str, views: Path) -> Tab
         )
         rows.append((one.participant, shown, one.why))
     more = len(striking) - len(rows)
-    beyond = f" {counted(more, 'further trial')} in trials.csv." if more else ""
+    beyond = f" {count_of(more, 'further trial')} in trials.csv." if more else ""
     return Table(
         (Column("Participant"), Column("Trial"), Column("Why")),
         tuple(rows),

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from visavis.analysis.gaze.quality import validate
-from visavis.analysis.gaze.turned import TurnedGaze, turned_gaze
+from visavis.analysis.gaze.turned_gaze import TurnedGaze, turned_gaze
 from visavis.protocol.plan.experiment import ValidationPoint, ValidationVerdict
 from visavis.protocol.plan.steps import known
 

@@ -20,10 +20,10 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
+from visavis.lab.array_cache import digest_of
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Pose
-from visavis.lab.kept import digest_of
 from visavis.lab.plain_files import parse_json, read_plain
 from visavis.lab.version import version
 from visavis.running.page.spoken_digits import spoken_digits
@@ -277,7 +277,7 @@ def _look_of(person: Character) -> str:
     arrays = [a for mesh in person.levels for a in vars(mesh).values()]
     arrays += [m.texture_srgb for m in person.materials]
     arrays += [a for m in person.materials if m.maps for a in vars(m.maps).values()]
-    return digest_of(*(a for a in arrays if isinstance(a, np.ndarray)), said=person.name)
+    return digest_of(*(a for a in arrays if isinstance(a, np.ndarray)), text=person.name)
 
 
 def cache_folder() -> Path:

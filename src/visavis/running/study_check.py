@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from visavis.analysis.report.notation import counted
+from visavis.analysis.report.notation import count_of
 from visavis.lab.errors import DesignError, LabError
 from visavis.lab.geometry import Vector, unit
 from visavis.protocol.plan.design import combinations_of
@@ -68,7 +68,7 @@ def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None 
     if problems:
         listed = "\n  ".join(problems)
         raise DesignError(
-            f"study {opened.name} has {counted(len(problems), 'problem')}:\n  {listed}"
+            f"study {opened.name} has {count_of(len(problems), 'problem')}:\n  {listed}"
         )
 
 

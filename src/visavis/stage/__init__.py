@@ -1,1 +1,1 @@
-"""Draws a scene, or hands its geometry to whoever watches; knows nothing of studies."""
+"""Draws a scene, or passes its geometry to viewers; independent of studies."""

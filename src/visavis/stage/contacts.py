@@ -1,4 +1,4 @@
-"""Shade where people and furniture stand, which lamps' shadows are too coarse and too few for."""
+"""Contact shadows of people and furniture, for which shadow maps are too coarse and too few."""
 
 import moderngl
 import numpy as np
@@ -19,9 +19,9 @@ class Contacts:
     """
 
     def __init__(
-        self, context: moderngl.Context, *, in_light: bool, with_maps: bool, apart: bool
+        self, context: moderngl.Context, *, in_light: bool, with_maps: bool, is_separate: bool
     ) -> None:
-        self._context, self._apart = context, apart
+        self._context, self._is_separate = context, is_separate
         self._defines = (
             *(("IN_LIGHT",) if in_light else ()),
             *(() if with_maps else ("NO_MAPS",)),
@@ -45,7 +45,7 @@ class Contacts:
         # Shades overlap: each takes its share of what the others leave, and none hides another.
         context.blend_func = moderngl.DST_COLOR, moderngl.ZERO
         context.fbo.depth_mask = False
-        if self._apart:
+        if self._is_separate:
             self._draw(soles, 0, first_texel)
             self._draw(0, blocks, first_texel)
         else:
@@ -55,7 +55,7 @@ class Contacts:
         context.enable(moderngl.CULL_FACE)
 
     def _draw(self, soles: int, blocks: int, first_texel: int) -> None:
-        """Draw so many of either by one call."""
+        """Draw `count` soles or pieces of furniture by one call."""
         which = (*(("SOLES",) if soles else ()), *(("BLOCKS",) if blocks else ()))
         if not which:
             return
@@ -79,7 +79,7 @@ class Contacts:
         self._corners.release()
 
     def _use_blocks(self, room: Room) -> int:
-        """Bind what of a room's furniture hides light, a row each; return how many."""
+        """Bind the room's furniture that blocks light, a row each; return how many."""
         if self._room is not room:
             if self._blocks is not None:
                 self._blocks.release()

@@ -1,4 +1,4 @@
-"""What the session asks of whatever shows a scene."""
+"""The interface between a session and a stage that shows its scenes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Glance:
 
 
 class Viewer(Protocol):
-    """Someone who watches the display: a simulated participant, an operator's mirror."""
+    """A viewer of the display: a simulated participant, an operator's mirror."""
 
     def see(self, view: SceneFrame, t_display_ns: int) -> None:
         """Receive what the display shows from `t_display_ns` on."""
@@ -38,7 +38,7 @@ class Stage(Protocol):
 
     @property
     def schemas(self) -> tuple[StreamSchema, ...]:
-        """Streams it delivers: what was drawn, frame by frame."""
+        """The streams it delivers: what was drawn, frame by frame."""
         ...
 
     def start(self, sink: Callable[[SampleBatch], None]) -> None:
@@ -46,11 +46,11 @@ class Stage(Protocol):
         ...
 
     def trouble(self) -> DeviceError | None:
-        """Return what keeps it from drawing now; the session pauses while there is something."""
+        """Return the problem that prevents drawing; the session pauses while there is one."""
         ...
 
     def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
-        """Make ready, beside the frames, what `coming` finds, so that its first is not late."""
+        """Prepare the scene from `coming` in the background, so that its first frame is in time."""
         ...
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
@@ -58,7 +58,7 @@ class Stage(Protocol):
         ...
 
     def handed_over(self) -> None:
-        """Do what can wait until the images are handed over: the operator's picture of them."""
+        """Do the work that can wait until the images are submitted: the operator's picture."""
         ...
 
     def glance(self) -> Glance | None:
@@ -74,7 +74,7 @@ class Stage(Protocol):
         ...
 
     def watch(self, role: str, batch: SampleBatch) -> None:
-        """Take what a device measured: gaze for the operator alone, the body for an avatar."""
+        """Receive a device's samples: gaze for the operator's view, the body for an avatar."""
         ...
 
     def close(self) -> None:
@@ -101,7 +101,7 @@ class GeometryStage:
         """Nothing can fail."""
 
     def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
-        """Make nothing ready: nothing is drawn."""
+        """Prepare nothing: nothing is drawn."""
 
     def handed_over(self) -> None:
         """Nothing was."""
@@ -110,7 +110,7 @@ class GeometryStage:
         """Nothing is drawn."""
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
-        """Tell every viewer what stands there."""
+        """Pass the geometry to every viewer."""
         for viewer in self._viewers:
             viewer.see(view, frame.predicted_display_ns)
         return ()

@@ -1,4 +1,4 @@
-"""Show a study's scenes as pictures: both eyes of a headset, a window, or nobody's screen."""
+"""Show a study's scenes as pictures: in a headset, in a window, or off-screen."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -20,7 +20,7 @@ from visavis.stage.card.targets import EyeTarget
 from visavis.stage.card.timer import CardTimer
 from visavis.stage.contracts import Glance, Viewer
 from visavis.stage.errors import StageError
-from visavis.stage.fades import Fades, FadeTimes, dimmed, fading_out
+from visavis.stage.fades import Fades, FadeTimes, fading_out, with_brightness
 from visavis.stage.frame_truth import (
     DRAWN_GPU,
     DRAWN_VIEWS,
@@ -101,7 +101,7 @@ class Display:
 
 
 class DrawnStage:
-    """Draw every frame, log what was drawn, tell the viewers; a `Stage`.
+    """A `Stage` that draws and logs every frame and informs the viewers.
 
     `open_renderer` is called in the thread that draws, at the first frame, and again a second
     after the graphics driver has failed: nothing but pictures is lost then. `mirror` shows the
@@ -141,7 +141,7 @@ class DrawnStage:
         self._timer: CardTimer | None = None
         self._retry_ns = 0
         self._trouble: StageError | None = None
-        self._beside = ThreadPoolExecutor(1, "dress")
+        self._dressing_thread = ThreadPoolExecutor(1, "dress")
         self._coming: Future[Picture | None] | None = None
         self._pieces: Iterator[None] | None = None
         self._has_drawn = False
@@ -154,17 +154,18 @@ class DrawnStage:
     def schemas(self) -> tuple[StreamSchema, ...]:
         """The streams of drawn frames, of how they are drawn, and of what they cost the card.
 
-        On the virtual clock a card's time would be the one thing that no seed repeats.
+        There is no such stream on the virtual clock, because a card's time does not repeat with the
+        seed.
         """
-        timed = () if self._clock.is_virtual else (DRAWN_GPU,)
-        return (self._schema, DRAWN_VIEWS, *timed)
+        gpu_schemas = () if self._clock.is_virtual else (DRAWN_GPU,)
+        return (self._schema, DRAWN_VIEWS, *gpu_schemas)
 
     def start(self, sink: Callable[[SampleBatch], None]) -> None:
         """Log what is drawn from now on."""
         self._sink = sink
 
     def trouble(self) -> StageError | None:
-        """Return what keeps frames from being drawn, None while all is well."""
+        """Return the problem that prevents drawing; None when there is none."""
         return self._trouble
 
     def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
@@ -173,21 +174,21 @@ class DrawnStage:
         A piece a frame; at the first frame of all, before anybody looks, everything at once.
         """
 
-        def dressed() -> Picture | None:
+        def dress_coming() -> Picture | None:
             view = coming()
             return None if view is None else self._picture(view)
 
         if self._coming is not None:
             self._coming.cancel()
-        self._pieces, self._coming = None, self._beside.submit(dressed)
+        self._pieces, self._coming = None, self._dressing_thread.submit(dress_coming)
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[moderngl.Texture]:
         """Draw both eyes and return their textures, left first; none while the driver fails.
 
         People are drawn as they stand when the frame's light leaves, however long ago a plan
-        showed them. Where the head will be then is asked once more when all but the view from
-        there has been done; before, where what is done depends on it: a body below the head, a
-        processor that leaves out what no eye sees.
+        showed them. The head's prediction is requested once more at the end, when only the view
+        depends on it; or earlier, when other work depends on it, too: a body below the head, or a
+        processor that leaves out invisible parts.
         """
         for viewer in self._viewers:
             viewer.see(view, frame.predicted_display_ns)
@@ -195,7 +196,7 @@ class DrawnStage:
         if self._trouble is not None and now_ns < self._retry_ns:
             return ()
         view = as_drawn(view, frame.predicted_display_ns)
-        picture = self._fades.faded(self._picture(view))
+        picture = self._fades.apply(self._picture(view))
         is_calm = picture.brightness_01 <= 0.0 or not picture.cast
         late: Callable[[], Sequence[Camera]] | None = None
         try:
@@ -210,20 +211,20 @@ class DrawnStage:
                     return [eye_camera(head, eye) for eye in self._views]
 
             if self._own_body is not None:
-                picture = self._own_body.worn(picture, head)
+                picture = self._own_body.add_to(picture, head)
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
-            with nullcontext() if self._timer is None else self._timer.timed(frame):
-                drawn = renderer.draw(picture, cameras, self._targets, late=late)
+            with nullcontext() if self._timer is None else self._timer.time_frame(frame):
+                result = renderer.draw(picture, cameras, self._targets, late=late)
             self._drawn_from = head
             if is_calm or not self._has_drawn:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
             self._fail(problem, now_ns)
-            self._log(view, frame, head, picture, np.zeros(0, np.int64), failed=True)
+            self._log(view, frame, head, picture, np.zeros(0, np.int64), is_failed=True)
             return ()
         self._trouble = None
-        self._log(view, frame, head, picture, drawn.level)
+        self._log(view, frame, head, picture, result.level)
         if not self._display.hands_over:
             return ()
         return [target.texture for target in self._targets]
@@ -238,7 +239,7 @@ class DrawnStage:
             self._fail(problem, self._clock.now_ns())
 
     def glance(self) -> Glance | None:
-        """Return the left eye's picture, small, as it was when this was last called."""
+        """Return a small copy of the left eye's picture, taken at the last call."""
         if self._small is None or self._drawn_from is None or self._trouble is not None:
             return None
         now_ns = self._clock.now_ns()
@@ -271,7 +272,7 @@ class DrawnStage:
         pictures = (
             picture
             for bare in self._pictures(views, row, lit)
-            for picture in (bare, *(body.worn(bare, head) for body in bodies))
+            for picture in (bare, *(body.add_to(bare, head) for body in bodies))
         )
         same = (p for p in pictures if picture_crc32(p) == int(row["picture_crc32"]))
         picture = next(same, None)
@@ -290,7 +291,7 @@ class DrawnStage:
         return [target.read() for target in self._targets]
 
     def watch(self, role: str, batch: SampleBatch) -> None:
-        """Take the participant's gaze for the mirror, their body for their own."""
+        """Receive the participant's gaze for the mirror and body for the avatar."""
         if role == "body_tracker" and self._own_body is not None:
             self._own_body.take(batch)
         if role == "eye_tracker" and self._mirror is not None and self._views:
@@ -298,11 +299,11 @@ class DrawnStage:
 
     def close(self) -> None:
         """Release textures, renderer and mirror; idempotent."""
-        self._beside.shutdown(cancel_futures=True)
+        self._dressing_thread.shutdown(cancel_futures=True)
         self._drop()
-        for shown in (self._mirror, self._window):
-            if shown is not None:
-                shown.close()
+        for display in (self._mirror, self._window):
+            if display is not None:
+                display.close()
 
     # ---- private --------------------------------------------------------------------------
 
@@ -314,7 +315,7 @@ class DrawnStage:
             try:
                 picture = coming.result()
             except LabError:
-                return  # the trial itself will say what is wrong
+                return  # the trial itself will report the error
             self._pieces = None if picture is None else renderer.prepare(picture, cameras)
         while self._pieces is not None:
             if next(self._pieces, self) is self:
@@ -325,14 +326,16 @@ class DrawnStage:
     def _pictures(
         self, views: Iterable[SceneFrame], row: np.void, lit: Iterable[SceneFrame]
     ) -> Iterator[Picture]:
-        """Yield what a recorded frame may have been: each view, as it came, as others went."""
+        """Yield the pictures that a recorded frame may have shown: each view, with and without
+        fades.
+        """
         recorded_01 = float(row["brightness_01"])
         darkness = []
         for view in views:
             picture = self._picture(as_drawn(view, int(row["t_scene_ns"])))
             yield picture
             if 0.0 < recorded_01 < picture.brightness_01:
-                yield dimmed(picture, recorded_01)
+                yield with_brightness(picture, recorded_01)
             if picture.brightness_01 <= 0.0:
                 darkness.append(picture)
         for view in lit:
@@ -340,11 +343,11 @@ class DrawnStage:
             yield from (fading_out(before, dark, recorded_01) for dark in darkness)
 
     def _picture(self, view: SceneFrame) -> Picture:
-        picture = self._dressed(view)
+        picture = self._dress(view)
         panels = view.panels if isinstance(view, PanelFrame) else ()
         return replace(picture, panels=(*picture.panels, *panels)) if panels else picture
 
-    def _dressed(self, view: SceneFrame) -> Picture:
+    def _dress(self, view: SceneFrame) -> Picture:
         """Dress a scene; a dark or empty one needs no dressing."""
         scene = view.scene
         is_empty = type(scene) is Scene and not scene.agents
@@ -381,7 +384,7 @@ class DrawnStage:
         return self._renderer
 
     def _late_head(self, head: Pose) -> Pose:
-        """Return where the head will be as it is foreseen now, `head` where nobody tells."""
+        """Return the head's newest prediction; `head` when there is none."""
         if self._display.late_head is None:
             return head
         return self._display.late_head() or head
@@ -409,7 +412,7 @@ class DrawnStage:
         try:
             self._drop()
         except moderngl.Error as second:
-            # The context is gone with everything in it; the first failure is what matters.
+            # The context is lost with everything in it; only the first failure matters.
             problem.add_note(str(second))
             self._renderer, self._timer, self._targets = None, None, []
             self._small = self._drawn_from = self._glanced_from = None
@@ -436,7 +439,7 @@ class DrawnStage:
         picture: Picture,
         level: npt.NDArray[np.int64],
         *,
-        failed: bool = False,
+        is_failed: bool = False,
     ) -> None:
         if self._sink is None:
             return
@@ -449,9 +452,9 @@ class DrawnStage:
             view.t_ns,
             self._clock.now_ns(),
         )
-        self._sink(truth_row(self._schema, self._seq, row, failed=failed))
+        self._sink(truth_row(self._schema, self._seq, row, is_failed=is_failed))
         self._seq += 1
-        told = [] if self._timer is None else self._timer.told()
-        if told:
-            self._sink(gpu_rows(self._gpu_seq, told, self._clock.now_ns()))
-            self._gpu_seq += len(told)
+        gpu_times = [] if self._timer is None else self._timer.results()
+        if gpu_times:
+            self._sink(gpu_rows(self._gpu_seq, gpu_times, self._clock.now_ns()))
+            self._gpu_seq += len(gpu_times)

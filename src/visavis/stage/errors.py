@@ -1,4 +1,4 @@
-"""What goes wrong while drawing."""
+"""Errors while drawing."""
 
 from visavis.lab.errors import DeviceError
 

@@ -10,7 +10,7 @@ from visavis.stimuli.picture import Picture
 
 @dataclass(frozen=True)
 class FadeTimes:
-    """How long light takes to go and to come; 0 switches at once.
+    """Durations of fading out and in; 0 switches within one frame.
 
     Light that comes slowly has no onset: leave `in_ms` at 0 where a study times from it.
     """
@@ -32,7 +32,7 @@ class Fades:
         self._dark_since_ns: int | None = None
         self._lit_since_ns: int | None = None
 
-    def faded(self, picture: Picture) -> Picture:
+    def apply(self, picture: Picture) -> Picture:
         """Return the picture at its moment, as bright as the fade has it; called in order."""
         if picture.brightness_01 > 0.0:
             began = self._lit is None or self._dark_since_ns is not None
@@ -42,7 +42,7 @@ class Fades:
             if self._lit_since_ns is None:
                 return picture
             share = _share(picture.t_ns - self._lit_since_ns, self._in_ns)
-            return dimmed(picture, picture.brightness_01 * share)
+            return with_brightness(picture, picture.brightness_01 * share)
         if self._dark_since_ns is None:
             self._dark_since_ns = picture.t_ns
         left = 1.0 - _share(picture.t_ns - self._dark_since_ns, self._out_ns)
@@ -51,17 +51,17 @@ class Fades:
         return fading_out(self._lit, picture, self._lit.brightness_01 * left)
 
 
-def dimmed(picture: Picture, brightness_01: float) -> Picture:
+def with_brightness(picture: Picture, brightness_01: float) -> Picture:
     """Return a picture at another brightness, exactly as it is recorded."""
     return replace(picture, brightness_01=float(np.float32(brightness_01)))
 
 
 def fading_out(lit: Picture, dark: Picture, brightness_01: float) -> Picture:
-    """Return what is left of a lit picture before a dark one with its mark and panels."""
+    """Return a fading lit picture with the mark and panels of the dark one that follows."""
     still = replace(lit, t_ns=dark.t_ns, mark_m=dark.mark_m, panels=dark.panels)
-    return dimmed(still, brightness_01)
+    return with_brightness(still, brightness_01)
 
 
 def _share(passed_ns: int, whole_ns: int) -> float:
-    """Return how much of a fade is over; its first frame is a step already."""
+    """Return the share of a fade that is over; the first frame is a step already."""
     return 1.0 if whole_ns <= 0 else min(1.0, (passed_ns + 1) / whole_ns)

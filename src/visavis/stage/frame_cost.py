@@ -13,7 +13,7 @@ from visavis.stimuli.picture import Picture
 
 FRAMES, UNCOUNTED = 20, 3
 MAX_SHARE_01 = 0.7
-"""Of a frame's time; the rest is the runtime's, which warps and composes what it is given."""
+"""Share of a frame's time for drawing; the runtime needs the rest to warp and compose."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Choice:
 CHOICES = tuple(
     Choice(*pair) for pair in ((8, 1.0), (4, 1.0), (2, 1.0), (2, 0.8), (0, 0.8), (0, 0.6))
 )
-"""From the best to the least that is worth a look."""
+"""From the best to the lowest useful quality."""
 
 
 def best_choice(
@@ -36,12 +36,12 @@ def best_choice(
     """Return the first choice whose frame leaves the runtime its share, else the last, and what
     its frame costs (ms); `choices` go from the dearest to the cheapest, one at least.
     """
-    chosen, cost = CHOICES[-1], float("nan")
+    best, cost = CHOICES[-1], float("nan")
     for choice in choices:
-        chosen, cost = choice, cost_ms(choice)
+        best, cost = choice, cost_ms(choice)
         if fits(cost, rate_hz):
             break
-    return chosen, cost
+    return best, cost
 
 
 def fits(frame_ms: float, rate_hz: float) -> bool:

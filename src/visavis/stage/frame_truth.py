@@ -1,4 +1,4 @@
-"""What was drawn in a frame, as rows of a recording's stream."""
+"""What a frame showed, as rows of recorded streams."""
 
 import zlib
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ DRAWN_GPU = StreamSchema(
         Field("gpu_ms", "f4", "ms", description="the card's own work on the frame's pictures"),
     ),
 )
-"""What frames cost the card, told some frames later; no row for a frame whose cost is unknown."""
+"""What frames cost the card, known some frames later; no row when the cost is unknown."""
 
 
 def drawn_schema(people_count: int, rate_hz: float) -> StreamSchema:
@@ -71,7 +71,7 @@ def drawn_schema(people_count: int, rate_hz: float) -> StreamSchema:
 
 @dataclass(frozen=True, eq=False)
 class DrawnFrame:
-    """One row: what a re-draw needs beside the scene itself."""
+    """One row: all that a re-draw needs in addition to the scene."""
 
     frame: FrameInfo
     head: Pose
@@ -83,18 +83,18 @@ class DrawnFrame:
 
 
 def picture_crc32(picture: Picture) -> int:
-    """Return a checksum of everything in a picture that can change while it is shown."""
+    """Return a checksum of everything in a picture that may change from frame to frame."""
     people = picture.people
     crc = 0
     for array in (people.root_m, people.orientation_wxyz, people.morphs_01):
         crc = zlib.crc32(_bytes(array), crc)
-    for placed in picture.moving:
-        crc = zlib.crc32(placed.prop.name.encode(), crc)
-        crc = zlib.crc32(_bytes(placed.pose.position_m), crc)
-        crc = zlib.crc32(_bytes(placed.pose.orientation_wxyz), crc)
+    for thing in picture.moving:
+        crc = zlib.crc32(thing.prop.name.encode(), crc)
+        crc = zlib.crc32(_bytes(thing.pose.position_m), crc)
+        crc = zlib.crc32(_bytes(thing.pose.orientation_wxyz), crc)
     for panel in picture.panels:
-        said = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen)
-        crc = zlib.crc32(repr(said).encode(), crc)
+        content = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen)
+        crc = zlib.crc32(repr(content).encode(), crc)
         crc = zlib.crc32(_bytes(panel.pose.position_m), crc)
     if picture.mark_m is not None:
         crc = zlib.crc32(_bytes(np.asarray(picture.mark_m)), crc)
@@ -104,30 +104,30 @@ def picture_crc32(picture: Picture) -> int:
 
 
 def truth_row(
-    schema: StreamSchema, seq: int, drawn: DrawnFrame, *, failed: bool = False
+    schema: StreamSchema, seq: int, shot: DrawnFrame, *, is_failed: bool = False
 ) -> SampleBatch:
     """Return the row of a frame."""
     values = np.zeros(1, schema.dtype)
     row = values[0]
-    row["frame"] = drawn.frame.index
-    row["t_scene_ns"] = drawn.t_scene_ns
-    row["predicted_display_ns"] = drawn.frame.predicted_display_ns
-    row["t_drawn_ns"] = drawn.t_drawn_ns
-    row["skipped"] = drawn.frame.dropped
-    row["head_position_m"] = drawn.head.position_m
-    row["head_orientation_wxyz"] = drawn.head.orientation_wxyz
-    row["picture_crc32"] = drawn.picture_crc32
-    row["brightness_01"] = drawn.brightness_01
+    row["frame"] = shot.frame.index
+    row["t_scene_ns"] = shot.t_scene_ns
+    row["predicted_display_ns"] = shot.frame.predicted_display_ns
+    row["t_drawn_ns"] = shot.t_drawn_ns
+    row["skipped"] = shot.frame.dropped
+    row["head_position_m"] = shot.head.position_m
+    row["head_orientation_wxyz"] = shot.head.orientation_wxyz
+    row["picture_crc32"] = shot.picture_crc32
+    row["brightness_01"] = shot.brightness_01
     levels = row["level"]
     levels[:] = ABSENT
-    n = min(len(levels), len(drawn.level))
-    levels[:n] = drawn.level[:n]
-    row["drawn"] = not failed
+    n = min(len(levels), len(shot.level))
+    levels[:n] = shot.level[:n]
+    row["drawn"] = not is_failed
     return SampleBatch(
         schema,
         np.array([seq], np.int64),
-        np.array([drawn.frame.predicted_display_ns], np.int64),
-        np.array([drawn.t_drawn_ns], np.int64),
+        np.array([shot.frame.predicted_display_ns], np.int64),
+        np.array([shot.t_drawn_ns], np.int64),
         values,
     )
 
@@ -135,7 +135,7 @@ def truth_row(
 def views_row(
     seq: int, views: Sequence[EyeView], size_px: tuple[int, int], quality: Quality, t_ns: int
 ) -> SampleBatch:
-    """Return the row that says how pictures are made from now on."""
+    """Return the row that describes how pictures are made from now on."""
     values = np.zeros(1, DRAWN_VIEWS.dtype)
     row = values[0]
     row["eyes"], row["size_px"] = len(views), size_px
@@ -155,12 +155,12 @@ def views_row(
     return SampleBatch(DRAWN_VIEWS, np.array([seq], np.int64), stamp, stamp, values)
 
 
-def gpu_rows(seq: int, told: Sequence[tuple[FrameInfo, float]], t_ns: int) -> SampleBatch:
-    """Return a row for every frame whose cost (ms) was told at `t_ns`."""
-    values = np.array([(frame.index, gpu_ms) for frame, gpu_ms in told], DRAWN_GPU.dtype)
-    shown_ns = np.array([frame.predicted_display_ns for frame, _ in told], np.int64)
-    told_ns = np.full(len(told), t_ns, np.int64)
-    return SampleBatch(DRAWN_GPU, seq + np.arange(len(told)), shown_ns, told_ns, values)
+def gpu_rows(seq: int, gpu_times: Sequence[tuple[FrameInfo, float]], t_ns: int) -> SampleBatch:
+    """Return a row for every frame whose cost (ms) became known at `t_ns`."""
+    values = np.array([(frame.index, gpu_ms) for frame, gpu_ms in gpu_times], DRAWN_GPU.dtype)
+    shown_ns = np.array([frame.predicted_display_ns for frame, _ in gpu_times], np.int64)
+    told_ns = np.full(len(gpu_times), t_ns, np.int64)
+    return SampleBatch(DRAWN_GPU, seq + np.arange(len(gpu_times)), shown_ns, told_ns, values)
 
 
 def read_views(row: np.void) -> tuple[tuple[EyeView, ...], tuple[int, int], Quality]:

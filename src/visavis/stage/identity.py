@@ -77,11 +77,11 @@ class IdentityBuffer(Closing):
         assert frame is not None  # noqa: S101 - made by _fit
         context = renderer.context
         context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        picture = replace(picture, cast=_measured(picture.cast))
+        picture = replace(picture, cast=_measuring_cast(picture.cast))
         crowd = renderer.crowd_of(picture)
         levels = np.full(len(picture.cast), level, np.int64)
-        drawn = renderer.pose(picture, crowd, cameras, levels)
-        renderer.light(picture, crowd, drawn, cameras, None)
+        choice = renderer.pose(picture, crowd, cameras, levels)
+        renderer.light(picture, crowd, choice, cameras, None)
         frame.use()
         frame.viewport = (0, 0, *self._size)
         frame.clear(depth=1.0)
@@ -109,11 +109,11 @@ class IdentityBuffer(Closing):
         context = self._renderer.context
         tags = context.texture((width, height), 2, dtype="u2")
         tags.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        measured = context.texture((width, height), 2, dtype="f4")
-        measured.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        distances = context.texture((width, height), 2, dtype="f4")
+        distances.filter = (moderngl.NEAREST, moderngl.NEAREST)
         depth = context.depth_renderbuffer((width, height))
-        self._parts = [tags, measured, depth]
-        self._frame = context.framebuffer([tags, measured], depth)
+        self._parts = [tags, distances, depth]
+        self._frame = context.framebuffer([tags, distances], depth)
         self._size = (width, height)
 
     def _read(self, m: int, columns: int, rows: int, width: int, height: int) -> IdentityImages:
@@ -123,14 +123,14 @@ class IdentityBuffer(Closing):
         raw = frame.read(size, components=2, attachment=0, alignment=1, dtype="u2")
         tags = np.frombuffer(raw, np.uint16).reshape(rows, height, columns, width, 2)
         raw = frame.read(size, components=2, attachment=1, alignment=1, dtype="f4")
-        measured = np.frombuffer(raw, np.float32).reshape(rows, height, columns, width, 2)
+        pixels = np.frombuffer(raw, np.float32).reshape(rows, height, columns, width, 2)
         order, tiles = (0, 2, 1, 3, 4), (rows * columns, height, width, 2)
         tags = tags[:, ::-1].transpose(order).reshape(tiles)[:m]
-        measured = measured[:, ::-1].transpose(order).reshape(tiles)[:m]
-        distance_m = measured[..., 1].copy()
+        pixels = pixels[:, ::-1].transpose(order).reshape(tiles)[:m]
+        distance_m = pixels[..., 1].copy()
         distance_m[distance_m == 0.0] = np.nan
         return IdentityImages(
-            tags[..., 0].copy(), tags[..., 1].copy(), measured[..., 0].copy(), distance_m
+            tags[..., 0].copy(), tags[..., 1].copy(), pixels[..., 0].copy(), distance_m
         )
 
     def _release(self) -> None:
@@ -144,8 +144,8 @@ class IdentityBuffer(Closing):
 
 
 @lru_cache(maxsize=64)
-def _measured(cast: tuple[Character, ...]) -> tuple[Character, ...]:
-    """Return the people as they are measured, the same objects for the same cast."""
+def _measuring_cast(cast: tuple[Character, ...]) -> tuple[Character, ...]:
+    """Return the copies of people for measuring, the same objects for the same cast."""
     return tuple(_measuring(person) for person in cast)
 
 

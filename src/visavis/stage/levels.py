@@ -15,7 +15,7 @@ BODY_RADIUS_M = 1.25
 
 
 FACE_M = 0.20
-"""From chin to hairline."""
+"""Height of a face from chin to hairline."""
 
 
 @dataclass(frozen=True)
@@ -52,30 +52,30 @@ def choose_levels(
     plain = np.searchsorted(limits, -face_px, side="left")
     outward = np.searchsorted(limits * (1 - rule.hysteresis_01), -face_px, side="left")
     inward = np.searchsorted(limits * (1 + rule.hysteresis_01), -face_px, side="left")
-    kept = np.clip(before, outward, inward)
-    chosen: npt.NDArray[np.int64] = np.where(before < 0, plain, kept)
-    chosen = np.minimum(np.maximum(chosen, rule.finest), triangles.shape[1] - 1)
-    if rule.budget_triangles is not None and len(chosen):
+    steady = np.clip(before, outward, inward)
+    level: npt.NDArray[np.int64] = np.where(before < 0, plain, steady)
+    level = np.minimum(np.maximum(level, rule.finest), triangles.shape[1] - 1)
+    if rule.budget_triangles is not None and len(level):
         # The largest faces stay at level 0 as long as all others fit in at level 1.
-        everyone = np.arange(len(chosen))
-        least = triangles[everyone, np.maximum(chosen, min(1, triangles.shape[1] - 1))]
-        more = np.where(chosen == 0, triangles[:, 0] - least, 0)
+        everyone = np.arange(len(level))
+        least = triangles[everyone, np.maximum(level, min(1, triangles.shape[1] - 1))]
+        more = np.where(level == 0, triangles[:, 0] - least, 0)
         if least.sum() + more.sum() <= rule.budget_triangles:
-            return chosen
+            return level
         order = np.argsort(-face_px, kind="stable")
         too_much = least.sum() + np.cumsum(more[order]) > rule.budget_triangles
-        chosen[order[too_much & (chosen[order] == 0)]] = 1
-    return chosen
+        level[order[too_much & (level[order] == 0)]] = 1
+    return level
 
 
 def in_view(centre_m: Vector, radius_m: float, cameras: Sequence[Camera]) -> npt.NDArray[np.bool_]:
-    """Tell which spheres (n, 3) reach into the view of any camera."""
-    seen = np.zeros(len(centre_m), dtype=np.bool_)
+    """Return which spheres (n, 3) reach into the view of any camera."""
+    is_inside = np.zeros(len(centre_m), dtype=np.bool_)
     for camera in cameras:
         planes = _planes(camera)
         inside = (centre_m - camera.pose.position_m) @ planes.T > -radius_m
-        seen |= inside.all(axis=1)
-    return seen
+        is_inside |= inside.all(axis=1)
+    return is_inside
 
 
 def _planes(camera: Camera) -> Vector:

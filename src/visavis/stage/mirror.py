@@ -72,8 +72,8 @@ class Mirror:
 def gaze_in_picture(
     direction_head: Vector, tangents: tuple[float, float, float, float]
 ) -> tuple[float, float] | None:
-    """Return where a gaze direction (3,) in the head falls in a picture bounded by the tangents
-    left, right, bottom, top; None when it is behind or lost.
+    """Return the point in a picture (bounded by the tangents left, right, bottom, top) at which a
+    gaze direction (3,) in the head points; None when it is behind or lost.
     """
     x, y, z = (float(v) for v in direction_head)
     if not z < -1e-6:

@@ -56,10 +56,12 @@ def open_movie(path: Path, size_px: tuple[int, int], rate_hz: int) -> "WholeMovi
     if path.exists():
         raise StageError(f"{path} exists already", remedy="choose another name")
     program = film_program(path)
-    beside = path.with_name(f".{path.stem}.unfinished{path.suffix}")
+    unfinished_path = path.with_name(f".{path.stem}.unfinished{path.suffix}")
     if program is None:
-        return WholeMovie(MotionJpeg(beside, size_px, rate_hz), beside, path)
-    return WholeMovie(PipedMovie(program, beside, size_px, rate_hz, path), beside, path)
+        return WholeMovie(MotionJpeg(unfinished_path, size_px, rate_hz), unfinished_path, path)
+    return WholeMovie(
+        PipedMovie(program, unfinished_path, size_px, rate_hz, path), unfinished_path, path
+    )
 
 
 def film_program(path: Path) -> str | None:
@@ -86,7 +88,7 @@ def film_program(path: Path) -> str | None:
 
 
 def _ffmpeg() -> str | None:
-    """Return the program as the extra `films` brings it, or else the system's."""
+    """Return the program installed with the extra `films`, or else the system's."""
     try:
         import imageio_ffmpeg
     except ImportError:
@@ -98,10 +100,10 @@ def _ffmpeg() -> str | None:
 
 
 class WholeMovie(Closing):
-    """A film that has its name only once it is whole; one that is given up is removed."""
+    """A film that gets its name only when complete; an abandoned one is removed."""
 
-    def __init__(self, writes: Movie, beside: Path, path: Path) -> None:
-        self._writes, self._beside, self._path = writes, beside, path
+    def __init__(self, writes: Movie, unfinished_path: Path, path: Path) -> None:
+        self._writes, self._unfinished_path, self._path = writes, unfinished_path, path
 
     def __exit__(
         self,
@@ -109,16 +111,16 @@ class WholeMovie(Closing):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Finish the file, or remove it where an error led out."""
+        """Finish the file, or remove it after an error."""
         if kind is None:
             self.close()
             return
         try:
             self._writes.close()
-        except StageError:  # of a film that is given up; what led out is the error
+        except StageError:  # of an abandoned film; the first error is raised
             pass
         finally:
-            self._beside.unlink(missing_ok=True)
+            self._unfinished_path.unlink(missing_ok=True)
 
     def add(self, frame: Picture) -> None:
         """Append a frame; see the writers for what it raises."""
@@ -132,12 +134,12 @@ class WholeMovie(Closing):
         """
         try:
             self._writes.close()
-            if self._beside.exists():
+            if self._unfinished_path.exists():
                 if self._path.exists():
                     raise StageError(f"{self._path} exists already", remedy="choose another name")
-                self._beside.rename(self._path)
+                self._unfinished_path.rename(self._path)
         finally:
-            self._beside.unlink(missing_ok=True)
+            self._unfinished_path.unlink(missing_ok=True)
 
 
 class MotionJpeg:
@@ -163,9 +165,9 @@ class MotionJpeg:
                 f"a film of {width} × {height} pixels was given a frame of shape {frame.shape}",
                 remedy="draw every frame in the size the film was opened with",
             )
-        held = io.BytesIO()
-        Image.fromarray(frame).save(held, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-        data = held.getvalue()
+        buffer = io.BytesIO()
+        Image.fromarray(frame).save(buffer, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+        data = buffer.getvalue()
         self._index.append((self._file.tell() - self._movi_at, len(data)))
         self._largest = max(self._largest, len(data))
         self._file.write(_chunk(b"00dc", data))
@@ -219,10 +221,10 @@ class PipedMovie:
     """Frames handed to the ffmpeg program, which encodes by the file's ending."""
 
     def __init__(
-        self, program: str, path: Path, size_px: tuple[int, int], rate_hz: int, named: Path
+        self, program: str, path: Path, size_px: tuple[int, int], rate_hz: int, final_path: Path
     ) -> None:
         width, height = size_px
-        self._path, self._size_px = named, size_px
+        self._path, self._size_px = final_path, size_px
         codec = CODECS[path.suffix.lower()]
         options = (
             f"-loglevel error -y -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate_hz} -i -"
@@ -244,7 +246,7 @@ class PipedMovie:
         try:
             self._process.stdin.write(np.ascontiguousarray(frame).tobytes())
         except BrokenPipeError as problem:
-            raise self._failed() from problem
+            raise self._failure() from problem
 
     def close(self) -> None:
         """Wait for the last frame to be written; idempotent.
@@ -255,19 +257,19 @@ class PipedMovie:
         if self._process is None:
             return
         process = self._process
-        _, said = process.communicate()
+        _, message = process.communicate()
         self._process = None
         if process.returncode != 0:
             raise StageError(
-                f"{self._path}: ffmpeg failed: {said.decode(errors='replace').strip()}",
+                f"{self._path}: ffmpeg failed: {message.decode(errors='replace').strip()}",
                 remedy="name the film .avi",
             )
 
-    def _failed(self) -> StageError:
+    def _failure(self) -> StageError:
         process = self._process
-        said = process.communicate()[1] if process is not None else b""
+        message = process.communicate()[1] if process is not None else b""
         self._process = None
         return StageError(
-            f"{self._path}: ffmpeg stopped: {said.decode(errors='replace').strip()}",
+            f"{self._path}: ffmpeg stopped: {message.decode(errors='replace').strip()}",
             remedy="name the film .avi",
         )

@@ -67,7 +67,7 @@ def _largest(
     draw: ImageDraw.ImageDraw, text: str, box: tuple[int, int, int, int], largest_px: int
 ) -> int:
     size = largest_px
-    while size > 14 and not _fits(draw, _wrapped(draw, text, box[2] - box[0], size), box, size):
+    while size > 14 and not _fits(draw, _wrap(draw, text, box[2] - box[0], size), box, size):
         size -= max(1, size // 12)
     return size
 
@@ -79,7 +79,7 @@ def _fits(
     return right - left <= box[2] - box[0] and bottom - top <= box[3] - box[1]
 
 
-def _wrapped(draw: ImageDraw.ImageDraw, text: str, width_px: int, size_px: int) -> str:
+def _wrap(draw: ImageDraw.ImageDraw, text: str, width_px: int, size_px: int) -> str:
     """Break lines between words where they would be wider than the box."""
     font, lines = _font(size_px), []
     for paragraph in text.split("\n"):
@@ -101,7 +101,7 @@ def _fit(
     middle = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
     draw.multiline_text(
         middle,
-        _wrapped(draw, text, box[2] - box[0], size),
+        _wrap(draw, text, box[2] - box[0], size),
         TEXT,
         _font(size),
         anchor="mm",

@@ -38,7 +38,7 @@ LIT_STEP_M = 0.5
 UNSEEN_PX = 64, 64
 MAX_OLD_ERRORS = 8
 TEXTURED_PX_PER_M = 55.0
-"""The fast quality leaves textures out where vertices lie closer than pixels."""
+"""Below this size the fast quality omits textures, because vertices are denser than pixels."""
 GL_SAMPLE_ALPHA_TO_COVERAGE = 0x809E
 
 Shadows = Literal["maps", "area", "blobs", "none"]
@@ -53,7 +53,7 @@ class Quality:
     such of lamps with an `area`, whose edges are sharp only where things touch, as soft blobs under
     the feet, or not at all; but for the last, floors are darkened where soles stand. `fast`
     computes light at vertices, without highlights or maps; `detail` says how fine people are drawn
-    where. Cloth is as sharp as in a picture `shrunk` times smaller, for pictures that are made so.
+    where. Cloth is as sharp as in a picture `shrink_factor` times smaller, for pictures made so.
     """
 
     samples: int = 4
@@ -62,7 +62,7 @@ class Quality:
     shadow_softness_m: float = 0.03
     fast: bool = False
     detail: DetailRule = field(default_factory=DetailRule)
-    shrunk: int = 1
+    shrink_factor: int = 1
 
 
 LIGHTEST = Quality(samples=0, shadows="blobs", fast=True, detail=DetailRule(finest=2))
@@ -75,7 +75,7 @@ time, the next in 6 thousand triangles.
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """What the last picture was made of: `level` (n,) of every person, −1 where out of view."""
+    """Levels (n,) of everybody in the last picture, −1 where out of view, and their distances."""
 
     level: npt.NDArray[np.int64]
     distance_m: Vector
@@ -87,7 +87,7 @@ class _Backdrop:
 
     target: EyeTarget | None = None
     room: Room | None = None
-    seen: bytes = b""
+    view_key: bytes = b""
     looks: int = 0
 
 
@@ -100,7 +100,7 @@ class Renderer(Closing):
         self._owns_context = context is None
         self.context = offscreen_context() if context is None else context
         self.quality = Quality() if quality is None else quality
-        self.drawn = Drawn(np.zeros(0, np.int64), np.zeros(0))
+        self.last_choice = Drawn(np.zeros(0, np.int64), np.zeros(0))
         ctx = self.context
         self._buffers = SceneBuffers(ctx, fast=self.quality.fast)
         self._frame = ctx.buffer(reserve=FRAME_BYTES, dynamic=True)
@@ -113,7 +113,7 @@ class Renderer(Closing):
             shadows=self._with_maps(),
             area=self.quality.shadows == "area",
             in_light=self._in_light,
-            shrunk=self.quality.shrunk,
+            shrink_factor=self.quality.shrink_factor,
         )
         self._targets: dict[tuple[int, int], EyeTarget] = {}
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
@@ -124,14 +124,14 @@ class Renderer(Closing):
             ctx,
             in_light=self._in_light,
             with_maps=self._with_maps(),
-            apart=self.quality.fast,
+            is_separate=self.quality.fast,
         )
         self._shadow_maps = ShadowMaps(
             ctx, self.quality.shadow_map_px, area=self.quality.shadows == "area"
         )
-        self._closed = False
+        self._is_closed = False
 
-    # ---- what callers use ------------------------------------------------------------------
+    # ---- public ----------------------------------------------------------------------------
 
     def image(self, picture: Picture, camera: Camera, size_px: tuple[int, int]) -> Image:
         """Return the picture as (height, width, 3) sRGB bytes, top row first.
@@ -159,12 +159,12 @@ class Renderer(Closing):
         Raises:
             StageError: the graphics driver failed; what was recorded is not touched.
         """
-        # Headset runtimes, and targets released while bound, leave errors of their own behind.
+        # Headset runtimes, and targets released while bound, leave their own errors behind.
         for _ in range(MAX_OLD_ERRORS):
             if self.context.error == "GL_NO_ERROR":
                 break
         try:
-            drawn = self._draw(picture, cameras, targets, levels, late)
+            choice = self._draw(picture, cameras, targets, levels, late)
         except moderngl.Error as problem:
             raise StageError(
                 f"the graphics driver refused to draw: {problem}",
@@ -176,28 +176,28 @@ class Renderer(Closing):
                 f"the graphics driver reported {error}",
                 remedy="close other graphics programs, update the driver, and resume the session",
             )
-        return drawn
+        return choice
 
     def prepare(self, picture: Picture, cameras: Sequence[Camera]) -> Iterator[None]:
         """Send what a picture is drawn from to the card, piece by piece, and draw it unseen once.
 
-        What is chosen by what was drawn before is chosen as if this had not been.
+        The choice of levels for the next picture is not affected.
         """
         crowd = self._buffers.crowd(picture.cast)
         yield
         self._buffers.room(picture.room)
         yield
-        before, drawn = crowd.level_before, self.drawn
+        before, choice = crowd.level_before, self.last_choice
         for camera in cameras[:1]:
             self.image(picture, camera, UNSEEN_PX)
-        crowd.level_before, self.drawn = before, drawn
+        crowd.level_before, self.last_choice = before, choice
         yield
 
     def close(self) -> None:
         """Free everything; idempotent."""
-        if self._closed:
+        if self._is_closed:
             return
-        self._closed = True
+        self._is_closed = True
         backdrops = (backdrop.target for backdrop in self._backdrops.values())
         for target in (*self._targets.values(), *backdrops):
             if target is not None:
@@ -229,19 +229,19 @@ class Renderer(Closing):
         ctx.front_face = "ccw"
         dark = picture.brightness_01 <= 0.0
         crowd = None if dark else self._buffers.crowd(picture.cast)
-        drawn = Drawn(np.full(len(picture.cast), -1), np.full(len(picture.cast), np.nan))
+        choice = Drawn(np.full(len(picture.cast), -1), np.full(len(picture.cast), np.nan))
         if crowd is not None:
             widths = [target.size_px[0] for target in targets]
             spans = [
                 px / (camera.right - camera.left)
                 for px, camera in zip(widths, cameras, strict=True)
             ]
-            drawn = self.pose(picture, crowd, cameras, levels, max(spans, default=1.0))
+            choice = self.pose(picture, crowd, cameras, levels, max(spans, default=1.0))
             grid = None
             # A head asked for once more sees other pixels.
             if late is None and isinstance(crowd, ProcessorCrowd):
                 grid = _grid(cameras, targets)
-            self.light(picture, crowd, drawn, cameras, max(widths, default=1), grid)
+            self.light(picture, crowd, choice, cameras, max(widths, default=1), grid)
         if late is not None:
             cameras = late()
         for camera, target in zip(cameras, targets, strict=True):
@@ -260,8 +260,8 @@ class Renderer(Closing):
                     self._contacts.draw(crowd, picture.room)
             self._overlays.draw(picture, camera)
             target.finish()
-        self.drawn = drawn
-        return drawn
+        self.last_choice = choice
+        return choice
 
     def pose(
         self,
@@ -280,30 +280,30 @@ class Renderer(Closing):
         if not crowd.cast:
             return Drawn(np.zeros(0, np.int64), np.zeros(0))
         eyes = np.array([c.pose.position_m for c in cameras])
-        apart = joints.watched_m[:, 1, None, :] - eyes[None]
-        distance_m = np.sqrt((apart * apart).sum(axis=2)).min(axis=1)
+        offset = joints.watched_m[:, 1, None, :] - eyes[None]
+        distance_m = np.sqrt((offset * offset).sum(axis=2)).min(axis=1)
         if levels is None:
-            chosen = choose_levels(
+            level = choose_levels(
                 faces_px(distance_m, px_per_tangent),
                 crowd.level_before,
                 self.quality.detail,
                 crowd.triangles,
             )
-            crowd.level_before = chosen
-            seen = in_view(joints.watched_m[:, 0], BODY_RADIUS_M, cameras)
+            crowd.level_before = level
+            is_in_view = in_view(joints.watched_m[:, 0], BODY_RADIUS_M, cameras)
         else:
-            chosen, seen = np.maximum(levels, 0), levels >= 0
-        chosen = np.minimum(chosen, crowd.level_count - 1)
+            level, is_in_view = np.maximum(levels, 0), levels >= 0
+        level = np.minimum(level, crowd.level_count - 1)
         crowd.upload()
-        # Who is out of view may still throw a shadow into it.
-        crowd.choose(chosen, np.ones_like(seen) if self._casts(picture.room) else seen)
-        return Drawn(np.where(seen, chosen, -1), distance_m)
+        # People out of view may still cast a shadow into it.
+        crowd.choose(level, np.ones_like(is_in_view) if self._casts(picture.room) else is_in_view)
+        return Drawn(np.where(is_in_view, level, -1), distance_m)
 
     def light(
         self,
         picture: Picture,
         crowd: Crowd,
-        drawn: Drawn,
+        choice: Drawn,
         cameras: Sequence[Camera],
         width_px: int | None,
         grid: PixelGrid | None = None,
@@ -325,7 +325,7 @@ class Renderer(Closing):
             crowd.skin(
                 lamp_rows(picture.room),
                 np.array([c.pose.position_m for c in cameras]),
-                drawn.distance_m,
+                choice.distance_m,
                 textured_to_m,
                 encode=width_px is not None,
                 grid=grid,
@@ -356,9 +356,9 @@ class Renderer(Closing):
             crowd.draw(self._program(family, picture.room, identity=identity))
         if with_room:
             self._paint_room(picture.room, identity=identity)
-        for placed in picture.moving:
-            self._buffers.thing(placed.prop).draw(
-                self._program("room", picture.room, identity=identity), world_from(placed.pose)
+        for thing in picture.moving:
+            self._buffers.thing(thing.prop).draw(
+                self._program("room", picture.room, identity=identity), world_from(thing.pose)
             )
 
     def crowd_of(self, picture: Picture) -> Crowd:
@@ -385,12 +385,12 @@ class Renderer(Closing):
         """Return the lamps of a room as the shaders are compiled for them."""
         if self._constants_of is not None and self._constants_of[0] is room:
             return self._constants_of[1]
-        kinds, maps, used = [], [], 0
+        kinds, maps, n_maps = [], [], 0
         for lamp in room.lights:
             kinds.append(int(KIND_NUMBERS[lamp.kind]))
-            casts = self._with_maps() and lamp.casts_shadow and used < MAX_SHADOWS
-            maps.append(used if casts else -1)
-            used += casts
+            casts = self._with_maps() and lamp.casts_shadow and n_maps < MAX_SHADOWS
+            maps.append(n_maps if casts else -1)
+            n_maps += casts
         self._constants_of = room, lamp_constants(kinds, maps)
         return self._constants_of[1]
 
@@ -426,10 +426,10 @@ class Renderer(Closing):
             return None
         edges = camera.left, camera.right, camera.bottom, camera.top, camera.near_m, camera.far_m
         pose = camera.pose.position_m, camera.pose.orientation_wxyz
-        seen = np.concatenate([*pose, edges, [picture.brightness_01]]).tobytes()
+        view_key = np.concatenate([*pose, edges, [picture.brightness_01]]).tobytes()
         backdrop = self._backdrops.setdefault(target.size_px, _Backdrop())
-        if backdrop.seen != seen or backdrop.room is not picture.room:
-            backdrop.seen, backdrop.room, backdrop.looks = seen, picture.room, 0
+        if backdrop.view_key != view_key or backdrop.room is not picture.room:
+            backdrop.view_key, backdrop.room, backdrop.looks = view_key, picture.room, 0
         return backdrop
 
     def _begin(self, picture: Picture, target: EyeTarget) -> None:
@@ -443,7 +443,7 @@ class Renderer(Closing):
             self.context.enable_direct(GL_FRAMEBUFFER_SRGB)
 
     def _begin_over(self, backdrop: _Backdrop, picture: Picture, target: EyeTarget) -> None:
-        """Begin with the room, in every picture: what is as far as it must not flicker."""
+        """Draw the room first in every picture, so that coplanar surfaces do not flicker."""
         backdrop.looks += 1
         if backdrop.looks == 1:
             self._begin(picture, target)
@@ -478,8 +478,8 @@ class Renderer(Closing):
 
 def _grid(cameras: Sequence[Camera], targets: Sequence[EyeTarget]) -> PixelGrid:
     """Return the pixels that pictures have; samples lie between the middles of theirs."""
-    sampled = any(target.samples for target in targets)
-    return PixelGrid.of(cameras, [target.size_px for target in targets], between=not sampled)
+    has_samples = any(target.samples for target in targets)
+    return PixelGrid.of(cameras, [target.size_px for target in targets], between=not has_samples)
 
 
 def _background(picture: Picture) -> tuple[float, float, float]:

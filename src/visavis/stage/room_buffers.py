@@ -28,13 +28,13 @@ class PropBuffers:
         self,
         context: moderngl.Context,
         props: tuple[Prop, ...],
-        layered: Callable[[list[TextureArray]], moderngl.TextureArray],
+        make_array: Callable[[list[TextureArray]], moderngl.TextureArray],
         lit_by: Room | None = None,
     ) -> None:
         self._context = context
         laid_out = room_vertices(props)
         pictures = (run.texture for run in laid_out.runs)
-        self._layers = Layers((p for p in pictures if p is not None), layered)
+        self._layers = Layers((p for p in pictures if p is not None), make_array)
         _place_layers(laid_out, self._layers)
         places = laid_out.vertices["place_m"]
         self.low_m: Vector = places.min(axis=0) if len(places) else np.zeros(3)
@@ -44,8 +44,8 @@ class PropBuffers:
         self._content: list[tuple[Any, ...]] = []
         light: moderngl.Buffer | None = None
         if lit_by is not None and len(laid_out.indices):
-            baked = baked_room(laid_out, lit_by)
-            laid_out, light = baked.vertices, self._buffer(baked.light)
+            lit_room = baked_room(laid_out, lit_by)
+            laid_out, light = lit_room.vertices, self._buffer(lit_room.light)
         self._runs = _joined_runs(laid_out.runs, self._layers)
         self._outline_count = sum(map(len, casting))
         self._arrays: dict[tuple[int, bool], moderngl.VertexArray] = {}
@@ -90,9 +90,9 @@ class PropBuffers:
         self._layers.release()
 
     def _buffer(self, rows: npt.NDArray[Any]) -> moderngl.Buffer:
-        made = self._context.buffer(rows.tobytes())
-        self._buffers.append(made)
-        return made
+        buffer = self._context.buffer(rows.tobytes())
+        self._buffers.append(buffer)
+        return buffer
 
     def _array(
         self, program: moderngl.Program, indices: moderngl.Buffer | None
@@ -110,9 +110,9 @@ def _place_layers(laid_out: RoomVertices, layers: Layers) -> None:
     """Tell vertices in which layer their picture is."""
     for run in laid_out.runs:
         if run.texture is not None:
-            used = laid_out.indices[run.first : run.first + run.count]
+            vertices = laid_out.indices[run.first : run.first + run.count]
             layer = layers.place(run.texture)[1]
-            laid_out.vertices["look"][used, 2:] = layer % 256, layer // 256
+            laid_out.vertices["look"][vertices, 2:] = layer % 256, layer // 256
 
 
 def _joined_runs(runs: tuple[Run, ...], layers: Layers) -> tuple[Run, ...]:

@@ -1,4 +1,4 @@
-"""Casts, rooms and things on the graphics card, kept while pictures ask for them."""
+"""Casts, rooms and things on the graphics card, kept while pictures use them."""
 
 from functools import partial
 
@@ -26,7 +26,7 @@ class SceneBuffers:
         self._context, self._fast = context, fast
         self._calls = GlCalls(context)
         in_codes = partial(code_layers, context, self._calls)
-        self._layered = in_codes if fast else partial(srgb_layers, context, self._calls)
+        self._make_array = in_codes if fast else partial(srgb_layers, context, self._calls)
         self._meshes = CharacterMeshes()
         self._layers = SharedLayers(in_codes)
         self._looks = Looks(context, self._calls)
@@ -38,40 +38,40 @@ class SceneBuffers:
     def crowd(self, cast: tuple[Character, ...]) -> Crowd:
         """Return the cast's buffers."""
         key = tuple(map(id, cast))
-        found = self._crowds.get(key)
-        if found is None:
+        crowd = self._crowds.get(key)
+        if crowd is None:
             while len(self._crowds) >= CASTS_KEPT:
                 self._crowds.pop(next(iter(self._crowds))).release()
             if self._fast:
-                found = ProcessorCrowd(self._context, cast, self._meshes, self._layers_of(cast))
+                crowd = ProcessorCrowd(self._context, cast, self._meshes, self._layers_of(cast))
             else:
-                found = CrowdBuffers(self._context, cast, self._models, self._calls)
-            self._crowds[key] = found
-        return found
+                crowd = CrowdBuffers(self._context, cast, self._models, self._calls)
+            self._crowds[key] = crowd
+        return crowd
 
     def _layers_of(self, cast: tuple[Character, ...]) -> Layers:
-        drawn = [c.layers for c in self._crowds.values() if isinstance(c, ProcessorCrowd)]
-        return self._layers.of(cast, drawn)
+        layers_in_use = [c.layers for c in self._crowds.values() if isinstance(c, ProcessorCrowd)]
+        return self._layers.of(cast, layers_in_use)
 
     def room(self, room: Room) -> PropBuffers:
         """Return the room's buffers."""
-        found = self._rooms.get(id(room))
-        if found is None:
+        entry = self._rooms.get(id(room))
+        if entry is None:
             while len(self._rooms) >= ROOMS_KEPT:
                 self._rooms.pop(next(iter(self._rooms)))[1].release()
             lit_by = room if self._fast else None
-            found = self._rooms[id(room)] = (room, self._props(room.props, lit_by))
-        return found[1]
+            entry = self._rooms[id(room)] = (room, self._props(room.props, lit_by))
+        return entry[1]
 
     def thing(self, prop: Prop) -> PropBuffers:
         """Return the buffers of a thing that moves."""
-        found = self._things.get(id(prop))
-        if found is None:
-            found = self._things[id(prop)] = (prop, self._props((prop,)))
-        return found[1]
+        entry = self._things.get(id(prop))
+        if entry is None:
+            entry = self._things[id(prop)] = (prop, self._props((prop,)))
+        return entry[1]
 
     def _props(self, props: tuple[Prop, ...], lit_by: Room | None = None) -> PropBuffers:
-        return PropBuffers(self._context, props, self._layered, lit_by)
+        return PropBuffers(self._context, props, self._make_array, lit_by)
 
     def release(self) -> None:
         """Free the card's memory."""

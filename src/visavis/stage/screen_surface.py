@@ -50,5 +50,5 @@ class ScreenSurface:
         image.use(2)
         self._square.draw("picture", BOARD_FRAGMENT, (0.0, 0.0, 1.0, 1.0))
         self.window.present()
-        context.finish()  # comes back once the picture is taken, not when it was asked for
+        context.finish()  # returns when the monitor took the picture, not when it was requested
         return self._clock.now_ns()

@@ -1,4 +1,4 @@
-"""Shadows as maps of depth, drawn from the lamps."""
+"""Shadow maps: depth drawn from the lamps."""
 
 import moderngl
 
@@ -60,10 +60,10 @@ class ShadowMaps:
                 still.clear(depth=1.0)
                 buffers.room(picture.room).draw_outlines(program)
             self._calls.copy_depth(still, frame)
-            for placed in picture.moving:
-                if placed.prop.casts_shadow:
-                    thing = buffers.thing(placed.prop)
-                    thing.draw_outlines(program, world_from(placed.pose))
+            for moving_prop in picture.moving:
+                if moving_prop.prop.casts_shadow:
+                    thing = buffers.thing(moving_prop.prop)
+                    thing.draw_outlines(program, world_from(moving_prop.pose))
             if crowd.cast:
                 program = programs.outline("people")
                 set_bytes(program, "shadow_projection", matrix)

@@ -21,17 +21,17 @@ class Square:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._made: dict[str, tuple[moderngl.Program, moderngl.VertexArray]] = {}
+        self._programs: dict[str, tuple[moderngl.Program, moderngl.VertexArray]] = {}
 
     def draw(self, name: str, fragment: str, placing: tuple[float, ...]) -> None:
         """Draw the program called `name` at a place: centre and half size in clip space."""
-        if name not in self._made:
+        if name not in self._programs:
             program = compile_program(self._context, _VERTEX, fragment)
             square = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
             corners = self._context.buffer(square.tobytes())
             array = self._context.vertex_array(program, [(corners, "2f4", "in_corner")])
-            self._made[name] = (program, array)
-        program, array = self._made[name]
+            self._programs[name] = (program, array)
+        program, array = self._programs[name]
         member = program["placing"]
         if isinstance(member, moderngl.Uniform):
             member.value = placing

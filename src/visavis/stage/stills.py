@@ -10,7 +10,7 @@ from visavis.stage.renderer import Quality, Renderer
 from visavis.stimuli.picture import Camera, Picture
 
 TIMES = 2
-"""How much larger, in both directions, a processor draws what is then made small."""
+"""Factor, in both directions, by which a processor draws larger before it scales down."""
 
 
 def still_quality() -> tuple[int, Quality]:
@@ -23,7 +23,7 @@ def still_quality() -> tuple[int, Quality]:
     context = offscreen_context()
     try:
         if draws_on_processor(context):
-            return TIMES, Quality(samples=0, shrunk=TIMES)
+            return TIMES, Quality(samples=0, shrink_factor=TIMES)
         return 1, Quality()
     finally:
         release_offscreen(context)
@@ -63,5 +63,5 @@ class Stills(Closing):
         return made_small(large, size_px)
 
     def close(self) -> None:
-        """Give the graphics context back."""
+        """Release the graphics context."""
         self._renderer.close()

@@ -9,7 +9,7 @@ from visavis.stage.card.context import current_context
 from visavis.stage.errors import StageError
 
 HeardKey = Callable[[str, bool], None]
-"""Takes a key's name and whether it went down, at the moment the system tells it."""
+"""Called with a key's name and whether it was pressed, when the system reports it."""
 
 
 class Window:
@@ -43,8 +43,8 @@ class Window:
         glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
         glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, glfw.TRUE)
         glfw.window_hint(glfw.SAMPLES, samples)
-        filled = None if monitor is None else _monitor(monitor, size_px)
-        self._window: Any = glfw.create_window(*size_px, title, filled, None)
+        full_monitor = None if monitor is None else _monitor(monitor, size_px)
+        self._window: Any = glfw.create_window(*size_px, title, full_monitor, None)
         if not self._window:
             glfw.terminate()
             raise StageError(
@@ -56,7 +56,7 @@ class Window:
             glfw.set_input_mode(self._window, glfw.CURSOR, glfw.CURSOR_HIDDEN)
         self.context = current_context()
         self._keys: list[str] = []
-        self._heard: HeardKey | None = None
+        self._on_key: HeardKey | None = None
         glfw.set_key_callback(self._window, self._take_key)
         glfw.set_char_callback(self._window, self._take_char)
 
@@ -73,15 +73,15 @@ class Window:
 
     def keys(self) -> tuple[str, ...]:
         """Return the keys pressed since the last call: characters or names such as "left"."""
-        pressed, self._keys = tuple(self._keys), []
-        return pressed
+        keys, self._keys = tuple(self._keys), []
+        return keys
 
-    def hear_keys(self, heard: HeardKey) -> None:
+    def hear_keys(self, on_key: HeardKey) -> None:
         """Tell every press and release by the key's name: what it types, or what it is ("left").
 
         Names follow the keyboard's layout, without shift: the key that types "A" is "a".
         """
-        self._heard = heard
+        self._on_key = on_key
 
     def attend(self, seconds: float) -> None:
         """Take the system's events as they come; returns with the first, or after `seconds`."""
@@ -106,10 +106,10 @@ class Window:
     def _take_key(self, _: object, key: int, scancode: int, action: int, __: int) -> None:
         if action == glfw.PRESS and key in _NAMED_KEYS:
             self._keys.append(_NAMED_KEYS[key])
-        if self._heard is not None and action in (glfw.PRESS, glfw.RELEASE):
+        if self._on_key is not None and action in (glfw.PRESS, glfw.RELEASE):
             name = _NAMED_KEYS.get(key) or _OTHER_KEYS.get(key)
             name = name or glfw.get_key_name(key, scancode) or f"key {scancode}"
-            self._heard(name.lower(), action == glfw.PRESS)
+            self._on_key(name.lower(), action == glfw.PRESS)
 
     def _take_char(self, _: object, code: int) -> None:
         self._keys.append(chr(code))
@@ -143,18 +143,18 @@ _OTHER_KEYS = {
 def _monitor(number: int, size_px: tuple[int, int]) -> Any:
     """Return the monitor to fill; raises StageError where it is not there or has other pixels."""
     monitors = glfw.get_monitors()
-    shown = [glfw.get_video_mode(monitor).size for monitor in monitors]
-    there = ", ".join(f"{i}: {size.width}×{size.height}" for i, size in enumerate(shown))
+    modes = [glfw.get_video_mode(monitor).size for monitor in monitors]
+    there = ", ".join(f"{i}: {size.width}×{size.height}" for i, size in enumerate(modes))
     if number >= len(monitors):
         glfw.terminate()
         raise StageError(
             f"there is no monitor {number}; there are {there or 'none'}",
             remedy="correct display.screen.monitor in lab_config.yaml",
         )
-    if (shown[number].width, shown[number].height) != size_px:
+    if (modes[number].width, modes[number].height) != size_px:
         glfw.terminate()
         raise StageError(
-            f"monitor {number} shows {shown[number].width}×{shown[number].height} pixels, "
+            f"monitor {number} shows {modes[number].width}×{modes[number].height} pixels, "
             f"lab_config.yaml says {size_px[0]}×{size_px[1]}",
             remedy="set the monitor to its own resolution without scaling, and write its pixels "
             "under display.screen",

@@ -1,1 +1,1 @@
-"""What a participant meets, as pure functions of time: scenes, who sits where, where they look."""
+"""Stimuli as pure functions of time: scenes, people's places, movements and gaze."""

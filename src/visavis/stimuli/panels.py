@@ -1,6 +1,4 @@
-"""Panels of text and choices as geometry: where they hang, where their choices are, what a ray
-meets.
-"""
+"""Panels of text and choices as geometry: their place, their choices, and ray tests."""
 
 from dataclasses import dataclass
 
@@ -69,7 +67,7 @@ def choice_centre_m(panel: Panel, choice: int) -> Vector:
 
 
 def placed_before(head: Pose) -> Pose:
-    """Return where a board hangs that is to be read from this head: upright, straight ahead."""
+    """Return the pose of a board to be read from this head: upright, straight ahead."""
     forward = rotate(head.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
     yaw_deg = float(np.degrees(np.arctan2(-forward[0], -forward[2])))
     turn = quat_from_yaw_pitch_deg(yaw_deg, 0.0)

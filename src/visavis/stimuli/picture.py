@@ -29,7 +29,8 @@ class StaticMesh:
 
 @dataclass(frozen=True)
 class Block:
-    """What of a thing hides light from the floor below it: an upright box or, `round`, a cylinder.
+    """The shape of a thing that hides light from the floor below it: an upright box or, if `round`,
+    a cylinder.
 
     Its underside's middle (x, y, z) is at `at_m`, above a level floor at `floor_m`; it reaches
     `half_x_m` and `half_z_m` from there along its own axes, turned by `yaw_deg`, and is `high_m`
@@ -128,7 +129,7 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What stands before a camera at `t_ns`.
+    """Everything in front of a camera at `t_ns`.
 
     `brightness_01` fades everything but the mark and panels to black; `mark_m` (3,) is where the
     fixation mark stands, or None.

@@ -1,4 +1,4 @@
-"""A scene as geometry: who is where, how big, what they look at, and what stands in between.
+"""A scene as geometry: people's places, sizes and gaze, and the occluders between them.
 
 The stage that draws a scene and the simulated participant that sees it both start from
 `SceneFrame`; nothing here knows a study.
@@ -59,19 +59,19 @@ class Scene:
 
     @property
     def stand_m(self) -> Vector:
-        """Where people stand who are no agents: (n, 2) x and z on the floor."""
+        """Places (n, 2) of people who are not agents: x and z on the floor."""
         return np.empty((0, 2))
 
 
 @dataclass(frozen=True, slots=True)
 class SceneFrame:
-    """What stands before the participant in one frame.
+    """The scene in front of the participant in one frame.
 
     For n agents in the order of `scene.agents`: `gaze_direction` (n, 3) unit vectors in world,
     `eye_openness_01` (n,) 0 closed; `gaze_distance_m` (n,) from between the eyes to where both
-    lines of gaze meet, NaN where they are parallel, None where nobody says. `people` is how
-    everyone stands where a study decides that by itself. `scene` is the same object while nothing
-    static changes, so identity tells whether anything must be rebuilt.
+    lines of gaze meet, NaN where they are parallel, None where nobody says. `people` is everybody's
+    pose when the study computes it itself. `scene` is the same object while nothing static changes,
+    so identity tells whether anything must be rebuilt.
     """
 
     scene: Scene

@@ -1,4 +1,4 @@
-"""What a participant hears: recordings as samples, read from WAV files."""
+"""Sounds for participants, as samples read from WAV files."""
 
 import hashlib
 import warnings
@@ -33,7 +33,7 @@ class Sound:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of rate and samples: what was heard, whatever the file is called."""
+        """Hash of rate and samples, independent of the file's name."""
         head = f"{self.rate_hz} {self.samples.shape}".encode()
         return hashlib.sha256(head + self.samples.tobytes()).hexdigest()
 
@@ -43,9 +43,9 @@ class Sound:
             return self
         from scipy.signal import resample_poly  # it takes half a second
 
-        shared = gcd(rate_hz, self.rate_hz)
-        changed = resample_poly(self.samples, rate_hz // shared, self.rate_hz // shared, axis=0)
-        return Sound(self.name, np.clip(changed, -1, 1).astype(np.float32), rate_hz)
+        divisor = gcd(rate_hz, self.rate_hz)
+        samples = resample_poly(self.samples, rate_hz // divisor, self.rate_hz // divisor, axis=0)
+        return Sound(self.name, np.clip(samples, -1, 1).astype(np.float32), rate_hz)
 
 
 def read_sound(path: Path) -> Sound:
@@ -68,8 +68,8 @@ def read_sound(path: Path) -> Sound:
         raise DataError(
             f"{path}: no WAV file that could be read ({problem}); save it as WAV, 16 bits"
         ) from problem
-    except Exception as problem:  # scipy raises whatever struct and numpy do of a damaged file
-        raise DataError(f"{path}: a damaged WAV file ({problem}); save it anew") from problem
+    except Exception as problem:  # scipy passes on errors of struct and numpy
+        raise DataError(f"{path}: a damaged WAV file ({problem}); save it again") from problem
     samples = _as_float(raw if raw.ndim > 1 else raw[:, None])
     if not 1 <= samples.shape[1] <= 2:
         raise DataError(f"{path}: {samples.shape[1]} channels; a sound has one or two")
@@ -78,7 +78,7 @@ def read_sound(path: Path) -> Sound:
     if not len(samples) or len(samples) > MAX_S * rate_hz:
         raise DataError(f"{path}: {len(samples) / rate_hz:g} s; more than none, up to {MAX_S:g} s")
     if not np.isfinite(samples).all():
-        raise DataError(f"{path}: holds values that are no numbers; save it anew")
+        raise DataError(f"{path}: holds values that are no numbers; save it again")
     return Sound(path.stem, np.clip(samples, -1, 1), int(rate_hz))
 
 

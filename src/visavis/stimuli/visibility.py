@@ -1,4 +1,4 @@
-"""What a gaze ray meets in a scene: angles to heads, their size as seen, the first surface hit.
+"""Geometry of a gaze ray in a scene: angles to heads, their visible size, the first surface hit.
 
 Heads are spheres, bodies and furniture capsules. The rule of the area of interest itself (which
 angle counts as a look) is analysis' business; here is only the geometry it needs.
@@ -100,40 +100,46 @@ def _see_heads(
     oy: float,
     oz: float,
     heads: npt.NDArray[np.float64],
-    seen: npt.NDArray[np.float64],
+    views: npt.NDArray[np.float64],
     radius_deg: npt.NDArray[np.float64],
     pad_limit_deg: npt.NDArray[np.float64],
 ) -> None:
-    """Fill sizes and half gaps as seen from a point; `seen` (m, 5): unit direction, radius, gap."""
+    """Fill sizes and half gaps as seen from a point; `views` (m, 5) holds direction,
+    radius and gap.
+    """
     m = heads.shape[0]
     for j in range(m):
         x, y, z = heads[j, 0] - ox, heads[j, 1] - oy, heads[j, 2] - oz
         r = heads[j, 3]
         d2 = x * x + y * y + z * z
         scale = 1.0 / np.sqrt(d2) if d2 > 0.0 else np.nan
-        seen[j, 0], seen[j, 1], seen[j, 2] = x * scale, y * scale, z * scale
+        views[j, 0], views[j, 1], views[j, 2] = x * scale, y * scale, z * scale
         # From within a head it fills half the view or more; a right angle is all one can say.
-        seen[j, 3] = np.arctan2(r, np.sqrt(d2 - r * r)) if d2 > r * r else np.pi / 2
-        seen[j, 4] = np.inf
+        views[j, 3] = np.arctan2(r, np.sqrt(d2 - r * r)) if d2 > r * r else np.pi / 2
+        views[j, 4] = np.inf
     # A chord is never longer than its arc, so a pair whose chord leaves a wider gap than both
     # heads already have needs no arctangent.
     for j in range(m):
         for k in range(j + 1, m):
-            x, y, z = seen[j, 0] - seen[k, 0], seen[j, 1] - seen[k, 1], seen[j, 2] - seen[k, 2]
-            rims = seen[j, 3] + seen[k, 3]
+            x, y, z = (
+                views[j, 0] - views[k, 0],
+                views[j, 1] - views[k, 1],
+                views[j, 2] - views[k, 2],
+            )
+            rims = views[j, 3] + views[k, 3]
             least = np.sqrt(x * x + y * y + z * z) - rims
-            if least < seen[j, 4] or least < seen[k, 4]:
+            if least < views[j, 4] or least < views[k, 4]:
                 gap = (
                     _angle_rad(
-                        seen[j, 0], seen[j, 1], seen[j, 2], seen[k, 0], seen[k, 1], seen[k, 2]
+                        views[j, 0], views[j, 1], views[j, 2], views[k, 0], views[k, 1], views[k, 2]
                     )
                     - rims
                 )
-                seen[j, 4] = min(seen[j, 4], gap)
-                seen[k, 4] = min(seen[k, 4], gap)
+                views[j, 4] = min(views[j, 4], gap)
+                views[k, 4] = min(views[k, 4], gap)
     for j in range(m):
-        radius_deg[j] = np.degrees(seen[j, 3])
-        pad_limit_deg[j] = np.degrees(max(seen[j, 4], 0.0) / 2)
+        radius_deg[j] = np.degrees(views[j, 3])
+        pad_limit_deg[j] = np.degrees(max(views[j, 4], 0.0) / 2)
 
 
 @compiled
@@ -149,21 +155,22 @@ def observe_rays(
 ) -> None:
     """Do what `SceneGeometry.observe` says; `out` (3, n, m) and `hit` (n,) receive its results."""
     n, m = origin.shape[0], heads.shape[0]
-    seen = np.empty((m, 5))
+    views = np.empty((m, 5))
     for i in range(n):
         ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
         if not (np.isfinite(ox) and np.isfinite(oy) and np.isfinite(oz)):
             out[:, i, :] = np.nan
             hit[i] = -2
             continue
-        repeated = (
+        # Gaze samples come several to a head pose; sizes then are those of the sample before.
+        same_origin = (
             i > 0 and ox == origin[i - 1, 0] and oy == origin[i - 1, 1] and oz == origin[i - 1, 2]
         )
-        if repeated:
+        if same_origin:
             out[1, i, :] = out[1, i - 1, :]
             out[2, i, :] = out[2, i - 1, :]
         else:
-            _see_heads(ox, oy, oz, heads, seen, out[1, i], out[2, i])
+            _see_heads(ox, oy, oz, heads, views, out[1, i], out[2, i])
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
         if not valid[i] or not (length > 0.0) or not np.isfinite(length):
@@ -174,9 +181,11 @@ def observe_rays(
         first = np.inf
         which = -1
         for j in range(m):
-            angle = _angle_rad(dx, dy, dz, seen[j, 0], seen[j, 1], seen[j, 2])
+            angle = _angle_rad(dx, dy, dz, views[j, 0], views[j, 1], views[j, 2])
             out[0, i, j] = np.degrees(angle)
-            if is_lit and angle <= seen[j, 3] + 1e-6:
+            # Only a ray within the head's disc (1 µrad for rounding) is worth the exact
+            # intersection.
+            if is_lit and angle <= views[j, 3] + 1e-6:
                 t = _sphere_entry_m(
                     ox - heads[j, 0],
                     oy - heads[j, 1],
@@ -189,6 +198,7 @@ def observe_rays(
                 if t < first:
                     first = t
                     which = j
+        # A body nearer than the head hides it.
         if which >= 0:
             for k in range(capsules.shape[0]):
                 if capsule_entry_m(ox, oy, oz, dx, dy, dz, capsules[k]) < first:

@@ -232,7 +232,7 @@ class Compare:
             missing="listwise",
             alpha=self.alpha,
             levels=chosen,
-            called={} if self.model == "bradleyterry" else dict(called or {}),
+            level_words={} if self.model == "bradleyterry" else dict(called or {}),
             measured_in=unit,
             **dict(self.options),
         )

@@ -127,7 +127,7 @@ def filmed(film: Film, staged: Staged) -> FilmSeen:
         eyes, others = subject.eyes_m(t_ns), subject.others(t_ns)
         log.add(t_ns, shot, eyes, room, others)
         is_seen = _is_in(shot, eyes) and obstacles.sees(shot.pose.position_m, eyes, others)
-        log.seen.append((t_ns, is_seen))
+        log.visibility.append((t_ns, is_seen))
         apart_m = float(np.linalg.norm(shot.pose.position_m - eyes))
         heights.append(subject.height_m / (2 * max(apart_m, 1e-3) * shot.top))
     times = np.array(log.t_ns)
@@ -137,7 +137,7 @@ def filmed(film: Film, staged: Staged) -> FilmSeen:
     return FilmSeen(
         times / NS_PER_S,
         tuple(cameras),
-        np.array([s for _, s in log.seen]),
+        np.array([s for _, s in log.visibility]),
         np.array(heights),
         cut,
         log.sheet(np.array(camera.cut_ns, np.int64)),

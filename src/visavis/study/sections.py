@@ -10,7 +10,7 @@ from visavis.protocol.plan.columns import Column
 if TYPE_CHECKING:
     import pandas as pd
 
-    from visavis.analysis.plots import Drawn
+    from visavis.analysis.plots import ReportFigure
     from visavis.analysis.report import Section
     from visavis.analysis.report.blocks import Status
 
@@ -32,7 +32,7 @@ class Extra:
     """
 
     section: "Section | None" = None
-    figures: "tuple[Drawn, ...]" = ()
+    figures: "tuple[ReportFigure, ...]" = ()
     tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
     columns: tuple[Column, ...] = ()
 

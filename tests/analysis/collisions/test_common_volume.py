@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from benchmarks.posed_bodies import posed_pair
+from tests.analysis.collisions.posed_bodies import posed_pair
 from visavis.analysis.collisions import (
     ClosedMesh,
     CollisionError,

@@ -13,7 +13,7 @@ from visavis.analysis.collisions import (
     common_volume,
     enclosed_volume_m3,
     inside_out,
-    posed,
+    mesh_in_pose,
     sphere,
     union,
 )
@@ -93,12 +93,12 @@ def test_lost_vertex_is_named(value: float) -> None:
     with pytest.raises(NonFiniteMesh, match="ball: vertex 5"):
         closed_mesh(vertices, BALL.faces, name="ball")
     with pytest.raises(NonFiniteMesh, match="step 12: vertex 5"):
-        posed(BALL, vertices, name="step 12")
+        mesh_in_pose(BALL, vertices, name="step 12")
 
 
 def test_pose_of_another_mesh_is_refused() -> None:
     with pytest.raises(MalformedMesh, match="pose the mesh that was loaded"):
-        posed(BALL, BALL.vertices_m[1:])
+        mesh_in_pose(BALL, BALL.vertices_m[1:])
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,13 @@ from hypothesis.extra import numpy as hnp
 from tests.analysis.gaze.streams import looks, shaken, stamps
 from visavis.analysis.gaze.bids import read_bids, write_bids
 from visavis.analysis.gaze.foreign import GazeRecording, axes_matrix, eye_samples
-from visavis.analysis.gaze.imported import movements_of, prepare, quality_table, read_gaze, report
+from visavis.analysis.gaze.import_report import (
+    movements_of,
+    prepare,
+    quality_table,
+    read_gaze,
+    report,
+)
 from visavis.analysis.gaze.mapped_csv import mapping_of, read_mapping
 from visavis.analysis.gaze.movements.kinds import Movement
 from visavis.lab.errors import ConfigError, DataError, UsageError

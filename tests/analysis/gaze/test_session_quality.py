@@ -54,7 +54,7 @@ def test_movements_are_found_in_world_with_the_eye_in_the_head_beside_them(found
 def test_pupil_of_finished_trials_stands_beside_their_baseline(recording, found):
     assert found.pupil is not None
     assert recording.trials()["trial_id"].tolist() == [t.trial_id for t in found.pupil_trials]
-    assert all(abs(t.found.change_mm) < 2 for t in found.pupil_trials)
+    assert all(abs(t.response.change_mm) < 2 for t in found.pupil_trials)
 
 
 def test_page_names_every_measure_of_the_standard_and_the_confound(found):

@@ -1,7 +1,7 @@
 """Words of measures stay within their panel."""
 
 from visavis.analysis.plots import new_figure
-from visavis.analysis.plots.panels import wrapped
+from visavis.analysis.plots.panels import in_lines
 
 WORDS = "Number of fixations on the agent by velocity (I-VT)"
 
@@ -10,8 +10,8 @@ def test_titles_and_axes_of_long_words_do_not_run_into_each_other() -> None:
     figure = new_figure(6.4, 3.0)
     left, right = figure.subplots(1, 2)
     for axes in (left, right):
-        axes.set_title(wrapped(WORDS))
-        axes.set_ylabel(wrapped(WORDS, 30))
+        axes.set_title(in_lines(WORDS))
+        axes.set_ylabel(in_lines(WORDS, 30))
     figure.draw_without_rendering()
 
     first, second = left.title.get_window_extent(), right.title.get_window_extent()
@@ -23,7 +23,7 @@ def test_titles_and_axes_of_long_words_do_not_run_into_each_other() -> None:
 
 
 def test_short_words_stay_in_one_line_and_long_ones_are_not_broken() -> None:
-    assert "Dwell time (ms)" == wrapped("Dwell time (ms)")
-    assert "Blickbewegungsgeschwindigkeitsmessung" == wrapped(
+    assert "Dwell time (ms)" == in_lines("Dwell time (ms)")
+    assert "Blickbewegungsgeschwindigkeitsmessung" == in_lines(
         "Blickbewegungsgeschwindigkeitsmessung"
     )

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from visavis.analysis.plots import draw, new_figure, svg_for_page
+from visavis.analysis.plots.figure_files import svg_text
 from visavis.analysis.plots.panels import ALL, left_out_lines, paired_lines
-from visavis.analysis.plots.written import svg_text
 from visavis.analysis.report.blocks import (
     Cell,
     Column,

@@ -160,7 +160,7 @@ def test_scales_are_kept_when_raters_agree_on_a_motion() -> None:
     ratings[:, 1, :] = 0.5  # nobody is moved: dropped
     ratings[:, 2, 0] = [-2.0, 2.0, 2.0, 2.0]  # a mean of 1, but no agreement
     chosen = statistics.select_scales(ratings, largest_spread=0.5)
-    assert [0] == chosen.kept.tolist()
+    assert [0] == chosen.indices.tolist()
     assert [1.0, 0.5] == chosen.profiles[0].tolist()
     with pytest.raises(MissingValue, match="rater 1"):
         statistics.select_scales(np.full((2, 2, 2), np.nan))

@@ -323,7 +323,7 @@ DWELL = Question(
     within=("gaze",),
     subject="participant",
     levels={"gaze": ("averted", "directed")},
-    called={"directed": "at the participant"},
+    level_words={"directed": "at the participant"},
 )
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from visavis.analysis.statistics_report import Question, answer
 from visavis.analysis.statistics_report.assumptions import draw_assumptions, residuals
-from visavis.analysis.statistics_report.written import write_outcome
+from visavis.analysis.statistics_report.outcome_files import write_outcome
 
 
 def people(n: int = 12) -> pd.DataFrame:

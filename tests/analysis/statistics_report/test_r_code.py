@@ -14,8 +14,8 @@ import pytest
 
 from visavis.analysis.statistics.gee import gee
 from visavis.analysis.statistics_report import TESTS, Outcome, Question, answer
+from visavis.analysis.statistics_report.outcome_files import write_outcome
 from visavis.analysis.statistics_report.r_code import r_code
-from visavis.analysis.statistics_report.written import write_outcome
 
 ONE = {"within": ("b",), "subject": "who"}
 TWO = {"within": ("a", "b"), "subject": "who"}

@@ -8,7 +8,7 @@ import pytest
 
 from visavis.experiments.cameras.sections import equivalence, sides
 from visavis.experiments.cameras.study import CAMERAS, PAIRS, could_tell, faults, study
-from visavis.experiments.cameras.walks import WALKS, walked
+from visavis.experiments.cameras.walks import WALKS, timed_walk
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import FilmStore, film_store
 from visavis.study.films import Film
@@ -39,7 +39,7 @@ def test_no_camera_of_the_study_goes_through_a_wall_and_all_of_them_see_the_walk
             seen = films[1].seen(film)
             assert seen.sheet.collisions == 0, film.lens
             assert seen.seen.mean() > 0.9, film.lens
-            assert seen.t_s[-1] == pytest.approx(walked(walk).seconds, abs=0.05)
+            assert seen.t_s[-1] == pytest.approx(timed_walk(walk).seconds, abs=0.05)
 
 
 def clear(film: FilmSeen, share: float) -> FilmSeen:

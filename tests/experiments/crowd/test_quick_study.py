@@ -11,7 +11,7 @@ from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC, CrowdParamet
 from visavis.experiments.crowd.measures import cells_of
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.experiments.crowd.quick_measures import quick_measures
-from visavis.experiments.crowd.quick_study import quick_walk, walked
+from visavis.experiments.crowd.quick_study import block_walks, quick_walk
 from visavis.experiments.crowd.study import plan_session
 from visavis.experiments.crowd.walks import STEP_NS, Walk
 from visavis.lab.body_joints import BODY_JOINTS
@@ -24,7 +24,7 @@ ONE = {"configuration": [1]}
 def rows(effect=True, seed=3, parameters=ONE, group_index=0):
     experiment = find_study("crowd").experiment(parameters)
     plan = experiment.plan(group_index, seed)
-    blocks = walked(CrowdParticipant(group_index, seed, effect), plan, CrowdParameters())
+    blocks = block_walks(CrowdParticipant(group_index, seed, effect), plan, CrowdParameters())
     return {
         trial.factors["condition"]: {"group": plan.group, **row}
         for block in blocks

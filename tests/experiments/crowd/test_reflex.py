@@ -31,7 +31,7 @@ def body_at(t_ns, *, away=False, lost=(), shift_m=0.0):
 
 def reflex(*, vibrates=True, moved=None, **parameters):
     return ContactReflex(
-        CROWD, 0, QUIET_NS, CrowdParameters(**parameters), vibrates=vibrates, moved=moved
+        CROWD, 0, QUIET_NS, CrowdParameters(**parameters), vibrates=vibrates, moved_segments=moved
     )
 
 
@@ -160,8 +160,8 @@ def test_a_walk_that_ends_in_contact_ends_silent():
 def test_without_vibration_contacts_are_noted_and_nothing_is_commanded():
     contact = reflex(vibrates=False)
     assert contact.answer(body_at(STEP_NS)) == []
-    assert {order.role for order in contact.taken()} == set(BAND_ROLES)
-    assert contact.taken() == []
+    assert {order.role for order in contact.take_orders()} == set(BAND_ROLES)
+    assert contact.take_orders() == []
 
 
 def test_the_nearest_motor_alone_is_driven_where_that_is_chosen():
@@ -194,7 +194,7 @@ def test_a_tracker_that_repeats_itself_with_a_hand_lost_silences_too():
     for k in range(1, 20):
         contact.answer(body_at(k * STEP_NS, lost=("left_hand",)))
     assert {"body_frozen", "body_part_lost"} == set(contact.account()[1])
-    assert {"end"} == {order.kind for order in contact.taken()[-4:]}
+    assert {"end"} == {order.kind for order in contact.take_orders()[-4:]}
 
 
 def test_arms_that_are_lost_altogether_are_lost_and_not_frozen():
@@ -218,7 +218,7 @@ def test_a_segment_that_repeats_its_last_pose_touches_nothing_and_is_named():
     for k in range(1, 400):
         contact.answer(swaying(k, held=("left_upper_arm",), since=30))
     ordered = [
-        (o.kind, o.t_contact_ns // STEP_NS) for o in contact.taken() if "left_upper" in o.role
+        (o.kind, o.t_contact_ns // STEP_NS) for o in contact.take_orders() if "left_upper" in o.role
     ]
     assert [("begin", 1), ("end", 46)] == ordered
     contact.end(400 * STEP_NS)

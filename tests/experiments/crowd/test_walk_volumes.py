@@ -85,14 +85,14 @@ def test_the_kernel_is_within_a_grid_s_noise_of_measuring_every_pair_one_by_one(
     people = people_of(walk.crowd)
     here = there = 0.0
     for i in range(0, len(walk.t_ns), 8):
-        mesh = own.posed(walk.position_m[i], walk.orientation_wxyz[i], STATURE_M / size_m)
+        mesh = own.mesh_at(walk.position_m[i], walk.orientation_wxyz[i], STATURE_M / size_m)
         position, turn = crowd_poses(people, float(walk.crowd_t_s[i]))
         near = np.linalg.norm(walk.crowd.position_m - walk.place_m[i], axis=1) < 1.6
         for person in np.flatnonzero(near).tolist():
             other = person_surface(int(walk.crowd.character[person]), surface)
-            plain = common_volume(mesh, other.posed(position[person], turn[person])).volume_m3
+            plain = common_volume(mesh, other.mesh_at(position[person], turn[person])).volume_m3
             # Columns are laid through what pieces of the two share, not through whole bodies.
-            within = volume_within(own, mesh, other, other.posed(position[person], turn[person]))
+            within = volume_within(own, mesh, other, other.mesh_at(position[person], turn[person]))
             assert within == pytest.approx(measured[i, person], rel=1e-9, abs=1e-12)
             assert plain == pytest.approx(measured[i, person], rel=0.06, abs=1e-7)
             assert (plain > 1e-6) == (measured[i, person] > 1e-6)
@@ -108,7 +108,7 @@ def test_boxes_of_pieces_hold_every_posed_vertex(surface):
     position, turn = crowd_poses(people_of(station_crowd(3)), 12.3)
     moves, boxes, whole = np.empty((22, 3, 4)), np.empty((22, 6)), np.empty(6)
     for joints, turns in zip(position[:6], turn[:6], strict=True):
-        vertices = body.posed(joints, turns).vertices_m
+        vertices = body.mesh_at(joints, turns).vertices_m
         joint_moves(joints, turns, body.joints_m, 1.0, moves)
         group_boxes(
             packed.group,
@@ -136,7 +136,7 @@ def test_nobody_reaches_farther_than_the_search_does():
         position, turn = crowd_poses(people, t_s)
         for person in range(0, len(crowd), 5):
             body = person_surface(int(crowd.character[person]), "characters")
-            at = body.posed(position[person], turn[person]).vertices_m[:, [0, 2]]
+            at = body.mesh_at(position[person], turn[person]).vertices_m[:, [0, 2]]
             reach = np.linalg.norm(at - crowd.position_m[person], axis=1).max()
             assert reach < SURFACE_REACH_M
 
@@ -147,7 +147,7 @@ def test_every_character_is_a_closed_body_of_a_persons_volume():
     for k in range(len(CHARACTERS)):
         body = person_surface(k, "characters")
         position, turn = crowd_poses(people_of(station_crowd(1))[:1], 0.0)
-        assert 0.03 < enclosed_volume_m3(body.posed(position[0], turn[0])) < 0.13
+        assert 0.03 < enclosed_volume_m3(body.mesh_at(position[0], turn[0])) < 0.13
 
 
 def test_an_open_character_is_refused_by_name():

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.hybrid_votes import held
-from benchmarks.simulated_tracker import tracker_of
+from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.hybrid.clips import CLIPS, Flaws, hybrid_clip, key_frame_clip, period_s
 from visavis.experiments.hybrid.sections import consistency, sign_test_p
 from visavis.experiments.hybrid.study import looks_of, study

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from benchmarks.simulated_tracker import tracker_of
 from visavis.analysis.statistics import oneway_anova, tukey_hsd
 from visavis.analysis.statistics.results import Array
+from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.interpolation import published
 from visavis.experiments.interpolation.gestures import (
     GESTURES,

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from benchmarks.stare_studies import condition_means, describe
+from tests.experiments.stare.simulated_studies import condition_means, describe
 from tests.experiments.stare.synthetic_rows import (
     analysed,
     anxiety_answers,

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.simulated_tracker import tracker_of
+from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.stare.design import MAX_AGENTS, MIN_AGENTS
 from visavis.experiments.stare.study import study
 from visavis.lab.config import load_config

@@ -2,7 +2,7 @@ import pytest
 from scipy.stats import binomtest
 
 from benchmarks.stare_null import false_positives, wilson
-from benchmarks.stare_studies import simulate_studies
+from tests.experiments.stare.simulated_studies import simulate_studies
 
 
 @pytest.mark.parametrize(("hits", "n"), [(0, 200), (10, 200), (200, 200), (3, 7)])

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.simulated_tracker import tracker_of
+from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.stare.design import (
     CONDITIONS,
     DEFAULT_PARAMETERS,

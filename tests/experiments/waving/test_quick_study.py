@@ -22,7 +22,7 @@ STIMULI = [
 
 @pytest.fixture(autouse=True)
 def nothing_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr("visavis.lab.kept.user_cache_path", lambda *_, **__: tmp_path)
+    monkeypatch.setattr("visavis.lab.array_cache.user_cache_path", lambda *_, **__: tmp_path)
     evidence_for.cache_clear()
     yield
     evidence_for.cache_clear()

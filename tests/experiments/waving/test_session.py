@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.waving_quick import quick_analysis, quick_session, quick_study
+from tests.experiments.waving.quick_sessions import quick_analysis, quick_session, quick_study
 from visavis.cli.quick_tracker import tracker_of
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config

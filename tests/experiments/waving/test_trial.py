@@ -14,7 +14,7 @@ from visavis.experiments.waving.clips import (
     base_clip,
     study_wave,
 )
-from visavis.experiments.waving.study import study, told_of, track_shown, wave_record
+from visavis.experiments.waving.study import study, track_shown, warp_columns, wave_record
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, angle_deg, rotate, turn_towards, unit
 from visavis.protocol.plan.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
@@ -183,15 +183,15 @@ def test_eye_height_is_kept_beside_the_one_the_waves_were_made_for():
 
 
 def test_a_row_tells_what_the_warp_of_its_wave_wanted_reached_and_could_reach():
-    assert {None} == set(told_of(None).values())
+    assert {None} == set(warp_columns(None).values())
     expected = {
         "coverage_wanted": 1.25,
         "coverage_reached": 1.11,
         "target_met_01": 0.05,
         "target_reachable_01": 0.5,
     }
-    assert expected == told_of(Reached(1.25, 1.11, 0.05, 0.5))
-    unseen = told_of(Reached(np.nan, np.nan, 0.0))
+    assert expected == warp_columns(Reached(1.25, 1.11, 0.05, 0.5))
+    unseen = warp_columns(Reached(np.nan, np.nan, 0.0))
     assert (None, 0.0) == (unseen["coverage_wanted"], unseen["target_met_01"])
 
 
@@ -228,7 +228,7 @@ def test_a_wave_is_warped_again_exactly_as_the_record_says():
     record = wave_record(StudyWave(wave, "", Reached(1.0, 1.0, 1.0)), 0.25)
     keys = []
     for key in (2, 5, 6):
-        shown = shown.corrected(key, rng.normal(0.0, 0.2, len(units)))
+        shown = shown.with_key(key, rng.normal(0.0, 0.2, len(units)))
         keys.append(key_record(shown, key))
     again = track_shown(plain, *json.loads(json.dumps([record, keys])))
     assert np.array_equal(shown.omega_rad, again.warp.omega_rad)

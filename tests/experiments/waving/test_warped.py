@@ -38,12 +38,12 @@ def test_a_plan_holds_between_its_keys_as_on_them():
     wave = study_wave(CLERK, PLACE, WARPING, making)
     track = wave.waving.warp
     assert track is not None
-    assert wave.planned is not None
+    assert wave.plan_result is not None
     on_keys = reached_in(
         (CLERK, PLACE, making),
         track.key_s,
         track.omega_rad,
         np.tile(eye_at(PLACE), (len(track.key_s), 1)),
     )
-    assert wave.planned.met_01 >= 0.8 * wave.planned.reachable_01
-    assert wave.planned.met_01 >= on_keys.met_01 - 0.1
+    assert wave.plan_result.met_01 >= 0.8 * wave.plan_result.reachable_01
+    assert wave.plan_result.met_01 >= on_keys.met_01 - 0.1

@@ -9,7 +9,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.stimuli.picture import Prop, Room, StaticMesh
 from visavis.stimuli.rooms import furniture
-from visavis.stimuli.rooms.solids import flat, joined
+from visavis.stimuli.rooms.solids import flat, join_meshes
 
 Outline = Sequence[Sequence[float]]
 FLOOR = (170, 166, 158)
@@ -27,7 +27,7 @@ def outlined_room(name: str, outline_m: Outline, holes_m: Sequence[Outline], wal
         why = shapely.is_valid_reason(area)
         raise DesignError(f"{name}: no floor with walls of {wall_m} m has this outline: {why}")
     rings = [np.array(r.coords)[:-1] for r in (area.exterior, *area.interiors)]
-    walls = joined(
+    walls = join_meshes(
         *(
             flat((a[0], 0.0, a[1]), (b[0] - a[0], 0.0, b[1] - a[1]), (0.0, wall_m, 0.0), WALL)
             for ring in rings
@@ -36,7 +36,7 @@ def outlined_room(name: str, outline_m: Outline, holes_m: Sequence[Outline], wal
     )
     return Room(
         name=name,
-        props=(_floor(area), furniture.placed("walls", walls, (0, 0, 0), 0.0)),
+        props=(_floor(area), furniture.place_prop("walls", walls, (0, 0, 0), 0.0)),
         lights=(),
         sky=np.full(3, 0.7),
         ground=np.full(3, 0.5),
@@ -57,4 +57,4 @@ def _floor(area: shapely.Polygon) -> Prop:
         np.tile(np.array(FLOOR, dtype=np.uint8), (n, 1)),
         np.arange(n, dtype=np.int32).reshape(-1, 3),
     )
-    return furniture.placed("floor", mesh, (0, 0, 0), 0.0)
+    return furniture.place_prop("floor", mesh, (0, 0, 0), 0.0)

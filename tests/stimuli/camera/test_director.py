@@ -88,7 +88,7 @@ def alternatives(place: FilmedPlace, style: Style, cut: Cut) -> int:
     places = [place_on(graph.nodes_m, graph.edges, edge[i], share[i]) for i in range(n)]
     return sum(
         view_angle_deg(cut.subject_m, cut.from_m, p) >= style.min_angle_deg
-        and is_free(p, moment.people, 0.1, 0.15, *place.obstacles.packed)
+        and is_free(p, moment.people, 0.1, 0.15, *place.obstacles.arrays)
         and place.obstacles.sees(p, head, moment.people)
         for p in places
     )

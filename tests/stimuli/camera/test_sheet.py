@@ -63,7 +63,7 @@ def test_a_camera_in_a_wall_or_in_somebody_collides() -> None:
 
 def test_time_until_somebody_is_seen_again_and_size_in_the_picture() -> None:
     log = filmed([[0, 0.96, 2.0]] * 30)
-    log.seen += [(k * 250_000_000, k not in (2, 3, 7)) for k in range(10)]
+    log.visibility += [(k * 250_000_000, k not in (2, 3, 7)) for k in range(10)]
     sheet = log.sheet()
     assert pytest.approx((0.7, 0.375, 0.5)) == (sheet.seen_01, sheet.lost_s, sheet.longest_lost_s)
     share = 1.6 / (2 * 2.0 * 0.3)

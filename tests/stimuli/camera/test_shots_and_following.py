@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from visavis.lab.errors import DesignError
-from visavis.stimuli.camera.following import Drive, follow, pulled
+from visavis.stimuli.camera.following import Drive, follow, pull
 from visavis.stimuli.camera.shots import (
     LogNormalLengths,
     flow_cosine,
@@ -60,7 +60,7 @@ def test_pull_is_that_of_a_critically_damped_spring() -> None:
     place, v, target = np.array([1.0, -2.0, 0.5]), np.array([0.3, 0.0, -4.0]), np.ones(3)
     offset, velocity = Spring(3.0, 1.0, 1.0).at(0.4, place - target, v)
 
-    got = pulled(place, v, target, 0.4, 3.0)
+    got = pull(place, v, target, 0.4, 3.0)
     np.testing.assert_allclose((target + offset, velocity), got, atol=1e-12)
 
 

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 from tests.stimuli.motion.motions import CANONICAL, Spinning, random_clip, wandering
 from tests.stimuli.motion.rotation_cases import Array, apart_deg, same, seeds
 from visavis.lab.geometry import quat_conjugate, quat_multiply
-from visavis.stimuli.motion.blending import CrossFade, InertialTransition, blended, eased
+from visavis.stimuli.motion.blending import (
+    CrossFade,
+    InertialTransition,
+    blend_frames,
+    smootherstep,
+)
 from visavis.stimuli.motion.clip import Motion
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.rotations import slerp
@@ -34,8 +39,8 @@ def test_blend_with_one_weight_is_that_pose_and_all_equal_is_the_same(seed: int)
     t = np.linspace(0, 0.5, 7)
     poses = [wandering(rng).at(t) for _ in range(3)]
 
-    one = blended(poses, [0.0, 2.0, 0.0])
-    alike = blended([poses[0]] * 3, rng.uniform(0.1, 1, (3, 7)))
+    one = blend_frames(poses, [0.0, 2.0, 0.0])
+    alike = blend_frames([poses[0]] * 3, rng.uniform(0.1, 1, (3, 7)))
 
     assert same(poses[1].orientation_wxyz, one.orientation_wxyz, 1e-9)
     assert np.abs(poses[1].root_m - one.root_m).max() < 1e-12
@@ -46,7 +51,7 @@ def test_blend_weights_may_change_with_time() -> None:
     t = np.array([0.0, 1.0])
     poses = [Spinning(CANONICAL, (0, 1, 0), 0.0, a).at(t) for a in (0.0, 40.0)]
 
-    mixed = blended(poses, np.array([[1.0, 0.0], [0.0, 5.0]]))
+    mixed = blend_frames(poses, np.array([[1.0, 0.0], [0.0, 5.0]]))
 
     expected = [poses[0].orientation_wxyz[0], poses[1].orientation_wxyz[1]]
     assert same(np.stack(expected), mixed.orientation_wxyz, 1e-12)
@@ -57,15 +62,15 @@ def test_blend_weights_that_mean_nothing_are_refused(weights: list[float]) -> No
     pose = wandering(np.random.default_rng(0)).at(0.1)
 
     with pytest.raises(MotionError, match="weight"):
-        blended([pose, pose], weights)
+        blend_frames([pose, pose], weights)
 
 
 def test_eased_share_starts_and_ends_at_rest() -> None:
     d = 1e-4
 
-    assert [0.0, 0.0, 0.5, 1.0, 1.0] == eased([-1, 0, 0.5, 1, 2]).tolist()
-    assert eased(d) < 1e-10
-    assert 1 - eased(1 - d) < 1e-10
+    assert [0.0, 0.0, 0.5, 1.0, 1.0] == smootherstep([-1, 0, 0.5, 1, 2]).tolist()
+    assert smootherstep(d) < 1e-10
+    assert 1 - smootherstep(1 - d) < 1e-10
 
 
 @quick
@@ -101,7 +106,7 @@ def test_cross_fade_does_not_pop_where_the_motions_pass_180_degrees() -> None:
     t = np.arange(0, 1, 1e-3)
     a, b = before.at(t), after.at(t)
 
-    shorter = slerp(a.orientation_wxyz, b.orientation_wxyz, eased(t)[:, None])
+    shorter = slerp(a.orientation_wxyz, b.orientation_wxyz, smootherstep(t)[:, None])
 
     assert apart_deg(shorter[1:], shorter[:-1]).max() > 90.0
     assert fastest_deg_s(fade, 0, 1.2) < 600.0

@@ -137,7 +137,7 @@ FAULTS = {
     "frames absurd": (broken("Frames: 2", "Frames: " + "9" * 5000), 22, "frames announced"),
     "frame time zero": (broken(".0083333", "0"), 23, "frame time '0'"),
     "frame time nan": (broken(".0083333", "nan"), 23, "frame time 'nan'"),
-    "brace missing": (broken("Hips\n{", "Hips\n"), 4, "'OFFSET' stands where {"),
+    "brace missing": (broken("Hips\n{", "Hips\n"), 4, "'OFFSET' instead of {"),
 }
 
 

@@ -15,10 +15,10 @@ from visavis.stimuli.motion.clip import (
     KeyPoses,
     cut,
     floor_of_rest_m,
-    mirrored,
-    moved,
+    mirror_clip,
+    move_clip,
     placed_joints,
-    sampled,
+    sample_clip,
     standing,
     standing_on_floor,
     worn_by,
@@ -105,7 +105,7 @@ def test_loop_joins_its_ends_and_travels_on() -> None:
     turns[:, 0, 0], turns[:, 0, 2] = np.cos(np.pi * t), np.sin(np.pi * t)
     root = np.stack([np.zeros(n), np.ones(n), -2 * t], axis=-1)
     skeleton = Skeleton(("r",), np.array([-1]), np.zeros((1, 3)), np.zeros((1, 3)))
-    clip = Clip(skeleton, 0.05, root, turns, looped=True, travel_m=(0.0, 0.0, -2.0))
+    clip = Clip(skeleton, 0.05, root, turns, is_loop=True, travel_m=(0.0, 0.0, -2.0))
 
     x = np.linspace(-3, 5, 801)
     frames = clip.at(x)
@@ -122,18 +122,18 @@ def test_mirror_commutes_with_forward_kinematics_and_undoes_itself(seed: int) ->
     clip = wandering(np.random.default_rng(seed), 5)
     placed = placed_joints(clip, clip.frame_times_s).position_m
 
-    reflected = placed_joints(mirrored(clip), clip.frame_times_s).position_m
+    reflected = placed_joints(mirror_clip(clip), clip.frame_times_s).position_m
 
     expected = (placed * [-1, 1, 1])[:, CANONICAL.mirror_index]
     assert np.abs(expected - reflected).max() < 1e-12
-    assert same(clip.orientation_wxyz, mirrored(mirrored(clip)).orientation_wxyz, 1e-15)
+    assert same(clip.orientation_wxyz, mirror_clip(mirror_clip(clip)).orientation_wxyz, 1e-15)
 
 
 def test_moved_clip_is_the_same_body_elsewhere() -> None:
     clip = wandering(np.random.default_rng(3), 5)
     by = np.array([1.0, 0.0, -2.0])
 
-    there = placed_joints(moved(clip, 90.0, by), clip.frame_times_s).position_m
+    there = placed_joints(move_clip(clip, 90.0, by), clip.frame_times_s).position_m
 
     here = placed_joints(clip, clip.frame_times_s).position_m
     assert (
@@ -169,7 +169,7 @@ def test_cut_and_sampled_frames_are_those_of_the_clip() -> None:
 
     part = cut(clip, 3, 9)
 
-    again = sampled(clip, 3 * clip.frame_s, clip.frame_s, 7)
+    again = sample_clip(clip, 3 * clip.frame_s, clip.frame_s, 7)
     assert np.array_equal(clip.root_m[3:10], part.root_m)
     assert same(part.orientation_wxyz, again.orientation_wxyz, 1e-9)
     with pytest.raises(MotionError):
@@ -201,16 +201,16 @@ def test_key_poses_pass_their_roots_smoothly(method: Method, closed: bool) -> No
 def test_gait_of_two_steps_and_their_mirrors_is_its_mirror_half_a_period_later(seed: int) -> None:
     rng = np.random.default_rng(seed)
     steps = wandering(rng, 2, swing_deg=80.0, rate_hz=1.0)
-    other = mirrored(steps)
+    other = mirror_clip(steps)
     keys = np.concatenate([steps.orientation_wxyz, other.orientation_wxyz])
     roots = np.concatenate([steps.root_m, other.root_m])
     turns = interpolate("squad", KeyTimes(np.arange(4.0) / 4, period_s=1.0), keys)
     gait = KeyPoses(CANONICAL, turns, roots, smooth_root=True)
 
-    walk, later = (sampled(gait, start_s, 0.05, 20) for start_s in (0.0, 0.5))
+    walk, later = (sample_clip(gait, start_s, 0.05, 20) for start_s in (0.0, 0.5))
 
-    assert same(mirrored(walk).orientation_wxyz, later.orientation_wxyz, 1e-9)
-    assert np.abs(mirrored(walk).root_m - later.root_m).max() < 1e-9
+    assert same(mirror_clip(walk).orientation_wxyz, later.orientation_wxyz, 1e-9)
+    assert np.abs(mirror_clip(walk).root_m - later.root_m).max() < 1e-9
 
 
 def test_straight_roots_are_those_of_a_line() -> None:

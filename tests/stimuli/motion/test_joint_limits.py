@@ -13,7 +13,7 @@ from visavis.stimuli.motion.joint_limits import (
     LOWER_DEG,
     UPPER_DEG,
     beyond_deg,
-    clamped,
+    clamp_turns,
     joint_angles_deg,
     turns_of_angles,
 )
@@ -103,11 +103,11 @@ def test_what_is_too_far_is_held_at_the_end_of_its_range() -> None:
     angles = np.zeros((55, 3))
     knee = skeleton.index("right_lower_leg")
     angles[knee] = (-170.0, 0.0, 0.0)
-    held = clamped(turns_of_angles(angles))
+    held = clamp_turns(turns_of_angles(angles))
     assert joint_angles_deg(held)[knee] == pytest.approx([-152.0, 0.0, 0.0], abs=1e-9)
     assert beyond_deg(held).max() < 1e-9
 
 
 def test_what_is_possible_stays_exactly_as_it_is() -> None:
     turns = PeopleMotion((Person(build(1.7), Idle(), 4),)).at(2.0).orientation_wxyz
-    assert np.array_equal(clamped(turns), turns)
+    assert np.array_equal(clamp_turns(turns), turns)

@@ -31,11 +31,11 @@ def peak_turning(clip: Clip, joints: tuple[str, ...] | None = None) -> PeakTurni
     names = clip.skeleton.names
     if joints is not None and not set(joints) <= set(names):
         raise MotionError(f"the clip has no joints {sorted(set(joints) - set(names))}")
-    chosen = [k for k, n in enumerate(names) if joints is None or n in joints]
-    turns = clip.orientation_wxyz[:, chosen]
+    joint_numbers = [k for k, n in enumerate(names) if joints is None or n in joints]
+    turns = clip.orientation_wxyz[:, joint_numbers]
     if len(turns) < 4:
         raise MotionError(f"jerk takes four frames; the clip has {len(turns)}")
-    if clip.looped:
+    if clip.is_loop:
         turns = np.concatenate([turns, turns[:3]])
     between = quat_multiply(turns[1:], quat_conjugate(turns[:-1]))
     between = np.where(between[..., :1] < 0, -between, between)

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from tests.stimuli.warping.bodies import arm_raised, box_person, waving_clip
 from visavis.stimuli.motion.errors import MotionError
-from visavis.stimuli.motion.joint_limits import beyond_deg, clamped
-from visavis.stimuli.motion.warping.clips import smoothed, warp_clip
+from visavis.stimuli.motion.joint_limits import beyond_deg, clamp_turns
+from visavis.stimuli.motion.warping.clips import smooth_offsets, warp_clip
 from visavis.stimuli.motion.warping.control import (
     ControlSettings,
     Situation,
-    capped,
+    cap_length,
     control_step,
     damped_solution,
     scale_of,
@@ -74,12 +74,12 @@ def test_spine_shares_add_up_to_the_unit(angle):
 def test_wanted_coverage_is_reached_within_a_tenth_in_five_steps():
     outcome = steer(situation(0.25, yaw_deg=25.0), replace(CAREFUL, most_steps=5))
     assert outcome.is_reached
-    assert abs(outcome.wanted - outcome.reached) <= 0.1 * abs(outcome.wanted - outcome.original)
+    assert abs(outcome.goal - outcome.final) <= 0.1 * abs(outcome.goal - outcome.original)
 
 
 def test_decrease_lowers_what_is_seen():
     outcome = steer(situation(-0.3, parts=("face",)), CAREFUL)
-    assert outcome.reached[0] < 0.85 * outcome.original[0]
+    assert outcome.final[0] < 0.85 * outcome.original[0]
 
 
 @either_way
@@ -118,7 +118,7 @@ def test_mirrored_camera_mirrors_the_sign_of_a_turn_of_the_head():
 
 @given(error=st.lists(st.floats(-5, 5), min_size=1, max_size=4), cap=st.floats(0.01, 2))
 def test_asked_change_is_never_longer_than_its_cap(error, cap):
-    assert np.linalg.norm(capped(np.array(error), cap)) <= cap * (1 + 1e-12)
+    assert np.linalg.norm(cap_length(np.array(error), cap)) <= cap * (1 + 1e-12)
 
 
 @given(rows=st.integers(1, 4), seed=st.integers(0, 2**31 - 1), damping=st.floats(0.01, 1.0))
@@ -143,13 +143,13 @@ def test_no_step_turns_a_unit_beyond_its_cap_or_range(loop, change, yaw):
     step = control_step(here, omega, np.array([1.0]), scale, loop)
     assert np.abs(step.next_rad - omega).max() <= np.radians(loop.step_cap_deg) + 1e-12
     assert (np.abs(step.next_rad) <= reach + 1e-12).all()
-    assert np.linalg.norm(step.asked) <= loop.error_cap + 1e-12
+    assert np.linalg.norm(step.change) <= loop.error_cap + 1e-12
 
 
 def test_searched_steps_leave_no_more_than_plain_ones():
     here = situation(0.4, units=("spine", "neck_head", "right_arm"))
     plain, searched = (steer(here, replace(loop, most_steps=2)) for loop in (CAREFUL, SEARCHED))
-    assert abs(searched.wanted - searched.reached)[0] <= abs(plain.wanted - plain.reached)[0]
+    assert abs(searched.goal - searched.final)[0] <= abs(plain.goal - plain.final)[0]
 
 
 def test_wide_probe_finds_a_hand_that_is_wholly_hidden():
@@ -191,7 +191,7 @@ def test_unreachable_target_says_so_and_keeps_the_best():
     assert not warped.is_reached.any()
     assert "best these units allow" in warped.summary
     assert (
-        np.abs(warped.wanted - warped.reached) <= np.abs(warped.wanted - warped.original) + 1e-9
+        np.abs(warped.goal - warped.final) <= np.abs(warped.goal - warped.original) + 1e-9
     ).all()
 
 
@@ -206,7 +206,7 @@ def test_feature_of_a_user_can_be_steered():
         targets=(FeatureTarget("middle_of_parts", ("face",), 0.05),),
     )
     outcome = steer(here, CAREFUL)
-    assert outcome.reached[0] == pytest.approx(outcome.wanted[0], abs=0.01)
+    assert outcome.final[0] == pytest.approx(outcome.goal[0], abs=0.01)
     with pytest.raises(MotionError, match="already a visual feature"):
         register_feature("coverage", middle_of_face)
 
@@ -214,16 +214,16 @@ def test_feature_of_a_user_can_be_steered():
 @given(st.lists(st.floats(-1, 1), min_size=2, max_size=30))
 def test_filter_over_time_stays_within_what_it_filters(values):
     series = np.array(values)[:, None]
-    out = smoothed(series, 0.1 * np.arange(len(series)), 0.25)
+    out = smooth_offsets(series, 0.1 * np.arange(len(series)), 0.25)
     assert out.min() >= series.min() - 1e-12
     assert out.max() <= series.max() + 1e-12
 
 
 def test_filter_keeps_zeros_and_delays_nothing():
     t = 0.1 * np.arange(101)
-    np.testing.assert_array_equal(np.zeros((101, 2)), smoothed(np.zeros((101, 2)), t, 0.25))
+    np.testing.assert_array_equal(np.zeros((101, 2)), smooth_offsets(np.zeros((101, 2)), t, 0.25))
     bump = np.exp(-((t - 5.0) ** 2))[:, None]
-    assert 5.0 == pytest.approx(t[np.argmax(smoothed(bump, t, 0.25))], abs=0.1)
+    assert 5.0 == pytest.approx(t[np.argmax(smooth_offsets(bump, t, 0.25))], abs=0.1)
 
 
 @pytest.mark.parametrize("change", [{"damping": 0.0}, {"probe_deg": -1.0}, {"rate_hz": np.nan}])
@@ -268,10 +268,10 @@ def test_held_turns_are_those_of_the_joint_limits(seed, size):
     _, turns = arm_raised()
     omega = size * rng.standard_normal((3, 22))
     free = turned_by(skeleton, units, turns, omega)
-    held = turned_by(skeleton, units, turns, omega, held=True)
+    held = turned_by(skeleton, units, turns, omega, is_limited=True)
     moved = (free != turns).any(axis=-1)
     # Turns of opposite sign are the same turn.
-    expected = clamped(free)
+    expected = clamp_turns(free)
     same = np.abs(np.sum(expected * held, axis=-1))
     np.testing.assert_allclose(1.0, same[moved], atol=1e-9)
     np.testing.assert_array_equal(np.broadcast_to(turns, held.shape)[~moved], held[~moved])

@@ -22,7 +22,7 @@ from visavis.stimuli.motion.warping.perceived import (
     SeenBody,
     holding,
     mask_of,
-    perceived,
+    perceived_parts,
     posed_points,
     refuse_observer_inside,
 )
@@ -43,7 +43,7 @@ def view_from(yaw_deg=0.0, distance_m=3.0, size=96, **more):
 
 def seen(view, body=None, root_turns=None):
     root, turns = root_turns or arm_raised()
-    return perceived(body or box_person(), view, root[None], turns[None])
+    return perceived_parts(body or box_person(), view, root[None], turns[None])
 
 
 def brute_force(body, view, root, turns):
@@ -79,7 +79,7 @@ def test_buffer_equals_ray_casting_within_half_a_percent_of_pixels():
     view = view_from(25.0, size=48)
     root, turns = arm_raised()
     expected = brute_force(box_person(), view, root, turns)
-    got = perceived(box_person(), view, root[None], turns[None])[0]
+    got = perceived_parts(box_person(), view, root[None], turns[None])[0]
     assert (expected > 0).sum() > 140
     assert (expected != got).mean() <= 0.005
 
@@ -103,9 +103,9 @@ def test_two_threads_see_what_one_sees():
     rows = np.repeat(turns[None], 9, axis=0)
     rows[:, box_person().skeleton.index("head"), 0] = np.linspace(0.9, 1.0, 9)
     roots = np.repeat(root[None], 9, axis=0)
-    one = perceived(box_person(), view_from(), roots, rows)
+    one = perceived_parts(box_person(), view_from(), roots, rows)
     with ThreadPoolExecutor(2) as pool:
-        two = perceived(box_person(), view_from(), roots, rows, pool=pool, threads=2)
+        two = perceived_parts(box_person(), view_from(), roots, rows, pool=pool, threads=2)
     np.testing.assert_array_equal(one, two)
 
 
@@ -120,8 +120,8 @@ def test_poses_drawn_together_are_those_drawn_alone(seed, yaw):
     omega[np.arange(8), rng.integers(0, 22, 8)] = rng.normal(0, 0.4, 8)
     omega += rng.normal(0, 0.2, 22) * rng.integers(0, 2)
     rows = turned_by(box_person().skeleton, units, turns, omega)
-    together = perceived(box_person(), view, np.repeat(root[None], 8, axis=0), rows)
-    alone = [perceived(box_person(), view, root[None], row[None])[0] for row in rows]
+    together = perceived_parts(box_person(), view, np.repeat(root[None], 8, axis=0), rows)
+    alone = [perceived_parts(box_person(), view, root[None], row[None])[0] for row in rows]
     np.testing.assert_array_equal(np.array(alone), together)
 
 
@@ -158,7 +158,7 @@ def test_body_half_as_large_at_half_the_distance_looks_the_same():
         96,
     )
     expected = seen(far)
-    got = perceived(half, near, root[None] / 2, turns[None])
+    got = perceived_parts(half, near, root[None] / 2, turns[None])
     assert (expected != got).mean() <= 0.001
 
 

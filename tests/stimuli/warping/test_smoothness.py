@@ -42,7 +42,7 @@ def test_sign_of_a_quaternion_is_no_movement():
 def test_seam_of_a_loop_counts():
     steps = [0.0, 10.0, 20.0, 30.0]
     assert peak_turning(turning(steps)).jerk_deg_s3 == pytest.approx(0.0, abs=1e-6)
-    assert peak_turning(turning(steps, looped=True)).speed_deg_s == pytest.approx(300.0)
+    assert peak_turning(turning(steps, is_loop=True)).speed_deg_s == pytest.approx(300.0)
 
 
 def test_only_joints_named_are_measured():

@@ -17,7 +17,7 @@ from visavis.stimuli.motion.warping.control import (
 )
 from visavis.stimuli.motion.warping.features import FeatureTarget
 from visavis.stimuli.motion.warping.outlook import looking_at, outlook
-from visavis.stimuli.motion.warping.track import SHOWN_AHEAD_S, TrackLoop, WarpTrack, solved
+from visavis.stimuli.motion.warping.track import SHOWN_AHEAD_S, TrackLoop, WarpTrack, solve_offsets
 from visavis.stimuli.motion.warping.units import units_named
 from visavis.study.background import AtOnce
 
@@ -66,7 +66,7 @@ def test_offsets_come_in_before_the_first_key_and_go_out_after_the_last():
 @given(key=st.integers(0, 30), t_s=st.floats(0.0, 3.0))
 def test_a_key_that_is_open_at_a_time_changes_nothing_up_to_it(key, t_s):
     one = track()
-    other = one.corrected(key, np.array([0.4, -0.4, 0.1]))
+    other = one.with_key(key, np.array([0.4, -0.4, 0.1]))
     if key >= one.first_open(t_s):
         for earlier in np.linspace(0.0, t_s, 50):
             np.testing.assert_array_equal(one.at(earlier), other.at(earlier))
@@ -74,10 +74,10 @@ def test_a_key_that_is_open_at_a_time_changes_nothing_up_to_it(key, t_s):
 
 def test_keys_after_a_corrected_one_are_shifted_by_as_much_within_their_range():
     one = track()
-    other = one.corrected(3, one.omega_rad[3] + 0.05)
+    other = one.with_key(3, one.omega_rad[3] + 0.05)
     np.testing.assert_array_equal(one.omega_rad[:3], other.omega_rad[:3])
     np.testing.assert_allclose(one.omega_rad[3:] + 0.05, other.omega_rad[3:])
-    far = one.corrected(3, np.full(len(UNITS), 9.0))
+    far = one.with_key(3, np.full(len(UNITS), 9.0))
     assert (far.omega_rad[4:] <= np.radians([u.range_deg for u in UNITS])).all()
 
 
@@ -100,7 +100,7 @@ def frames(loop, beside=None, until_s=2.2):
 def test_what_a_frame_showed_is_what_the_last_track_says_of_its_time(beside):
     loop = TrackLoop(track(), moved, beside)
     drawn = frames(loop, beside)
-    assert loop.taken > 10
+    assert loop.n_taken > 10
     for t_s, then in drawn:
         np.testing.assert_array_equal(loop.track.at(t_s), then.at(t_s))
 
@@ -111,7 +111,7 @@ def test_every_key_is_corrected_once_where_solutions_come_at_once():
     frames(loop)
     # When the arm begins to rise the lead is shorter than the keys that shape it.
     np.testing.assert_allclose(asked, [loop.track.key_s[0], *loop.track.key_s[1:]])
-    assert (31, 0) == (loop.taken, loop.late)
+    assert (31, 0) == (loop.n_taken, loop.late)
 
 
 def test_a_solution_that_comes_too_late_is_left_out_and_counted():
@@ -143,7 +143,9 @@ def situation(change, yaw_deg=25.0):
 
 def test_offsets_that_meet_the_target_stay_bit_for_bit():
     still = np.zeros(len(units_named(("all",))))
-    assert np.array_equal(still, solved(situation(0.0), still, ControlSettings(most_steps=1)))
+    assert np.array_equal(
+        still, solve_offsets(situation(0.0), still, ControlSettings(most_steps=1))
+    )
 
 
 def test_one_step_a_key_follows_an_observer_who_has_moved():
@@ -155,5 +157,5 @@ def test_one_step_a_key_follows_an_observer_who_has_moved():
     off = abs(1.25 * original[0] - see(elsewhere, omega[None])[0, 0])
     assert off > tolerance
     for _ in range(6):
-        omega = solved(elsewhere, omega, ControlSettings(most_steps=1, search=True))
+        omega = solve_offsets(elsewhere, omega, ControlSettings(most_steps=1, search=True))
     assert abs(1.25 * original[0] - see(elsewhere, omega[None])[0, 0]) <= tolerance

@@ -14,7 +14,7 @@ from visavis.stimuli.motion.warping.clips import warp_clip
 from visavis.stimuli.motion.warping.control import ControlSettings
 from visavis.stimuli.motion.warping.features import FeatureTarget, grain_of
 from visavis.stimuli.motion.warping.outlook import looking_at, outlook
-from visavis.stimuli.motion.warping.trajectory import joined
+from visavis.stimuli.motion.warping.trajectory import interpolate_offsets
 from visavis.stimuli.motion.warping.units import units_named
 from visavis.stimuli.rooms.solids import box
 
@@ -53,7 +53,7 @@ def test_target_is_kept_over_the_whole_clip_after_smoothing():
     # What is not within a tenth of the change is off by single pixels: the wanted value itself
     # jumps by some 2 % from frame to frame with the pixels of the original.
     assert result.is_reached.mean() >= 0.6
-    assert (np.abs(result.wanted - result.reached) <= 0.06 * result.wanted).all()
+    assert (np.abs(result.goal - result.final) <= 0.06 * result.goal).all()
 
 
 def test_correction_keeps_what_a_stiff_movement_loses():
@@ -79,14 +79,16 @@ def test_smoothness_is_bought_with_the_weight_of_bending():
 
 def test_loop_is_as_smooth_at_its_seam_as_elsewhere():
     clip = waving_clip(frames=30)
-    loop = replace(clip, looped=True)
+    loop = replace(clip, is_loop=True)
     result = warped(clip=loop)
     assert 8 == len(result.key_s)
     keys = result.omega_rad
     round_again = np.concatenate([keys, keys[:2]])
     bends = np.abs(np.diff(round_again, 2, axis=0)).max(axis=1)
     assert bends[-2:].max() <= 1.5 * bends[:-2].max() + 0.02
-    at_ends = joined(result.key_s, keys, np.array([0.0, loop.duration_s]), looped=True)
+    at_ends = interpolate_offsets(
+        result.key_s, keys, np.array([0.0, loop.duration_s]), is_loop=True
+    )
     np.testing.assert_allclose(at_ends[0], at_ends[1], atol=1e-12)
 
 
@@ -96,8 +98,8 @@ def test_frames_say_which_of_them_could_not_be_reached():
     open_view, shut = view_from(0.0), view_from(0.0, occluders=board)
     result = warped(view=lambda t: open_view if t < 0.5 else shut)
     hidden = result.frame_s >= 0.5
-    np.testing.assert_array_equal(0.0, result.reached[hidden])
-    np.testing.assert_array_equal(0.0, result.wanted[hidden])
+    np.testing.assert_array_equal(0.0, result.final[hidden])
+    np.testing.assert_array_equal(0.0, result.goal[hidden])
     assert np.isfinite(result.clip.orientation_wxyz).all()
     assert result.is_reached[hidden].all()
     assert len(result.is_reached) == len(result.clip.root_m)
@@ -112,7 +114,7 @@ def test_more_movement_between_frames_can_be_asked_for():
         units=("right_arm",),
         smoothness=2.0,
     )
-    before, after = result.original.mean(), result.reached.mean()
+    before, after = result.original.mean(), result.final.mean()
     assert after > 1.15 * before
 
 
@@ -147,7 +149,7 @@ def test_single_frame_is_warped_as_a_pose():
 def test_offsets_between_keys_pass_through_the_keys(n):
     rng = np.random.default_rng(n)
     keys, at = rng.normal(size=(n, 4)), np.arange(n) * 0.1
-    np.testing.assert_allclose(keys, joined(at, keys, at), atol=1e-12)
+    np.testing.assert_allclose(keys, interpolate_offsets(at, keys, at), atol=1e-12)
 
 
 @given(value=st.floats(0.0, 1.0))

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from visavis.analysis.foreign_check import check_foreign
-from visavis.analysis.report.notation import counted
+from visavis.analysis.report.notation import count_of
 from visavis.analysis.session_check import check_session
 from visavis.analysis.session_verdict import Level, SessionCheck
 from visavis.cli.app import (
@@ -130,7 +130,7 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
             "it puts back what has an intact copy[/]"
         )
     else:
-        console.print(f"[green]{counted(count, 'session')}, every file verified[/]")
+        console.print(f"[green]{count_of(count, 'session')}, every file verified[/]")
     if not as_json:
         for path, (status, done, planned) in unfinished.items():
             way_on = "it goes on now" if status == "running" else f"visavis resume {path}"

@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from visavis.analysis.gaze.mapped_csv import read_mapping
-from visavis.analysis.report.notation import counted
+from visavis.analysis.report.notation import count_of
 from visavis.cli.app import (
     ConfigOption,
     OfParticipant,
@@ -65,7 +65,7 @@ def import_gaze_files(
     Example: visavis import gaze session1.csv --format vive -o out/session1
     """
     # Late: it loads matplotlib, which `init` and `export` do without.
-    from visavis.analysis.gaze.imported import FORMATS, read_gaze, report
+    from visavis.analysis.gaze.import_report import FORMATS, read_gaze, report
 
     if format_name not in FORMATS:
         raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
@@ -170,7 +170,7 @@ def export(
         written = (*dict.fromkeys((*written, note)),)
         _print_columns("what measures lose by the blur", _columns(lost))
         say(f"[yellow]{BLURRED_RISK}[/]")
-    say(f"{len(written)} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]")
+    say(f"{len(written)} files of {count_of(len(sessions), 'session')} in [b]{verbatim(output)}[/]")
     leave(format_name, sessions, output, written, tells_risk=tier != "public")
 
 

@@ -23,7 +23,7 @@ from visavis.cli.leaving import leave, require_whole
 from visavis.cli.studies import session_of
 from visavis.cli.telling import TELLING, Forecast
 from visavis.lab.errors import UsageError
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.study.cast import use_recorded_cast
@@ -79,7 +79,7 @@ def film(
         new_file(sheet)
     session_path = session_of(session_path, config, participant)
     require_whole(session_path, accept=accept_damage)
-    recording = KeptRecording(session_path)
+    recording = CachedRecording(session_path)
     use_recorded_cast(recording)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:

@@ -21,7 +21,7 @@ from visavis.cli.preview.pictures import SIMULATED, check_picture_name, write_be
 from visavis.cli.redraw import redraw as draw_again
 from visavis.cli.redraw import was_drawn
 from visavis.cli.studies import session_of
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.study.cast import use_recorded_cast
 
 
@@ -48,7 +48,7 @@ def redraw(
     check_picture_name(png)
     new_file(png)
     require_whole(session_path, accept=accept_damage)
-    recording = KeptRecording(session_path)
+    recording = CachedRecording(session_path)
     use_recorded_cast(recording)
     images = draw_again(recording, frame, part=part)
     both = np.concatenate(images, axis=1)

@@ -19,7 +19,7 @@ from visavis.cli.app import (
 from visavis.cli.commands.checking import EXIT_RED
 from visavis.cli.studies import session_of
 from visavis.lab.errors import UsageError
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.running.sessions.verification import is_in_real_time, verify
@@ -51,7 +51,7 @@ def replay(
             "--trial T07 -o T07.mp4"
         )
     session_path = session_of(session_path, config, participant)
-    recording = KeptRecording(session_path)
+    recording = CachedRecording(session_path)
     use_recorded_cast(recording)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
@@ -59,7 +59,7 @@ def replay(
     _verify(recording, study, config)
 
 
-def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -> None:
+def _verify(recording: CachedRecording, study: OpenedStudy, config: Path | None) -> None:
     lab = load_lab(config, "sim", only_simulates=True)
     in_real_time = recording.is_simulated and is_in_real_time(recording)
     if in_real_time:

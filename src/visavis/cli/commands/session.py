@@ -13,7 +13,7 @@ import typer
 from rich.table import Table
 
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
-from visavis.analysis.report.notation import counted
+from visavis.analysis.report.notation import count_of
 from visavis.analysis.session_check import check_session
 from visavis.analysis.session_verdict import Level
 from visavis.cli.app import (
@@ -252,7 +252,7 @@ def _print_plan(made: SessionPlan, label: str, note: str, texts: Texts) -> None:
     practice = len(made.trials) - total
     blocks = sum(any(not t.is_practice for t in b.trials) for b in made.blocks)
     console.print(
-        f"{counted(total, 'trial')} in {counted(blocks, 'block')}, {practice} practice; then "
+        f"{count_of(total, 'trial')} in {count_of(blocks, 'block')}, {practice} practice; then "
         f"{', '.join(made.questionnaires) or 'no questions'}."
     )
     for legend in legends(made, texts):

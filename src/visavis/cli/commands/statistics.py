@@ -21,7 +21,7 @@ from visavis.analysis.statistics_report import (
     rows_where,
     with_error_rates,
 )
-from visavis.analysis.statistics_report.written import outcome_data, write_outcome
+from visavis.analysis.statistics_report.outcome_files import outcome_data, write_outcome
 from visavis.cli.app import JsonOption, app, console, say, say_json, say_plainly, verbatim
 from visavis.lab.errors import UsageError
 

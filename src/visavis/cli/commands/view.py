@@ -23,7 +23,7 @@ from visavis.cli.viewer.page import page_of
 from visavis.cli.viewer.rerun_file import write_rerun
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.cast import use_recorded_cast
 
@@ -60,7 +60,7 @@ def view(
     Example: visavis view data/simulated/stare/sub-S01B/ses-001 --trial T07 -o T07.html
     """
     session_path = session_of(session_path, config, participant)
-    recording = KeptRecording(session_path)
+    recording = CachedRecording(session_path)
     use_recorded_cast(recording)
     manifest = recording.manifest
     name = f"{manifest.study}_{manifest.participant}_ses-{manifest.session:03}.html"

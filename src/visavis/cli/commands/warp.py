@@ -15,7 +15,7 @@ from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import Character
-from visavis.stimuli.motion.baking import KINDS_BY_NAME, baked
+from visavis.stimuli.motion.baking import KINDS_BY_NAME, bake
 from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.bvh import write_bvh
 from visavis.stimuli.motion.bvh_clip import bvh_of_clip
@@ -23,7 +23,7 @@ from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.clip_file import write_clip
 from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
 from visavis.stimuli.motion.people import Person
-from visavis.stimuli.motion.warping.cases import CASES, SEARCHED, case_named, staged
+from visavis.stimuli.motion.warping.cases import CASES, SEARCHED, case_named, stage_case
 from visavis.stimuli.motion.warping.clips import warp_clip
 from visavis.stimuli.motion.warping.features import parse_feature
 from visavis.stimuli.motion.warping.outlook import Outlook, looking_at, outlook
@@ -76,7 +76,7 @@ def warp(
         raise UsageError(f"{output} is not empty; give a new folder with --output")
     who = load_character(character)
     if case is not None:
-        stage = staged(case_named(case), who)
+        stage = stage_case(case_named(case), who)
         motion, body, view = stage.clip, stage.body, stage.view
         targets, allowed, things = stage.case.targets, stage.units, stage.case.things()
         lamps, settings = stage.case.lamps(), stage.case.settings
@@ -114,8 +114,8 @@ def warp(
         "units": [unit.name for unit in allowed],
         "settings": vars(settings),
         "original": warped.original.mean(axis=0).tolist(),
-        "wanted": warped.wanted.mean(axis=0).tolist(),
-        "reached": warped.reached.mean(axis=0).tolist(),
+        "wanted": warped.goal.mean(axis=0).tolist(),
+        "reached": warped.final.mean(axis=0).tolist(),
         "reached_share_01": float(warped.is_reached.mean()),
         "pose_reached_share_01": float(warped.pose_reached.mean()),
         "frame_s": warped.frame_s.tolist(),
@@ -137,7 +137,7 @@ def _posed(
     """Return the motion on the character, its body, and the observer's view of it."""
     path = Path(name)
     if name in KINDS_BY_NAME:
-        motion = baked(Person(build_of_character(who), KINDS_BY_NAME[name], seed=5), seconds)
+        motion = bake(Person(build_of_character(who), KINDS_BY_NAME[name], seed=5), seconds)
     elif path.suffix.lower() in MOTION_SUFFIXES:
         motion = read_motion(path, who.skeleton, unit_m=unit_m)
     else:

@@ -228,7 +228,7 @@ class FilmedTrial:
         self._looked_ns = t_ns
         seen = self._identity.views(picture, [camera], LOOK_PX, level=1).person
         share = float((seen == len(picture.cast)).mean())  # who stands in comes last
-        self._log.seen.append((t_ns, share >= SEEN_FROM_01))
+        self._log.visibility.append((t_ns, share >= SEEN_FROM_01))
 
     def pictures(
         self, times: list[int], image: Callable[..., npt.NDArray[np.uint8]]

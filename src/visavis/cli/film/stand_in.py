@@ -12,7 +12,7 @@ from visavis.lab.geometry import rotate as turned
 from visavis.protocol.plan.shown_scene import of_part
 from visavis.stage.own_body import OwnBody
 from visavis.stimuli.characters.character import MORPHS, Character
-from visavis.stimuli.characters.sizing import MIN_M, TALLEST_M, sized
+from visavis.stimuli.characters.sizing import MIN_M, TALLEST_M, scale_to_stature
 from visavis.stimuli.dressing.casting import build_of, default_casting
 from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.kinds import Idle
@@ -53,7 +53,7 @@ class StandIn:
             if self._own is None:
                 self._own = OwnBody(_not_in(picture), self._segments, from_outside=True)
             self._own.take_row(row)
-            worn = self._own.worn(picture, head)
+            worn = self._own.add_to(picture, head)
             if worn is not picture:
                 return worn
         return self._standing(picture, t_ns, head)
@@ -82,7 +82,7 @@ class StandIn:
         if self._idle is None:
             yaw_deg, _ = yaw_pitch_deg_of(facing)
             stature_m = float(np.clip(head.position_m[1] / EYES_OF_STATURE, MIN_M, TALLEST_M))
-            character = sized(_not_in(picture), round(stature_m, 3))
+            character = scale_to_stature(_not_in(picture), round(stature_m, 3))
             person = Person(build_of(character), Idle(), 1, (0.0, 0.0, 0.0), float(yaw_deg))
             self._idle = character, PeopleMotion((person,))
         character, motion = self._idle

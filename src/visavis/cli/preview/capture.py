@@ -18,7 +18,7 @@ from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
 from visavis.protocol.plan.experiment import Experiment
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.perform import of_no_session, perform_new
 from visavis.running.sessions.session_request import Request, simulated_request
@@ -164,11 +164,11 @@ class Capture:
         return self.frames
 
     @contextmanager
-    def on_page(self) -> Iterator[KeptRecording]:
+    def on_page(self) -> Iterator[CachedRecording]:
         """Perform the trial on a page; its recording is there until the context ends."""
         with tempfile.TemporaryDirectory(prefix="preview") as folder:
             request = self._request(Path(folder))
-            yield KeptRecording(perform_new(replace(request, on="browser")))
+            yield CachedRecording(perform_new(replace(request, on="browser")))
 
     def _request(self, folder: Path) -> Request:
         return simulated_request(

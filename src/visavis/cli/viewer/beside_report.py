@@ -7,8 +7,8 @@ from pathlib import Path
 from visavis.cli.telling import TELLING
 from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.page import page_of
+from visavis.recording.cached import CachedRecording
 from visavis.recording.durable import make_folder, replace_file
-from visavis.recording.kept import KeptRecording
 from visavis.results.unusual import VIEWS, Striking, view_name
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.cast import use_recorded_cast
@@ -24,7 +24,7 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[Striking]) -> No
     with TELLING.progress("making pages of trials") as told:
         for done, ((participant, session), names) in enumerate(wanted.items()):
             told(done, len(wanted))
-            recording = KeptRecording(folder / f"sub-{participant}" / session)
+            recording = CachedRecording(folder / f"sub-{participant}" / session)
             use_recorded_cast(recording)
             study, _ = study_of_folder(folder, recording.manifest.study)
             there = trial_lengths_ns(recording)

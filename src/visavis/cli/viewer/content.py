@@ -22,8 +22,8 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.lab.schema import Field
-from visavis.recording.kept import KeptRecording
-from visavis.recording.reader import flattened
+from visavis.recording.cached import CachedRecording
+from visavis.recording.reader import flat_components
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import is_on_page
 from visavis.stimuli.camera.shots import ShotSize
@@ -61,7 +61,7 @@ class Times:
 
 def page_content(
     study: OpenedStudy,
-    recording: KeptRecording,
+    recording: CachedRecording,
     wanted: Sequence[str],
     on_trial: Callable[[int, int], None] | None = None,
 ) -> tuple[dict[str, Any], Bundle]:
@@ -114,7 +114,7 @@ def page_content(
     }, bundle
 
 
-def trial_lengths_ns(recording: KeptRecording) -> dict[str, int]:
+def trial_lengths_ns(recording: CachedRecording) -> dict[str, int]:
     """Return the length in ns of the last attempt at every trial that ended, in order."""
     rows = recording.trials()
     if "trial_id" not in rows:
@@ -129,7 +129,7 @@ def trial_lengths_ns(recording: KeptRecording) -> dict[str, int]:
 # ---- time line --------------------------------------------------------------------------------
 
 
-def times_of(recording: KeptRecording) -> Times:
+def times_of(recording: CachedRecording) -> Times:
     """Return where every part of a session lies on one line of seconds that begins at 0.
 
     Session times of a real clock count from the computer's start.
@@ -146,7 +146,7 @@ def times_of(recording: KeptRecording) -> Times:
     return Times(offset_s)
 
 
-def _trials(recording: KeptRecording, times: Times, shown: set[str]) -> Iterator[dict[str, Any]]:
+def _trials(recording: CachedRecording, times: Times, shown: set[str]) -> Iterator[dict[str, Any]]:
     rows = recording.trials()
     if "trial_id" not in rows:
         return
@@ -168,7 +168,7 @@ def _trials(recording: KeptRecording, times: Times, shown: set[str]) -> Iterator
         }
 
 
-def _events(recording: KeptRecording, times: Times) -> Iterator[dict[str, Any]]:
+def _events(recording: CachedRecording, times: Times) -> Iterator[dict[str, Any]]:
     for event in recording.events().to_dict("records"):
         part, t_ns, name, payload = (
             event[k] for k in ("recording_part", "t_ns", "name", "payload")
@@ -179,7 +179,7 @@ def _events(recording: KeptRecording, times: Times) -> Iterator[dict[str, Any]]:
         yield {"t": times.s(part, int(t_ns)), "name": name, "text": told}
 
 
-def _findings(recording: KeptRecording) -> list[dict[str, Any]]:
+def _findings(recording: CachedRecording) -> list[dict[str, Any]]:
     verdict = check_session(recording)
     return [
         {"level": f.level.name.lower(), "subject": f.subject, "message": f.message, "redo": f.redo}
@@ -187,7 +187,7 @@ def _findings(recording: KeptRecording) -> list[dict[str, Any]]:
     ]
 
 
-def _lanes(recording: KeptRecording, times: Times) -> list[dict[str, Any]]:
+def _lanes(recording: CachedRecording, times: Times) -> list[dict[str, Any]]:
     """Return what touched and what vibrated, all parts in one lane."""
     found: dict[str, dict[str, Any]] = {}
     for part in recording.manifest.parts:
@@ -211,7 +211,7 @@ def _plain(value: Any) -> Any:
 
 
 def _stream(
-    recording: KeptRecording,
+    recording: CachedRecording,
     name: str,
     bundle: Bundle,
     times: Times,
@@ -245,7 +245,7 @@ def _stream(
         unit = field.unit
         if unit == "ns":
             values, unit = _since_arrival_ms(values, host_ns), "ms"
-        flat = [_column_name(field, told) for told, _ in flattened(field.name, values)]
+        flat = [_column_name(field, told) for told, _ in flat_components(field.name, values)]
         columns.append(
             {
                 "name": field.name,

@@ -16,7 +16,7 @@ from visavis.cli.film.on_page import FilmPictures
 from visavis.cli.film.renderer import film_renderer
 from visavis.cli.recorded_trial import trial_row
 from visavis.cli.viewer.bundle import Bundle
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import SeenStep, SeenTrial, seen_trial
 from visavis.study.films import Film
@@ -28,7 +28,7 @@ WEBP_QUALITY: Final = 72
 
 def pages_of(
     study: OpenedStudy,
-    recording: KeptRecording,
+    recording: CachedRecording,
     wanted: Sequence[str],
     bundle: Bundle,
     second_of: Callable[[int, int], float],

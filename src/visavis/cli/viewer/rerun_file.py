@@ -15,8 +15,8 @@ from visavis.cli.viewer.content import Sample, samples_of, times_of
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
-from visavis.recording.kept import KeptRecording
-from visavis.recording.reader import flattened
+from visavis.recording.cached import CachedRecording
+from visavis.recording.reader import flat_components
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import is_on_page
 from visavis.stimuli.characters.character import Character
@@ -29,7 +29,7 @@ GAZE_M: Final = 2.5
 
 def write_rerun(
     study: OpenedStudy,
-    recording: KeptRecording,
+    recording: CachedRecording,
     wanted: Sequence[str],
     path: Path,
     on_trial: Callable[[int, int], None] | None = None,
@@ -73,7 +73,7 @@ def _at(rr: Any, stream: Any, seconds: float) -> None:
 
 
 def _events(
-    rr: Any, stream: Any, recording: KeptRecording, part: int, s: Callable[[int, int], float]
+    rr: Any, stream: Any, recording: CachedRecording, part: int, s: Callable[[int, int], float]
 ) -> None:
     for event in recording.journal(part).events:
         if event["name"] == "scene":
@@ -90,7 +90,7 @@ def _events(
 
 
 def _columns(
-    rr: Any, stream: Any, recording: KeptRecording, name: str, s: Callable[[int, int], float]
+    rr: Any, stream: Any, recording: CachedRecording, name: str, s: Callable[[int, int], float]
 ) -> None:
     """Send every column of numbers of a stream."""
     arrays = recording.stream_arrays(name)
@@ -103,7 +103,7 @@ def _columns(
             continue
         if values.dtype.kind not in "fiub":
             continue
-        for flat, column in flattened(field, values):
+        for flat, column in flat_components(field, values):
             stream.send_columns(
                 f"streams/{name}/{flat}",
                 indexes=[rr.TimeColumn(TIMELINE, duration=seconds)],

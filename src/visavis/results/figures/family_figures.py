@@ -8,19 +8,19 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from visavis.analysis.plots import BLUE, Drawn, draw, new_figure
+from visavis.analysis.plots import BLUE, ReportFigure, draw, new_figure
 from visavis.analysis.plots.panels import (
     ALL,
     Values,
     differences,
     dots,
+    in_lines,
     left_out_lines,
     no_data,
     paired_lines,
     published_mark,
-    wrapped,
 )
-from visavis.analysis.report.notation import counted, fraction, probability, threshold
+from visavis.analysis.report.notation import count_of, fraction, probability, threshold
 from visavis.analysis.statistics.ranks import average_ranks
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.family_tests import scores_of
@@ -43,7 +43,7 @@ def figure_names(family: str) -> tuple[str, str]:
     return stem, f"{stem}_differences"
 
 
-def family_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[Drawn]:
+def family_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[ReportFigure]:
     """Yield the figures of every family, drawn as asked for; made place by place: none."""
     for family in analysis.families():
         of = next(r.of for r in analysis.results if r.of.family == family)
@@ -53,11 +53,11 @@ def family_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[Drawn]:
             yield from _pairs(analysis, family, of, texts)
 
 
-def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Iterator[Drawn]:
+def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Iterator[ReportFigure]:
     tests = analysis.pairs_of(family)
     measures = list(dict.fromkeys(t.measure for t in tests))
     factor = label_of(texts, of.factor)
-    n = counted(analysis.n_participants, "participant")
+    n = count_of(analysis.n_participants, "participant")
     percent = f"{100 * analysis.rules.interval_level:.0f} %"
     cells = {} if analysis.study.report.source is None else analysis.study.report.source.cells
     printed = any(m.column in cells for m in measures)
@@ -131,7 +131,7 @@ def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) ->
     for x, level in enumerate(levels):
         if level in printed:
             published_mark(axes, x + 0.26, *printed[level])
-    axes.set_ylabel(wrapped(measure.axis, 30))
+    axes.set_ylabel(in_lines(measure.axis, 30))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     left_out_lines(axes, *_values(outside, of.factor, measure, levels))
     besides = trials_with_left_out(analysis)
@@ -153,11 +153,11 @@ def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, pa
             first, second = (printed[level][0] for level in pair)
             published_mark(axes, j + 0.3, first - second, horizontal=True)
     differences(axes, columns, labels, BLUE, people=people)
-    axes.set_title(wrapped(measure.words))
+    axes.set_title(in_lines(measure.words))
     axes.set_xlabel("Difference" + (f" ({measure.unit})" if measure.unit not in ("", "1") else ""))
 
 
-def _scores(analysis: StudyAnalysis, of: Correlate, texts: Texts) -> Drawn:
+def _scores(analysis: StudyAnalysis, of: Correlate, texts: Texts) -> ReportFigure:
     measure = analysis.measure(of.measures[0])
     return draw(
         figure_names(of.family)[0],

@@ -16,7 +16,7 @@ from visavis.analysis.plots import (
     ORANGE,
     PURPLE,
     VERMILION,
-    Drawn,
+    ReportFigure,
     draw,
     new_figure,
 )
@@ -27,14 +27,14 @@ from visavis.analysis.plots.panels import (
     dots,
     dots_with_limit,
     draw_mean,
+    in_lines,
     left_out_lines,
     no_data,
     paired_lines,
     published_mark,
     spread_out,
-    wrapped,
 )
-from visavis.analysis.report.notation import counted
+from visavis.analysis.report.notation import count_of
 from visavis.results.analysis import Finding, StudyAnalysis
 from visavis.results.quality import QUALITY_COLUMNS, Quality
 from visavis.results.selection import COUNTED, Selection, rule_words
@@ -47,7 +47,7 @@ SCALE_MARGIN_01: Final = 0.04
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
 
 
-def study_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[Drawn]:
+def study_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[ReportFigure]:
     """Yield every figure, drawn as it is asked for; marked when the data are simulated."""
     for finding in {figure_name(f): f for f in analysis.findings}.values():
         if finding.measure.column in analysis.selection.rows and _factors(finding):
@@ -67,10 +67,10 @@ def _factors(finding: Finding) -> tuple[str, ...]:
     return (*finding.compare.within, *finding.compare.between)
 
 
-def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Drawn:
+def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> ReportFigure:
     factors = _factors(finding)
     names = " and ".join(label_of(texts, f) for f in factors)
-    n = counted(analysis.n_participants, "participant")
+    n = count_of(analysis.n_participants, "participant")
     source = analysis.study.report.source
     cells = {} if source is None else source.cells.get(finding.measure.column, {})
     published = " Open diamonds: published means (dashed: ± SD)." if cells else ""
@@ -123,7 +123,7 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
             for i, level in enumerate(levels):
                 if str(level) in printed:
                     published_mark(ax, i + 0.22, *printed[str(level)])
-    axes[0].set_ylabel(wrapped(finding.measure.axis, 34))
+    axes[0].set_ylabel(in_lines(finding.measure.axis, 34))
     if finding.measure.scale is not None:
         low, high = finding.measure.scale
         beyond = SCALE_MARGIN_01 * (high - low)
@@ -180,21 +180,21 @@ def _dots(
 
 def exclusions_figure(
     selection: Selection, rules: Sequence[Exclusion], *, is_simulated: bool
-) -> Drawn:
+) -> ReportFigure:
     """Return what was performed, what every rule left out, and what counts."""
     people, counts = selection.people, selection.counted
     stages = [
         Stage(
-            f"{counted(len(people), 'participant')}, {counted(selection.performed, 'trial')} "
+            f"{count_of(len(people), 'participant')}, {count_of(selection.performed, 'trial')} "
             "performed",
             "\n".join(
-                f"{counted(left.count, left.level)}: {rule_words(selection, rules, left.rule)}"
+                f"{count_of(left.count, left.level)}: {rule_words(selection, rules, left.rule)}"
                 for left in selection.left
             ),
         ),
         Stage(
-            f"{counted(int(counts['participant'].nunique()), 'participant')}, "
-            f"{counted(len(counts), 'trial')} analysed"
+            f"{count_of(int(counts['participant'].nunique()), 'participant')}, "
+            f"{count_of(len(counts), 'trial')} analysed"
         ),
     ]
     return draw(
@@ -207,7 +207,7 @@ def exclusions_figure(
     )
 
 
-def figure_of_quality(analysis: StudyAnalysis, quality: Quality) -> Drawn:
+def figure_of_quality(analysis: StudyAnalysis, quality: Quality) -> ReportFigure:
     """Return accuracy, precision and loss of everybody, with the limits of the study's rules."""
     people = analysis.selection.people
     out = set(people.loc[~people["is_analysed"].astype(bool), "participant"].astype(str))

@@ -7,7 +7,7 @@ from typing import Any, Final
 import pandas as pd
 
 from visavis.analysis.report import Block, Bullets, Cell, Column, Paragraph, Section, Table
-from visavis.analysis.report.notation import counted
+from visavis.analysis.report.notation import count_of
 from visavis.recording.manifest import Manifest
 from visavis.results.locked_plan.deviations import Deviation, deviations_between
 
@@ -59,7 +59,7 @@ class PlanReview:
         if not self.deviations:
             return (f"{head}: kept in everything",)
         return (
-            f"{head}: {counted(len(self.deviations), 'deviation')}",
+            f"{head}: {count_of(len(self.deviations), 'deviation')}",
             *(
                 f"  {d.what}: planned {d.planned}, done {d.done} (since {d.since})"
                 for d in self.deviations
@@ -148,12 +148,12 @@ def review_section(review: PlanReview) -> Section:
     before = (
         "before any session was recorded"
         if not locked.sessions_before
-        else f"after {counted(locked.sessions_before, 'session')} had been recorded"
+        else f"after {count_of(locked.sessions_before, 'session')} had been recorded"
     )
     blocks: list[Block] = [
         Paragraph(
             f"The plan was locked on {locked.locked_at[:10]}, {before} (SHA-256 {locked.sha256}). "
-            f"{review.carried} of {counted(review.recorded, 'session')} bear its hash. Planned "
+            f"{review.carried} of {count_of(review.recorded, 'session')} bear its hash. Planned "
             f"were {locked.participants} participants. {locked.rule}".strip()
         ),
         Table(
@@ -180,7 +180,7 @@ def review_section(review: PlanReview) -> Section:
         blocks.append(Bullets(review.exploratory))
     if review.peeks:
         looks = tuple(
-            f"{p.at[:10]}, with {counted(p.sessions, 'session')}"
+            f"{p.at[:10]}, with {count_of(p.sessions, 'session')}"
             + (f": {p.reason}" if p.reason else "")
             for p in review.peeks
         )

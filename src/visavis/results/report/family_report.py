@@ -17,7 +17,7 @@ from visavis.analysis.report import (
 )
 from visavis.analysis.report.notation import (
     MISSING,
-    counted,
+    count_of,
     decimal,
     fraction,
     interval,
@@ -52,7 +52,7 @@ def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
         tests = analysis.tests_of(family)
         made = [t for t in tests if t.outcome is not None]
         hits = [t for t in made if t.holds_corrected]
-        found_of = f"{len(hits)} of {counted(len(made), 'test')} significant"
+        found_of = f"{len(hits)} of {count_of(len(made), 'test')} significant"
         headline = f"{family.capitalize()}: {found_of if made else 'not tested'}"
         said = " ".join(t.sentence() for t in hits or tests[:1])
         found.append(
@@ -125,8 +125,8 @@ def _robustness(analysis: StudyAnalysis) -> tuple[Section, ...]:
     main = analysis.pairs_of(family)
     finished = analysis.selection.finished
     text = (
-        f"Without any exclusion ({counted(len(finished), 'trial')} of "
-        f"{counted(finished['participant'].nunique(), 'participant')}), "
+        f"Without any exclusion ({count_of(len(finished), 'trial')} of "
+        f"{count_of(finished['participant'].nunique(), 'participant')}), "
         f"{same_verdicts(again, main)} of {len(main)} verdicts ({family}) are the same as in the "
         "main analysis."
     )
@@ -169,7 +169,7 @@ def _pair_table(tests: Sequence[PairTest]) -> Table:
         f"{first} against {second}: {of.called(first)} and {of.called(second)}",
         "Mean (SD) over participants who have both values. "
         f"* p < {stars[0]}, ** p < {stars[1]}, *** p < {stars[2]} (alpha shared by "
-        f"{counted(tests[0].n_tests, 'test')}). t: paired t test with dz; V: Wilcoxon signed-rank "
+        f"{count_of(tests[0].n_tests, 'test')}). t: paired t test with dz; V: Wilcoxon signed-rank "
         "test with rank-biserial correlation"
         + (f"; “wilc.”: the source prints no statistic. Published: {where}." if where else "."),
     )

@@ -12,7 +12,7 @@ import pandas as pd
 from visavis.analysis.gaze.looks import LookParameters
 from visavis.analysis.gaze.loss import DEFAULT_LOSS
 from visavis.analysis.report import Cell, Column, ReportProvenance, Table
-from visavis.analysis.report.notation import MISSING, counted, decimal, percentage
+from visavis.analysis.report.notation import MISSING, count_of, decimal, percentage
 from visavis.devices.registry import driver_spec
 from visavis.results.quality import DRIFT, END_ACCURACY, REJECTED, Quality
 from visavis.study.look_measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
@@ -167,8 +167,8 @@ def reporting_table(
     left = sum(isinstance(r[1], Cell) and r[1].text.startswith(OPEN) for r in rows)
     partly = sum(isinstance(r[1], Cell) and r[1].text.endswith(f": {FILL_IN}") for r in rows)
     open_items = [
-        *([f"{counted(left, 'item')} not recorded"] if left else []),
-        *([f"{counted(partly, 'item')} partly open"] if partly else []),
+        *([f"{count_of(left, 'item')} not recorded"] if left else []),
+        *([f"{count_of(partly, 'item')} partly open"] if partly else []),
     ]
     note = f"{', '.join(open_items)}." if open_items else "Every item is answered."
     return Table(
@@ -215,7 +215,7 @@ def _at_the_end(table: pd.DataFrame) -> list[tuple[Cell | str, ...]]:
         rows.append(("Drift: error at the end minus error before (range)", _range(table, DRIFT)))
     if REJECTED in table:
         known = table[REJECTED].dropna().astype(float)
-        people = counted(int((known > 0).sum()), "participant")
+        people = count_of(int((known > 0).sum()), "participant")
         text = f"{int(known.sum())}, of {people}" if known.any() else "none"
         text = text if len(known) else "not recorded"
         rows.append(("Validations rejected", text))

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from visavis.analysis.plots import Drawn, svg_for_page
+from visavis.analysis.plots import ReportFigure, svg_for_page
 from visavis.analysis.plots.panels import Values
 from visavis.analysis.report import (
     Block,
@@ -27,7 +27,7 @@ from visavis.analysis.report import (
     Verdicts,
     write_page,
 )
-from visavis.analysis.report.notation import counted, mean_sd, percentage, probability
+from visavis.analysis.report.notation import count_of, mean_sd, percentage, probability
 from visavis.analysis.statistics.results import quantities
 from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.results.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
@@ -119,7 +119,7 @@ def _by_group(analysis: StudyAnalysis) -> str:
     return f" ({', '.join(told)})" if told else ""
 
 
-def picture_of(drawn: Drawn) -> Picture:
+def picture_of(drawn: ReportFigure) -> Picture:
     """Return a figure as a block of a report."""
     return Picture(svg_for_page(drawn), drawn.title, drawn.caption, drawn.alternative)
 
@@ -147,7 +147,7 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
     if source is not None and analysis.n_participants < (source.participants or 0):
         blocks.append(
             Paragraph(
-                f"With {counted(analysis.n_participants, 'participant')} instead of the source's "
+                f"With {count_of(analysis.n_participants, 'participant')} instead of the source's "
                 f"{source.participants}, power is lower and verdicts are unsteady: none shows "
                 "that there is no effect."
             )
@@ -577,7 +577,7 @@ def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
             )
             if words:
                 yield Fold(
-                    f"{question.prompt} ({counted(len(words), 'answer')})", (Bullets(words),)
+                    f"{question.prompt} ({count_of(len(words), 'answer')})", (Bullets(words),)
                 )
         elif question.scale.options:
             counts = {
@@ -589,7 +589,7 @@ def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
             chosen.append(f"{question.prompt} {told}.")
     if asked.scores:
         yield from _scores(asked, people)
-        title = f"{asked.title}: every answer, {counted(len(chosen), 'question')}"
+        title = f"{asked.title}: every answer, {count_of(len(chosen), 'question')}"
         yield from [Fold(title, (Bullets(tuple(chosen)),))] if chosen else []
     else:
         yield from map(Paragraph, chosen)
@@ -610,7 +610,7 @@ def _scores(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Table]:
 
 def _answered_by(analysis: StudyAnalysis, response: str) -> str:
     ways = analysis.selection.counted[f"{response}_by"].value_counts()
-    given = ", ".join(f"by {way} {counted(count, 'time')}" for way, count in ways.items())
+    given = ", ".join(f"by {way} {count_of(count, 'time')}" for way, count in ways.items())
     return f"How {response.replace('_', ' ')} was answered: {given}."
 
 
@@ -655,5 +655,5 @@ def provenance_section(provenance: ReportProvenance) -> Section:
     if rows:
         heads = ("Participant", "Session", "Began", "Status", "SHA-256", "Code")
         table = Table(tuple(Column(h) for h in heads), rows, "Recordings")
-        blocks.append(Fold(counted(len(rows), "recording"), (table,)))
+        blocks.append(Fold(count_of(len(rows), "recording"), (table,)))
     return Section("provenance", "Provenance", tuple(blocks))

@@ -11,7 +11,7 @@ import pandas as pd
 from visavis.lab.errors import DataError
 from visavis.protocol.plan.columns import ENGINE_COLUMNS, Column
 from visavis.protocol.plan.questionnaires import Questionnaire, score_range
-from visavis.recording.csv_file import tell_neutralised, write_csv
+from visavis.recording.csv_file import note_escaped_columns, write_csv
 from visavis.results.picture_delay import LATE
 from visavis.study.exclusions import ANSWERED
 from visavis.study.experiment import StudyExperiment
@@ -249,7 +249,7 @@ def write_table(
     touched = write_csv(table, path)
     sidecar = path.with_suffix(".json")
     sidecar.write_text(json.dumps(described, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    tell_neutralised(sidecar, touched)
+    note_escaped_columns(sidecar, touched)
     return path, sidecar
 
 

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from visavis.analysis.report.notation import counted
+from visavis.analysis.report.notation import count_of
 from visavis.analysis.report.sources import on_virtual_clock
 from visavis.lab.clock import SimClock, StopWatch, SystemClock
 from visavis.lab.config import LabConfig
@@ -170,7 +170,7 @@ def simulate_study(
                 "it goes on from there"
             ) from stop
     if tasks:
-        telling.say(f"{counted(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s")
+        telling.say(f"{count_of(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s")
     return folder
 
 
@@ -300,7 +300,7 @@ def analyse_study(
         register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, made)
     except LedgerError as error:  # an archive that only can be read
         telling.warn(str(error))
-    telling.say(f"{counted(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
+    telling.say(f"{count_of(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
     return report_path
 
 
@@ -341,7 +341,7 @@ def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
             counts = one.rows[~one.rows["is_practice"].astype(bool)]
             done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
             found[str(one.manifest.participant)] = (
-                f"session of {one.manifest.participant}, {done} of {counted(one.planned, 'trial')}"
+                f"session of {one.manifest.participant}, {done} of {count_of(one.planned, 'trial')}"
             )
     return found
 

@@ -1,3 +1,3 @@
-"""Drawing on a graphics card: buffers, textures, shaders and what they read. Which picture is drawn
-from where is decided above, in `stage`.
+"""Drawing on a graphics card: buffers, textures, shaders and their inputs. Which picture is drawn
+from where is decided in `stage`.
 """

@@ -1,4 +1,4 @@
-"""Open the graphics library: without a screen, or in a context that something else made."""
+"""Open the graphics library: off-screen, or in a context made elsewhere."""
 
 import threading
 import weakref
@@ -30,13 +30,13 @@ def offscreen_context() -> moderngl.Context:
     Raises:
         StageError: there is no EGL, or no driver behind it, that knows OpenGL 3.3.
     """
-    made = _made_offscreen()
-    _OPEN.contexts.append(weakref.ref(made))
-    return made
+    context = _make_offscreen()
+    _OPEN.contexts.append(weakref.ref(context))
+    return context
 
 
 def release_offscreen(context: moderngl.Context) -> None:
-    """Give an off-screen context back; of those made before, the latest is current again."""
+    """Release an off-screen context; the latest one made before it becomes current again."""
     context.release()
     _OPEN.contexts = [ref for ref in _OPEN.contexts if ref() not in (None, context)]
     before = _OPEN.contexts[-1]() if _OPEN.contexts else None
@@ -44,7 +44,7 @@ def release_offscreen(context: moderngl.Context) -> None:
         before.__enter__()  # type: ignore[no-untyped-call]  # moderngl has no types for it
 
 
-def _made_offscreen() -> moderngl.Context:
+def _make_offscreen() -> moderngl.Context:
     try:
         return moderngl.create_context(standalone=True, require=GL_VERSION, **EGL)
     except Exception as egl_problem:
@@ -58,7 +58,7 @@ def _made_offscreen() -> moderngl.Context:
 
 
 def current_context() -> moderngl.Context:
-    """Return the context that is current in this thread: of a window or of a headset runtime.
+    """Return the current context of this thread, made by a window or a headset runtime.
 
     Raises:
         StageError: no context is current, or it knows less than OpenGL 3.3.
@@ -73,6 +73,6 @@ def current_context() -> moderngl.Context:
 
 
 def draws_on_processor(context: moderngl.Context) -> bool:
-    """Tell whether no graphics card draws, so that pictures are worth less work."""
+    """Return whether the processor draws instead of a graphics card."""
     name = str(context.info.get("GL_RENDERER", "")).lower()
     return any(word in name for word in ("llvmpipe", "softpipe", "swiftshader", "software"))

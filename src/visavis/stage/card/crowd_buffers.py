@@ -1,4 +1,4 @@
-"""The cast on the graphics card: everybody moved by one call, and drawn by one call per shader."""
+"""The cast on the graphics card: one call moves everybody, and one call per shader draws them."""
 
 from collections.abc import Callable
 
@@ -58,10 +58,10 @@ class CrowdBuffers:
         self._matrices = context.texture((width, max(n, 1)), 4, dtype="f4")
         self._matrices.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._nowhere = context.simple_framebuffer((1, 1))
-        self._chosen = b""
+        self._last_choice = b""
         self._chunk_count = 0
         self._chunks: moderngl.Texture | None = None
-        self._skinned = context.buffer(reserve=SKINNED_BYTES)
+        self._skin_buffer = context.buffer(reserve=SKINNED_BYTES)
         self._stretches: list[tuple[DrawnAlike, Stretches]] = []
         self._everything: Stretches | None = None
         self._skinning: tuple[moderngl.Program, moderngl.VertexArray] | None = None
@@ -72,14 +72,14 @@ class CrowdBuffers:
         if self.cast:
             self._matrices.write(self.joints.rows)
 
-    def choose(self, level: npt.NDArray[np.int64], drawn: npt.NDArray[np.bool_]) -> None:
-        """Say at which level each person stands and who is drawn at all."""
-        person = np.flatnonzero(drawn)
+    def choose(self, level: npt.NDArray[np.int64], is_drawn: npt.NDArray[np.bool_]) -> None:
+        """Set each person's level of detail and who is drawn."""
+        person = np.flatnonzero(is_drawn)
         model = self._first_model[person] + np.minimum(level, self.level_count - 1)[person]
-        chosen = person.tobytes() + model.tobytes()
-        if chosen == self._chosen and self._everything is not None:
+        choice = person.tobytes() + model.tobytes()
+        if choice == self._last_choice and self._everything is not None:
             return
-        self._chosen = chosen
+        self._last_choice = choice
         order = np.argsort(model, kind="stable")
         self._lay_out(person[order], model[order])
 
@@ -98,19 +98,19 @@ class CrowdBuffers:
         if self._skinning is None or self._skinning[0] is not program:
             self._skinning = program, self._context.vertex_array(program, [])
         self._skinning[1].transform(
-            self._skinned, moderngl.POINTS, vertices=self._chunk_count * CHUNK_VERTICES
+            self._skin_buffer, moderngl.POINTS, vertices=self._chunk_count * CHUNK_VERTICES
         )
 
     def draw(self, program_of: Callable[[Run], moderngl.Program]) -> None:
         """Draw everyone skinned."""
         context, both = self._context, None
-        for alike, stretches in self._stretches:
-            if both is not alike.run.double_sided:
-                both = alike.run.double_sided
+        for batch, stretches in self._stretches:
+            if both is not batch.run.double_sided:
+                both = batch.run.double_sided
                 (context.disable if both else context.enable)(moderngl.CULL_FACE)
-            if alike.look is not None:
-                alike.look.use()
-            self._calls.draw(self._array(program_of(alike.run)), stretches)
+            if batch.look is not None:
+                batch.look.use()
+            self._calls.draw(self._array(program_of(batch.run)), stretches)
 
     def draw_outlines(self, program: moderngl.Program) -> None:
         """Draw everyone skinned into a shadow map."""
@@ -133,11 +133,11 @@ class CrowdBuffers:
         if self._chunks is not None:
             self._chunks.release()
             self._chunks = None
-        for thing in (self._matrices, self._nowhere, self._skinned):
+        for thing in (self._matrices, self._nowhere, self._skin_buffer):
             thing.release()
 
     def _lay_out(self, person: Ints, model: Ints) -> None:
-        """Say which chunks are skinned, and which stretches of indices draw whom."""
+        """List the chunks to skin, and the index ranges that draw each batch."""
         table = self._models.table
         first, count = table.vertices[model].T
         chunks = -(-count // CHUNK_VERTICES)
@@ -157,25 +157,25 @@ class CrowdBuffers:
         base = CHUNK_VERTICES * before
         first_run, runs = table.runs[model].T
         which = np.repeat(first_run - np.cumsum(runs) + runs, runs) + np.arange(runs.sum())
-        alike, first_corner, corners = table.run_table[which].T
+        batch_of_run, first_corner, corners = table.run_table[which].T
         base_of = np.repeat(base, runs)
         self._stretches = [
-            (self._models.alike[k], Stretches.of(first_corner[at], corners[at], base_of[at]))
-            for k in np.unique(alike).tolist()
-            for at in [alike == k]
+            (self._models.batches[k], Stretches.of(first_corner[at], corners[at], base_of[at]))
+            for k in np.unique(batch_of_run).tolist()
+            for at in [batch_of_run == k]
         ]
         first_corner, corners = table.corners[model].T
         self._everything = Stretches.of(first_corner, corners, base)
 
     def _send_chunks(self, rows: Ints) -> None:
-        held = 0 if self._chunks is None else self._chunks.height * CHUNKS_WIDE
-        if held < len(rows):
+        n_held = 0 if self._chunks is None else self._chunks.height * CHUNKS_WIDE
+        if n_held < len(rows):
             high = -(-int(len(rows) * (1 + SPARE_01)) // CHUNKS_WIDE)
             if self._chunks is not None:
                 self._chunks.release()
             self._chunks = self._context.texture((CHUNKS_WIDE, high), 4, dtype="i4")
             self._chunks.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            self._skinned.orphan(high * CHUNKS_WIDE * CHUNK_VERTICES * SKINNED_BYTES)
+            self._skin_buffer.orphan(high * CHUNKS_WIDE * CHUNK_VERTICES * SKINNED_BYTES)
         if self._chunks is not None and len(rows):
             high = -(-len(rows) // CHUNKS_WIDE)
             texels = np.zeros((high * CHUNKS_WIDE, 4), np.int32)
@@ -187,7 +187,7 @@ class CrowdBuffers:
         if array is None:
             array = self._arrays[id(program)] = self._context.vertex_array(
                 program,
-                [(self._skinned, *SKINNED_LAYOUT)],
+                [(self._skin_buffer, *SKINNED_LAYOUT)],
                 self._models.indices,
                 index_element_size=4,
                 skip_errors=True,

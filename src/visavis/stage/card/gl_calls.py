@@ -64,7 +64,7 @@ class Stretches:
 
 
 class GlCalls:
-    """Functions of the context's driver, by which it is called itself; all are in OpenGL 3.3."""
+    """OpenGL 3.3 functions of the driver that are called directly."""
 
     def __init__(self, context: moderngl.Context) -> None:
         loader = context.mglo._context  # noqa: SLF001 - the binding's own, without another door
@@ -96,9 +96,9 @@ class GlCalls:
         )
 
     def query(self, name: str, *arguments: int | Told) -> None:
-        """Call one of the driver's functions for timers; what it tells is written into the last."""
-        passed = [a if isinstance(a, int) else ctypes.addressof(a) for a in arguments]
-        self._functions[name](*passed)
+        """Call a timer function of the driver; its result is written into the last argument."""
+        addresses = [a if isinstance(a, int) else ctypes.addressof(a) for a in arguments]
+        self._functions[name](*addresses)
 
     def fill_srgb(self, array: moderngl.TextureArray, pixels: bytes) -> None:
         """Give an array of 3 or 4 channels its pixels as sRGB, which is decoded when read."""

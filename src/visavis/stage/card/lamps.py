@@ -18,7 +18,7 @@ LIGHTING_BYTES = 4 * (4 + 4 + 12 * MAX_LIGHTS + 16 * MAX_SHADOWS + 4 * MAX_SHADO
 
 @dataclass(frozen=True, eq=False)
 class ShadowView:
-    """Through which matrix (4, 4), from world, the shadow map of a lamp is drawn.
+    """The matrix (4, 4) from world through which the shadow map of a lamp is drawn.
 
     A metre spans `metre_01` of the map at one metre from the lamp, of a sun's everywhere. Depth
     goes from `near_m` to `far_m`; a sun's, which grows evenly, is counted from 0.
@@ -48,14 +48,14 @@ def _shadow_view(
 ) -> ShadowView:
     centre, radius = (low_m + high_m) / 2, float(np.linalg.norm(high_m - low_m)) / 2 + 0.2
     if light.kind == "sun":
-        direction = unit(np.asarray(_given(light.direction, light), np.float64))
+        direction = unit(np.asarray(_require_vector(light.direction, light), np.float64))
         matrix = looking(centre - SUN_AWAY_M * direction, direction)
         near, far = SUN_AWAY_M - radius, SUN_AWAY_M + radius
         flat = np.diag([1 / radius, 1 / radius, -2 / (far - near), 1.0])
         flat[2, 3] = -(far + near) / (far - near)
         metre = 1 / (2 * radius)
         return ShadowView(index, flat @ matrix, softness_m * map_px * metre, metre, 0.0, far - near)
-    place = np.asarray(_given(light.position_m, light), np.float64)
+    place = np.asarray(_require_vector(light.position_m, light), np.float64)
     along = light.direction if light.direction is not None else np.array([0.0, -1.0, 0.0])
     half_deg = light.half_angle_deg if light.kind == "spot" else WIDEST_SHADOW_DEG
     slope = float(np.tan(np.radians(min(half_deg, WIDEST_SHADOW_DEG))))
@@ -122,7 +122,7 @@ def lamp_place(light: Light) -> Vector:
     Raises:
         StageError: it has no place.
     """
-    return np.zeros(3) if light.kind == "sun" else _given(light.position_m, light)
+    return np.zeros(3) if light.kind == "sun" else _require_vector(light.position_m, light)
 
 
 def lamp_axis(light: Light) -> Vector:
@@ -133,10 +133,10 @@ def lamp_axis(light: Light) -> Vector:
     """
     if light.kind == "point":
         return np.zeros(3)
-    return unit(np.asarray(_given(light.direction, light), np.float64))
+    return unit(np.asarray(_require_vector(light.direction, light), np.float64))
 
 
-def _given(vector: Vector | None, light: Light) -> Vector:
+def _require_vector(vector: Vector | None, light: Light) -> Vector:
     if vector is None:
         raise StageError(
             f"a {light.kind} lamp lacks its place or direction",

@@ -1,4 +1,4 @@
-"""The shaders of people and rooms, compiled for what is drawn: kind of surface, lamps, pass."""
+"""The shaders of people and rooms, compiled per kind of surface, lamps and pass."""
 
 from typing import Literal
 
@@ -29,7 +29,7 @@ class LitPrograms:
         shadows: bool,
         area: bool,
         in_light: bool,
-        shrunk: int = 1,
+        shrink_factor: int = 1,
     ) -> None:
         self._context = context
         self._common = (
@@ -37,35 +37,37 @@ class LitPrograms:
             *(("SHADOWS",) if shadows else ()),
             *(("AREA_LAMPS",) if shadows and area else ()),
             *(("IN_LIGHT",) if in_light else ()),
-            *((f"SHRUNK {shrunk:.1f}",) if shrunk > 1 else ()),
+            *((f"SHRUNK {shrink_factor:.1f}",) if shrink_factor > 1 else ()),
         )
         self._fast = fast
         self._in_samples = in_light and SAMPLE_SHADING <= context.extensions
-        self._made: dict[tuple[object, ...], moderngl.Program] = {}
+        self._programs: dict[tuple[object, ...], moderngl.Program] = {}
 
     def lit(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
         """Return the program for triangles that look like `run` under these lamps."""
         channels = 0 if run.texture is None else run.texture.shape[2]
         has_surface = run.maps is not None and run.maps.surface is not None
         key = (family, run.kind, channels, run.maps is None, has_surface, lamps, identity)
-        found = self._made.get(key)
-        if found is None:
-            found = self._made[key] = self._compile(family, run, lamps, identity=identity)
-        return found
+        program = self._programs.get(key)
+        if program is None:
+            program = self._programs[key] = self._compile(family, run, lamps, identity=identity)
+        return program
 
     def outline(self, family: Family) -> moderngl.Program:
         """Return the program that draws into a shadow map."""
         key = (family,)
-        if key not in self._made:
+        if key not in self._programs:
             vertex = glsl_people.SHADOW_VERTEX if family == "people" else glsl_room.SHADOW_VERTEX
-            self._made[key] = compile_program(self._context, vertex, glsl_people.SHADOW_FRAGMENT)
-        return self._made[key]
+            self._programs[key] = compile_program(
+                self._context, vertex, glsl_people.SHADOW_FRAGMENT
+            )
+        return self._programs[key]
 
     def skinning(self) -> moderngl.Program:
         """Return the program that moves people into their poses."""
         key = ("skinning",)
-        if key not in self._made:
-            self._made[key] = compile_program(
+        if key not in self._programs:
+            self._programs[key] = compile_program(
                 self._context,
                 glsl_people.SKIN_VERTEX,
                 None,
@@ -73,13 +75,13 @@ class LitPrograms:
                 constants=glsl_lighting.lamp_constants((), ()),
                 varyings=glsl_people.SKINNED_VARYINGS,
             )
-        return self._made[key]
+        return self._programs[key]
 
     def release(self) -> None:
         """Free the card's memory."""
-        for program in self._made.values():
+        for program in self._programs.values():
             program.release()
-        self._made.clear()
+        self._programs.clear()
 
     def _compile(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
         is_room = family in ("room", "baked_room")
@@ -113,6 +115,6 @@ class LitPrograms:
         except moderngl.Error:
             if EACH_SAMPLE not in defines:
                 raise
-        # The driver has the extensions and cannot do it all the same.
+        # The driver lists the extensions but fails to compile with them.
         defines.remove(EACH_SAMPLE)
         return compile_program(self._context, vertex, fragment, *defines, constants=lamps)

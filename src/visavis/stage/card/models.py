@@ -1,4 +1,4 @@
-"""Every model of people on the graphics card, in one set of buffers, so that one call draws many.
+"""All models of people on the graphics card, in one set of buffers, so that one call draws many.
 
 A model is one level of one character. Vertices lie in a texture that the skinning program reads by
 itself: whoever is to be moved is then told by a short table, not by a call each.
@@ -24,16 +24,16 @@ class CharacterMeshes:
     """Vertices of characters, built once per character and kept while the renderer lives."""
 
     def __init__(self) -> None:
-        self._built: dict[tuple[int, int], tuple[Character, PersonVertices]] = {}
+        self._vertices_of: dict[tuple[int, int], tuple[Character, PersonVertices]] = {}
 
     def of(self, character: Character, level: int) -> PersonVertices:
         """Return a level of a character as vertices."""
         key = id(character), level
-        found = self._built.get(key)
-        if found is None:
+        entry = self._vertices_of.get(key)
+        if entry is None:
             vertices = person_vertices(character, character.levels[level])
-            found = self._built[key] = (character, vertices)
-        return found[1]
+            entry = self._vertices_of[key] = (character, vertices)
+        return entry[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,35 +59,35 @@ class ModelTable:
 
 
 class ModelsOnCard:
-    """All models that were ever asked for; `table` grows, what is in it stays where it is."""
+    """All models requested so far; `table` only grows, entries keep their place."""
 
     def __init__(self, context: moderngl.Context, meshes: CharacterMeshes, looks: Looks) -> None:
         self._context, self._meshes, self.looks = context, meshes, looks
         self._number: dict[int, tuple[Character, int]] = {}
-        self._built: list[PersonVertices] = []
+        self._levels: list[PersonVertices] = []
         self._sources: list[npt.NDArray[np.uint32]] = []
         self._runs: list[tuple[int, int, int]] = []
         self._run_counts: list[int] = []
-        self._alike: dict[tuple[object, ...], int] = {}
-        self.alike: list[DrawnAlike] = []
+        self._batch_of_key: dict[tuple[object, ...], int] = {}
+        self.batches: list[DrawnAlike] = []
         self.indices = context.buffer(reserve=4)
         self.sources: moderngl.Texture | None = None
         self.deltas: moderngl.Texture | None = None
-        self.table = self._tabled()
+        self.table = self._make_table()
 
     def add(self, cast: Iterable[Character]) -> Ints:
         """Return the number of everyone's first level (n,); further levels follow it."""
         people = tuple(cast)
         fresh = list({id(c): c for c in people if id(c) not in self._number}.values())
-        built = [[self._meshes.of(c, k) for k in range(len(c.levels))] for c in fresh]
-        runs = [run for levels in built for level in levels for run in level.runs]
+        fresh_levels = [[self._meshes.of(c, k) for k in range(len(c.levels))] for c in fresh]
+        runs = [run for levels in fresh_levels for level in levels for run in level.runs]
         self.looks.add(runs)
-        for character, levels in zip(fresh, built, strict=True):
-            self._number[id(character)] = character, len(self._built)
+        for character, levels in zip(fresh, fresh_levels, strict=True):
+            self._number[id(character)] = character, len(self._levels)
             for level in levels:
                 self._take(level)
         if fresh:
-            self.table = self._tabled()
+            self.table = self._make_table()
             self._send()
         return np.array([self._number[id(c)][1] for c in people], np.int64)
 
@@ -104,33 +104,33 @@ class ModelsOnCard:
         for run in level.runs:
             look = self.looks.of(run)
             if look is not None:
-                used = level.indices[run.first : run.first + run.count]
-                layer[used], is_layered[used] = self.looks.layer(run), True
+                vertices = level.indices[run.first : run.first + run.count]
+                layer[vertices], is_layered[vertices] = self.looks.layer(run), True
             key = (run.kind, run.double_sided, id(look))
-            if key not in self._alike:
-                self._alike[key] = len(self.alike)
-                self.alike.append(DrawnAlike(run, look))
-            self._runs.append((self._alike[key], run.first, run.count))
+            if key not in self._batch_of_key:
+                self._batch_of_key[key] = len(self.batches)
+                self.batches.append(DrawnAlike(run, look))
+            self._runs.append((self._batch_of_key[key], run.first, run.count))
         self._run_counts.append(len(level.runs))
-        self._built.append(level)
+        self._levels.append(level)
         self._sources.append(_source_rows(level, layer, is_layered))
 
-    def _tabled(self) -> ModelTable:
-        corners = _spans([len(level.indices) for level in self._built])
+    def _make_table(self) -> ModelTable:
+        corners = _spans([len(level.indices) for level in self._levels])
         runs = _spans(self._run_counts)
         table = np.array(self._runs, np.int64).reshape(-1, 3)
         table[:, 1] += np.repeat(corners[:, 0], runs[:, 1])
         return ModelTable(
-            _spans([len(level.vertices) for level in self._built]),
+            _spans([len(level.vertices) for level in self._levels]),
             corners,
             runs,
             table,
-            _spans([len(level.deltas) for level in self._built])[:, 0],
+            _spans([len(level.deltas) for level in self._levels])[:, 0],
         )
 
     def _send(self) -> None:
         context = self._context
-        indices = np.concatenate([level.indices for level in self._built]).astype(np.int32)
+        indices = np.concatenate([level.indices for level in self._levels]).astype(np.int32)
         self.indices.orphan(indices.nbytes)
         self.indices.write(indices)
         for texture in (self.sources, self.deltas):
@@ -138,7 +138,7 @@ class ModelsOnCard:
                 texture.release()
         sources = _in_rows(np.concatenate(self._sources), SOURCES_WIDE * SOURCE_TEXELS)
         self.sources = _nearest(context, sources, "u4")
-        deltas = np.concatenate([level.deltas.reshape(-1, 4) for level in self._built])
+        deltas = np.concatenate([level.deltas.reshape(-1, 4) for level in self._levels])
         self.deltas = _nearest(context, _in_rows(deltas, DELTAS_WIDE * DELTA_TEXELS), "f4")
 
 
@@ -146,18 +146,18 @@ def _source_rows(
     level: PersonVertices, layer: npt.NDArray[np.float32], is_layered: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.uint32]:
     """Return texels (5 v, 4) as `glsl_people.SKIN_VERTEX` reads them."""
-    given = level.vertices
-    out = np.zeros((len(given), SOURCE_TEXELS, 4), np.uint32)
+    vertices = level.vertices
+    out = np.zeros((len(vertices), SOURCE_TEXELS, 4), np.uint32)
     reals = out.view(np.float32)
-    reals[:, 0, :3] = given["rest_m"]
-    out[:, 0, 3] = given["morph"].astype(np.int32).view(np.uint32)
-    reals[:, 1, :3] = given["normal"][:, :3].astype(np.float32)
-    out[:, 1, 3] = np.ascontiguousarray(given["surface"]).view("<u4")[:, 0]
-    reals[:, 2, :3] = given["detail"]
+    reals[:, 0, :3] = vertices["rest_m"]
+    out[:, 0, 3] = vertices["morph"].astype(np.int32).view(np.uint32)
+    reals[:, 1, :3] = vertices["normal"][:, :3].astype(np.float32)
+    out[:, 1, 3] = np.ascontiguousarray(vertices["surface"]).view("<u4")[:, 0]
+    reals[:, 2, :3] = vertices["detail"]
     reals[is_layered, 2, 2] = layer[is_layered]
-    out[:, 2, 3] = np.ascontiguousarray(given["joints"]).view("<u4")[:, 0]
-    reals[:, 3] = given["weights"].astype(np.float32)
-    reals[:, 4, :3] = given["colour"][:, :3].astype(np.float32) / np.float32(255)
+    out[:, 2, 3] = np.ascontiguousarray(vertices["joints"]).view("<u4")[:, 0]
+    reals[:, 3] = vertices["weights"].astype(np.float32)
+    reals[:, 4, :3] = vertices["colour"][:, :3].astype(np.float32) / np.float32(255)
     return out.reshape(-1, 4)
 
 

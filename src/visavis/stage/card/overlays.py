@@ -1,4 +1,4 @@
-"""What is drawn over a scene: panels of text, the fixation mark."""
+"""Overlays on a scene: panels of text and the fixation mark."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ PANELS_KEPT = 24
 
 
 class Overlays:
-    """Panels and marks; both are drawn over everything, whatever stands before them."""
+    """Panels and marks; both are drawn over everything, even over nearer things."""
 
     def __init__(self, context: moderngl.Context, *, in_light: bool) -> None:
         self._context = context
@@ -29,7 +29,7 @@ class Overlays:
         self._programs: dict[str, moderngl.Program] = {}
 
     def draw(self, picture: Picture, camera: Camera) -> None:
-        """Draw panels and mark over what is there."""
+        """Draw panels and mark over the picture."""
         if not picture.panels and picture.mark_m is None:
             return
         context = self._context
@@ -63,19 +63,19 @@ class Overlays:
 
     def _texture(self, panel: Panel) -> moderngl.Texture:
         key = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen)
-        found = self._panels.get(key)
-        if found is None:
+        texture = self._panels.get(key)
+        if texture is None:
             while len(self._panels) >= PANELS_KEPT:
                 self._panels.pop(next(iter(self._panels))).release()
             image = panel_image(panel)
             height, width = image.shape[:2]
-            found = self._context.texture((width, height), 4, image.tobytes())
-            found.build_mipmaps()
-            found.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-            found.anisotropy = 8.0
-            found.repeat_x = found.repeat_y = False
-            self._panels[key] = found
-        return found
+            texture = self._context.texture((width, height), 4, image.tobytes())
+            texture.build_mipmaps()
+            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+            texture.anisotropy = 8.0
+            texture.repeat_x = texture.repeat_y = False
+            self._panels[key] = texture
+        return texture
 
     def release(self) -> None:
         """Free the card's memory."""

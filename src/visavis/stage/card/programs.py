@@ -1,4 +1,4 @@
-"""Compile shaders, and set what they read by name."""
+"""Compile shaders and set their inputs by name."""
 
 from collections.abc import Mapping
 
@@ -6,7 +6,7 @@ import moderngl
 
 HEAD = "#version 330 core\n"
 EACH_SAMPLE = "EACH_SAMPLE"
-"""Defined where every sample of a pixel is shaded by itself."""
+"""Shader symbol that is defined when every sample of a pixel is shaded separately."""
 SAMPLE_EXTENSION = "#extension GL_ARB_gpu_shader5 : require\n"
 UNITS: Mapping[str, int] = {
     "joint_rows": 0,

@@ -1,4 +1,4 @@
-"""A small copy of an eye's picture for the operator, taken from the card without waiting for it."""
+"""A small copy of an eye's picture for the operator, read from the card without waiting."""
 
 import moderngl
 import numpy as np
@@ -29,7 +29,7 @@ void main() {
 class SmallPicture:
     """Own the small copy of textures of one size; used in the thread that draws.
 
-    Its program is compiled at once, not when somebody first looks.
+    Its program is compiled on construction, not at the first use.
     """
 
     def __init__(self, context: moderngl.Context, large_px: tuple[int, int]) -> None:
@@ -39,7 +39,7 @@ class SmallPicture:
         self._context = context
         self._texture = context.texture(self.size_px, 4)
         self._frame = context.framebuffer(self._texture)
-        self._held = context.buffer(reserve=4 * self.size_px[0] * self.size_px[1])
+        self._pixel_buffer = context.buffer(reserve=4 * self.size_px[0] * self.size_px[1])
         self._square = Square(context)
         nothing = context.texture((1, 1), 4)
         self.ask(nothing)
@@ -52,16 +52,16 @@ class SmallPicture:
         self._context.enable_only(moderngl.NOTHING)
         texture.use(2)
         self._square.draw("small", _SMALL_FRAGMENT, (0.0, 0.0, 1.0, 1.0))
-        self._frame.read_into(self._held, components=4)
+        self._frame.read_into(self._pixel_buffer, components=4)
 
     def take(self) -> npt.NDArray[np.uint8]:
-        """Return what was asked for, (height, width, 3) in sRGB, top row first."""
+        """Return the copied picture, (height, width, 3) in sRGB, top row first."""
         width, height = self.size_px
-        raw = np.frombuffer(self._held.read(), np.uint8).reshape(height, width, 4)
+        raw = np.frombuffer(self._pixel_buffer.read(), np.uint8).reshape(height, width, 4)
         return raw[::-1, :, :3]
 
     def release(self) -> None:
         """Free the card's memory."""
         self._context.detect_framebuffer(0).use()
-        for owned in (self._frame, self._texture, self._held):
-            owned.release()
+        for resource in (self._frame, self._texture, self._pixel_buffer):
+            resource.release()

@@ -10,7 +10,7 @@ from visavis.stage.card.programs import compile_program, set_bytes
 
 GL_SRGB8_ALPHA8 = 0x8C43
 
-# At the near plane nothing that is drawn later lies before it.
+# At the near plane nothing drawn later can cover it.
 _HIDING_VERTEX = """
 in vec2 in_corner;
 void main() {
@@ -55,7 +55,7 @@ class EyeTarget:
             )
             self._mean = context.texture(size_px, 4, internal_format=GL_SRGB8_ALPHA8)
             self._many = context.framebuffer(self._colour, self._depth)
-            self._resolved = context.framebuffer(self._mean)
+            self._mean_frame = context.framebuffer(self._mean)
             self.frame = context.framebuffer(self.texture)
         else:
             self.frame = context.framebuffer(self.texture, self._depth)
@@ -89,10 +89,10 @@ class EyeTarget:
         if self._many is None:
             return
         self._context.enable_direct(GL_FRAMEBUFFER_SRGB)
-        self._context.copy_framebuffer(self._resolved, self._many)
+        self._context.copy_framebuffer(self._mean_frame, self._many)
         # Headsets and windows take codes.
         self._context.disable_direct(GL_FRAMEBUFFER_SRGB)
-        self._context.copy_framebuffer(self.frame, self._resolved)
+        self._context.copy_framebuffer(self.frame, self._mean_frame)
 
     def read(self) -> npt.NDArray[np.uint8]:
         """Return the texture as (height, width, 3) bytes, top row first."""
@@ -102,14 +102,14 @@ class EyeTarget:
 
     def release(self) -> None:
         """Free the card's memory."""
-        # What is bound when it is freed would be bound again after the next thing is made.
+        # moderngl would bind a freed object again after making the next one.
         self._context.detect_framebuffer(0).use()
         if self._hiding is not None:
             for thing in (self._hiding, self._corners, self._hider):
                 thing.release()
         if self._many is not None:
             self._many.release()
-            self._resolved.release()
+            self._mean_frame.release()
             self._colour.release()
             self._mean.release()
         self.frame.release()

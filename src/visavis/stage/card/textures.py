@@ -41,26 +41,26 @@ class Looks:
     def __init__(self, context: moderngl.Context, calls: GlCalls) -> None:
         self._context, self._calls = context, calls
         self._place: dict[tuple[int, ...], tuple[Look, int]] = {}
-        self._kept: list[Run] = []
-        self._made: list[moderngl.TextureArray] = []
+        self._runs: list[Run] = []
+        self._textures: list[moderngl.TextureArray] = []
         self._normal = self._array([PLAIN_NORMAL], is_colour=False)
         self._black = self._array([BLACK], is_colour=True)
 
     def add(self, runs: Iterable[Run]) -> None:
-        """Send what runs show, as far as it is not there yet."""
+        """Send the pictures of runs that are not on the card yet."""
         fresh = {_pictures(r): r for r in runs if r.texture is not None}
-        alike: dict[tuple[object, ...], list[Run]] = {}
+        runs_of_shape: dict[tuple[object, ...], list[Run]] = {}
         for ids, run in fresh.items():
             if ids not in self._place:
-                alike.setdefault(_shapes(run), []).append(run)
-        for together in alike.values():
+                runs_of_shape.setdefault(_shapes(run), []).append(run)
+        for together in runs_of_shape.values():
             look = self._look(together)
             for layer, run in enumerate(together):
                 self._place[_pictures(run)] = look, layer
-                self._kept.append(run)
+                self._runs.append(run)
 
     def of(self, run: Run) -> Look | None:
-        """Return what a run shows; None where it has no picture."""
+        """Return the picture of a run; None when it has none."""
         return None if run.texture is None else self._place[_pictures(run)][0]
 
     def layer(self, run: Run) -> int:
@@ -69,9 +69,9 @@ class Looks:
 
     def release(self) -> None:
         """Free the card's memory."""
-        for array in self._made:
+        for array in self._textures:
             array.release()
-        self._made.clear()
+        self._textures.clear()
 
     def _look(self, together: list[Run]) -> Look:
         pictures = [run.texture for run in together if run.texture is not None]
@@ -79,26 +79,26 @@ class Looks:
         if together[0].maps is None:
             return Look(picture)
 
-        def stacked(
+        def stack_maps(
             name: str, otherwise: moderngl.TextureArray | None, *, is_colour: bool
         ) -> moderngl.TextureArray | None:
-            found = [getattr(run.maps, name) for run in together]
-            if found[0] is None:
+            pictures = [getattr(run.maps, name) for run in together]
+            if pictures[0] is None:
                 return otherwise
-            return self._array(found, is_colour=is_colour)
+            return self._array(pictures, is_colour=is_colour)
 
         maps = (
-            ("normal_map", stacked("normal", self._normal, is_colour=False)),
-            ("surface_map", stacked("surface", None, is_colour=False)),
-            ("glow_map", stacked("glow_srgb", self._black, is_colour=True)),
-            ("sheen_map", stacked("sheen_srgb", self._black, is_colour=True)),
+            ("normal_map", stack_maps("normal", self._normal, is_colour=False)),
+            ("surface_map", stack_maps("surface", None, is_colour=False)),
+            ("glow_map", stack_maps("glow_srgb", self._black, is_colour=True)),
+            ("sheen_map", stack_maps("sheen_srgb", self._black, is_colour=True)),
         )
         return Look(picture, tuple((name, array) for name, array in maps if array is not None))
 
     def _array(self, stack: list[TextureArray], *, is_colour: bool) -> moderngl.TextureArray:
-        made = srgb_layers(self._context, self._calls, stack, is_colour=is_colour)
-        self._made.append(made)
-        return made
+        texture = srgb_layers(self._context, self._calls, stack, is_colour=is_colour)
+        self._textures.append(texture)
+        return texture
 
 
 def srgb_layers(
@@ -106,7 +106,7 @@ def srgb_layers(
 ) -> moderngl.TextureArray:
     """Return pictures of one shape as layers for a card; colours are decoded when read."""
     height, width, channels = stack[0].shape
-    pixels, size = _joined(stack), (width, height, len(stack))
+    pixels, size = _join_layers(stack), (width, height, len(stack))
     if is_colour:
         array = context.texture_array(size, channels)
         calls.fill_srgb(array, pixels)
@@ -128,10 +128,10 @@ def _pictures(run: Run) -> tuple[int, ...]:
 
 def _shapes(run: Run) -> tuple[object, ...]:
     maps = run.maps
-    found = [run.texture]
+    pictures = [run.texture]
     if maps is not None:
-        found += [maps.normal, maps.surface, maps.glow_srgb, maps.sheen_srgb]
-    return (maps is None, *(None if picture is None else picture.shape for picture in found))
+        pictures += [maps.normal, maps.surface, maps.glow_srgb, maps.sheen_srgb]
+    return (maps is None, *(None if picture is None else picture.shape for picture in pictures))
 
 
 class Layers:
@@ -142,11 +142,11 @@ class Layers:
     def __init__(
         self,
         pictures: Iterable[TextureArray],
-        layered: Callable[[list[TextureArray]], moderngl.TextureArray],
+        make_array: Callable[[list[TextureArray]], moderngl.TextureArray],
         max_px: int | None = None,
     ) -> None:
         self._place: dict[int, tuple[int, int]] = {}
-        self._kept: list[TextureArray] = []
+        self._pictures: list[TextureArray] = []
         shapes: list[tuple[int, ...]] = []
         stacks: list[list[TextureArray]] = []
         for picture in pictures:
@@ -159,12 +159,12 @@ class Layers:
             at = shapes.index(small.shape)
             self._place[id(picture)] = at, len(stacks[at])
             stacks[at].append(small)
-            self._kept.append(picture)
-        self.arrays = [layered(stack) for stack in stacks]
+            self._pictures.append(picture)
+        self.arrays = [make_array(stack) for stack in stacks]
         self.channels = [shape[2] for shape in shapes]
 
     def place(self, picture: TextureArray) -> tuple[int, int]:
-        """Return the array a picture is in, and its layer."""
+        """Return the array that holds a picture, and its layer."""
         return self._place[id(picture)]
 
     def release(self) -> None:
@@ -179,30 +179,30 @@ class SharedLayers:
     A cast within a larger one that is there takes its layers; of those nobody uses the latest stay.
     """
 
-    def __init__(self, layered: Callable[[list[TextureArray]], moderngl.TextureArray]) -> None:
-        self._layered = layered
-        self._made: dict[frozenset[int], Layers] = {}
+    def __init__(self, make_array: Callable[[list[TextureArray]], moderngl.TextureArray]) -> None:
+        self._make_array = make_array
+        self._layers_of: dict[frozenset[int], Layers] = {}
 
     def of(self, cast: Iterable[Character], in_use: Iterable[Layers]) -> Layers:
         """Return the layers of a cast's pictures; `in_use` are kept whatever comes."""
         materials = [m for c in cast for m in c.materials if m.kind != "eye"]
         pictures = [m.texture_srgb for m in materials if m.texture_srgb is not None]
         key = frozenset(map(id, pictures))
-        for there, layers in self._made.items():
+        for there, layers in self._layers_of.items():
             if key <= there:
                 return layers
-        used = {id(layers) for layers in in_use}
-        spare = [there for there, layers in self._made.items() if id(layers) not in used]
-        for there in spare[: max(0, len(self._made) + 1 - MAX_SHARED)]:
-            self._made.pop(there).release()
-        made = Layers(pictures, self._layered, MAX_LAYER_PX)
-        return self._made.setdefault(key, made)
+        ids_in_use = {id(layers) for layers in in_use}
+        spare = [there for there, layers in self._layers_of.items() if id(layers) not in ids_in_use]
+        for there in spare[: max(0, len(self._layers_of) + 1 - MAX_SHARED)]:
+            self._layers_of.pop(there).release()
+        new = Layers(pictures, self._make_array, MAX_LAYER_PX)
+        return self._layers_of.setdefault(key, new)
 
     def release(self) -> None:
         """Free the card's memory."""
-        for layers in self._made.values():
+        for layers in self._layers_of.values():
             layers.release()
-        self._made.clear()
+        self._layers_of.clear()
 
 
 def _at_most(picture: TextureArray, side_px: int) -> TextureArray:
@@ -222,18 +222,18 @@ def code_layers(
     """
     height, width, channels = stack[0].shape
     array = context.texture_array(
-        (width, height, len(stack)), channels, _joined(stack), alignment=1
+        (width, height, len(stack)), channels, _join_layers(stack), alignment=1
     )
-    smaller = _halved(stack)
+    smaller = _mipmaps(stack)
     for level, layers in enumerate(smaller, start=1):
-        calls.fill_smaller(array, level, _joined(layers))
+        calls.fill_smaller(array, level, _join_layers(layers))
     if not smaller:
         array.build_mipmaps()
     array.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
     return array
 
 
-def _halved(stack: list[TextureArray]) -> list[list[TextureArray]]:
+def _mipmaps(stack: list[TextureArray]) -> list[list[TextureArray]]:
     """Return the pictures halved time and again until one pixel is left; none at all where a side
     is no power of 2. Mesa compiles its own way of doing this anew in every process.
     """
@@ -251,5 +251,5 @@ def _halved(stack: list[TextureArray]) -> list[list[TextureArray]]:
     return out
 
 
-def _joined(stack: list[TextureArray]) -> bytes:
+def _join_layers(stack: list[TextureArray]) -> bytes:
     return b"".join(np.ascontiguousarray(layer).tobytes() for layer in stack)

@@ -1,4 +1,4 @@
-"""How long the card works on each frame, as the card itself tells it, without waiting for it."""
+"""How long the card works on each frame, by the card's own timers, without waiting for them."""
 
 import ctypes
 from collections import deque
@@ -12,7 +12,7 @@ from visavis.lab.frame import FrameInfo
 from visavis.stage.card.gl_calls import GlCalls
 
 MAX_OPEN = 8
-"""Frames whose time may be outstanding; a card lies one to three frames behind."""
+"""Frames whose time may be outstanding; a card is one to three frames behind."""
 GL_TIME_ELAPSED, GL_QUERY_COUNTER_BITS = 0x88BF, 0x8864
 GL_QUERY_RESULT, GL_QUERY_RESULT_AVAILABLE = 0x8866, 0x8867
 
@@ -35,8 +35,8 @@ class CardTimer:
         self._open: deque[tuple[FrameInfo, int]] = deque()
 
     @contextmanager
-    def timed(self, frame: FrameInfo) -> Iterator[None]:
-        """Time what is drawn in this block as the frame's work."""
+    def time_frame(self, frame: FrameInfo) -> Iterator[None]:
+        """Time the drawing in this block as the frame's work."""
         if not self._free:
             yield
             return
@@ -48,22 +48,22 @@ class CardTimer:
             self._calls.query("glEndQuery", GL_TIME_ELAPSED)
             self._open.append((frame, name))
 
-    def told(self) -> list[tuple[FrameInfo, float]]:
+    def results(self) -> list[tuple[FrameInfo, float]]:
         """Return the frames whose time has come in since the last call, each with its time (ms)."""
-        found = []
+        results = []
         while self._open:
             frame, name = self._open[0]
-            known, elapsed_ns = ctypes.c_uint(0), ctypes.c_uint64(0)
-            self._calls.query("glGetQueryObjectuiv", name, GL_QUERY_RESULT_AVAILABLE, known)
-            if not known.value and self._free:
+            is_available, elapsed_ns = ctypes.c_uint(0), ctypes.c_uint64(0)
+            self._calls.query("glGetQueryObjectuiv", name, GL_QUERY_RESULT_AVAILABLE, is_available)
+            if not is_available.value and self._free:
                 break
             self._open.popleft()
             self._free.append(name)
-            if known.value:
+            if is_available.value:
                 self._calls.query("glGetQueryObjectui64v", name, GL_QUERY_RESULT, elapsed_ns)
             if elapsed_ns.value:
-                found.append((frame, elapsed_ns.value / NS_PER_MS))
-        return found
+                results.append((frame, elapsed_ns.value / NS_PER_MS))
+        return results
 
     def release(self) -> None:
         """Free the card's timers."""

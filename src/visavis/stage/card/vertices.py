@@ -94,15 +94,15 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
         key = (shader, id(texture), materials[i].double_sided, *_identities(maps))
         looks.setdefault(key, []).append(i)
     order, runs, first = [], [], 0
-    # Whatever has a hole or a soft edge comes last, so that it is blended over the rest.
+    # Surfaces with holes or soft edges come last, so that they are blended over the rest.
     for members in sorted(looks.values(), key=lambda of: _opacity_rank(materials, of)):
         first_of = materials[members[0]]
         shader = first_of.kind if first_of.kind in SHADERS else "other"
-        chosen = np.flatnonzero(np.isin(material_of, members))
-        order.append(chosen)
+        triangles_of_run = np.flatnonzero(np.isin(material_of, members))
+        order.append(triangles_of_run)
         texture = first_of.texture_srgb if shader != "eye" else None
         maps = first_of.maps if texture is not None else None
-        count = 3 * len(chosen)
+        count = 3 * len(triangles_of_run)
         runs.append(Run(first, count, texture, first_of.double_sided, shader, maps))
         first += count
     rows = np.concatenate(order) if order else np.zeros(0, np.int64)
@@ -124,11 +124,11 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
     out["surface"][:, 1] = np.round(np.clip(roughness, 0, 1) * 255)[material]
     out["surface"][:, 2] = part
     if mesh.uv is not None:
-        # Kind + 128: whoever lights vertices leaves these to the pixels.
-        textured = np.array([m.texture_srgb is not None and m.kind != "eye" for m in materials])
-        chosen = textured[material]
-        out["detail"][chosen, :2] = mesh.uv[source[chosen]]
-        out["surface"][chosen, 0] |= 128
+        # Kind + 128: vertex lighting leaves these vertices to the pixels.
+        has_texture = np.array([m.texture_srgb is not None and m.kind != "eye" for m in materials])
+        triangles_of_run = has_texture[material]
+        out["detail"][triangles_of_run, :2] = mesh.uv[source[triangles_of_run]]
+        out["surface"][triangles_of_run, 0] |= 128
     is_eye = np.array([m.kind == "eye" for m in materials], bool)[material]
     _place_irises(out, character, eyes[source], is_eye)
     deltas = _morph_rows(out, mesh, source)
@@ -256,7 +256,7 @@ def room_vertices(props: tuple[Prop, ...]) -> RoomVertices:
         np.concatenate(vertices) if vertices else np.zeros(0, ROOM_VERTEX),
         np.concatenate(indices) if indices else np.zeros(0, np.int32),
         tuple(runs),
-        _joined(casting),
+        _join_stretches(casting),
     )
 
 
@@ -266,7 +266,7 @@ def _shape_of(group: tuple[tuple[int, bool], list[Prop]]) -> tuple[bool, tuple[i
     return double_sided, () if texture is None else texture.shape
 
 
-def _joined(stretches: list[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+def _join_stretches(stretches: list[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
     """Join stretches that follow one another."""
     out: list[tuple[int, int]] = []
     for first, count in stretches:

@@ -1,1 +1,1 @@
-"""Placing things as arrays, wherever they are drawn: cameras, joints, what touches a floor."""
+"""Arrays that place things, for card and processor alike: cameras, joints, contact with floors."""

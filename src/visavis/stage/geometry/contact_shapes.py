@@ -1,4 +1,4 @@
-"""What touches a floor, as simple shapes: soles of shoes, blocks of furniture."""
+"""Simple shapes of what touches a floor: soles of shoes, blocks of furniture."""
 
 from functools import cache
 
@@ -16,9 +16,9 @@ END_SHARE_01 = 0.3
 """Share of a sole's length in which its heel, and its ball, are as wide as they get."""
 MIN_SHARE_OF_FOOT = 0.5
 REACH_IN_WIDTHS, REACH_IN_HEIGHTS = 5.0, 2.0
-"""So far from its sides a narrow or low block hides about a thirtieth of the sky."""
+"""Distance, in widths or heights, at which a narrow or low block hides a thirtieth of the sky."""
 MAX_REACH_M = 1.2
-"""Farther away floors are lit by walls and by each other as much as they lose."""
+"""Farther away, walls and floors reflect as much light as the block hides."""
 
 
 @cache
@@ -31,8 +31,8 @@ def soles_of(character: Character) -> Vector:
     skeleton, mesh = character.skeleton, character.levels[0]
     for k in range(0, len(SOLE_JOINTS), 2):
         foot, toes = (skeleton.index(name) for name in SOLE_JOINTS[k : k + 2])
-        moved = np.isin(mesh.joints, (foot, toes))
-        own = np.where(moved, mesh.weights, 0.0).sum(axis=1) > MIN_SHARE_OF_FOOT
+        on_foot = np.isin(mesh.joints, (foot, toes))
+        own = np.where(on_foot, mesh.weights, 0.0).sum(axis=1) > MIN_SHARE_OF_FOOT
         along = (skeleton.rest_m[toes] - skeleton.rest_m[foot])[[0, 2]]
         length = float(np.linalg.norm(along))
         if not own.any() or length == 0.0:

@@ -11,9 +11,9 @@ from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.picture import PosedPeople
 
 SOLE_TEXELS, FACE_TEXELS = len(SOLE_JOINTS), 2
-"""Texels behind a person's joints: where the soles are, the weights of the face."""
+"""Texels after a person's joints: places of the soles, weights of the face."""
 WATCHED_JOINTS = ("hips", "head")
-"""Joints whose places the drawing itself asks for: distance, culling."""
+"""Joints whose places drawing needs for distance and culling."""
 
 
 @compiled
@@ -24,7 +24,7 @@ def _fill_rows(
     root: Vector,
     local: Vector,
     morphs: Vector,
-    watched: npt.NDArray[np.int64],
+    watched_joints: npt.NDArray[np.int64],
     sole_joints: npt.NDArray[np.int64],
     soles: Vector,
     world: Vector,
@@ -38,6 +38,7 @@ def _fill_rows(
     joints = parents.shape[0]
     for r in range(root.shape[0]):
         for j in range(joints):
+            # Parents come before their children, so that one pass chains all turns.
             p = parents[j]
             bw, bx, by, bz = local[r, j, 0], local[r, j, 1], local[r, j, 2], local[r, j, 3]
             if p < 0:
@@ -46,6 +47,8 @@ def _fill_rows(
             else:
                 aw, ax, ay, az = world[p, 0], world[p, 1], world[p, 2], world[p, 3]
                 vx, vy, vz = offsets[r, j, 0], offsets[r, j, 1], offsets[r, j, 2]
+                # Rotate the bone by the parent's turn, v + w t + q × t with t = 2 q × v, then
+                # multiply turns.
                 tx, ty = 2 * (ay * vz - az * vy), 2 * (az * vx - ax * vz)
                 tz = 2 * (ax * vy - ay * vx)
                 px = place[p, 0] + vx + aw * tx + ay * tz - az * ty
@@ -63,12 +66,14 @@ def _fill_rows(
             ox, oy, oz = rest[r, j, 0], rest[r, j, 1], rest[r, j, 2]
             c = 3 * j
             rows[r, c, 0], rows[r, c, 1], rows[r, c, 2] = r00, r01, r02
+            # Translation that takes the joint's place at rest to its place now: p − R b.
             rows[r, c, 3] = px - (r00 * ox + r01 * oy + r02 * oz)
             rows[r, c + 1, 0], rows[r, c + 1, 1], rows[r, c + 1, 2] = r10, r11, r12
             rows[r, c + 1, 3] = py - (r10 * ox + r11 * oy + r12 * oz)
             rows[r, c + 2, 0], rows[r, c + 2, 1], rows[r, c + 2, 2] = r20, r21, r22
             rows[r, c + 2, 3] = pz - (r20 * ox + r21 * oy + r22 * oz)
         for s in range(sole_joints.shape[0]):
+            # Soles move rigidly with the foot; the contact shadows are laid under them.
             c, at = 3 * sole_joints[s], 3 * joints + s
             for i in range(3):
                 rows[r, at, i] = rows[r, c + i, 3] + (
@@ -79,9 +84,9 @@ def _fill_rows(
             rows[r, at, 3] = soles[r, s, 3]
         for k in range(morphs.shape[1]):
             rows[r, 3 * joints + sole_joints.shape[0] + k // 4, k % 4] = morphs[r, k]
-        for k in range(watched.shape[0]):
+        for k in range(watched_joints.shape[0]):
             for i in range(3):
-                watched_m[r, k, i] = place[watched[k], i]
+                watched_m[r, k, i] = place[watched_joints[k], i]
 
 
 class JointRows:
@@ -110,10 +115,13 @@ class JointRows:
         self._rest = np.array([c.skeleton.rest_m for c in cast]).reshape(n, joints, 3)
         self._soles = np.array([soles_of(c) for c in cast]).reshape(n, SOLE_TEXELS, 4)
 
-        def numbered(names: tuple[str, ...]) -> npt.NDArray[np.int64]:
+        def indices_of(names: tuple[str, ...]) -> npt.NDArray[np.int64]:
             return np.array([cast[0].skeleton.index(k) if cast else 0 for k in names], np.int64)
 
-        self._watched, self._sole_joints = numbered(WATCHED_JOINTS), numbered(SOLE_JOINTS)
+        self._watched_joints, self._sole_joints = (
+            indices_of(WATCHED_JOINTS),
+            indices_of(SOLE_JOINTS),
+        )
         self._world, self._place = np.empty((joints, 4)), np.empty((joints, 3))
 
     @property
@@ -144,7 +152,7 @@ class JointRows:
             np.ascontiguousarray(people.root_m, np.float64),
             np.ascontiguousarray(people.orientation_wxyz, np.float64),
             np.ascontiguousarray(people.morphs_01, np.float64),
-            self._watched,
+            self._watched_joints,
             self._sole_joints,
             self._soles,
             self._world,

@@ -1,3 +1,3 @@
-"""Drawing where a processor does the card's work: people skinned, lit and culled in compiled loops,
-rooms lit once at their vertices.
+"""Drawing without a graphics card: compiled loops skin, light and cull people; rooms are lit once
+at their vertices.
 """

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.stage.card.vertices import RoomVertices
-from visavis.stage.processor.models import decoded
+from visavis.stage.processor.models import linear_light
 from visavis.stage.processor.vertex_light import (
     CODES_OF_ROOT,
     FACTORS_OF_ROOT,
@@ -35,7 +35,7 @@ class BakedRoom:
 
 
 def baked_room(laid_out: RoomVertices, room: Room) -> BakedRoom:
-    """Cut the triangles of a room where its light asks for it, and light its vertices."""
+    """Subdivide a room's triangles where the light changes, and light its vertices."""
     rows = lamp_rows(room)
     vertices, indices, runs = laid_out.vertices, [], []
     light = np.zeros((len(vertices), 3), np.float32)
@@ -44,12 +44,12 @@ def baked_room(laid_out: RoomVertices, room: Room) -> BakedRoom:
     place, first = place.ravel(), 0
     for run in laid_out.runs:
         triangles = laid_out.indices[run.first : run.first + run.count].reshape(-1, 3)
-        used = np.unique(triangles)
-        textured = run.texture is not None
-        light[used] = _light(vertices[used], rows, textured=textured)
+        corners = np.unique(triangles)
+        has_picture = run.texture is not None
+        light[corners] = _light(vertices[corners], rows, has_picture=has_picture)
         for _ in range(MAX_CUTS):
             vertices, light, place, finer = _cut(
-                vertices, light, place, triangles, rows, textured=textured
+                vertices, light, place, triangles, rows, has_picture=has_picture
             )
             if len(finer) == len(triangles):
                 break
@@ -57,20 +57,20 @@ def baked_room(laid_out: RoomVertices, room: Room) -> BakedRoom:
         indices.append(triangles.ravel())
         runs.append(replace(run, first=first, count=triangles.size))
         first += triangles.size
-    joined = np.concatenate(indices) if indices else laid_out.indices
-    return BakedRoom(RoomVertices(vertices, joined.astype(np.int32), tuple(runs), ()), light)
+    all_indices = np.concatenate(indices) if indices else laid_out.indices
+    return BakedRoom(RoomVertices(vertices, all_indices.astype(np.int32), tuple(runs), ()), light)
 
 
 def _light(
-    vertices: npt.NDArray[np.void], rows: tuple[Floats, Floats], *, textured: bool
+    vertices: npt.NDArray[np.void], rows: tuple[Floats, Floats], *, has_picture: bool
 ) -> Floats:
     out = np.zeros((len(vertices), 3), np.float32)
     light_points(
         np.ascontiguousarray(vertices["place_m"]),
         vertices["normal"][:, :3].astype(np.float32),
-        decoded(vertices["colour"][:, :3]),
+        linear_light(vertices["colour"][:, :3]),
         vertices["look"][:, 1].astype(np.float32) / np.float32(255),
-        np.full(len(vertices), textured),
+        np.full(len(vertices), has_picture),
         *rows,
         CODES_OF_ROOT,
         FACTORS_OF_ROOT,
@@ -96,9 +96,9 @@ def _cut(
     triangles: npt.NDArray[np.int32],
     rows: tuple[Floats, Floats],
     *,
-    textured: bool,
+    has_picture: bool,
 ) -> tuple[npt.NDArray[np.void], Floats, Ints, npt.NDArray[np.int32]]:
-    """Cut in two every edge whose middle is lit otherwise than its ends say.
+    """Halve every edge whose middle is lit differently from the mean of its ends.
 
     Edges at one place are cut together, whatever surface they belong to: no cracks open.
     """
@@ -106,21 +106,21 @@ def _cut(
     a, b, edge_of = _unique_pairs(pairs)
     length = np.linalg.norm(vertices["place_m"][a] - vertices["place_m"][b], axis=1)
     middle = _between(vertices[a], vertices[b])
-    lit = _light(middle, rows, textured=textured)
+    lit = _light(middle, rows, has_picture=has_picture)
     error = np.abs(lit - (light[a] + light[b]) / 2).max(axis=1)
-    marked = (length > MAX_EDGE_M) | ((error > MAX_ERROR) & (length > MIN_EDGE_M))
+    needs_cut = (length > MAX_EDGE_M) | ((error > MAX_ERROR) & (length > MIN_EDGE_M))
     _, _, same = _unique_pairs(np.stack([place[a], place[b]], axis=1))
     together = np.zeros(same.max(initial=-1) + 1, np.bool_)
-    np.logical_or.at(together, same, marked)
-    marked = together[same]
-    if not marked.any():
+    np.logical_or.at(together, same, needs_cut)
+    needs_cut = together[same]
+    if not needs_cut.any():
         return vertices, light, place, triangles
-    number = np.where(marked, len(vertices) + np.cumsum(marked) - 1, -1)
+    number = np.where(needs_cut, len(vertices) + np.cumsum(needs_cut) - 1, -1)
     middles = number[edge_of].reshape(-1, 3)
-    new_place = place.max(initial=0) + 1 + same[marked]
+    new_place = place.max(initial=0) + 1 + same[needs_cut]
     return (
-        np.concatenate([vertices, middle[marked]]),
-        np.concatenate([light, lit[marked]]),
+        np.concatenate([vertices, middle[needs_cut]]),
+        np.concatenate([light, lit[needs_cut]]),
         np.concatenate([place, new_place]),
         _split(triangles, middles.astype(np.int32)),
     )

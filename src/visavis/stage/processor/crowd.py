@@ -1,4 +1,4 @@
-"""The cast where a processor draws: skinned, lit and culled in compiled loops, once for all eyes.
+"""The cast when the processor draws: skinned, lit and culled in compiled loops, once for all eyes.
 
 One buffer holds everybody and a few calls draw them, nearest first, so that who stands behind is
 rejected before it is shaded.
@@ -81,8 +81,8 @@ class _Room:
     """Rows for everybody's vertices and triangles, with some to spare, here and on the card."""
 
     free: FreeRows
-    posed: Floats
-    drawn: npt.NDArray[np.bool_]
+    positions: Floats
+    is_drawn: npt.NDArray[np.bool_]
     still: moderngl.Buffer
     moving: moderngl.Buffer
     corners: npt.NDArray[np.int32]
@@ -135,14 +135,14 @@ class ProcessorCrowd:
         self._soles = context.texture((SOLE_TEXELS, max(len(cast), 1)), 4, dtype="f4")
         self._soles.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._models: dict[tuple[int, int, bool], int] = {}
-        self._joined = JoinedModels(_rank(self.layers))
+        self._joined_models = JoinedModels(_rank(self.layers))
         self._room: _Room | None = None
         self._drawing: _Drawing | None = None
         self._levels: tuple[int, ...] = ()
         self._model_of = np.zeros(2 * len(cast), np.int64)
         self._slot_of = np.zeros(2 * len(cast), np.int64)
         self._plain_of = np.repeat([False, True], len(cast))
-        self._drawn = np.zeros(0, np.int64)
+        self._visible_people = np.zeros(0, np.int64)
         self._count = np.zeros(0, np.int64)
         self._pixel: Floats = np.zeros((0, 0, 2), np.float32)
         self._second = ThreadPoolExecutor(1, "skin")
@@ -154,12 +154,12 @@ class ProcessorCrowd:
             soles = self.joints.rows[:, first : first + SOLE_TEXELS]
             self._soles.write(np.ascontiguousarray(soles))
 
-    def choose(self, level: npt.NDArray[np.int64], drawn: npt.NDArray[np.bool_]) -> None:
-        """Say at which level each person stands and who is drawn at all."""
+    def choose(self, level: npt.NDArray[np.int64], is_drawn: npt.NDArray[np.bool_]) -> None:
+        """Set each person's level of detail and who is drawn."""
         levels = tuple(np.minimum(level, self.level_count - 1).tolist())
         if levels != self._levels or self._room is None:
             self._change(levels)
-        self._drawn = np.flatnonzero(drawn)
+        self._visible_people = np.flatnonzero(is_drawn)
 
     def skin(
         self,
@@ -177,20 +177,24 @@ class ProcessorCrowd:
         gives the display's codes, otherwise linear light. What falls on no pixel of a `grid`, one
         picture an eye, is left out.
         """
-        room, drawing, joined = self._room, self._drawing, self._joined
+        room, drawing, models = self._room, self._drawing, self._joined_models
         if room is None or drawing is None:
             return
-        nearest_first = self._drawn[np.argsort(distance_m[self._drawn], kind="stable")]
+        # Nearest people first: the depth test then rejects most of what lies behind them.
+        nearest_first = self._visible_people[
+            np.argsort(distance_m[self._visible_people], kind="stable")
+        ]
         is_far = distance_m[nearest_first] > textured_to_m
         people = nearest_first + np.where(is_far, len(self.cast), 0)
-        a = joined.arrays
-        vertices_of = joined.vertices_of[self._model_of]
+        a = models.arrays
+        vertices_of = models.vertices_of[self._model_of]
+        # With many eyes nearly every triangle faces one, so that culling is not worth its time.
         few = len(eyes_m) <= MAX_EYES_CULLED
         eyes = np.ascontiguousarray(eyes_m if few else eyes_m[:0], np.float32)
         grid = NO_GRID if grid is None or not len(eyes) else grid
-        pixel = self._pixels(len(room.posed), len(grid.size_px))
+        pixel = self._pixels(len(room.positions), len(grid.size_px))
 
-        def shown(some: Counts, corners: npt.NDArray[np.int32]) -> Counts:
+        def pose_and_gather(some: Counts, corners: npt.NDArray[np.int32]) -> Counts:
             pose(
                 some,
                 vertices_of,
@@ -203,25 +207,25 @@ class ProcessorCrowd:
                 a["morph"],
                 a["deltas"],
                 grid.pixels_from_world,
-                room.posed,
+                room.positions,
                 pixel,
             )
-            count = np.zeros(len(joined.groups), np.int64)
+            count = np.zeros(len(models.groups), np.int64)
             gather_front(
                 some,
                 self._model_of,
                 self._slot_of,
                 self._plain_of,
                 drawing.group_of,
-                joined.stretches,
+                models.stretches,
                 a["triangles"],
                 drawing.single_sided,
-                room.posed,
+                room.positions,
                 eyes,
                 pixel,
                 grid.size_px,
                 grid.between,
-                room.drawn,
+                room.is_drawn,
                 drawing.first,
                 count,
                 corners,
@@ -235,25 +239,25 @@ class ProcessorCrowd:
                 a["plain_albedo"],
                 a["wrap"],
                 a["kind"],
-                a["textured"],
+                a["has_picture"],
                 *lamps,
                 CODES_OF_ROOT,
                 FACTORS_OF_ROOT,
                 encode,
-                room.drawn,
-                room.posed,
+                room.is_drawn,
+                room.positions,
             )
             return count
 
-        # Those before the half of the vertices are nearer than the others.
+        # The first half of the vertices belongs to the nearer people.
         size = np.diff(vertices_of, axis=1)[:, 0]
         half = int(np.searchsorted(np.cumsum(size[people]), size[people].sum() / 2))
-        others = self._second.submit(shown, people[half:], room.farther_corners)
-        nearer = shown(people[:half], room.corners)
+        others = self._second.submit(pose_and_gather, people[half:], room.farther_corners)
+        nearer = pose_and_gather(people[:half], room.corners)
         farther = others.result()
         self._count = nearer + farther
         for first, last in _stretches(self._slot_of[people], size[people]):
-            room.moving.write(room.posed[first:last], offset=POSED_BYTES * first)
+            room.moving.write(room.positions[first:last], offset=POSED_BYTES * first)
         starts = drawing.first[:-1].tolist()
         for first, n, more in zip(starts, nearer.tolist(), farther.tolist(), strict=True):
             if n:
@@ -274,13 +278,13 @@ class ProcessorCrowd:
         if room is None or drawing is None:
             return
         context = self._context
-        for g, group in enumerate(self._joined.groups):
+        for g, group in enumerate(self._joined_models.groups):
             if not self._count[g]:
                 continue
-            textured = group.array >= 0
-            channels = self.layers.channels[group.array] if textured else None
+            has_picture = group.array >= 0
+            channels = self.layers.channels[group.array] if has_picture else None
             program = program_of(group.run(channels))
-            if textured:
+            if has_picture:
                 self.layers.arrays[group.array].use(UNITS["picture"])
             (context.disable if group.double_sided else context.enable)(moderngl.CULL_FACE)
             self._array(program, room).render(
@@ -304,15 +308,17 @@ class ProcessorCrowd:
         """Return the number of a character's level among the joined models."""
         key = id(character), level, far
         if key not in self._models:
-            self._models[key] = self._joined.add(
-                coarser(self._joined.models[self._model(character, level, far=False)], FAR_CELL_M)
+            self._models[key] = self._joined_models.add(
+                coarser(
+                    self._joined_models.models[self._model(character, level, far=False)], FAR_CELL_M
+                )
                 if far
                 else model(self._meshes.of(character, level), self.layers)
             )
         return self._models[key]
 
     def _change(self, levels: tuple[int, ...]) -> None:
-        """Bring whoever is at another level than before to that level."""
+        """Move people whose level changed to rows of the new level."""
         n, room = len(self.cast), self._room
         before = self._levels if room is not None else (None,) * n
         people = [i for i in range(n) if levels[i] != before[i]]
@@ -324,7 +330,7 @@ class ProcessorCrowd:
             for slot, size in zip(self._slot_of[entries], self._sizes(entries), strict=True):
                 room.free.give(int(slot), int(size))
         self._model_of[entries] = numbers
-        self._drawing = self._grouped()
+        self._drawing = self._group_triangles()
         self._levels = levels
         if room is None or not self._move(room, entries):
             self._lay_out_afresh()
@@ -335,7 +341,7 @@ class ProcessorCrowd:
 
     def _sizes(self, entries: Counts) -> Counts:
         """Return how many vertices people have."""
-        start, end = self._joined.vertices_of[self._model_of[entries]].T
+        start, end = self._joined_models.vertices_of[self._model_of[entries]].T
         sizes: Counts = end - start
         return sizes
 
@@ -351,7 +357,7 @@ class ProcessorCrowd:
 
     def _still(self, i: int) -> npt.NDArray[np.void]:
         """Return what never moves of one person."""
-        still: npt.NDArray[np.void] = self._joined.models[self._model_of[i]].still.copy()
+        still: npt.NDArray[np.void] = self._joined_models.models[self._model_of[i]].still.copy()
         still["person"] = 1 + i % len(self.cast)
         return still
 
@@ -390,17 +396,17 @@ class ProcessorCrowd:
         """Return how many triangles there are at most, were none turned away."""
         return 0 if self._drawing is None else int(self._drawing.first[-1])
 
-    def _grouped(self) -> _Drawing:
-        """Say what goes into which group; from far what hides all behind it is drawn plainly."""
-        joined, n = self._joined, len(self.cast)
-        groups, plain = joined.groups, joined.groups.index(PLAIN)
+    def _group_triangles(self) -> _Drawing:
+        """Assign triangles to groups; opaque triangles of far people are drawn without textures."""
+        models, n = self._joined_models, len(self.cast)
+        groups, plain = models.groups, models.groups.index(PLAIN)
         own_group = np.arange(len(groups))
         opaque = [
             g.array >= 0 and self.layers.channels[g.array] == 3 and not g.double_sided
             for g in groups
         ]
         plain_group = np.where(np.array(opaque), plain, own_group)
-        most = np.diff(joined.stretches, axis=2)[..., 0][self._model_of[:n]].sum(axis=0)
+        most = np.diff(models.stretches, axis=2)[..., 0][self._model_of[:n]].sum(axis=0)
         most[plain] += most[opaque].sum()
         return _Drawing(
             np.concatenate([np.tile(own_group, (n, 1)), np.tile(plain_group, (n, 1))]),
@@ -422,7 +428,7 @@ class ProcessorCrowd:
 
 
 def _stretches(first: Counts, size: Counts) -> list[tuple[int, int]]:
-    """Join stretches that lie next to each other; of nobody there are none."""
+    """Join adjacent stretches; the result is empty when nobody is drawn."""
     if not len(first):
         return []
     order = np.argsort(first)
@@ -433,7 +439,7 @@ def _stretches(first: Counts, size: Counts) -> list[tuple[int, int]]:
 
 
 def _rank(layers: Layers) -> Callable[[Group], tuple[object, ...]]:
-    """Return the order of drawing: what has holes or a soft edge comes last."""
+    """Return the order of drawing: surfaces with holes or soft edges come last."""
 
     def rank(group: Group) -> tuple[object, ...]:
         cut_out = group.array >= 0 and layers.channels[group.array] == 4

@@ -20,7 +20,7 @@ MODEL_ARRAYS = (
     "plain_albedo",
     "wrap",
     "kind",
-    "textured",
+    "has_picture",
 )
 Counts = npt.NDArray[np.int64]
 Rank = Callable[[Group], tuple[object, ...]]
@@ -37,7 +37,7 @@ class JoinedModels:
         self._rank = rank
         self.models: list[Model] = []
         self.arrays: dict[str, npt.NDArray[Any]] = {}
-        self._filled: dict[str, int] = {}
+        self._row_counts: dict[str, int] = {}
         self.vertices_of = np.zeros((0, 2), np.int64)
         self.groups: tuple[Group, ...] = (PLAIN,)
         self.stretches = np.zeros((0, 1, 2), np.int64)
@@ -50,10 +50,10 @@ class JoinedModels:
         for name in MODEL_ARRAYS:
             own = getattr(model, name)
             if name == "morph":  # counts displacements in the joined array
-                shift = self._filled.get("deltas", 0)
+                shift = self._row_counts.get("deltas", 0)
                 own = np.where(own >= 0, own + shift, -1).astype(np.int32)
             self._append(name, own)
-        end = self._filled["rest"]
+        end = self._row_counts["rest"]
         self.vertices_of = np.concatenate([self.vertices_of, [[end - len(model.rest), end]]])
         self._triangles_of.append(
             {group: self._append("triangles", own) for group, own in model.triangles.items()}
@@ -67,21 +67,21 @@ class JoinedModels:
 
     def _append(self, name: str, own: npt.NDArray[Any]) -> tuple[int, int]:
         """Copy rows behind those there are, into twice the room where it ends."""
-        start = self._filled.get(name, 0)
+        start = self._row_counts.get(name, 0)
         end = start + len(own)
         before = self.arrays.get(name)
         if before is None or end > len(before):
-            grown = np.zeros((end if before is None else 2 * end, *own.shape[1:]), own.dtype)
+            larger = np.zeros((end if before is None else 2 * end, *own.shape[1:]), own.dtype)
             if before is not None:
-                grown[:start] = before[:start]
-            self.arrays[name] = grown
+                larger[:start] = before[:start]
+            self.arrays[name] = larger
         self.arrays[name][start:end] = own
-        self._filled[name] = end
+        self._row_counts[name] = end
         return start, end
 
 
 class FreeRows:
-    """Which of `size` rows nobody uses."""
+    """The free ones of `size` rows."""
 
     def __init__(self, size: int) -> None:
         self.stretches: list[tuple[int, int]] = [(0, size)] if size else []
@@ -97,7 +97,7 @@ class FreeRows:
         return None
 
     def give(self, start: int, count: int) -> None:
-        """Take rows back; they join the free ones beside them."""
+        """Free rows; they are merged with adjacent free ones."""
         end = start + count
         k = bisect_left(self.stretches, (start, end))
         if k < len(self.stretches) and self.stretches[k][0] == end:

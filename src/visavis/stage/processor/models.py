@@ -63,38 +63,42 @@ class Model:
     plain_albedo: Floats
     wrap: Floats
     kind: npt.NDArray[np.uint8]
-    textured: npt.NDArray[np.bool_]
+    has_picture: npt.NDArray[np.bool_]
     triangles: dict[Group, npt.NDArray[np.int32]]
 
 
-def model(built: PersonVertices, layers: Layers) -> Model:
-    """Rearrange a level: what is used together lies together, triangles by how they are drawn."""
-    order = _by_place(built)
+def model(level: PersonVertices, layers: Layers) -> Model:
+    """Rearrange a level: neighbouring vertices lie together, triangles are sorted by how they are
+    drawn.
+    """
+    order = _by_place(level)
     back = np.empty(len(order), np.int32)
     back[order] = np.arange(len(order), dtype=np.int32)
-    source = built.vertices[order]
+    source = level.vertices[order]
     n = len(source)
     still = np.zeros(n, STILL_VERTEX)
     for name in ("detail", "colour", "surface"):
         still[name] = source[name]
-    albedo = decoded(source["colour"][:, :3])
-    plain_albedo, textured = albedo.copy(), np.zeros(n, np.bool_)
+    albedo = linear_light(source["colour"][:, :3])
+    plain_albedo, has_picture = albedo.copy(), np.zeros(n, np.bool_)
     kind = source["surface"][:, 0] % len(KINDS)
     triangles: dict[Group, list[npt.NDArray[np.int32]]] = {}
-    for run in built.runs:
-        corners = back[built.indices[run.first : run.first + run.count]].reshape(-1, 3)
-        used = np.unique(corners)
+    for run in level.runs:
+        corners = back[level.indices[run.first : run.first + run.count]].reshape(-1, 3)
+        vertices_used = np.unique(corners)
         array = -1
         if run.texture is not None:
             array, layer = layers.place(run.texture)
-            textured[used] = True
+            has_picture[vertices_used] = True
             uv = still["detail"][:, :2]
             side_px = _side_px(uv[corners])
-            plain_albedo[used] *= decoded(_colours_at(run.texture, uv[used], side_px))
-            still["detail"][used, 2] = layer
+            plain_albedo[vertices_used] *= linear_light(
+                _colours_at(run.texture, uv[vertices_used], side_px)
+            )
+            still["detail"][vertices_used, 2] = layer
         # Nobody sees the inside of skin, shoes and clothes at this level; sheets have two sides.
         cut_out = run.texture is not None and run.texture.shape[2] == 4
-        thin = run.double_sided and (cut_out or not np.isin(kind[used], SHELLS).all())
+        thin = run.double_sided and (cut_out or not np.isin(kind[vertices_used], SHELLS).all())
         triangles.setdefault(Group(run.kind == "eye", array, thin), []).append(corners)
     wrap = np.array([WRAPS.get(name, OTHER_WRAP) for name in KINDS], np.float32)[kind]
     weight, joints = source["weights"].astype(np.float32), source["joints"]
@@ -107,12 +111,12 @@ def model(built: PersonVertices, layers: Layers) -> Model:
         3 * np.take_along_axis(joints, heaviest, axis=1).astype(np.int32),
         weight,
         source["morph"].astype(np.int32),
-        np.ascontiguousarray(built.deltas[:, :6, :3]),
+        np.ascontiguousarray(level.deltas[:, :6, :3]),
         albedo,
         plain_albedo,
         np.concatenate([wrap, 1 / (1 + wrap) ** 2], axis=1).astype(np.float32),
         np.where(kind == KINDS.index("eye"), EYE_KIND, kind).astype(np.uint8),
-        textured,
+        has_picture,
         {group: _local(np.concatenate(parts)) for group, parts in triangles.items()},
     )
 
@@ -127,10 +131,10 @@ def coarser(fine: Model, cell_m: float) -> Model:
     cell = np.floor(fine.rest / cell_m).astype(np.int64)
     widest = np.abs(fine.normal).argmax(axis=1)
     forward = np.take_along_axis(fine.normal, widest[:, None], axis=1)[:, 0] > 0
-    alike = np.stack([*cell.T, widest, forward, group_of, fine.kind], axis=1)
+    cluster_key = np.stack([*cell.T, widest, forward, group_of, fine.kind], axis=1)
     # Eyes stay whole: they are small already, and nothing lies behind them.
-    alike[fine.kind == EYE_KIND, 0] = 1000 + np.flatnonzero(fine.kind == EYE_KIND)
-    _, cluster = np.unique(alike, axis=0, return_inverse=True)
+    cluster_key[fine.kind == EYE_KIND, 0] = 1000 + np.flatnonzero(fine.kind == EYE_KIND)
+    _, cluster = np.unique(cluster_key, axis=0, return_inverse=True)
     cluster = cluster.ravel()
     many = np.bincount(cluster)
     middle = np.stack([np.bincount(cluster, fine.rest[:, k]) / many for k in range(3)], axis=1)
@@ -140,27 +144,27 @@ def coarser(fine: Model, cell_m: float) -> Model:
     colour = np.stack(
         [np.bincount(cluster, fine.plain_albedo[:, k]) / many for k in range(3)], axis=1
     )
-    kept = np.sort(first)
+    representatives = np.sort(first)
     back = np.empty(len(many), np.int32)
-    back[cluster[kept]] = np.arange(len(kept), dtype=np.int32)
+    back[cluster[representatives]] = np.arange(len(representatives), dtype=np.int32)
     triangles: dict[Group, npt.NDArray[np.int32]] = {}
     for group, corners in fine.triangles.items():
-        merged = back[cluster[corners]]
-        a, b, c = np.sort(merged, axis=1).T
+        merged_corners = back[cluster[corners]]
+        a, b, c = np.sort(merged_corners, axis=1).T
         _, once = np.unique(np.stack([a, b, c], axis=1), axis=0, return_index=True)
-        triangles[group] = merged[np.sort(once[(a != b)[once] & (b != c)[once]])]
-    taken = {
-        f.name: getattr(fine, f.name)[kept]
+        triangles[group] = merged_corners[np.sort(once[(a != b)[once] & (b != c)[once]])]
+    columns = {
+        f.name: getattr(fine, f.name)[representatives]
         for f in fields(Model)
         if f.name not in ("deltas", "triangles")
     }
-    taken["plain_albedo"] = colour[cluster[kept]].astype(np.float32)
-    return Model(**taken, deltas=fine.deltas, triangles=triangles)
+    columns["plain_albedo"] = colour[cluster[representatives]].astype(np.float32)
+    return Model(**columns, deltas=fine.deltas, triangles=triangles)
 
 
-def _by_place(built: PersonVertices) -> npt.NDArray[np.int64]:
+def _by_place(level: PersonVertices) -> npt.NDArray[np.int64]:
     """Return an order of the vertices in which neighbours on the body are near each other."""
-    rest = built.vertices["rest_m"]
+    rest = level.vertices["rest_m"]
     span = np.ptp(rest, axis=0).max() + 1e-6
     cell = ((rest - rest.min(axis=0)) / span * 63).astype(np.int64)
     code = np.zeros(len(rest), np.int64)
@@ -174,7 +178,7 @@ def _local(triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
     return triangles[np.argsort(triangles.min(axis=1), kind="stable")]
 
 
-def decoded(codes: npt.NDArray[np.uint8]) -> Floats:
+def linear_light(codes: npt.NDArray[np.uint8]) -> Floats:
     """Return the linear light of sRGB codes."""
     return LINEAR_OF_CODE[codes]
 

@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float32]
 EYE_KIND = 1
 """Kind of the vertices whose light pixels compute: they get their normal instead."""
 LEAST_DEPTH_M = 0.02
-"""What is not so far before an eye counts as seen."""
+"""Things nearer to an eye than this always count as visible."""
 NEAR_PX = 0.03
 """How finely a driver may place corners between pixels."""
 _ROOT_STEPS = 1024
@@ -63,6 +63,7 @@ def _lit(
     """Return the light that a surface gives back, before its own colour; it bleeds round edges
     by `w` and is spread by `s`, one number a colour.
     """
+    # Ambient light: between the ground's and the sky's by how far the surface faces up.
     up = np.float32(0.5) + np.float32(0.5) * ny
     r = ambient[1, 0] + (ambient[0, 0] - ambient[1, 0]) * up
     g = ambient[1, 1] + (ambient[0, 1] - ambient[1, 1]) * up
@@ -70,12 +71,15 @@ def _lit(
     one = np.float32(1.0)
     for i in range(lamps.shape[0]):
         share = one
+        # Kind 0 is a sun (only a direction), 1 a spot, 2 a point; the last two fall off with
+        # distance².
         if lamps[i, 0] == 0:
             tx, ty, tz = -lamps[i, 4], -lamps[i, 5], -lamps[i, 6]
         else:
             tx, ty, tz = lamps[i, 1] - px, lamps[i, 2] - py, lamps[i, 3] - pz
-            squared = max(tx * tx + ty * ty + tz * tz, np.float32(0.04))
-            share = one / squared
+            # Not nearer than 0.2 m: in the lamp itself light would be infinite.
+            squared_m2 = max(tx * tx + ty * ty + tz * tz, np.float32(0.04))
+            share = one / squared_m2
             near = np.sqrt(share)
             tx, ty, tz = tx * near, ty * near, tz * near
             if lamps[i, 0] == 1:
@@ -83,6 +87,7 @@ def _lit(
                 t = min(max((along - lamps[i, 7]) * lamps[i, 8], np.float32(0.0)), one)
                 share *= t * t * (np.float32(3.0) - np.float32(2.0) * t)
         cosine = nx * tx + ny * ty + nz * tz
+        # Wrapped diffuse light: (cos + w) s lets light bleed round edges of skin, per colour.
         r += lamps[i, 9] * share * max((cosine + wr) * sr, np.float32(0.0))
         g += lamps[i, 10] * share * max((cosine + wg) * sg, np.float32(0.0))
         b += lamps[i, 11] * share * max((cosine + wb) * sb, np.float32(0.0))
@@ -96,32 +101,32 @@ def looked_up(table: Floats, linear: np.float32) -> np.float32:
     root = np.sqrt(max(linear, np.float32(0.0))) * np.float32(1024.0)
     # Compared before it is made an index: light that is not a number stays inside the table, too.
     at = np.int64(root + np.float32(0.5)) if root < np.float32(last) else last
-    found: np.float32 = table[at]
-    return found
+    value: np.float32 = table[at]
+    return value
 
 
 @compiled
 def _falling(x: np.float32) -> np.float32:
     half = np.float32(0.5)
-    gone: np.float32 = np.exp(-max(x - half, np.float32(0.0)) / half)
-    return half - half * gone
+    decay: np.float32 = np.exp(-max(x - half, np.float32(0.0)) / half)
+    return half - half * decay
 
 
 @compiled
 def _in_codes(
-    r: np.float32, g: np.float32, b: np.float32, textured: bool, codes: Floats, factors: Floats
+    r: np.float32, g: np.float32, b: np.float32, has_picture: bool, codes: Floats, factors: Floats
 ) -> tuple[np.float32, np.float32, np.float32]:
     """Return light as pixels that work in codes want it: see `in_codes` in `glsl_lighting`."""
-    if textured:
+    if has_picture:
         return looked_up(factors, r), looked_up(factors, g), looked_up(factors, b)
     most = max(r, max(g, b))
     half = np.float32(0.5)
     if most > half:
         gain = (half + _falling(most)) / most
-        own, shared = np.float32(0.3), np.float32(0.7)
-        r = own * (min(r, half) + _falling(r)) + shared * gain * r
-        g = own * (min(g, half) + _falling(g)) + shared * gain * g
-        b = own * (min(b, half) + _falling(b)) + shared * gain * b
+        own, mean_share = np.float32(0.3), np.float32(0.7)
+        r = own * (min(r, half) + _falling(r)) + mean_share * gain * r
+        g = own * (min(g, half) + _falling(g)) + mean_share * gain * g
+        b = own * (min(b, half) + _falling(b)) + mean_share * gain * b
     return looked_up(codes, r), looked_up(codes, g), looked_up(codes, b)
 
 
@@ -131,7 +136,7 @@ def light_points(
     normal: Floats,
     albedo: Floats,
     emission: Floats,
-    textured: npt.NDArray[np.bool_],
+    has_picture: npt.NDArray[np.bool_],
     lamps: Floats,
     ambient: Floats,
     codes: Floats,
@@ -159,11 +164,12 @@ def light_points(
             lamps,
             ambient,
         )
+        # What glows adds to reflected light without ever exceeding white: r + (1 − r) × emission.
         own = emission[v]
         r = albedo[v, 0] * (r + (np.float32(1.0) - r) * own)
         g = albedo[v, 1] * (g + (np.float32(1.0) - g) * own)
         b = albedo[v, 2] * (b + (np.float32(1.0) - b) * own)
-        out[v, 0], out[v, 1], out[v, 2] = _in_codes(r, g, b, textured[v], codes, factors)
+        out[v, 0], out[v, 1], out[v, 2] = _in_codes(r, g, b, has_picture[v], codes, factors)
 
 
 @compiled
@@ -196,6 +202,7 @@ def pose(
         for v in range(vertices_of[person, 0], vertices_of[person, 1]):
             x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
             m = morph[v]
+            # Shapes of the face, six weights packed behind the joints' rows.
             if m >= 0:
                 for k in range(6):
                     w = row[face + k // 4, k % 4]
@@ -203,6 +210,8 @@ def pose(
                         x += w * deltas[m, k, 0]
                         y += w * deltas[m, k, 1]
                         z += w * deltas[m, k, 2]
+            # Linear blend skinning: the bones' matrices are summed first, then used for place and
+            # normal.
             w, c = weight[v, 0], column[v, 0]
             a00, a01, a02, a03 = w * row[c, 0], w * row[c, 1], w * row[c, 2], w * row[c, 3]
             c += 1
@@ -240,6 +249,7 @@ def pose(
             out[slot, 3], out[slot, 4], out[slot, 5] = nx, ny, nz
             for e in range(pixels_from_world.shape[0]):
                 m = pixels_from_world[e]
+                # Perspective division; what is not in front of the eye has no pixel.
                 deep = m[2, 0] * px + m[2, 1] * py + m[2, 2] * pz + m[2, 3]
                 if deep > LEAST_DEPTH_M:
                     share = one / deep
@@ -261,16 +271,16 @@ def light_drawn(
     plain_albedo: Floats,
     wrap: Floats,
     kind: npt.NDArray[np.uint8],
-    textured: npt.NDArray[np.bool_],
+    has_picture: npt.NDArray[np.bool_],
     lamps: Floats,
     ambient: Floats,
     codes: Floats,
     factors: Floats,
     encode: bool,
-    drawn: npt.NDArray[np.bool_],
+    is_drawn: npt.NDArray[np.bool_],
     out: Floats,
 ) -> None:
-    """Write light over normals in `out` (slot, 6), as linear light or in codes, where `drawn`
+    """Write light over normals in `out` (slot, 6), as linear light or in codes, where `is_drawn`
     (slot,) says so, which it then says no more. Normals of eyes, which pixels light, stay.
 
     `plain_of` says whose textures are left out for the colours in `plain_albedo`.
@@ -279,8 +289,9 @@ def light_drawn(
         slot, plain = slot_of[person], plain_of[person]
         own = plain_albedo if plain else albedo
         for v in range(vertices_of[person, 0], vertices_of[person, 1]):
-            if drawn[slot]:
-                drawn[slot] = False
+            # Each vertex once, however many triangles share it.
+            if is_drawn[slot]:
+                is_drawn[slot] = False
                 if kind[v] != EYE_KIND:
                     r, g, b = _lit(
                         out[slot, 0],
@@ -300,7 +311,7 @@ def light_drawn(
                     )
                     r, g, b = r * own[v, 0], g * own[v, 1], b * own[v, 2]
                     if encode:
-                        r, g, b = _in_codes(r, g, b, textured[v] and not plain, codes, factors)
+                        r, g, b = _in_codes(r, g, b, has_picture[v] and not plain, codes, factors)
                     out[slot, 3], out[slot, 4], out[slot, 5] = r, g, b
             slot += 1
 
@@ -315,18 +326,18 @@ def gather_front(
     stretches: npt.NDArray[np.int64],
     triangles: npt.NDArray[np.int32],
     single_sided: npt.NDArray[np.bool_],
-    posed: Floats,
+    position: Floats,
     eyes_m: Floats,
     pixel: Floats,
     size_px: Floats,
     between: bool,
-    drawn: npt.NDArray[np.bool_],
+    is_drawn: npt.NDArray[np.bool_],
     first: npt.NDArray[np.int64],
     count: npt.NDArray[np.int64],
     out: npt.NDArray[np.int32],
 ) -> None:
     """Write the triangles that face an eye and fall on a pixel, person after person as listed,
-    group by group; `drawn` (slot,) becomes true where they have a corner.
+    group by group; `is_drawn` (slot,) becomes true where they have a corner.
 
     `stretches` (models, groups, 2) are rows of `triangles` (t, 3), `slot_of` (n,) is added to
     their vertices, `group_of` (n, groups) says in which group a person's are drawn. Group g is
@@ -345,26 +356,31 @@ def gather_front(
             at = first[target] + count[target]
             two_sided = eyes_m.shape[0] == 0 or not (single_sided[g] or plain_of[person])
             for t in range(stretches[model, g, 0], stretches[model, g, 1]):
-                # Indices without a sign are not looked at for counting from the end.
+                # Unsigned indices spare numba the check for negative ones, which count from the
+                # end.
                 a, b, c = (
                     np.uint64(triangles[t, 0] + shift),
                     np.uint64(triangles[t, 1] + shift),
                     np.uint64(triangles[t, 2] + shift),
                 )
-                kept = two_sided and pictures == 0
+                is_kept = two_sided and pictures == 0
                 for e in range(pictures):
                     ax, ay = pixel[a, e, 0], pixel[a, e, 1]
                     bx, by = pixel[b, e, 0], pixel[b, e, 1]
                     cx, cy = pixel[c, e, 0], pixel[c, e, 1]
+                    # A corner behind the eye: the card clips such a triangle, so that it is kept.
                     if np.isnan(ax + bx + cx):
-                        kept = True
+                        is_kept = True
                         break
                     left, right = min(ax, min(bx, cx)) - near, max(ax, max(bx, cx)) + near
+                    # Twice the signed area in pixels: negative is seen from behind. `near` allows
+                    # for rounding.
                     double_area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
                     if not two_sided and double_area < -near * (right - left):
                         continue
                     if right < 0 or left > size_px[e, 0]:
                         continue
+                    # No pixel's middle lies within: without several samples nothing would be drawn.
                     if between and np.floor(right - half) < np.ceil(left - half):
                         continue
                     low, high = min(ay, min(by, cy)) - near, max(ay, max(by, cy)) + near
@@ -372,12 +388,13 @@ def gather_front(
                         continue
                     if between and np.floor(high - half) < np.ceil(low - half):
                         continue
-                    kept = True
+                    is_kept = True
                     break
-                if pictures == 0 and not kept:
-                    ax, ay, az = posed[a, 0], posed[a, 1], posed[a, 2]
-                    ux, uy, uz = posed[b, 0] - ax, posed[b, 1] - ay, posed[b, 2] - az
-                    wx, wy, wz = posed[c, 0] - ax, posed[c, 1] - ay, posed[c, 2] - az
+                if pictures == 0 and not is_kept:
+                    ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
+                    ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
+                    wx, wy, wz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az
+                    # Without pictures, facing is decided in space, by the triangle's normal.
                     nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
                     for e in range(eyes_m.shape[0]):
                         towards = (
@@ -385,9 +402,9 @@ def gather_front(
                             + ny * (eyes_m[e, 1] - ay)
                             + nz * (eyes_m[e, 2] - az)
                         )
-                        kept = kept or towards > 0
-                if kept:
-                    drawn[a] = drawn[b] = drawn[c] = True
+                        is_kept = is_kept or towards > 0
+                if is_kept:
+                    is_drawn[a] = is_drawn[b] = is_drawn[c] = True
                     out[at, 0], out[at, 1], out[at, 2] = a, b, c
                     at += 1
             count[target] = at - first[target]

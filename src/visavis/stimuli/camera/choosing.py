@@ -16,14 +16,14 @@ Ints = npt.NDArray[np.int64]
 Floats32 = npt.NDArray[np.float32]
 
 SIZE, DIRECT, INDIRECT, DISTANCE, ANGLE, FLOW = range(6)
-"""What a place is scored by."""
+"""The criteria by which a place is scored."""
 SEEN = (0.4, 0.15, 0.25, 0.2)
-"""What seeing each point counts: the head, the chest, the head soon, the head later."""
+"""Weights of seeing each point: head now, chest now, head soon, head later."""
 NO_EDGE = -1
 FAR_M = 10.0
 """Way along the graph over which the score of nearness falls to 1/e."""
 MIN_FLAT_01 = 0.17
-"""A camera stands aside of its subject by at least this part of their distance (80°)."""
+"""Least horizontal part of the distance to the subject: the camera looks down at most 80°."""
 
 
 @compiled
@@ -105,12 +105,14 @@ def points_of_interest(
         dx, dy, dz = nodes[b, 0] - nodes[a, 0], nodes[b, 1] - nodes[a, 1], nodes[b, 2] - nodes[a, 2]
         sx, sy, sz = subject[0] - nodes[a, 0], subject[1] - nodes[a, 1], subject[2] - nodes[a, 2]
         length2 = dx * dx + dy * dy + dz * dz
+        # Foot of the perpendicular from the subject, as a share of the edge.
         foot = (dx * sx + dy * sy + dz * sz) / length2 if length2 > 0.0 else 0.0
         edge_out[n], share_out[n] = e, min(1.0, max(0.0, foot))
         n += 1
         if length2 == 0.0:
             continue
         ox, oy, oz = sx - foot * dx, sy - foot * dy, sz - foot * dz
+        # Where the edge cuts the sphere of `wanted_m` about the subject: half a chord either side.
         left = wanted_m * wanted_m - ox * ox - oy * oy - oz * oz
         if left > 0.0:
             half = np.sqrt(left / length2)
@@ -162,6 +164,7 @@ def _score_without_sight(
     """
     x, y, z = place[0] - subject[0], place[1] - subject[1], place[2] - subject[2]
     distance = np.sqrt(x * x + y * y + z * z)
+    # Within half a metre, or nearly from above, nobody can be framed.
     if distance < 0.5 or np.hypot(x, z) < MIN_FLAT_01 * distance:
         return -1.0
     a, b = edges[edge, 0], edges[edge, 1]
@@ -172,6 +175,8 @@ def _score_without_sight(
         if edge == current_edge:
             way = abs(share - current_share) * length
         else:
+            # Shortest way along the graph: out by either end of the current edge, in by either end
+            # here.
             own = _length_m(nodes, edges, current_edge)
             from_a, from_b = current_share * own, (1.0 - current_share) * own
             to_a = min(from_a + way_a[a], from_b + way_b[a])
@@ -191,7 +196,7 @@ def _score_without_sight(
 def _seen_part(
     place: Vector,
     subject: Vector,
-    needed: float,
+    min_share: float,
     people: Vector,
     boxes: Vector,
     links: Ints,
@@ -205,8 +210,9 @@ def _seen_part(
         if sees(place, subject[k], people, boxes, links, corners):
             part += SEEN[k]
         else:
+            # Stop early: what is left to see can no longer reach the share that is needed.
             possible -= SEEN[k]
-            if possible <= needed:
+            if possible <= min_share:
                 return 0.0
     return part
 
@@ -236,11 +242,13 @@ def move_to(
     links: Ints,
     corners: Vector,
 ) -> tuple[int, float, float]:
-    """Return the edge, share and score to which a camera had best move; edge −1: nowhere.
+    """Return edge, share and score of the best place to move to; edge −1 when there is none.
 
-    Only places to which it can go straight from where it is. Where the best place is found, it is
-    moved along its edge by fixed steps while that is better.
+    Only places that the camera can reach in a straight line count. The best one is then shifted
+    along its edge in fixed steps as long as the score rises.
     """
+    # Candidates: up to three points an edge (nearest, and twice at the wanted distance), and where
+    # the camera is now.
     edge_of = np.empty(3 * edges.shape[0] + 1, np.int64)
     share_of = np.empty(3 * edges.shape[0] + 1)
     n = points_of_interest(
@@ -256,6 +264,7 @@ def move_to(
     )
     edge_of[n], share_of[n] = current_edge, current_share
     n += 1
+    # Without a cut there is no view before (NaN), so flow and angle count in full everywhere.
     velocity, before = np.zeros(3), np.full(3, np.nan)
     score = np.empty(n)
     for i in range(n):
@@ -277,14 +286,16 @@ def move_to(
             way_b,
             before,
         )
+    # Rays are the expensive part. The best unseen score goes first; the search ends as soon as even
+    # a perfect view could not beat the best found, or after `max_tests` places.
     best, best_edge, best_share, best_sees = 0.0, NO_EDGE, 0.0, 0.0
     for _ in range(max_tests):
         i = int(np.argmax(score))
         if score[i] < 0.0 or score[i] + weights[DIRECT] <= best:
             break
         place = place_on(nodes, edges, edge_of[i], share_of[i])
-        needed = (best - score[i]) / weights[DIRECT] if weights[DIRECT] > 0.0 else -1.0
-        is_seen = _seen_part(place, points, needed, people, boxes, links, corners)
+        min_share = (best - score[i]) / weights[DIRECT] if weights[DIRECT] > 0.0 else -1.0
+        is_seen = _seen_part(place, points, min_share, people, boxes, links, corners)
         total = score[i] + weights[DIRECT] * is_seen
         score[i] = -2.0
         if (
@@ -295,6 +306,7 @@ def move_to(
             best, best_edge, best_share, best_sees = total, edge_of[i], share_of[i], is_seen
     if best_edge == NO_EDGE:
         return NO_EDGE, 0.0, 0.0
+    # Climb along the edge both ways in fixed steps, as long as the score rises and sight holds.
     length = _length_m(nodes, edges, best_edge)
     if length > 0.0:
         for side in (-1.0, 1.0):
@@ -390,12 +402,14 @@ def cut_to(
         )
         keeps[i] = np.isnan(before[0]) or view_angle_deg(subject, before, place) >= min_angle_deg
     best, best_edge, best_share = 0.0, NO_EDGE, 0.0
+    # First only places that turn the view enough (the 30° rule of cutting), then all others.
     for wants_angle in (True, False):
         rank = np.empty(n)
         for i in range(n):
             rank[i] = score[i] if keeps[i] == wants_angle else -2.0
         while n > 0:
             i = int(np.argmax(rank))
+            # Scores fall from here on, so that no later place can win even with a perfect view.
             if rank[i] < 0.0 or rank[i] + weights[DIRECT] <= best:
                 break
             rank[i] = -2.0

@@ -16,7 +16,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.stimuli.camera.choosing import NO_EDGE, cut_to, is_free_step, move_to, place_on
 from visavis.stimuli.camera.floors import Walkers, walkable_floors
-from visavis.stimuli.camera.following import Drive, follow, pulled
+from visavis.stimuli.camera.following import Drive, follow, pull
 from visavis.stimuli.camera.graph import (
     CameraGraph,
     FloorTable,
@@ -75,10 +75,10 @@ class Weights:
 
 
 def _summing_to_one(*weights: float) -> Vector:
-    found = np.array(weights)
-    if (found < 0).any() or found.sum() <= 0:
+    values = np.array(weights)
+    if (values < 0).any() or values.sum() <= 0:
         raise DesignError(f"weights {weights}; give numbers of at least 0, not all of them 0")
-    shares: Vector = found / found.sum()
+    shares: Vector = values / values.sum()
     return shares
 
 
@@ -112,7 +112,7 @@ class Style:
 
 
 STYLES: Final = {
-    # Without a cut to help, a camera among people must hold sight dearer than the exact size.
+    # Without cuts, a camera among people must weigh sight more than the exact size.
     "medium-no-cuts": Style(ShotSize.MEDIUM, cuts=False, weights=Weights(direct=6.0)),
     "long-cuts": Style(ShotSize.LONG),
     "extreme-long-static": Style(ShotSize.EXTREME_LONG, moves=False),
@@ -122,7 +122,7 @@ STYLES: Final = {
 
 @dataclass(frozen=True, eq=False)
 class FilmedPlace:
-    """All that is known of a place before anybody is filmed in it."""
+    """Everything precomputed about a place before filming."""
 
     obstacles: Obstacles
     graph: CameraGraph
@@ -171,8 +171,8 @@ def prepare(
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """Who is filmed and who is about: where the subject stands (3,), their height, the capsules
-    (c, 7: start, end, radius) of everybody else.
+    """The subject's position (3,) and height, and the capsules (c, 7: start, end, radius) of
+    everybody else, at one moment.
     """
 
     subject_m: Vector
@@ -203,9 +203,8 @@ class Cut:
 
 
 class Director:
-    """Decides where the camera is; ask `view_at` for rising times.
-
-    `moment_at` tells who is where at a time (ns) and is asked thirty times a second.
+    """Decides where the camera is; call `view_at` with rising times. `moment_at` returns
+    everybody's place at a time (ns) and is called thirty times a second.
     """
 
     def __init__(
@@ -221,8 +220,8 @@ class Director:
         self._start_ns, self._rng = start_ns, np.random.default_rng(seed)
         self._weights = style.weights.of_moving(), style.weights.of_cutting()
         self._tick = 0
-        self._hidden = self._misframed = 0
-        self._held = False
+        self._hidden_ticks = self._misframed_ticks = 0
+        self._is_held = False
         self.cuts: list[Cut] = []
         self._recent: list[Vector] = []
         self._meet(moment_at(start_ns))
@@ -238,7 +237,7 @@ class Director:
             DesignError: the time lies before the last decision.
         """
         while self._time_of(self._tick + 1) <= t_ns:
-            self._position, self._velocity, self._look, self._turning = self._moved(
+            self._position, self._velocity, self._look, self._turning = self._state_at(
                 self._time_of(self._tick + 1)
             )
             self._tick += 1
@@ -246,28 +245,28 @@ class Director:
             self._decide()
         if t_ns < self._time_of(self._tick):
             raise DesignError(f"the camera was asked for {t_ns} ns after a later time; go forward")
-        position, _, look, _ = self._moved(t_ns)
+        position, _, look, _ = self._state_at(t_ns)
         return CameraView(position, look)
 
     @property
     def cut_ns(self) -> tuple[int, ...]:
-        """When it cut so far; the beginning is no cut."""
+        """Times of the cuts so far; the beginning does not count."""
         return tuple(cut.t_ns for cut in self.cuts[1:])
 
     @property
     def sees_subject(self) -> bool:
         """Whether nothing hid the subject's head at the last decision."""
-        return self._hidden == 0
+        return self._hidden_ticks == 0
 
     def _time_of(self, tick: int) -> int:
         return self._start_ns + tick * NS_PER_S // DECISIONS_PER_S
 
-    def _moved(self, t_ns: int) -> tuple[Vector, Vector, Vector, Vector]:
+    def _state_at(self, t_ns: int) -> tuple[Vector, Vector, Vector, Vector]:
         """Return position, velocity, point looked at and its velocity since the last decision."""
         dt_s = (t_ns - self._time_of(self._tick)) / NS_PER_S
         centre = self._centre
-        look, turning = pulled(self._look, self._turning, centre, dt_s, self._style.turn_rad_s)
-        if self._held or not self._style.moves:
+        look, turning = pull(self._look, self._turning, centre, dt_s, self._style.turn_rad_s)
+        if self._is_held or not self._style.moves:
             return self._position, np.zeros(3), look, turning
         position, velocity = self._follow(dt_s)
         return position, velocity, look, turning
@@ -279,7 +278,9 @@ class Director:
         return follow(self._position, self._velocity, target, dt_s, self._style.drive, self._head)
 
     def _meet(self, moment: Moment) -> None:
-        """Take in who is where; the picture's middle is the body, or the head with room above."""
+        """Read the positions of everybody; the picture is centred on the body, or on the head with
+        room above.
+        """
         share, height_m = HEIGHT_SHARE[self._style.shot], moment.height_m
         self._moment = moment
         self._recent = [*self._recent, moment.subject_m][-VELOCITY_OVER - 1 :]
@@ -317,18 +318,18 @@ class Director:
         """Count for how many decisions the subject has been hidden or of a wrong size."""
         moment, style = self._moment, self._style
         is_seen = self._place.obstacles.sees(self._position, self._head, moment.people)
-        self._hidden = 0 if is_seen else self._hidden + 1
+        self._hidden_ticks = 0 if is_seen else self._hidden_ticks + 1
         ratio = float(np.linalg.norm(self._position - self._centre)) / self._wanted_m
         fits = 1 / style.off_by <= ratio <= style.off_by
-        self._misframed = 0 if fits else self._misframed + 1
+        self._misframed_ticks = 0 if fits else self._misframed_ticks + 1
 
     def _reason(self, age: int) -> str:
         style = self._style
         if age < style.min_shot_s * DECISIONS_PER_S:
             return ""
-        if self._hidden > style.lost_s * DECISIONS_PER_S:
+        if self._hidden_ticks > style.lost_s * DECISIONS_PER_S:
             return "hidden"
-        if self._misframed > style.lost_s * DECISIONS_PER_S:
+        if self._misframed_ticks > style.lost_s * DECISIONS_PER_S:
             return "size"
         return "length" if age >= self._shot_s * DECISIONS_PER_S else ""
 
@@ -336,8 +337,8 @@ class Director:
         if len(self._recent) < 2:
             return np.zeros(3)
         span_s = (len(self._recent) - 1) / DECISIONS_PER_S
-        moved: Vector = (self._recent[-1] - self._recent[0]) / span_s
-        return moved
+        velocity_mps: Vector = (self._recent[-1] - self._recent[0]) / span_s
+        return velocity_mps
 
     def _around(self) -> npt.NDArray[np.float32]:
         triangle = self._place.table.at(self._moment.subject_m)
@@ -365,7 +366,7 @@ class Director:
             moment.people,
             style.clear_m,
             style.people_clear_m,
-            *self._place.obstacles.packed,
+            *self._place.obstacles.arrays,
         )
         if edge == NO_EDGE or not (keeps or may_break_angle):
             return False
@@ -385,7 +386,7 @@ class Director:
         self._edge, self._share = edge, share
         self._position, self._velocity = to, np.zeros(3)
         self._look, self._turning = centre, np.zeros(3)
-        self._hidden = self._misframed = 0
+        self._hidden_ticks = self._misframed_ticks = 0
         self._shot_from, self._retry = self._tick, 0
         self._shot_s = max(style.min_shot_s, style.lengths.draw_s(self._rng))
         return True
@@ -414,28 +415,28 @@ class Director:
             moment.people,
             style.clear_m,
             style.people_clear_m,
-            *self._place.obstacles.packed,
+            *self._place.obstacles.arrays,
         )
         if edge != NO_EDGE:
             self._edge, self._share = edge, share
 
     def _guard(self) -> None:
         """Hold the camera until the next decision when its way there is not free."""
-        self._held = False
+        self._is_held = False
         if self._style.moves:
             dt_s = (self._time_of(self._tick + 1) - self._time_of(self._tick)) / NS_PER_S
             there, _ = self._follow(dt_s)
-            self._held = not is_free_step(
+            self._is_held = not is_free_step(
                 self._position,
                 there,
                 self._moment.people,
                 self._style.clear_m,
                 self._style.people_clear_m,
-                *self._place.obstacles.packed,
+                *self._place.obstacles.arrays,
             )
 
 
 def _above(place_m: Vector, by_m: float) -> Vector:
-    raised: Vector = place_m.copy()
-    raised[1] += by_m
-    return raised
+    higher_m: Vector = place_m.copy()
+    higher_m[1] += by_m
+    return higher_m

@@ -1,8 +1,8 @@
-"""Cameras that film somebody in a picture that moves, and whoever stands in their way.
+"""Cameras that film a moving person among other people.
 
-Beside the director, who cuts and moves by the place's own tracks, two that films are compared
-with: one that follows behind, and several placed by hand that take turns. All of them are asked
-for rising times and decide thirty times a second, whatever the rate of the film.
+The director cuts and moves along the place's own tracks. Two other cameras serve for comparison:
+one that follows behind, and several placed by hand that take turns. All of them expect rising times
+and decide thirty times a second, at any rate of the film.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from visavis.stimuli.camera.director import (
     Moment,
 )
 from visavis.stimuli.camera.floors import walkable_floors
-from visavis.stimuli.camera.following import pulled
+from visavis.stimuli.camera.following import pull
 from visavis.stimuli.camera.graph import floor_table, roadmap, small_triangles
 from visavis.stimuli.camera.obstacles import Obstacles
 from visavis.stimuli.camera.shots import HEIGHT_SHARE, ShotSize, shot_distance_m, shot_size_score
@@ -38,7 +38,7 @@ KEEPS_M: Final = 0.2
 """How far before a surface a camera behind somebody stays."""
 LOST_S: Final = 0.2
 BETTER_BY: Final = 0.3
-"""By how much another camera's score is the better one where the picture changes."""
+"""Difference in score at which the picture changes to another camera."""
 BETTER_FOR_S: Final = 1.0
 
 
@@ -106,7 +106,7 @@ class Follower:
         self._moment_at, self._front_at = moment_at, front_at
         self._start_ns, self._tick = start_ns, 0
         self._front, self._turning = front_at(start_ns), np.zeros(3)
-        self._goal, self._looks_at = self._wanted(start_ns)
+        self._goal, self._looks_at = self._goal_at(start_ns)
         self._place, self._speed = self._goal, np.zeros(3)
         self._look, self._looking = self._looks_at, np.zeros(3)
 
@@ -119,23 +119,23 @@ class Follower:
         """Return the camera at a time, at or after those asked before."""
         while self._time_of(self._tick + 1) <= t_ns:
             t = self._time_of(self._tick + 1)
-            self._place, self._speed, self._look, self._looking = self._moved(t)
-            self._front, self._turning = pulled(
+            self._place, self._speed, self._look, self._looking = self._state_at(t)
+            self._front, self._turning = pull(
                 self._front, self._turning, self._front_at(t), 1 / DECISIONS_PER_S, FACES_RAD_S
             )
             self._tick += 1
-            self._goal, self._looks_at = self._wanted(t)
-        place, _, look, _ = self._moved(t_ns)
+            self._goal, self._looks_at = self._goal_at(t)
+        place, _, look, _ = self._state_at(t_ns)
         return CameraView(place, look)
 
     def _time_of(self, tick: int) -> int:
         return self._start_ns + tick * NS_PER_S // DECISIONS_PER_S
 
-    def _moved(self, t_ns: int) -> tuple[Vector, Vector, Vector, Vector]:
+    def _state_at(self, t_ns: int) -> tuple[Vector, Vector, Vector, Vector]:
         dt_s = (t_ns - self._time_of(self._tick)) / NS_PER_S
-        place, speed = pulled(self._place, self._speed, self._goal, dt_s, FOLLOWS_RAD_S)
+        place, speed = pull(self._place, self._speed, self._goal, dt_s, FOLLOWS_RAD_S)
         place = self._before_surfaces(place)
-        return (place, speed, *pulled(self._look, self._looking, self._looks_at, dt_s, TURNS_RAD_S))
+        return (place, speed, *pull(self._look, self._looking, self._looks_at, dt_s, TURNS_RAD_S))
 
     def _before_surfaces(self, place: Vector) -> Vector:
         """Return the place, or one nearer to the head where a surface stands between."""
@@ -145,7 +145,7 @@ class Follower:
         nearer: Vector = self._head + away / length * max(0.1, min(length, free))
         return nearer
 
-    def _wanted(self, t_ns: int) -> tuple[Vector, Vector]:
+    def _goal_at(self, t_ns: int) -> tuple[Vector, Vector]:
         """Return where the camera should be, and the point it should look at."""
         moment, (back_m, above_m, right_m) = self._moment_at(t_ns), self._away_m
         front = unit(self._front * np.array([1.0, 0.0, 1.0]))
@@ -183,9 +183,9 @@ class TakingTurns:
         self._moment_at, self._start_ns, self._tick = moment_at, start_ns, 0
         self._shot, self._fov_v_deg, self._min_shot_s = shot, fov_v_deg, min_shot_s
         self._cut_ns: list[int] = []
-        self._since = self._hidden = self._beaten = 0
+        self._since = self._hidden_ticks = self._beaten = 0
         self._centre, scores = self._meet(start_ns)
-        self._taken = int(np.argmax(scores))
+        self._current = int(np.argmax(scores))
         self._look, self._turning = self._centre, np.zeros(3)
 
     @property
@@ -200,14 +200,14 @@ class TakingTurns:
             self._look, self._turning = self._looks(t)
             self._tick += 1
             self._decide(t)
-        return CameraView(self._places[self._taken].copy(), self._looks(t_ns)[0])
+        return CameraView(self._places[self._current].copy(), self._looks(t_ns)[0])
 
     def _time_of(self, tick: int) -> int:
         return self._start_ns + tick * NS_PER_S // DECISIONS_PER_S
 
     def _looks(self, t_ns: int) -> tuple[Vector, Vector]:
         dt_s = (t_ns - self._time_of(self._tick)) / NS_PER_S
-        return pulled(self._look, self._turning, self._centre, dt_s, TURNS_RAD_S)
+        return pull(self._look, self._turning, self._centre, dt_s, TURNS_RAD_S)
 
     def _meet(self, t_ns: int) -> tuple[Vector, Vector]:
         """Return the middle of the subject, and every camera's score."""
@@ -226,14 +226,14 @@ class TakingTurns:
     def _decide(self, t_ns: int) -> None:
         self._centre, scores = self._meet(t_ns)
         best = int(np.argmax(scores))
-        self._hidden = self._hidden + 1 if scores[self._taken] == 0.0 else 0
-        is_beaten = scores[best] > scores[self._taken] + BETTER_BY
+        self._hidden_ticks = self._hidden_ticks + 1 if scores[self._current] == 0.0 else 0
+        is_beaten = scores[best] > scores[self._current] + BETTER_BY
         self._beaten = self._beaten + 1 if is_beaten else 0
-        lost = self._hidden > LOST_S * DECISIONS_PER_S
+        is_lost = self._hidden_ticks > LOST_S * DECISIONS_PER_S
         beaten = self._beaten > BETTER_FOR_S * DECISIONS_PER_S
         is_due = self._tick - self._since >= self._min_shot_s * DECISIONS_PER_S
-        if best != self._taken and is_due and (lost or beaten):
-            self._taken, self._since = best, self._tick
-            self._hidden = self._beaten = 0
+        if best != self._current and is_due and (is_lost or beaten):
+            self._current, self._since = best, self._tick
+            self._hidden_ticks = self._beaten = 0
             self._look, self._turning = self._centre, np.zeros(3)
             self._cut_ns.append(t_ns)

@@ -1,4 +1,4 @@
-"""Where people can walk in a room: level floor with headroom, a body's width from what stands."""
+"""Where people can walk in a room: level floor with headroom, a body's width off obstacles."""
 
 from dataclasses import dataclass
 
@@ -20,8 +20,8 @@ COARSER_M = 0.03
 @dataclass(frozen=True)
 class Walkers:
     """Who walks: `radius_m` is kept from everything higher than `step_m` and lower than
-    `height_m`. A floor smaller than `min_area_m2` is none, one more than `climb_m` higher or lower
-    than its neighbour is out of reach.
+    `height_m`. A floor smaller than `min_area_m2` does not count; one more than `climb_m` higher or
+    lower than its neighbour cannot be reached.
     """
 
     radius_m: float = 0.2
@@ -52,14 +52,14 @@ def walkable_floors(room: Room, walkers: Walkers | None = None) -> tuple[Floor, 
     floors.sort(key=lambda f: -f.area.area)
     if not floors:
         raise DesignError(
-            f"room {room.name!r} has no level floor of {walkers.min_area_m2} m² on which somebody "
-            f"{walkers.height_m} m high can stand; a camera finds no place there"
+            f"room {room.name!r} has no level floor of {walkers.min_area_m2} m² on which a person "
+            f"{walkers.height_m} m high can stand; there is no place for a camera"
         )
-    reached, left = [floors[0]], floors[1:]
-    while near := [f for f in left if any(_adjoin(f, g, walkers) for g in reached)]:
-        reached += near
+    reachable, left = [floors[0]], floors[1:]
+    while near := [f for f in left if any(_adjoin(f, g, walkers) for g in reachable)]:
+        reachable += near
         left = [f for f in left if f not in near]
-    return tuple(reached)
+    return tuple(reachable)
 
 
 def _adjoin(a: Floor, b: Floor, walkers: Walkers) -> bool:
@@ -74,25 +74,27 @@ def _heights(triangles: Vector, walkers: Walkers) -> list[float]:
     """
     flat, area = _level_ones(triangles)
     height = triangles[flat].mean(axis=1)[:, 1]
-    found: list[float] = []
+    heights: list[float] = []
     levels, which = np.unique(height.round(3), return_inverse=True)
     sizes = np.bincount(which, area[flat])
     for i in np.argsort(-sizes, kind="stable"):
         if sizes[i] < walkers.min_area_m2 / 2:
             break
-        if all(abs(levels[i] - h) > walkers.step_m for h in found):
-            found.append(float(levels[i]))
-    if not found:
+        if all(abs(levels[i] - h) > walkers.step_m for h in heights):
+            heights.append(float(levels[i]))
+    if not heights:
         return []
     large = [h for h, size in zip(levels, sizes, strict=True) if size >= sizes.max() / 2]
     low = high = float(min(large))
-    joined: list[float] = []
+    reachable: list[float] = []
     while near := [
-        h for h in found if h not in joined and low - walkers.climb_m <= h <= high + walkers.climb_m
+        h
+        for h in heights
+        if h not in reachable and low - walkers.climb_m <= h <= high + walkers.climb_m
     ]:
-        joined += near
-        low, high = min(joined), max(joined)
-    return joined
+        reachable += near
+        low, high = min(reachable), max(reachable)
+    return reachable
 
 
 def _level_ones(triangles: Vector) -> tuple[Vector, Vector]:
@@ -108,10 +110,12 @@ def _level(triangles: Vector, height_m: float, walkers: Walkers) -> Floor | None
     ground = ground.buffer(SEAM_M, join_style="mitre").buffer(
         -SEAM_M - walkers.radius_m, join_style="mitre"
     )
-    blocked = _standing(triangles, height_m + walkers.step_m, height_m + walkers.height_m)
+    obstacle_area = _standing(triangles, height_m + walkers.step_m, height_m + walkers.height_m)
     if walkers.radius_m > 0:
-        blocked = blocked.buffer(walkers.radius_m, cap_style="square", join_style="mitre")
-    free = ground.difference(blocked)
+        obstacle_area = obstacle_area.buffer(
+            walkers.radius_m, cap_style="square", join_style="mitre"
+        )
+    free = ground.difference(obstacle_area)
     if walkers.radius_m > 0:
         free = free.simplify(COARSER_M)
     parts = [p for p in shapely.get_parts(free) if p.area >= walkers.min_area_m2]

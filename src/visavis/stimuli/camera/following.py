@@ -1,8 +1,8 @@
-"""A camera of one kilogram, drawn to its target by a spring, kept off the subject, never jerked.
+"""A camera of one kilogram, pulled to its target by a spring and pushed away from the subject.
 
-The published system names no damping and would swing for ever; here it is critical, 2 √(k m).
-Every step is the exact solution for a target at rest, so a step may be cut anywhere: two short
-ones end where the long one does.
+The published system names no damping, so that it would swing for ever; here damping is critical, 2
+√(k m). Every step is the exact solution for a target at rest, so a step may be cut anywhere: two
+short ones end where the long one does.
 """
 
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class Drive:
 
 
 @compiled
-def pulled(
+def pull(
     place: Vector, velocity: Vector, target: Vector, dt_s: float, omega_rad_s: float
 ) -> tuple[Vector, Vector]:
     """Return place and velocity (3,) after a critically damped pull to a target at rest.
@@ -62,7 +62,7 @@ def pulled(
 
 
 @compiled
-def _driven(
+def _drive(
     place: Vector,
     velocity: Vector,
     target: Vector,
@@ -77,8 +77,10 @@ def _driven(
     distance = np.sqrt((away * away).sum())
     goal = target.copy()
     if 0.0 < distance < keep_off_m:
+        # The push away is written as a shift of the target, so that one closed solution serves
+        # both.
         goal += push_per_pull * (keep_off_m - distance) / distance * away
-    there, speed = pulled(place, velocity, goal, dt_s, omega_rad_s)
+    there, speed = pull(place, velocity, goal, dt_s, omega_rad_s)
     step = there - place
     length, longest = np.sqrt((step * step).sum()), max_speed_mps * dt_s
     if length > longest:
@@ -101,7 +103,7 @@ def follow(
 
     Target and subject stand still meanwhile; the push away from the subject is that of the start.
     """
-    moved: tuple[Vector, Vector] = _driven(
+    state: tuple[Vector, Vector] = _drive(
         position_m,
         velocity_mps,
         target_m,
@@ -112,4 +114,4 @@ def follow(
         drive.keep_off_m,
         drive.max_speed_mps,
     )
-    return moved
+    return state

@@ -105,8 +105,8 @@ def _crossings(
     for a in range(len(tracks)):
         near = (low[a] <= high[a + 1 :]) & (high[a] >= low[a + 1 :])
         for b in (np.flatnonzero(near.all(axis=1)) + a + 1).tolist():
-            s, t, apart = _nearest(tracks[a], tracks[b])
-            if apart > rules.meet_m:
+            s, t, distance_m = _nearest(tracks[a], tracks[b])
+            if distance_m > rules.meet_m:
                 continue
             here = tracks[a, 0] + s * (tracks[a, 1] - tracks[a, 0])
             there = tracks[b, 0] + t * (tracks[b, 1] - tracks[b, 0])
@@ -134,17 +134,17 @@ def _links(graph: CameraGraph, obstacles: Obstacles, rules: GraphRules) -> Ints:
     pairs = cKDTree(nodes).query_pairs(rules.link_m, output_type="ndarray")
     pairs = pairs[part[pairs[:, 0]] != part[pairs[:, 1]]]
     length = np.linalg.norm(nodes[pairs[:, 1]] - nodes[pairs[:, 0]], axis=1)
-    taken: set[tuple[int, int]] = set()
-    found = []
+    linked_keys: set[tuple[int, int]] = set()
+    edges = []
     for i in np.argsort(length, kind="stable"):
         a, b = (int(x) for x in pairs[i])
         keys = (a, int(part[b])), (b, int(part[a]))
-        if keys[0] in taken or keys[1] in taken:
+        if keys[0] in linked_keys or keys[1] in linked_keys:
             continue
         if is_clear_way(obstacles, nodes[a], nodes[b], rules.clear_m):
-            found.append((a, b))
-            taken.update(keys)
-    return np.array(found, np.int64).reshape(-1, 2)
+            edges.append((a, b))
+            linked_keys.update(keys)
+    return np.array(edges, np.int64).reshape(-1, 2)
 
 
 def is_clear_way(obstacles: Obstacles, a_m: Vector, b_m: Vector, clear_m: float) -> bool:
@@ -168,9 +168,9 @@ def roadmap(
     """Scatter places over a floor and join all pairs within reach that see each other."""
     rng = np.random.default_rng(seed)
     west, south, east, north = floor.area.bounds
-    wanted = round(per_m2 * floor.area.area)
+    n_nodes = round(per_m2 * floor.area.area)
     nodes: list[Vector] = []
-    while len(nodes) < wanted:
+    while len(nodes) < n_nodes:
         x, z = rng.uniform(west, east), rng.uniform(south, north)
         place = np.array([x, floor.height_m + rng.uniform(*heights_m), z])
         if shapely.contains_xy(floor.area, x, z) and not obstacles.is_near(place, clear_m):
@@ -194,8 +194,8 @@ def _nearest_middle(middles: Vector, x: float, z: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class FloorTable:
-    """What places see of a floor: `triangle_m` (t, 3 corners, 3) and `share_01` (n, t), the part
-    of each triangle that is seen from each node, people standing on it being looked for.
+    """What places see of a floor: `triangle_m` (t, 3 corners, 3) and `share_01` (n, t), the share
+    of each triangle from each node at which a person standing there is visible.
     """
 
     triangle_m: Vector
@@ -212,7 +212,7 @@ class FloorTable:
         return int(_nearest_middle(self.centre_m, place_m[0], place_m[2]))
 
     def around_01(self, within_m: float) -> npt.NDArray[np.float32]:
-        """Return the part (t, n) seen from each node of what lies round each triangle."""
+        """Return the visible share (t, n), from each node, of the area around each triangle."""
         tree = cKDTree(self.centre_m[:, [0, 2]])
         first, second = tree.query_pairs(within_m, output_type="ndarray").T
         n = len(self.triangle_m)
@@ -230,19 +230,19 @@ def small_triangles(floor: Floor, max_area_m2: float = 1.5) -> Vector:
         for p in shapely.get_parts(floor.area)
         for t in shapely.constrained_delaunay_triangles(p).geoms
     ]
-    todo, done = np.array(parts), []
+    todo, small = np.array(parts), []
     while len(todo):
         a, b, c = todo.transpose(1, 0, 2)
         area = np.abs((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1])
                       - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / 2  # fmt: skip
-        done.append(todo[area <= max_area_m2])
+        small.append(todo[area <= max_area_m2])
         todo = todo[area > max_area_m2]
         sides = np.linalg.norm(todo - np.roll(todo, -1, axis=1), axis=2)
         turn = (np.arange(3) + np.argmax(sides, axis=1)[:, None]) % 3
         a, b, c = np.take_along_axis(todo, turn[:, :, None], axis=1).transpose(1, 0, 2)
         middle = (a + b) / 2
         todo = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
-    flat = np.concatenate(done)
+    flat = np.concatenate(small)
     return np.insert(flat, 1, floor.height_m, axis=2)
 
 
@@ -264,6 +264,7 @@ def _seen_shares(
         for t in range(points.shape[0]):
             x, y = nodes[i, 0] - points[t, 0, 0], nodes[i, 1] - points[t, 0, 1]
             z = nodes[i, 2] - points[t, 0, 2]
+            # Beyond `reach_m` nobody is filmed, so that no ray is spent.
             count = 0
             if x * x + y * y + z * z <= reach_m * reach_m:
                 for r in range(rays):
@@ -304,5 +305,5 @@ def floor_table(
     points = a + u * (b - a) + v * (c - a)
     points[:, :, 1] += rng.uniform(*body_m, (n, rays))
     share = np.empty((len(graph.nodes_m), n), np.float32)
-    _seen_shares(graph.nodes_m, points, reach_m, share, NOBODY, *obstacles.packed)
+    _seen_shares(graph.nodes_m, points, reach_m, share, NOBODY, *obstacles.arrays)
     return FloorTable(triangles_m, share)

@@ -1,4 +1,4 @@
-"""What stands in a camera's way: the triangles of a place in a tree of boxes, people as capsules.
+"""Obstacles for a camera: the triangles of a place in a tree of boxes, people as capsules.
 
 Surfaces stop rays from both sides.
 """
@@ -18,7 +18,7 @@ from visavis.stimuli.visibility import capsule_entry_m
 LEAF_TRIANGLES: Final = 4
 STACK: Final = 96
 SHORTENED: Final = 1e-6
-"""Share by which a sight line stops short of its end, so that what is looked at hides nothing."""
+"""Share by which a sight line stops before its end, so that its target does not block it."""
 NOBODY: Final = np.empty((0, 7))
 """The capsules (c, 7) of nobody."""
 
@@ -33,12 +33,13 @@ def _divide(low: Vector, high: Vector, order: Ints, boxes: Vector, links: Ints, 
     """
     todo = np.empty((STACK, 3), np.int64)
     todo[0, 0], todo[0, 1], todo[0, 2] = 0, 0, order.shape[0]
-    waiting, made = 1, 1
+    waiting, n_nodes = 1, 1
     while waiting > 0:
         waiting -= 1
         node, first, last = todo[waiting, 0], todo[waiting, 1], todo[waiting, 2]
         axis, widest, middle = 0, -1.0, 0.0
         for k in range(3):
+            # Split where centres spread most: boxes may overlap, centres need not.
             a, b, c_low, c_high = np.inf, -np.inf, np.inf, -np.inf
             for i in range(first, last):
                 a, b = min(a, low[order[i], k]), max(b, high[order[i], k])
@@ -58,12 +59,12 @@ def _divide(low: Vector, high: Vector, order: Ints, boxes: Vector, links: Ints, 
         # All in one place, or so uneven that the tree would grow deep: halve by count.
         if min(at - first, last - at) * 16 < last - first:
             at = (first + last) // 2
-        links[node, 0], links[node, 1] = made, made + 1
-        todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = made, first, at
-        todo[waiting + 1, 0], todo[waiting + 1, 1], todo[waiting + 1, 2] = made + 1, at, last
+        links[node, 0], links[node, 1] = n_nodes, n_nodes + 1
+        todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = n_nodes, first, at
+        todo[waiting + 1, 0], todo[waiting + 1, 1], todo[waiting + 1, 2] = n_nodes + 1, at, last
         waiting += 2
-        made += 2
-    return made
+        n_nodes += 2
+    return n_nodes
 
 
 @compiled
@@ -90,12 +91,13 @@ def ray_hit_m(
     iy = 1.0 / dy if dy != 0.0 else np.inf
     iz = 1.0 / dz if dz != 0.0 else np.inf
     nearest = reach_m
-    found = False
+    has_hit = False
     stack[0] = 0
     depth = 1
     while depth > 0:
         depth -= 1
         node = stack[depth]
+        # Slab test: the ray is inside the box between t0 and t1 on all three axes, if at all.
         t0, t1 = 0.0, nearest
         if dx != 0.0:
             a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix
@@ -120,6 +122,7 @@ def ray_hit_m(
             continue
         first = -1 - links[node, 0]
         for i in range(first, first + links[node, 1]):
+            # Möller & Trumbore (1997): solve o + t d = corner + u e1 + v e2 by Cramer's rule.
             e1x, e1y, e1z = corners[i, 3], corners[i, 4], corners[i, 5]
             e2x, e2y, e2z = corners[i, 6], corners[i, 7], corners[i, 8]
             px, py, pz = dy * e2z - dz * e2y, dz * e2x - dx * e2z, dx * e2y - dy * e2x
@@ -137,10 +140,10 @@ def ray_hit_m(
             t = (e2x * qx + e2y * qy + e2z * qz) / det
             if 0.0 <= t <= nearest:
                 nearest = t
-                found = True
+                has_hit = True
                 if first_will_do:
                     return float(nearest)
-    return float(nearest) if found else np.inf
+    return float(nearest) if has_hit else np.inf
 
 
 @compiled
@@ -164,6 +167,7 @@ def sees_between(
         return True
     dx, dy, dz = dx / length, dy / length, dz / length
     reach = length * (1.0 - SHORTENED)
+    # People are few and cheap to test; surfaces come last.
     for j in range(people.shape[0]):
         if capsule_entry_m(ax, ay, az, dx, dy, dz, people[j]) < reach:
             return False
@@ -198,6 +202,7 @@ def _triangle_distance2(p: Vector, t: Vector) -> float:
     ux, uy, uz, vx, vy, vz = t[3], t[4], t[5], t[6], t[7], t[8]
     a, b, c = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz, vx * vx + vy * vy + vz * vz
     d, e = ux * x + uy * y + uz * z, vx * x + vy * y + vz * z
+    # Foot of the perpendicular in the triangle's own coordinates; outside, the nearest edge counts.
     det = a * c - b * b
     if det > 0.0:
         u, v = (c * d - b * e) / det, (a * e - b * d) / det
@@ -221,6 +226,7 @@ def is_near(point: Vector, margin_m: float, boxes: Vector, links: Ints, corners:
     while depth > 0:
         depth -= 1
         node = stack[depth]
+        # Squared distance from the point to the node's box; a box beyond the limit is skipped.
         away2 = 0.0
         for k in range(3):
             off = max(boxes[node, k] - point[k], point[k] - boxes[node, k + 3], 0.0)
@@ -248,7 +254,7 @@ class Obstacles:
 
     @classmethod
     def of_room(cls, room: Room) -> Self:
-        """Pack everything that stands in a room."""
+        """Pack all surfaces of a room."""
         return cls.of_triangles(triangles_of(room))
 
     @classmethod
@@ -274,23 +280,23 @@ class Obstacles:
         return cls(boxes[:n].copy(), links[:n].copy(), np.ascontiguousarray(corners))
 
     @property
-    def packed(self) -> tuple[Vector, Ints, Vector]:
-        """What compiled code takes."""
+    def arrays(self) -> tuple[Vector, Ints, Vector]:
+        """The arrays that compiled code takes."""
         return self.boxes, self.links, self.corners
 
     def hit_m(self, start_m: Vector, direction: Vector, reach_m: float = np.inf) -> float:
         """Return how far along a unit direction (3,) the first surface is; inf when none is."""
         (x, y, z), (dx, dy, dz) = start_m, direction
         stack = np.empty(STACK, np.int64)
-        return float(ray_hit_m(x, y, z, dx, dy, dz, reach_m, False, stack, *self.packed))
+        return float(ray_hit_m(x, y, z, dx, dy, dz, reach_m, False, stack, *self.arrays))
 
     def sees(self, a_m: Vector, b_m: Vector, people: Vector = NOBODY) -> bool:
         """Tell whether nothing stands between two points (3,)."""
-        return bool(sees(a_m, b_m, people, *self.packed))
+        return bool(sees(a_m, b_m, people, *self.arrays))
 
     def is_near(self, point_m: Vector, margin_m: float) -> bool:
         """Tell whether a surface comes nearer to a point (3,) than a margin."""
-        return bool(is_near(point_m, margin_m, *self.packed))
+        return bool(is_near(point_m, margin_m, *self.arrays))
 
 
 def triangles_of(room: Room) -> Vector:

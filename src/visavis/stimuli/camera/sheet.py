@@ -1,4 +1,4 @@
-"""The objective sheet of a film: what its camera showed of somebody, and how it went about it.
+"""Objective measures of a film: how well its camera showed the subject, and how it moved.
 
 It is made from where the camera was and who stood where, whichever camera that was; whether the
 subject is seen is counted in the identity image drawn from that camera.
@@ -25,12 +25,12 @@ CUT_FASTER_THAN_MPS: Final = 15.0
 RULE_DEG: Final = 30.0
 NEAR_M: Final = 0.09
 MOVES_FROM_MPS: Final = 0.2
-"""Somebody slower gives no line that a cut could cross."""
+"""Below this speed a subject defines no line of action that a cut could cross."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """What a film is like; None is what cannot be said of it.
+    """Measures of a film; None where a measure does not apply.
 
     `seen_01` is the share of looks at the identity image in which the subject was seen, `lost_s`
     the mean and `longest_lost_s` the longest time until they were seen again, `size_off_by` by what
@@ -58,10 +58,12 @@ class Sheet:
         path.write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
 
     def sentence(self) -> str:
-        """Say the most of it in one line."""
-        seen = "" if self.seen_01 is None else f"participant seen {100 * self.seen_01:.0f} %, "
+        """Return the main measures in one line."""
+        visibility = (
+            "" if self.seen_01 is None else f"participant seen {100 * self.seen_01:.0f} %, "
+        )
         return (
-            f"{self.shots} shots of {self.median_shot_s:.1f} s (median), {seen}"
+            f"{self.shots} shots of {self.median_shot_s:.1f} s (median), {visibility}"
             f"{self.cuts_below_30_deg} cuts below 30°, {self.lines_crossed} lines crossed, "
             f"{self.collisions} collisions"
         )
@@ -69,14 +71,14 @@ class Sheet:
 
 @dataclass(eq=False)
 class FilmLog:
-    """What is noted of a film, picture by picture; `people` (c, 7) are upright capsules."""
+    """The log of a film, picture by picture; `people` (c, 7) are upright capsules."""
 
     shot: ShotSize | None = None
     t_ns: list[int] = field(default_factory=list)
     places_m: list[Vector] = field(default_factory=list)
     heads_m: list[Vector] = field(default_factory=list)
     size_off: list[float] = field(default_factory=list)
-    seen: list[tuple[int, bool]] = field(default_factory=list)
+    visibility: list[tuple[int, bool]] = field(default_factory=list)
     collisions: int = 0
     _obstacles: dict[int, tuple[Room, Obstacles]] = field(default_factory=dict)
 
@@ -103,8 +105,8 @@ class FilmLog:
         places, heads = np.array(self.places_m), np.array(self.heads_m)
         step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.04
         if cuts_ns is None:
-            moved = np.linalg.norm(np.diff(places, axis=0), axis=1)
-            cuts = np.flatnonzero(moved > CUT_FASTER_THAN_MPS * step_s) + 1
+            step_m = np.linalg.norm(np.diff(places, axis=0), axis=1)
+            cuts = np.flatnonzero(step_m > CUT_FASTER_THAN_MPS * step_s) + 1
         else:
             cuts = np.unique(np.searchsorted(self.t_ns, cuts_ns))
             cuts = cuts[(cuts > 0) & (cuts < len(t_s))]
@@ -112,30 +114,30 @@ class FilmLog:
         ends = np.concatenate([cuts, [len(t_s)]]).astype(np.int64)
         lengths = (ends - begins) * step_s
         velocity = np.gradient(heads, step_s, axis=0) if len(heads) > 1 else np.zeros_like(heads)
-        below, crossed = 0, 0
+        below, n_crossings = 0, 0
         for k in cuts.tolist():
             before, after, subject = places[k - 1], places[k], heads[k]
             below += bool(view_angle_deg(subject, before, after) < RULE_DEG)
             if np.linalg.norm(velocity[k][[0, 2]]) > MOVES_FROM_MPS:
-                crossed += not on_same_side(subject, velocity[k], before, after)
+                n_crossings += not on_same_side(subject, velocity[k], before, after)
         jerks = [
             np.linalg.norm(np.diff(places[a:b], n=3, axis=0), axis=1) / step_s**3
             for a, b in zip(begins, ends, strict=True)
             if b - a > 3
         ]
-        lost = _lost_s(self.seen)
+        lost_s = _lost_s(self.visibility)
         return Sheet(
             len(t_s),
             len(t_s) * step_s,
-            float(np.mean([s for _, s in self.seen])) if self.seen else None,
-            float(np.mean(lost)) if lost else None,
-            max(lost) if lost else None,
+            float(np.mean([s for _, s in self.visibility])) if self.visibility else None,
+            float(np.mean(lost_s)) if lost_s else None,
+            max(lost_s) if lost_s else None,
             float(2 ** np.median(self.size_off)) if self.size_off else None,
             len(lengths),
             float(lengths.mean()),
             float(np.median(lengths)),
             below,
-            crossed,
+            n_crossings,
             float(np.concatenate(jerks).mean()) if jerks else None,
             self.collisions,
         )
@@ -150,16 +152,16 @@ def _is_within(place: Vector, people: Vector = NOBODY) -> bool:
     return bool((np.linalg.norm(place - nearest, axis=1) < people[:, 6]).any())
 
 
-def _lost_s(seen: list[tuple[int, bool]]) -> list[float]:
+def _lost_s(visibility: list[tuple[int, bool]]) -> list[float]:
     """Return how long each time lasted in which the subject was not seen."""
-    found: list[float] = []
+    durations_s: list[float] = []
     since: int | None = None
-    for t_ns, is_seen in seen:
+    for t_ns, is_seen in visibility:
         if not is_seen and since is None:
             since = t_ns
         if is_seen and since is not None:
-            found.append((t_ns - since) / NS_PER_S)
+            durations_s.append((t_ns - since) / NS_PER_S)
             since = None
-    if since is not None and seen[-1][0] > since:
-        found.append((seen[-1][0] - since) / NS_PER_S)
-    return found
+    if since is not None and visibility[-1][0] > since:
+        durations_s.append((visibility[-1][0] - since) / NS_PER_S)
+    return durations_s

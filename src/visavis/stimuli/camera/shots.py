@@ -1,4 +1,4 @@
-"""What a film editor looks at: size of a shot, angle and motion across a cut, how long shots last.
+"""Measures of film editing: size of a shot, angle and motion across a cut, length of shots.
 
 Everything is seen from the subject: the angle between two cameras stands at the subject, image
 velocity is the subject's own as a level camera shows it that looks at the subject.

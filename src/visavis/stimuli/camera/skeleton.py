@@ -53,14 +53,14 @@ class Skeleton:
         """Return chains of points between crossings and ends; a loop by itself begins anywhere."""
         around = _neighbours(self.edges, len(self.points_m))
         stops = [i for i, near in enumerate(around) if len(near) != 2]
-        done: set[tuple[int, int]] = set()
+        visited_edges: set[tuple[int, int]] = set()
         chains = []
         for start in (*stops, *range(len(around))):
             for step in around[start]:
-                if (start, step) in done:
+                if (start, step) in visited_edges:
                     continue
                 chain = _chain(around, start, step)
-                done |= {(a, b) for p in (chain, chain[::-1]) for a, b in pairwise(p)}
+                visited_edges |= {(a, b) for p in (chain, chain[::-1]) for a, b in pairwise(p)}
                 chains.append(np.array(chain))
         return tuple(chains)
 
@@ -77,10 +77,10 @@ def medial_axis(area: shapely.MultiPolygon | shapely.Polygon, spacing_m: float =
     inside = shapely.contains_xy(area, cells.vertices[:, 0], cells.vertices[:, 1])
     ridges = ridges[inside[ridges].all(axis=1)]
     ridges = ridges[shapely.covers(area, shapely.linestrings(cells.vertices[ridges]))]
-    used, edges = np.unique(ridges, return_inverse=True)
-    points = cells.vertices[used]
+    corners, edges = np.unique(ridges, return_inverse=True)
+    points = cells.vertices[corners]
     clearance = shapely.distance(area.boundary, shapely.points(points))
-    return _pruned(Skeleton(points, edges.reshape(-1, 2).astype(np.int64), clearance))
+    return _prune(Skeleton(points, edges.reshape(-1, 2).astype(np.int64), clearance))
 
 
 def _neighbours(edges: npt.NDArray[np.int64], n: int) -> list[list[int]]:
@@ -99,12 +99,12 @@ def _chain(around: list[list[int]], start: int, step: int) -> list[int]:
     return chain
 
 
-def _pruned(skeleton: Skeleton) -> Skeleton:
+def _prune(skeleton: Skeleton) -> Skeleton:
     """Take away dead ends that only lead into corners, until none is left."""
     around = _neighbours(skeleton.edges, len(skeleton.points_m))
     points, clearance = skeleton.points_m, skeleton.clearance_m
     while True:
-        doomed: dict[int, list[tuple[float, list[int]]]] = {}
+        dead_ends: dict[int, list[tuple[float, list[int]]]] = {}
         for leaf in (i for i, near in enumerate(around) if len(near) == 1):
             chain = _chain(around, leaf, around[leaf][0])
             if len(around[chain[-1]]) < 3:
@@ -112,16 +112,16 @@ def _pruned(skeleton: Skeleton) -> Skeleton:
             way = points[chain]
             reach = np.linalg.norm(np.diff(way, axis=0), axis=1).sum() + clearance[leaf]
             if reach < PRUNED_BELOW * clearance[chain[-1]]:
-                doomed.setdefault(chain[-1], []).append((float(reach), chain))
-        for fork, chains in doomed.items():
+                dead_ends.setdefault(chain[-1], []).append((float(reach), chain))
+        for fork, chains in dead_ends.items():
             chains.sort(key=lambda rc: (-rc[0], rc[1]))
-            kept = 2 if len(chains) == len(around[fork]) else 0
-            for _, chain in chains[kept:]:
+            n_spared = 2 if len(chains) == len(around[fork]) else 0
+            for _, chain in chains[n_spared:]:
                 for a, b in pairwise(chain):
                     around[a].remove(b)
                     around[b].remove(a)
-        if not doomed:
+        if not dead_ends:
             break
     edges = np.array([(a, b) for a, near in enumerate(around) for b in near if a < b])
-    used, compact = np.unique(edges, return_inverse=True)
-    return Skeleton(points[used], compact.reshape(-1, 2), clearance[used])
+    corners, compact = np.unique(edges, return_inverse=True)
+    return Skeleton(points[corners], compact.reshape(-1, 2), clearance[corners])

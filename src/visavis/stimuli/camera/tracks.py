@@ -27,12 +27,12 @@ WALL_HEIGHTS = np.array([1.0, 1.4])
 MIN_RISE = 0.2
 """Upward part of a ray from which it leads over people's heads."""
 MIN_APART_M = 1.0
-"""Nearer to the end of its ray no near place is of use."""
+"""Near places closer than this to the end of their ray are useless."""
 
 
 @dataclass(frozen=True)
 class RayRules:
-    """From where and whither cameras are looked for.
+    """Origins and directions of the rays that search for camera places.
 
     Every `every_m` of a middle line, `from_height_m` over the floor, to both sides at
     `elevations_deg` and straight up; `back_off_m` before what is hit, or at `reach_m`. Rays that
@@ -93,18 +93,18 @@ def middle_points(skeleton: Skeleton, every_m: float) -> tuple[Vector, Vector]:
     points, directions = [], []
     for branch in skeleton.branches():
         way = skeleton.points_m[branch]
-        passed = np.concatenate([[0.0], np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum()])
-        if passed[-1] <= 0:
+        distance_m = np.concatenate([[0.0], np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum()])
+        if distance_m[-1] <= 0:
             continue
-        n = max(1, round(passed[-1] / every_m))
-        at = (np.arange(n) + 0.5) * passed[-1] / n
+        n = max(1, round(distance_m[-1] / every_m))
+        at = (np.arange(n) + 0.5) * distance_m[-1] / n
         ahead, behind = (
-            np.stack([np.interp(at + s * every_m, passed, way[:, k]) for k in (0, 1)], 1)
+            np.stack([np.interp(at + s * every_m, distance_m, way[:, k]) for k in (0, 1)], 1)
             for s in (1, -1)
         )
         length = np.linalg.norm(ahead - behind, axis=1)
         there = length > 1e-9
-        points.append(np.stack([np.interp(at, passed, way[:, k]) for k in (0, 1)], 1)[there])
+        points.append(np.stack([np.interp(at, distance_m, way[:, k]) for k in (0, 1)], 1)[there])
         directions.append((ahead - behind)[there] / length[there, None])
     if not points:
         return np.empty((0, 2)), np.empty((0, 2))
@@ -170,7 +170,7 @@ def _best_line(
     return best_i, best_j, best
 
 
-def _fitted(places: Vector) -> tuple[Vector, Vector]:
+def _fit_line(places: Vector) -> tuple[Vector, Vector]:
     """Return a point on the line of least squares through places (n, 3) and its direction."""
     middle = places.mean(axis=0)
     direction = np.linalg.svd(places - middle, full_matrices=False)[2][0]
@@ -196,11 +196,11 @@ def tracks_through(
             break
         on = here[i], (here[j] - here[i]) / np.linalg.norm(here[j] - here[i])
         near = np.flatnonzero(_off_line(here, *on) < rules.within_m)
-        used: list[Ints] = []
+        pieces: list[Ints] = []
         for piece in _pieces(here, near, on[1], rules):
-            used.append(piece)
-            tracks += _filtered(here[piece], places.origin_m[left[piece]], obstacles, rules)
-        left = np.delete(left, np.concatenate(used) if used else near)
+            pieces.append(piece)
+            tracks += _clear_lines(here[piece], places.origin_m[left[piece]], obstacles, rules)
+        left = np.delete(left, np.concatenate(pieces) if pieces else near)
     return np.array(tracks).reshape(-1, 2, 3)
 
 
@@ -256,11 +256,11 @@ def _pieces(here: Vector, near: Ints, direction: Vector, rules: TrackRules) -> l
     ]
 
 
-def _filtered(
+def _clear_lines(
     places: Vector, origins: Vector, obstacles: Obstacles, rules: TrackRules
 ) -> list[tuple[Vector, Vector]]:
     """Cut a line where it collides, drop places that do not see it, fit it again, cut again."""
-    found = []
+    tracks = []
     for low, high, (point, direction) in _clear_parts(places, obstacles, rules):
         along = (places - point) @ direction
         mine = (along >= low) & (along <= high)
@@ -275,15 +275,15 @@ def _filtered(
             parts = _clear_parts(places[mine], obstacles, rules)
         else:
             parts = [(low, high, (point, direction))]
-        found += [(p + a * d, p + b * d) for a, b, (p, d) in parts if b - a >= rules.min_length_m]
-    return found
+        tracks += [(p + a * d, p + b * d) for a, b, (p, d) in parts if b - a >= rules.min_length_m]
+    return tracks
 
 
 def _clear_parts(
     places: Vector, obstacles: Obstacles, rules: TrackRules
 ) -> list[tuple[float, float, tuple[Vector, Vector]]]:
     """Return the parts, from and to, of the line through places that keep clear of everything."""
-    point, direction = _fitted(places)
+    point, direction = _fit_line(places)
     along = (places - point) @ direction
     step = rules.clear_m
     at = np.linspace(along.min(), along.max(), max(2, int(np.ceil(np.ptp(along) / step)) + 1))

@@ -1,4 +1,4 @@
-"""Names of the parts a body is tagged with, and groups of them that measures ask for."""
+"""Names of body parts, and groups of them that measures use."""
 
 from typing import Final
 

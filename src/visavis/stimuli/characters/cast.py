@@ -17,7 +17,7 @@ def cast_names() -> tuple[str, ...]:
 
 
 @cache
-def _shipped(name: str) -> Character:
+def _read_shipped(name: str) -> Character:
     return read_character(DATA / f"{name}.npz")
 
 
@@ -27,8 +27,8 @@ def load_cast() -> tuple[Character, ...]:
 
     Every call returns the same objects, so a renderer keeps what it has built.
     """
-    with ThreadPoolExecutor(2) as pool:  # unpacking leaves the other core free
-        return tuple(pool.map(_shipped, cast_names()))
+    with ThreadPoolExecutor(2) as pool:  # unpacking releases the GIL
+        return tuple(pool.map(_read_shipped, cast_names()))
 
 
 def load_character(name_or_path: str | Path, library: Path | None = None) -> Character:
@@ -41,7 +41,7 @@ def load_character(name_or_path: str | Path, library: Path | None = None) -> Cha
     if text.endswith(".npz"):
         return read_character(Path(name_or_path))
     if text in cast_names():
-        return _shipped(text)
+        return _read_shipped(text)
     if library is not None and (library / f"{text}.npz").exists():
         return read_character(library / f"{text}.npz")
     raise CharacterError(

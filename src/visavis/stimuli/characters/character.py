@@ -28,7 +28,8 @@ MaterialKind = Literal["skin", "eye", "hair", "lash", "teeth", "cloth", "leather
 
 @dataclass(frozen=True, eq=False)
 class Maps:
-    """What a surface has beside its colour, as glTF has it; (h, w, 3) uint8 each, on the same uv.
+    """Maps of a surface in addition to its colour, as in glTF; (h, w, 3) uint8 each, on the same
+    uv.
 
     `normal` leans the surface (tangent space, y up), `surface` is occlusion, roughness and
     metalness, `glow_srgb` what it sends out itself, `sheen_srgb` the colour of its fibres.

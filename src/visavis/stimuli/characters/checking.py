@@ -1,4 +1,4 @@
-"""What is odd about a figure: told once, when it is imported, before anybody meets it."""
+"""Checks of an imported figure for oddities that participants would notice."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -12,18 +12,18 @@ from visavis.stimuli.characters.closing import collision_mesh, is_closed, volume
 from visavis.stimuli.characters.rest_pose import FINGERS, PHALANGES
 
 STATURE_M: Final = (1.40, 2.15)
-"""Of nearly all adults, with shoes and hair."""
+"""Range of nearly all adults, with shoes and hair."""
 EYES_APART_M: Final = (0.050, 0.080)
 EYEBALL_M: Final = (0.009, 0.018)
 """Radius; drawn eyes are often larger than the 12 mm of people's."""
 VOLUME_L: Final = (30.0, 220.0)
 LID_M: Final = 0.004
-"""By this much a lid that closes comes down at least."""
+"""Least distance by which a closing lid moves down."""
 NEAR_EYE_M: Final = 0.03
 WORN: Final = ("none", "held_object")
-"""What nobody's body has."""
+"""Part names that no surface of the bare body bears."""
 FIRM: Final = 0.3
-"""A joint that nothing is weighted more to moves no skin."""
+"""A joint whose largest weight is not above this moves no skin."""
 SIDES: Final = ("left", "right")
 LIMBS: Final = {
     "upper arm": ("upper_arm", "lower_arm"),
@@ -32,7 +32,7 @@ LIMBS: Final = {
     "shank": ("lower_leg", "foot"),
 }
 MAX_LIMB_RATIO: Final = 1.15
-"""Of one side's length to the other's; people's differ by a few per cent."""
+"""Ratio of the two sides' lengths; people's differ by a few per cent."""
 
 
 def findings(character: Character) -> tuple[str, ...]:
@@ -111,11 +111,11 @@ def _body(character: Character) -> Iterator[str]:
     low, high = VOLUME_L
     if not low <= litres <= high:
         yield f"its body holds {litres:.0f} litres; people's hold 45 to 150"
-    used = set(np.unique(character.levels[0].triangle_part).tolist())
+    parts_present = set(np.unique(character.levels[0].triangle_part).tolist())
     missing = [
         part.replace("_", " ")
         for part in PARTS
-        if part not in WORN and PART_INDEX[part] not in used
+        if part not in WORN and PART_INDEX[part] not in parts_present
     ]
     if missing:
         yield f"it has no {', '.join(missing)} that could be looked at or measured"

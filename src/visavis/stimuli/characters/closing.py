@@ -23,7 +23,7 @@ def collision_mesh(character: Character) -> SkinnedMesh:
 
 
 def is_closed(mesh: SkinnedMesh) -> bool:
-    """Tell whether every edge is passed as often one way as the other."""
+    """Return whether every edge is used equally often in both directions."""
     edges = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)]).astype(np.int64)
     n = len(mesh.vertices_m)
     there, count = np.unique(edges[:, 0] * n + edges[:, 1], return_counts=True)
@@ -106,10 +106,11 @@ def _nets(field: Vector) -> tuple[Vector, npt.NDArray[np.int64]]:
         return values[i : i + shape[0], j : j + shape[1], k : k + shape[2]]
 
     count = sum(corner(inside, c).astype(np.int64) for c in corners)
-    mixed = (np.asarray(count) > 0) & (np.asarray(count) < 8)
+    is_mixed = (np.asarray(count) > 0) & (np.asarray(count) < 8)
     number = np.full(tuple(shape), -1, dtype=np.int64)
-    cells = np.argwhere(mixed)
-    number[mixed] = np.arange(len(cells))
+    cells = np.argwhere(is_mixed)
+    number[is_mixed] = np.arange(len(cells))
+    # Surface nets: a cell's vertex is the mean of the points where its edges cross zero.
     total, weight = np.zeros((len(cells), 3)), np.zeros(len(cells))
     for a in corners:
         for axis in range(3):
@@ -118,8 +119,8 @@ def _nets(field: Vector) -> tuple[Vector, npt.NDArray[np.int64]]:
             step = [0, 0, 0]
             step[axis] = 1
             b = (a[0] + step[0], a[1] + step[1], a[2] + step[2])
-            fa = corner(field, a)[mixed].astype(np.float64)
-            fb = corner(field, b)[mixed].astype(np.float64)
+            fa = corner(field, a)[is_mixed].astype(np.float64)
+            fb = corner(field, b)[is_mixed].astype(np.float64)
             crosses = (fa > 0) != (fb > 0)
             t = np.where(crosses, fa / np.where(fa == fb, 1, fa - fb), 0)
             at = np.array(a) + t[:, None] * np.array(step)
@@ -131,6 +132,7 @@ def _nets(field: Vector) -> tuple[Vector, npt.NDArray[np.int64]]:
         others = [(axis + 1) % 3, (axis + 2) % 3]
         after = np.take(inside, range(1, field.shape[axis]), axis=axis)
         before = np.take(inside, range(field.shape[axis] - 1), axis=axis)
+        # Each crossed edge is shared by four cells; their vertices make a quad that faces outwards.
         for leaves in (True, False):
             edges = np.argwhere((before & ~after) if leaves else (~before & after))
             edges = edges[(edges[:, others] > 0).all(axis=1)]

@@ -1,4 +1,4 @@
-"""How much of each body part is seen from afar: what a lighter mesh must not change."""
+"""Visible area of each body part from afar, which a lighter mesh must preserve."""
 
 from dataclasses import replace
 from typing import Final
@@ -22,7 +22,7 @@ def _draw(
     triangles: npt.NDArray[np.int32],
     tags: npt.NDArray[np.uint8],
     nearest: Vector,
-    seen: npt.NDArray[np.uint8],
+    tag_image: npt.NDArray[np.uint8],
 ) -> None:
     for t in range(triangles.shape[0]):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -30,18 +30,19 @@ def _draw(
         if area == 0:
             continue
         low_x = max(int(np.ceil(min(x[a], x[b], x[c]))), 0)
-        high_x = min(int(np.floor(max(x[a], x[b], x[c]))), seen.shape[1] - 1)
+        high_x = min(int(np.floor(max(x[a], x[b], x[c]))), tag_image.shape[1] - 1)
         low_y = max(int(np.ceil(min(y[a], y[b], y[c]))), 0)
-        high_y = min(int(np.floor(max(y[a], y[b], y[c]))), seen.shape[0] - 1)
+        high_y = min(int(np.floor(max(y[a], y[b], y[c]))), tag_image.shape[0] - 1)
         for row in range(low_y, high_y + 1):
             for column in range(low_x, high_x + 1):
+                # Barycentric coordinates of the pixel's middle; all ≥ 0 inside.
                 v = ((column - x[a]) * (y[c] - y[a]) - (x[c] - x[a]) * (row - y[a])) / area
                 w = ((x[b] - x[a]) * (row - y[a]) - (column - x[a]) * (y[b] - y[a])) / area
                 if v >= 0 and w >= 0 and v + w <= 1:
                     z = depth[a] + v * (depth[b] - depth[a]) + w * (depth[c] - depth[a])
                     if z < nearest[row, column]:
                         nearest[row, column] = z
-                        seen[row, column] = tags[t]
+                        tag_image[row, column] = tags[t]
 
 
 def view_from(yaw_deg: float, down_deg: float = 0.0) -> Vector:
@@ -73,9 +74,9 @@ def seen_tags(
     low, high = frame.min(axis=1), frame.max(axis=1)
     x, y = (across - low[0]) / step_m + 1.3, (up - low[1]) / step_m + 1.3
     shape = (int((high[1] - low[1]) / step_m) + 4, int((high[0] - low[0]) / step_m) + 4)
-    seen = np.zeros(shape, dtype=np.uint8)
-    _draw(x, y, depth, triangles, tags, np.full(shape, np.inf), seen)
-    return seen
+    tag_image = np.zeros(shape, dtype=np.uint8)
+    _draw(x, y, depth, triangles, tags, np.full(shape, np.inf), tag_image)
+    return tag_image
 
 
 def visible_area_m2(
@@ -93,8 +94,8 @@ def visible_area_m2(
     """
     vertices = np.asarray(mesh.vertices_m if vertices_m is None else vertices_m, dtype=np.float64)
     view = view_from(yaw_deg)
-    seen = seen_tags(vertices, mesh.triangles, mesh.triangle_part, view, step_m, within_m)
-    count = np.bincount(seen.ravel(), minlength=len(PARTS))
+    tag_image = seen_tags(vertices, mesh.triangles, mesh.triangle_part, view, step_m, within_m)
+    count = np.bincount(tag_image.ravel(), minlength=len(PARTS))
     return {part: float(count[i]) * step_m**2 for i, part in enumerate(PARTS) if i}
 
 
@@ -116,11 +117,11 @@ def seen_areas_m2(
     reach = (high[0] - low[0]) * np.array([0.4, 0.15, 4.0])
     near = ((corners.max(axis=1) > low - reach) & (corners.min(axis=1) < high + reach)).all(axis=1)
     part = replace(mesh, triangles=mesh.triangles[near], triangle_part=mesh.triangle_part[near])
-    used, index = np.unique(part.triangles, return_inverse=True)
+    vertex_numbers, index = np.unique(part.triangles, return_inverse=True)
     part = replace(part, triangles=index.reshape(-1, 3).astype(np.int32))
     ball = points[np.unique(mesh.triangles[eyes])]
     views = [
-        visible_area_m2(part, points[used], yaw, step_m / 5, ball)
+        visible_area_m2(part, points[vertex_numbers], yaw, step_m / 5, ball)
         for yaw in (-SIDE_DEG, 0.0, SIDE_DEG)
     ]
     for eye in ("left_eye", "right_eye"):

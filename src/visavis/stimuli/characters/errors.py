@@ -1,4 +1,4 @@
-"""What can be wrong with a character."""
+"""Errors of characters."""
 
 from visavis.lab.errors import DataError
 

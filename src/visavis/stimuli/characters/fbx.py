@@ -1,6 +1,6 @@
 """Figures in FBX files, by way of Blender: it reads them and writes glTF, which is imported.
 
-FBX is Autodesk's own format. No reader of it for Python is both free and kept up; Blender's is.
+FBX is Autodesk's own format. No Python reader of it is both free and maintained; Blender's is.
 """
 
 import shutil
@@ -68,17 +68,17 @@ REMEDY: Final = (
 
 
 def find_blender() -> str | None:
-    """Return what starts Blender: the one called `blender`, else the newest installed."""
-    found = shutil.which("blender")
-    if found is None and sys.platform in _PLACES:
+    """Return the path of Blender: the command `blender`, else the newest installation."""
+    program = shutil.which("blender")
+    if program is None and sys.platform in _PLACES:
         folder, pattern = _PLACES[sys.platform]
-        found = max((str(path) for path in Path(folder).glob(pattern)), default=None)
-    return found
+        program = max((str(path) for path in Path(folder).glob(pattern)), default=None)
+    return program
 
 
 @contextmanager
 def as_glb(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
-    """Lay an FBX file for a while as a .glb of the same name, and name pictures that it lacks.
+    """Convert an FBX file to a temporary .glb of the same name, and name its missing pictures.
 
     Pictures are searched by their names in the file's folder, those below it and beside it.
 
@@ -89,11 +89,11 @@ def as_glb(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
     if blender is None:
         raise CharacterError(f"{path}: FBX files are read by Blender, which is not here; {REMEDY}")
     with TemporaryDirectory() as folder:
-        made = Path(folder) / f"{path.stem}.glb"
+        glb_path = Path(folder) / f"{path.stem}.glb"
         command = [blender, "--background", "--factory-startup", "--python-exit-code", "1"]
-        command += ["--python-expr", _SCRIPT, "--", str(path.resolve()), str(made)]
+        command += ["--python-expr", _SCRIPT, "--", str(path.resolve()), str(glb_path)]
         try:
-            done = subprocess.run(  # noqa: S603 - a program of the lab's own
+            process = subprocess.run(  # noqa: S603 - a program of the lab's own
                 command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S
             )
         except subprocess.TimeoutExpired as e:
@@ -103,22 +103,24 @@ def as_glb(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
             ) from e
         except OSError as e:
             raise CharacterError(f"{path}: Blender does not start ({e}); {REMEDY}") from e
-        if f"No module named '{_NUMPY}'" in done.stderr + done.stdout:
+        if f"No module named '{_NUMPY}'" in process.stderr + process.stdout:
             raise CharacterError(
                 f"{path}: Blender lacks {_NUMPY}, without which it writes no glTF; {REMEDY}"
             )
-        if done.returncode or not made.is_file():
+        if process.returncode or not glb_path.is_file():
             raise CharacterError(
-                f"{path}: Blender cannot read it ({_reason(done.stdout + done.stderr)}); open it "
-                "there, or export the figure as .glb from the program that made it"
+                f"{path}: Blender cannot read it ({_reason(process.stdout + process.stderr)}); "
+                "open it there, or export the figure as .glb from the program that made it"
             )
-        told = [line.strip() for line in done.stdout.splitlines()]
-        lost = (line.removeprefix(_LOST) for line in told if line.startswith(_LOST))
-        yield made, tuple(lost)
+        output_lines = [line.strip() for line in process.stdout.splitlines()]
+        missing_pictures = (
+            line.removeprefix(_LOST) for line in output_lines if line.startswith(_LOST)
+        )
+        yield glb_path, tuple(missing_pictures)
 
 
 def _reason(output: str) -> str:
-    """Return the line of what Blender said that tells why."""
+    """Return the line of Blender's output that gives the reason."""
     lines = [line.strip() for line in output.splitlines() if line.strip()]
     errors = [line for line in lines if "Error" in line]
     return (errors or lines or ["it says nothing"])[-1]

@@ -32,26 +32,25 @@ LEVELS = (
 """The levels of detail of everybody, from the finest to the lightest."""
 _HEAD = [PART_INDEX[p] for p in ("face", "left_eye", "right_eye", "scalp", "neck")]
 _HEAD_IMPORTANCE = 1.7
-_EYES = (PART_INDEX["left_eye"], PART_INDEX["right_eye"])
 _EYE_SHARES = (0.014, 0.06)
 """Shares of the triangles that eyeballs and lids get."""
 _KEEPS_ALL = 12000
 """Levels with fewer triangles drop what lies deep in the sockets."""
 MAX_ERROR = 0.5
-"""Of thinning, in sizes of the mesh: the number of triangles decides."""
+"""Error limit of thinning, in sizes of the mesh; so large that the number of triangles decides."""
 _LID_M = 0.006
 _UV_WEIGHT = 0.3
 _NOSE_TO_LIPS, _ROUND_EYES = ((-0.55, 0.55), (-1.35, 0.25)), ((0.2, 0.85), (-0.25, 0.30))
 """Where features lie from between the eyes, right and up, in distances of the eyes."""
 _NECK_SHARE = 0.5
-"""What a neck counts for, as a share of nose, lips and lids."""
+"""Weight of the neck, relative to nose, lips and lids."""
 _PLAIN_SHARE = 0.3
-"""What bends and pictures on cheek and forehead count for against those of features."""
+"""Weight of bends and pictures on cheek and forehead, relative to facial features."""
 _FEATURE_WEIGHTS = {"normal": 0.3, "colour": 0.02, "place": 6.0, "uv": 0.5}
 Indices = npt.NDArray[np.int64]
 
 
-def thinned(mesh: SkinnedMesh, n_triangles: int) -> SkinnedMesh:
+def thin_mesh(mesh: SkinnedMesh, n_triangles: int) -> SkinnedMesh:
     """Return the mesh with about n_triangles.
 
     Every triangle keeps its part: parts meet at seams that are thinned on both sides at once.
@@ -63,29 +62,29 @@ def thinned(mesh: SkinnedMesh, n_triangles: int) -> SkinnedMesh:
     total = len(mesh.triangles)
     if total <= n_triangles:
         return mesh
-    apart = _split_by_part(mesh)
-    eyes, lids, hidden = _round_the_eyes(apart)
+    split_mesh = _split_by_part(mesh)
+    eyes, lids, in_socket = _round_the_eyes(split_mesh)
     if n_triangles < _KEEPS_ALL:
-        shown = ~hidden
-        apart = _of_triangles(apart, shown)
-        eyes, lids = eyes[shown], lids[shown]
-    on_head = np.isin(apart.triangle_part, _HEAD) & ~eyes & ~lids
+        is_visible = ~in_socket
+        split_mesh = _of_triangles(split_mesh, is_visible)
+        eyes, lids = eyes[is_visible], lids[is_visible]
+    on_head = np.isin(split_mesh.triangle_part, _HEAD) & ~eyes & ~lids
     group = np.select([eyes, lids, on_head], [0, 1, 2], 3)
     count = np.bincount(group, minlength=4)
-    wanted = count.copy()
+    n_wanted = count.copy()
     for k, share in enumerate(_EYE_SHARES):
-        wanted[k] = min(count[k], round(share * n_triangles) + 16)
-    left = n_triangles - int(wanted[:2].sum())
+        n_wanted[k] = min(count[k], round(share * n_triangles) + 16)
+    left = n_triangles - int(n_wanted[:2].sum())
     share = count[2] * _HEAD_IMPORTANCE / max(count[2] * _HEAD_IMPORTANCE + count[3], 1)
-    wanted[2] = min(round(share * left), count[2])
-    wanted[3] = left - wanted[2]
-    locked = _between(apart, group)
+    n_wanted[2] = min(round(share * left), count[2])
+    n_wanted[3] = left - n_wanted[2]
+    is_locked = _between(split_mesh, group)
     thin = [
-        _thin(apart, apart.triangles[group == k], int(wanted[k]), locked)
+        _thin(split_mesh, split_mesh.triangles[group == k], int(n_wanted[k]), is_locked)
         for k in range(4)
         if count[k]
     ]
-    return _compacted(apart, np.concatenate(thin))
+    return _compact(split_mesh, np.concatenate(thin))
 
 
 def _round_the_eyes(
@@ -94,7 +93,7 @@ def _round_the_eyes(
     """Tell which triangles (t,) are eyeballs, which are lids, and which lie deep in the socket."""
     middle = mesh.vertices_m[mesh.triangles].mean(axis=1)
     eyes = np.zeros(len(middle), dtype=bool)
-    lids, hidden = eyes.copy(), eyes.copy()
+    lids, in_socket = eyes.copy(), eyes.copy()
     for side in ("left_eye", "right_eye"):
         mine = mesh.triangle_part == PART_INDEX[side]
         if not mine.any():
@@ -109,12 +108,12 @@ def _round_the_eyes(
         behind = d[:, 2] > -0.1 * radius
         eyes |= mine
         lids |= near
-        hidden |= behind & (mine | (near & (np.linalg.norm(d, axis=1) < 1.05 * radius)))
-    return eyes, lids, hidden
+        in_socket |= behind & (mine | (near & (np.linalg.norm(d, axis=1) < 1.05 * radius)))
+    return eyes, lids, in_socket
 
 
 def lighter(mesh: SkinnedMesh, budget: LevelBudget) -> SkinnedMesh:
-    """Return the mesh as a level of detail, its face told apart from the rest and kept best.
+    """Return the mesh as a level of detail; the face is thinned separately and least.
 
     Nose, lips, lids and what they border on change last, and no vertex ever leaves the surface of
     the full mesh. Parts meet at seams that are thinned on both sides at once.
@@ -124,32 +123,32 @@ def lighter(mesh: SkinnedMesh, budget: LevelBudget) -> SkinnedMesh:
     """
     if len(mesh.triangles) <= budget.triangles:
         return mesh
-    apart = _split_by_part(mesh)
+    split_mesh = _split_by_part(mesh)
     if budget.triangles < _KEEPS_ALL:
-        apart = _of_triangles(apart, ~_round_the_eyes(apart)[2])
-    on_face = np.isin(apart.triangle_part, [PART_INDEX[p] for p in FACE])
-    locked = _between(apart, on_face.astype(np.int64))
-    share = _features(apart)
-    face = _thin(apart, apart.triangles[on_face], budget.face, locked, share)
+        split_mesh = _of_triangles(split_mesh, ~_round_the_eyes(split_mesh)[2])
+    on_face = np.isin(split_mesh.triangle_part, [PART_INDEX[p] for p in FACE])
+    is_locked = _between(split_mesh, on_face.astype(np.int64))
+    share = _features(split_mesh)
+    face = _thin(split_mesh, split_mesh.triangles[on_face], budget.face, is_locked, share)
     left = budget.triangles - len(face)
-    thin = [face, _thin(apart, apart.triangles[~on_face], left, locked, share)]
-    return _compacted(apart, np.concatenate(thin))
+    thin = [face, _thin(split_mesh, split_mesh.triangles[~on_face], left, is_locked, share)]
+    return _compact(split_mesh, np.concatenate(thin))
 
 
-def kept(mesh: SkinnedMesh, chosen: npt.NDArray[np.bool_]) -> SkinnedMesh:
-    """Return the mesh with the triangles `chosen` (t,) and the vertices they use, as they were."""
-    some = _of_triangles(mesh, chosen)
-    used, corners = np.unique(some.triangles, return_inverse=True)
+def keep_triangles(mesh: SkinnedMesh, is_kept: npt.NDArray[np.bool_]) -> SkinnedMesh:
+    """Return the mesh with the triangles `is_kept` (t,) and the vertices they use, as they were."""
+    some = _of_triangles(mesh, is_kept)
+    corners_used, corners = np.unique(some.triangles, return_inverse=True)
     triangles = corners.reshape(-1, 3).astype(np.int32)
-    return replace(_copies(some, used.astype(np.int64)), triangles=triangles)
+    return replace(_copies(some, corners_used.astype(np.int64)), triangles=triangles)
 
 
-def _of_triangles(mesh: SkinnedMesh, chosen: npt.NDArray[np.bool_]) -> SkinnedMesh:
+def _of_triangles(mesh: SkinnedMesh, is_kept: npt.NDArray[np.bool_]) -> SkinnedMesh:
     return replace(
         mesh,
-        triangles=mesh.triangles[chosen],
-        triangle_part=mesh.triangle_part[chosen],
-        triangle_material=mesh.triangle_material[chosen],
+        triangles=mesh.triangles[is_kept],
+        triangle_part=mesh.triangle_part[is_kept],
+        triangle_material=mesh.triangle_material[is_kept],
     )
 
 
@@ -178,14 +177,14 @@ def _features(mesh: SkinnedMesh) -> Vector:
     return share
 
 
-def joined(parts: Sequence[SkinnedMesh]) -> SkinnedMesh:
+def join_skinned_meshes(parts: Sequence[SkinnedMesh]) -> SkinnedMesh:
     """Return several meshes of the same materials as one."""
     starts = np.cumsum([0, *(len(p.vertices_m) for p in parts)])
     morphs: dict[str, list[Morph]] = {}
     for part, start in zip(parts, starts, strict=False):
         for name, morph in part.morphs.items():
-            shifted = Morph((morph.vertices + start).astype(np.int32), morph.delta_m)
-            morphs.setdefault(name, []).append(shifted)
+            renumbered = Morph((morph.vertices + start).astype(np.int32), morph.delta_m)
+            morphs.setdefault(name, []).append(renumbered)
 
     def all_of(field: str) -> npt.NDArray[Any]:
         return np.concatenate([getattr(p, field) for p in parts])
@@ -257,7 +256,7 @@ def _thin(
     mesh: SkinnedMesh,
     triangles: npt.NDArray[np.int32],
     n_triangles: int,
-    locked: npt.NDArray[np.bool_],
+    is_locked: npt.NDArray[np.bool_],
     features_01: Vector | None = None,
 ) -> npt.NDArray[np.int32]:
     """Return fewer triangles on the same vertices; without `features_01` (v,) all count alike."""
@@ -269,13 +268,15 @@ def _thin(
         raise CharacterError(
             "thinning a character needs meshoptimizer; run `pip install meshoptimizer`"
         ) from e
-    used, places = np.unique(triangles, return_inverse=True)
+    vertex_numbers, places = np.unique(triangles, return_inverse=True)
     indices = places.astype(np.uint32).ravel()
-    vertices = np.ascontiguousarray(mesh.vertices_m[used])
+    vertices = np.ascontiguousarray(mesh.vertices_m[vertex_numbers])
     if features_01 is None:
-        attributes, weights = _plain_attributes(mesh, used)
+        attributes, weights = _plain_attributes(mesh, vertex_numbers)
     else:
-        attributes, weights = _feature_attributes(mesh, used, features_01[used, None])
+        attributes, weights = _feature_attributes(
+            mesh, vertex_numbers, features_01[vertex_numbers, None]
+        )
     values = np.ascontiguousarray(np.concatenate(attributes, axis=1), dtype=np.float32)
     result = np.zeros_like(indices)
     count = meshoptimizer.simplify_with_attributes(
@@ -284,7 +285,7 @@ def _thin(
         vertices,
         values,
         np.array(weights, dtype=np.float32),
-        vertex_lock=locked[used].astype(np.uint8),
+        vertex_lock=is_locked[vertex_numbers].astype(np.uint8),
         # The wrapper declares no C types for the numbers of this call.
         index_count=ctypes.c_size_t(len(indices)),
         vertex_count=ctypes.c_size_t(len(vertices)),
@@ -295,20 +296,20 @@ def _thin(
         target_error=ctypes.c_float(MAX_ERROR),
         options=ctypes.c_uint(0),
     )
-    thin: npt.NDArray[np.int32] = used[result[:count].reshape(-1, 3)].astype(np.int32)
+    thin: npt.NDArray[np.int32] = vertex_numbers[result[:count].reshape(-1, 3)].astype(np.int32)
     return thin
 
 
 Attributes = tuple[list[npt.NDArray[np.float32]], list[float]]
 
 
-def _plain_attributes(mesh: SkinnedMesh, used: npt.NDArray[np.int32]) -> Attributes:
+def _plain_attributes(mesh: SkinnedMesh, vertex_numbers: npt.NDArray[np.int32]) -> Attributes:
     attributes: list[npt.NDArray[np.float32]] = [
-        mesh.normals[used],
-        (mesh.colour_srgb[used] / 255).astype(np.float32),
+        mesh.normals[vertex_numbers],
+        (mesh.colour_srgb[vertex_numbers] / 255).astype(np.float32),
     ]
     weights = [0.01, 0.01, 0.01, 0.02, 0.02, 0.02]
-    places = _picture_places(mesh, used)
+    places = _picture_places(mesh, vertex_numbers)
     if places is not None:
         attributes.append(places)
         weights += [_UV_WEIGHT, _UV_WEIGHT]
@@ -316,23 +317,23 @@ def _plain_attributes(mesh: SkinnedMesh, used: npt.NDArray[np.int32]) -> Attribu
 
 
 def _feature_attributes(
-    mesh: SkinnedMesh, used: npt.NDArray[np.int32], features_01: Vector
+    mesh: SkinnedMesh, vertex_numbers: npt.NDArray[np.int32], features_01: Vector
 ) -> Attributes:
     """Return what thinning should keep besides places: bends, colours, places in the picture, and
     places once more where features are.
     """
     share = (_PLAIN_SHARE + (1 - _PLAIN_SHARE) * features_01).astype(np.float32)
-    points = mesh.vertices_m[used]
+    points = mesh.vertices_m[vertex_numbers]
     sizes = points - points.mean(axis=0)
     sizes /= max(float(np.ptp(points, axis=0).max()), 1e-9)
     attributes: list[npt.NDArray[np.float32]] = [
-        mesh.normals[used] * share,
-        (mesh.colour_srgb[used] / 255).astype(np.float32),
+        mesh.normals[vertex_numbers] * share,
+        (mesh.colour_srgb[vertex_numbers] / 255).astype(np.float32),
         (sizes * features_01).astype(np.float32),
     ]
     of = _FEATURE_WEIGHTS
     weights = 3 * [of["normal"]] + 3 * [of["colour"]] + 3 * [of["place"]]
-    places = _picture_places(mesh, used)
+    places = _picture_places(mesh, vertex_numbers)
     if places is not None:
         attributes.append(places * share)
         weights += 2 * [of["uv"]]
@@ -340,26 +341,26 @@ def _feature_attributes(
 
 
 def _picture_places(
-    mesh: SkinnedMesh, used: npt.NDArray[np.int32]
+    mesh: SkinnedMesh, vertex_numbers: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float32] | None:
     """Return places in a picture (k, 2), which must not swim: lips would take on the colour of the
     mouth's inside. Cloth that repeats may swim; it reaches beyond the picture.
     """
-    if mesh.uv is None or not np.abs(mesh.uv[used] - 0.5).max() > 0:
+    if mesh.uv is None or not np.abs(mesh.uv[vertex_numbers] - 0.5).max() > 0:
         return None
-    once = (np.abs(mesh.uv[used] - 0.5) <= 0.51).all(axis=1, keepdims=True)
-    return np.where(once, mesh.uv[used], 0.0).astype(np.float32)
+    once = (np.abs(mesh.uv[vertex_numbers] - 0.5) <= 0.51).all(axis=1, keepdims=True)
+    return np.where(once, mesh.uv[vertex_numbers], 0.0).astype(np.float32)
 
 
-def _compacted(mesh: SkinnedMesh, triangles: npt.NDArray[np.int32]) -> SkinnedMesh:
+def _compact(mesh: SkinnedMesh, triangles: npt.NDArray[np.int32]) -> SkinnedMesh:
     """Return the mesh with only the vertices that triangles use; each belongs to one part."""
     part = np.zeros(len(mesh.vertices_m), dtype=np.uint8)
     material = np.zeros(len(mesh.vertices_m), dtype=np.uint8)
     for k in range(3):
         part[mesh.triangles[:, k]] = mesh.triangle_part
         material[mesh.triangles[:, k]] = mesh.triangle_material
-    used, indices = np.unique(triangles, return_inverse=True)
-    thin = _copies(mesh, used.astype(np.int64))
+    vertex_numbers, indices = np.unique(triangles, return_inverse=True)
+    thin = _copies(mesh, vertex_numbers.astype(np.int64))
     return replace(
         thin,
         triangles=indices.reshape(-1, 3).astype(np.int32),

@@ -18,7 +18,7 @@ from visavis.stimuli.characters.storage import FIGURE_FILES, write_character
 
 @dataclass(frozen=True)
 class Imported:
-    """What became of one file: the character and where it lies, or what is wrong with it.
+    """The result of importing one file: the character and its path, or the error.
 
     `odd` says what is strange about the file of somebody who can be used.
     """
@@ -32,37 +32,40 @@ class Imported:
 
 @contextmanager
 def people_in(download: Path, only: str = "*") -> Iterator[Path]:
-    """Lay the .glb files of a download, a .zip or a folder of folders, into one folder for a while.
+    """Collect the .glb files of a download (a .zip or a folder of folders) in a temporary folder.
 
     `only` is a pattern that their names, without the ending, must fit.
 
     Raises:
         CharacterError: it is neither, or holds none.
     """
-    with TemporaryDirectory() as made:
-        laid = Path(made)
-        found = 0
+    with TemporaryDirectory() as temporary:
+        people_folder = Path(temporary)
+        n_files = 0
         if download.is_dir():
             for path in sorted(download.rglob("*.glb")):
                 if fnmatch(path.stem, only):
-                    shutil.copyfile(path, laid / path.name)
-                    found += 1
+                    shutil.copyfile(path, people_folder / path.name)
+                    n_files += 1
         else:
             try:
-                with ZipFile(download) as packed:
-                    for entry in packed.infolist():
+                with ZipFile(download) as archive:
+                    for entry in archive.infolist():
                         name = PurePosixPath(entry.filename)
                         if name.suffix == ".glb" and fnmatch(name.stem, only):
-                            with packed.open(entry) as source, (laid / name.name).open("wb") as to:
+                            with (
+                                archive.open(entry) as source,
+                                (people_folder / name.name).open("wb") as to,
+                            ):
                                 shutil.copyfileobj(source, to)
-                            found += 1
+                            n_files += 1
             except (OSError, BadZipFile, NotImplementedError, RuntimeError) as e:
                 raise CharacterError(
                     f"{download}: neither a folder nor a whole .zip ({e}); download it again"
                 ) from e
-        if not found:
+        if not n_files:
             raise CharacterError(f"{download}: holds no .glb file called {only!r}; see its content")
-        yield laid
+        yield people_folder
 
 
 def library_names(library: Path) -> tuple[str, ...]:
@@ -94,7 +97,7 @@ def import_characters(
         )
     for file in files:
         try:
-            character, odd = _imported(file, gender, joint_map)
+            character, odd = _import_file(file, gender, joint_map)
         except CharacterError as error:
             yield Imported(file, None, None, str(error))
             continue
@@ -104,20 +107,20 @@ def import_characters(
         yield Imported(file, character, path, odd=odd)
 
 
-def _imported(
+def _import_file(
     file: Path, gender: Gender | None, joint_map: Mapping[str, str] | None
 ) -> tuple[Character, tuple[str, ...]]:
     if file.suffix.lower() != ".fbx":
         return import_gltf(file, gender=gender, joint_map=joint_map), ()
-    with as_glb(file) as (converted, lost):
+    with as_glb(file) as (glb_path, missing_pictures):
         try:
-            character = import_gltf(converted, gender=gender, joint_map=joint_map)
+            character = import_gltf(glb_path, gender=gender, joint_map=joint_map)
         except CharacterError as e:
-            raise CharacterError(str(e).replace(str(converted), str(file))) from e
+            raise CharacterError(str(e).replace(str(glb_path), str(file))) from e
     odd: tuple[str, ...] = ()
-    if lost:
+    if missing_pictures:
         odd = (
-            f"lacks the pictures {', '.join(lost)}, so what they cover is plain: lay them into the "
-            "folder of the file or a folder beside it, and import it again",
+            f"lacks the pictures {', '.join(missing_pictures)}, so their surfaces are plain: "
+            "put them into the file's folder or one next to it, and import it again",
         )
     return replace(character, source=f"imported from {file.name} by way of Blender"), odd

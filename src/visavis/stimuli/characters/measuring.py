@@ -22,16 +22,18 @@ _PROBE_M, _PROBE_STEP_M, _STEP_M, _MAX_M, _DAMPING = 0.002, 0.004, 0.004, 0.014,
 Indices = npt.NDArray[np.int64]
 
 
-def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMesh:
+def match_areas(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMesh:
     """Move the surface of a thinned mesh out or in until parts are seen as large as in the full.
 
     Thinning cuts corners off round limbs; a millimetre or two along the normals gives them back.
     How each part's surface changes what is seen of all parts (a collar hides the neck) is
     measured, and the smallest moves that mend all of them are made.
     """
-    wanted = seen_areas_m2(full)
-    parts = np.flatnonzero(wanted > np.where(np.isin(np.arange(len(PARTS)), _EYES), 2e-5, _MIN_M2))
-    moved = range(1, len(PARTS))
+    full_areas_m2 = seen_areas_m2(full)
+    parts = np.flatnonzero(
+        full_areas_m2 > np.where(np.isin(np.arange(len(PARTS)), _EYES), 2e-5, _MIN_M2)
+    )
+    movable_parts = range(1, len(PARTS))
     normals, place, uses = _shared_normals(thin)
     ways = uses[:, :, None] * normals[:, None]
     for eye in _EYES:
@@ -41,7 +43,7 @@ def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMes
     def errors(sides: Vector, step_m: float = 0.002) -> tuple[Vector, npt.NDArray[np.float32]]:
         out = np.einsum("vpk,p->vk", ways, sides)
         vertices = (thin.vertices_m + out[place]).astype(np.float32)
-        return seen_areas_m2(thin, vertices, step_m)[parts] / wanted[parts] - 1, vertices
+        return seen_areas_m2(thin, vertices, step_m)[parts] / full_areas_m2[parts] - 1, vertices
 
     error, best = errors(sides)
     for _ in range(rounds):
@@ -49,20 +51,20 @@ def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMes
             break
         coarse = errors(sides, _PROBE_STEP_M)[0]
         slopes = np.zeros((len(parts), len(PARTS)))
-        for p in moved:
+        for p in movable_parts:
             probe = sides.copy()
             probe[p] += _PROBE_M
             slopes[:, p] = (errors(probe, _PROBE_STEP_M)[0] - coarse) / _PROBE_M
-        damped = slopes.T @ slopes + _DAMPING * np.eye(len(PARTS))
-        step = np.clip(-np.linalg.solve(damped, slopes.T @ error), -_STEP_M, _STEP_M)
-        tried = []
+        damped_matrix = slopes.T @ slopes + _DAMPING * np.eye(len(PARTS))
+        step = np.clip(-np.linalg.solve(damped_matrix, slopes.T @ error), -_STEP_M, _STEP_M)
+        trials = []
         for k in (1.0, 0.5, 0.25):
             s = np.clip(sides + k * step, -_MAX_M, _MAX_M)
             e, v = errors(s)
-            tried.append((np.abs(e).max(), s, e, v))
-            if tried[-1][0] < np.abs(error).max():
+            trials.append((np.abs(e).max(), s, e, v))
+            if trials[-1][0] < np.abs(error).max():
                 break
-        worst, s, e, v = min(tried, key=lambda row: float(row[0]))
+        worst, s, e, v = min(trials, key=lambda row: float(row[0]))
         if worst >= np.abs(error).max():
             break
         sides, error, best = s, e, v
@@ -71,9 +73,9 @@ def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMes
 
 def worst_area_error(thin: SkinnedMesh, full: SkinnedMesh) -> float:
     """Return the largest share by which a part is seen larger or smaller than in the full mesh."""
-    wanted = seen_areas_m2(full)
-    parts = np.flatnonzero(wanted > _MIN_M2)
-    return float(np.abs(seen_areas_m2(thin)[parts] / wanted[parts] - 1).max(initial=0.0))
+    full_areas_m2 = seen_areas_m2(full)
+    parts = np.flatnonzero(full_areas_m2 > _MIN_M2)
+    return float(np.abs(seen_areas_m2(thin)[parts] / full_areas_m2[parts] - 1).max(initial=0.0))
 
 
 def _opening(mesh: SkinnedMesh, place: Indices, eye: int, n_places: int) -> Vector:

@@ -11,10 +11,16 @@ import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.character import Character, Material, SkinnedMesh
-from visavis.stimuli.characters.garments import Colour, Worn, looks_bare, painted, wardrobe_of
+from visavis.stimuli.characters.garments import (
+    Colour,
+    GarmentKind,
+    looks_bare,
+    paint_wardrobe,
+    wardrobe_of,
+)
 
 OURS: Final = {"top", "bottom", "shoe"}
-"""Names of what the people who come with Visavis wear."""
+"""Names of the garments of the people who come with Visavis."""
 
 TOPS: Final[tuple[Colour, ...]] = (
     (46, 84, 112), (122, 48, 60), (74, 96, 62), (206, 196, 174), (52, 52, 58), (176, 124, 52),
@@ -36,7 +42,7 @@ TROUSERS_AND_SUITS: Final[tuple[Colour, ...]] = (
     (100, 96, 84),
     (158, 150, 138),
 )
-"""What people who were imported wear on their legs, or from top to bottom."""
+"""Garments of imported people on the legs, or from top to bottom."""
 UNLIKE: Final = 40.0
 """Colours nearer to each other than this (sRGB, as a distance) look alike."""
 
@@ -69,14 +75,14 @@ def in_other_clothes(character: Character, outfit: int) -> Character:
                 own = _mean_tint(character, i) * _mean_of_picture(grey)
             factor = np.asarray(wear[material.name]) / np.maximum(own, 12.0)
             lightest = max(_lightest(mesh, i, factor) for mesh in character.levels)
-            materials[i] = _lightened(grey, lightest / 255)
+            materials[i] = _lighten(grey, lightest / 255)
             factors[i] = factor * min(1.0, 255 / lightest)
         elif material.kind == "hair":
             factors[i] = np.full(3, HAIR_LIGHTER[(outfit - 1) % len(HAIR_LIGHTER)])
     return replace(
         character,
         name=f"{character.name}_{outfit + 1}",
-        levels=tuple(_recoloured(mesh, factors) for mesh in character.levels),
+        levels=tuple(_recolour(mesh, factors) for mesh in character.levels),
         materials=tuple(materials),
     )
 
@@ -88,7 +94,7 @@ def _imported_in_other_clothes(
     if not wardrobes:
         return character
     lower = [TROUSERS_AND_SUITS[i] for i in rng.permutation(len(TROUSERS_AND_SUITS)).tolist()]
-    orders: dict[Worn, list[Colour]] = {
+    orders: dict[GarmentKind, list[Colour]] = {
         "top": [TOPS[i] for i in rng.permutation(len(TOPS)).tolist()],
         "bottom": lower,
         "whole": lower,
@@ -100,22 +106,22 @@ def _imported_in_other_clothes(
         for garment in wardrobe.garments:
             unlike = [
                 colour
-                for colour in orders[garment.worn]
+                for colour in orders[garment.kind]
                 if np.linalg.norm(colour - garment.ground_srgb) > UNLIKE
                 and not looks_bare(wardrobe, colour)
             ]
-            wear[garment.worn] = unlike[(outfit - 1) % len(unlike)]
-        picture = painted(wardrobe, wear)
+            wear[garment.kind] = unlike[(outfit - 1) % len(unlike)]
+        picture = paint_wardrobe(wardrobe, wear)
         for i in wardrobe.materials:
             materials[i] = replace(materials[i], texture_srgb=picture)
         if wardrobe.has_tint:
             white += wardrobe.materials
-    levels = tuple(_whitened(mesh, white) for mesh in character.levels)
+    levels = tuple(_whiten(mesh, white) for mesh in character.levels)
     name = f"{character.name}_{outfit + 1}"
     return replace(character, name=name, materials=tuple(materials), levels=levels)
 
 
-def _whitened(mesh: SkinnedMesh, materials: Sequence[int]) -> SkinnedMesh:
+def _whiten(mesh: SkinnedMesh, materials: Sequence[int]) -> SkinnedMesh:
     """Return a mesh whose pictures bear all colour of these materials."""
     if not materials:
         return mesh
@@ -152,8 +158,8 @@ def _mean_colour(character: Character, material: int) -> Vector:
 
 def _mean_tint(character: Character, material: int) -> Vector:
     mesh = character.levels[0]
-    used = np.unique(mesh.triangles[mesh.triangle_material == material])
-    mean: Vector = mesh.colour_srgb[used].mean(axis=0) if len(used) else np.full(3, 128.0)
+    corners = np.unique(mesh.triangles[mesh.triangle_material == material])
+    mean: Vector = mesh.colour_srgb[corners].mean(axis=0) if len(corners) else np.full(3, 128.0)
     return mean
 
 
@@ -175,7 +181,7 @@ def _grey(material: Material) -> Material:
     return replace(material, texture_srgb=pixels)
 
 
-def _lightened(material: Material, factor: float) -> Material:
+def _lighten(material: Material, factor: float) -> Material:
     """Return a material with a lighter picture where vertices cannot bear all of a light colour.
 
     Their shade would lose its hue where 255 cuts off lit places alone. The grain stays, too: the
@@ -192,13 +198,13 @@ def _lightened(material: Material, factor: float) -> Material:
 
 def _lightest(mesh: SkinnedMesh, material: int, factor: Vector) -> float:
     """Return the greatest channel of a material's vertices in another colour, 1 at least."""
-    used = mesh.triangles[mesh.triangle_material == material]
-    return max(1.0, float((mesh.colour_srgb[used].reshape(-1, 3) * factor).max(initial=1.0)))
+    corners = mesh.triangles[mesh.triangle_material == material]
+    return max(1.0, float((mesh.colour_srgb[corners].reshape(-1, 3) * factor).max(initial=1.0)))
 
 
-def _recoloured(mesh: SkinnedMesh, factors: dict[int, Vector]) -> SkinnedMesh:
+def _recolour(mesh: SkinnedMesh, factors: dict[int, Vector]) -> SkinnedMesh:
     colour = mesh.colour_srgb.astype(np.float64)
     for material, factor in factors.items():
-        used = np.unique(mesh.triangles[mesh.triangle_material == material])
-        colour[used] *= factor
+        corners = np.unique(mesh.triangles[mesh.triangle_material == material])
+        colour[corners] *= factor
     return replace(mesh, colour_srgb=np.round(np.clip(colour, 0, 255)).astype(np.uint8))

@@ -104,8 +104,8 @@ def _girdle_turn(at: Mapping[str, Vector], side: str) -> Vector:
 
 def _follow(turn: Vector, joint: int, above: Vector, rest: Vector, along: Vector) -> None:
     """Lay a rest direction along a sculpted one by the smallest turn from the joint above."""
-    seen = rotate(quat_conjugate(above), unit(along))
-    turn[joint] = quat_multiply(above, quat_between(rest, seen))
+    own_direction = rotate(quat_conjugate(above), unit(along))
+    turn[joint] = quat_multiply(above, quat_between(rest, own_direction))
 
 
 def _hand_turn(at: Mapping[str, Vector], side: str) -> Vector:
@@ -130,8 +130,8 @@ def to_rest(
     rest = rig.skeleton.rest_m
     shift = rig.at_m - np.einsum("jab,jb->ja", matrices, rest)
     blend = np.einsum("vk,vkab->vab", weights, matrices[joints])
-    moved = np.einsum("vk,vka->va", weights, shift[joints])
-    return np.linalg.solve(blend, (vertices_m - moved)[..., None])[..., 0], blend
+    shift_m = np.einsum("vk,vka->va", weights, shift[joints])
+    return np.linalg.solve(blend, (vertices_m - shift_m)[..., None])[..., 0], blend
 
 
 def heaviest(weights: Vector) -> tuple[npt.NDArray[np.int64], Vector]:

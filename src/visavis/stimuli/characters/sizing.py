@@ -11,7 +11,7 @@ from visavis.stimuli.motion.skeleton import Skeleton
 MIN_M, TALLEST_M = 0.5, 2.6
 
 
-def sized(character: Character, stature_m: float) -> Character:
+def scale_to_stature(character: Character, stature_m: float) -> Character:
     """Return a character scaled to a stature with shoes; everything grows in proportion.
 
     Raises:
@@ -34,8 +34,8 @@ def sized(character: Character, stature_m: float) -> Character:
         character,
         stature_m=stature_m,
         skeleton=skeleton,
-        levels=tuple(_scaled(mesh, k) for mesh in character.levels),
-        measuring=tuple(_scaled(mesh, k) for mesh in character.measuring),
+        levels=tuple(_scale_mesh(mesh, k) for mesh in character.levels),
+        measuring=tuple(_scale_mesh(mesh, k) for mesh in character.measuring),
         capsules=tuple(
             replace(c, start_m=k * c.start_m, end_m=k * c.end_m, radius_m=k * c.radius_m)
             for c in character.capsules
@@ -46,14 +46,14 @@ def sized(character: Character, stature_m: float) -> Character:
             iris_radius_m=k * eye.iris_radius_m,
             pupil_radius_m=k * eye.pupil_radius_m,
         ),
-        closed=None if character.closed is None else _scaled(character.closed, k),
+        closed=None if character.closed is None else _scale_mesh(character.closed, k),
     )
 
 
 ARM_BONES = ("lower_arm", "hand")
 LEG_BONES = ("lower_leg", "foot")
 MAX_STRETCH_01 = 0.15
-"""By so much, of their own length, limbs are made longer or shorter at most."""
+"""Largest change of a limb's length, as a share of it."""
 
 
 def with_limbs(character: Character, arms: float, legs: float) -> Character:
@@ -74,16 +74,16 @@ def with_limbs(character: Character, arms: float, legs: float) -> Character:
     for name, k in factors.items():
         joint = skeleton.index_of[name]
         offsets_m[joint] *= k
-    stretched = replace(skeleton, offsets_m=offsets_m)
+    new_skeleton = replace(skeleton, offsets_m=offsets_m)
     bones = {skeleton.parents[skeleton.index_of[name]]: skeleton.index_of[name] for name in factors}
 
-    def moved(mesh: SkinnedMesh) -> SkinnedMesh:
+    def stretch_mesh(mesh: SkinnedMesh) -> SkinnedMesh:
         points = mesh.vertices_m.astype(np.float64)
         way = np.zeros_like(points)
         for corner in range(mesh.joints.shape[1]):
             joint = mesh.joints[:, corner].astype(np.int64)
             weight = mesh.weights[:, corner, None].astype(np.float64)
-            shift = (stretched.rest_m - skeleton.rest_m)[joint]
+            shift = (new_skeleton.rest_m - skeleton.rest_m)[joint]
             for parent, child in bones.items():
                 mine = joint == parent
                 bone = skeleton.offsets_m[child]
@@ -96,14 +96,14 @@ def with_limbs(character: Character, arms: float, legs: float) -> Character:
 
     return replace(
         character,
-        skeleton=stretched,
-        levels=tuple(moved(mesh) for mesh in character.levels),
-        measuring=tuple(moved(mesh) for mesh in character.measuring),
-        closed=None if character.closed is None else moved(character.closed),
+        skeleton=new_skeleton,
+        levels=tuple(stretch_mesh(mesh) for mesh in character.levels),
+        measuring=tuple(stretch_mesh(mesh) for mesh in character.measuring),
+        closed=None if character.closed is None else stretch_mesh(character.closed),
     )
 
 
-def _scaled(mesh: SkinnedMesh, k: float) -> SkinnedMesh:
+def _scale_mesh(mesh: SkinnedMesh, k: float) -> SkinnedMesh:
     factor = np.float32(k)
     morphs = {n: Morph(m.vertices, factor * m.delta_m) for n, m in mesh.morphs.items()}
     return replace(mesh, vertices_m=factor * mesh.vertices_m, morphs=morphs)

@@ -1,4 +1,4 @@
-"""Where the skin of a posed person is: linear blend skinning with the face's shapes."""
+"""The surface of a posed person: linear blend skinning with the face's shapes."""
 
 from dataclasses import dataclass
 
@@ -35,6 +35,8 @@ def _blend(
 ) -> None:
     for v in range(rest.shape[0]):
         x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
+        # Linear blend skinning by up to four joints; normals turn by the same matrices, without the
+        # translation, and are normalised after.
         px = py = pz = np.float32(0)
         nx = ny = nz = np.float32(0)
         for k in range(4):

@@ -29,7 +29,7 @@ FIGURE_FILES = (".glb", ".vrm", ".fbx")
 """Files that figures are imported from."""
 FORMAT = 3
 _READ = (2, 3)
-"""What is read: format 2 had no maps, and one picture a material."""
+"""Formats that can be read; format 2 had no maps and one picture per material."""
 _STEP_M = 1 / 16384  # 0.06 mm; int16 reaches 2 m either way
 _MORPH_STEP_M = 1 / 262144
 _UV_STEP = 1 / 2048  # int16 reaches ±16 repeats of a cloth's texture
@@ -102,22 +102,22 @@ def _packed_image(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
 class _Pictures:
     """Pictures of all materials; one that several share is written once."""
 
-    listed: list[npt.NDArray[np.uint8]] = field(default_factory=list)
+    pictures: list[npt.NDArray[np.uint8]] = field(default_factory=list)
 
     def of(self, material: Material) -> dict[str, int]:
         """Return the numbers of a material's pictures by what they are."""
         maps = Maps() if material.maps is None else material.maps
-        given = {"colour": material.texture_srgb} | {
+        pixels_of = {"colour": material.texture_srgb} | {
             f.name: getattr(maps, f.name) for f in fields(Maps)
         }
-        return {name: self._number(p) for name, p in given.items() if p is not None}
+        return {name: self._number(p) for name, p in pixels_of.items() if p is not None}
 
     def _number(self, pixels: npt.NDArray[np.uint8]) -> int:
-        for i, known in enumerate(self.listed):
-            if known is pixels:
+        for i, picture in enumerate(self.pictures):
+            if picture is pixels:
                 return i
-        self.listed.append(pixels)
-        return len(self.listed) - 1
+        self.pictures.append(pixels)
+        return len(self.pictures) - 1
 
 
 def write_character(character: Character, path: Path) -> None:
@@ -152,6 +152,7 @@ def write_character(character: Character, path: Path) -> None:
         "source": character.source,
         "licence": character.licence,
     }
+    # The JSON head travels as bytes inside the .npz, so that a character is one file.
     arrays: dict[str, npt.NDArray[Any]] = {
         "head": np.frombuffer(json.dumps(head).encode(), dtype=np.uint8),
         "parents": character.skeleton.parents.astype(np.int16),
@@ -167,7 +168,7 @@ def write_character(character: Character, path: Path) -> None:
         arrays |= _pack_mesh(mesh, f"measuring{i}")
     if character.closed is not None:
         arrays |= _pack_mesh(character.closed, "closed")
-    for i, pixels in enumerate(pictures.listed):
+    for i, pixels in enumerate(pictures.pictures):
         arrays[f"picture{i}"] = _packed_image(pixels)
     np.savez_compressed(path, allow_pickle=False, **arrays)
 
@@ -210,8 +211,8 @@ def _character(arrays: Mapping[str, npt.NDArray[Any]], head: dict[str, Any]) -> 
         arrays["tips"].astype(np.float64),
     )
     pictures = {
-        name: np.asarray(Image.open(io.BytesIO(packed.tobytes())))
-        for name, packed in arrays.items()
+        name: np.asarray(Image.open(io.BytesIO(png_bytes.tobytes())))
+        for name, png_bytes in arrays.items()
         if re.fullmatch(r"(texture|picture)\d+", name)
     }
     materials = []
@@ -220,9 +221,9 @@ def _character(arrays: Mapping[str, npt.NDArray[Any]], head: dict[str, Any]) -> 
         if numbers is None:
             materials.append(Material(texture_srgb=pictures.get(f"texture{i}"), **entry))
             continue
-        worn = {name: pictures[f"picture{number}"] for name, number in numbers.items()}
-        colour = worn.pop("colour", None)
-        maps = Maps(**worn) if worn else None
+        material_pictures = {name: pictures[f"picture{number}"] for name, number in numbers.items()}
+        colour = material_pictures.pop("colour", None)
+        maps = Maps(**material_pictures) if material_pictures else None
         materials.append(Material(texture_srgb=colour, maps=maps, **entry))
     ends = arrays["capsule_ends"].astype(np.float64)
     eyeball = dict(head["eyeball"])

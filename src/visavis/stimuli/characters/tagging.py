@@ -22,8 +22,8 @@ def part_of_joint(name: str) -> int:
     """Return the part that a joint of the skeleton moves; the head's is the scalp."""
     side = next((s for s in ("left_", "right_") if name.startswith(s)), "")
     part = _PART_OF.get(name.removeprefix(side), "hand")
-    sided = part in ("upper_arm", "forearm", "hand", "thigh", "shin", "foot")
-    return PART_INDEX[side + part if sided else part]
+    has_side = part in ("upper_arm", "forearm", "hand", "thigh", "shin", "foot")
+    return PART_INDEX[side + part if has_side else part]
 
 
 def parts_of_weights(weights: Vector, triangles: Indices, names: Sequence[str]) -> Indices:

@@ -1,1 +1,1 @@
-"""Bodies as capsules: idle people, contact with a tracked participant, what they share."""
+"""Bodies as capsules: idle people, contact with a tracked participant, common volumes."""

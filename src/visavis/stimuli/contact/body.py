@@ -82,9 +82,9 @@ def capsule_body(
     """Return the capsules of a person of this stature, all or those of some joints."""
     starts, ends, radii = [], [], []
     for name in joints:
-        mirrored = name.startswith("right_")
+        is_right = name.startswith("right_")
         start, end, radius = _FRACTIONS[name.replace("right_", "left_")]
-        sign = np.array([-1.0 if mirrored else 1.0, 1.0, 1.0])
+        sign = np.array([-1.0 if is_right else 1.0, 1.0, 1.0])
         starts.append(sign * start)
         ends.append(sign * end)
         radii.append(radius)

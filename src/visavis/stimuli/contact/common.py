@@ -1,4 +1,4 @@
-"""What two bodies of capsules have in common, quickly: along columns, without any mesh.
+"""The common volume of two bodies of capsules, computed quickly along columns, without a mesh.
 
 For studies simulated by the hundred. Recordings are measured with meshes
 (`visavis.analysis.collisions`).
@@ -50,7 +50,7 @@ def _stretch(a: Vector, b: Vector, r: float, x: float, z: float) -> tuple[float,
 
 
 @compiled
-def _merged(lows: Vector, highs: Vector, n: int) -> int:
+def _merge(lows: Vector, highs: Vector, n: int) -> int:
     """Merge overlapping stretches in place, rising; return how many are left."""
     for i in range(1, n):
         low, high = lows[i], highs[i]
@@ -59,14 +59,14 @@ def _merged(lows: Vector, highs: Vector, n: int) -> int:
             lows[j + 1], highs[j + 1] = lows[j], highs[j]
             j -= 1
         lows[j + 1], highs[j + 1] = low, high
-    kept = 0
+    n_merged = 0
     for i in range(n):
-        if kept and lows[i] <= highs[kept - 1]:
-            highs[kept - 1] = max(highs[kept - 1], highs[i])
+        if n_merged and lows[i] <= highs[n_merged - 1]:
+            highs[n_merged - 1] = max(highs[n_merged - 1], highs[i])
         else:
-            lows[kept], highs[kept] = lows[i], highs[i]
-            kept += 1
-    return kept
+            lows[n_merged], highs[n_merged] = lows[i], highs[i]
+            n_merged += 1
+    return n_merged
 
 
 @compiled
@@ -92,6 +92,8 @@ def capsules_in_common_m3(
         for k in range(3):
             low_a[k] = min(low_a[k], min(starts_a[i, k], ends_a[i, k]) - radii_a[i])
             high_a[k] = max(high_a[k], max(starts_a[i, k], ends_a[i, k]) + radii_a[i])
+    # Boxes first, then distances: most pairs of a crowd are apart and cost three comparisons. The
+    # box round all touching pairs is the region over which columns are laid.
     for j in range(n_b):
         rb = radii_b[j]
         beyond = False
@@ -105,16 +107,16 @@ def capsules_in_common_m3(
             continue
         for i in range(n_a):
             ra = radii_a[i]
-            apart = False
+            is_apart = False
             for k in range(3):
                 if (
                     min(starts_a[i, k], ends_a[i, k]) - ra >= max(starts_b[j, k], ends_b[j, k]) + rb
                     or min(starts_b[j, k], ends_b[j, k]) - rb
                     >= max(starts_a[i, k], ends_a[i, k]) + ra
                 ):
-                    apart = True
+                    is_apart = True
                     break
-            if apart:
+            if is_apart:
                 continue
             square = segment_distance(starts_a[i], ends_a[i], starts_b[j], ends_b[j], point)
             if square >= (ra + rb) ** 2:
@@ -138,6 +140,7 @@ def capsules_in_common_m3(
             )
     if not high_x > low_x or not high_z > low_z:
         return 0.0
+    # Whole columns that fill the region exactly, none wider than `cell_m`.
     nx = max(int(np.ceil((high_x - low_x) / cell_m)), 1)
     nz = max(int(np.ceil((high_z - low_z) / cell_m)), 1)
     step_x, step_z = (high_x - low_x) / nx, (high_z - low_z) / nz
@@ -166,12 +169,14 @@ def capsules_in_common_m3(
                         nb += 1
             if nb == 0:
                 continue
-            na, nb = _merged(al, ah, na), _merged(bl, bh, nb)
+            # Merge before intersecting: where two capsules of one body overlap, the volume counts
+            # once.
+            na, nb = _merge(al, ah, na), _merge(bl, bh, nb)
             for i in range(na):
                 for j in range(nb):
-                    shared = min(ah[i], bh[j]) - max(al[i], bl[j])
-                    if shared > 0.0:
-                        length += shared
+                    overlap_m = min(ah[i], bh[j]) - max(al[i], bl[j])
+                    if overlap_m > 0.0:
+                        length += overlap_m
     return length * step_x * step_z
 
 
@@ -217,6 +222,8 @@ def volumes_along(
             high_x = max(high_x, starts[k, 0] + radii[k], ends[k, 0] + radii[k])
             low_z = min(low_z, starts[k, 2] - radii[k], ends[k, 2] - radii[k])
             high_z = max(high_z, starts[k, 2] + radii[k], ends[k, 2] + radii[k])
+        # People whose feet are farther than `reach_m` from the body, seen from above, are not
+        # posed.
         for p in range(people.shape[0]):
             volumes[i, p] = 0.0
             dx = max(low_x - people[p, 0], 0.0, people[p, 0] - high_x)
@@ -224,6 +231,8 @@ def volumes_along(
             if dx * dx + dz * dz > reach_m * reach_m:
                 continue
             who = int(people[p, 15])
+            # Posing costs more than the volume; whoever stands and sways is posed anew after
+            # `hold_s` only.
             if abs(crowd_t_s[i] - posed_s[p]) > hold_s or hold_s == 0.0:
                 posed_s[p] = crowd_t_s[i]
                 place_person(people[p], crowd_t_s[i], figures, root, local, position, world)

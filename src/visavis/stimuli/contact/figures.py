@@ -1,4 +1,4 @@
-"""The people of a crowd as contact sees them: the bones and the flesh of those who are drawn.
+"""The people of a crowd as capsules for contact, fitted to the characters that are drawn.
 
 Every character that plays a part becomes nineteen capsules on its own skeleton, fitted to its
 closed surface, so that what is seen is what touches.
@@ -42,8 +42,8 @@ class Figures(NamedTuple):
 def crowd_figures() -> Figures:
     """Return the figures that play `CHARACTERS`, in that order."""
     cast = [default_casting(part) for part in CHARACTERS]
-    fitted = [_capsules(person) for person in cast]
-    starts, ends, radii = (np.array(rows) for rows in zip(*fitted, strict=True))
+    capsules_of_cast = [_capsules(person) for person in cast]
+    starts, ends, radii = (np.array(rows) for rows in zip(*capsules_of_cast, strict=True))
     columns = [BODY_JOINTS.index(name) for name in CAPSULE_JOINTS]
     return Figures(
         parents=bones().parents,
@@ -78,7 +78,7 @@ _BANDS: Final = ("hips", "spine", "upper_chest")
 _TRUNK: Final = (*_BANDS, "chest")
 _ROUNDS: Final = 5
 _EVERY: Final = 4
-"""Of the surface's vertices every fourth is enough to fit nineteen capsules."""
+"""Step through the surface's vertices: every fourth is enough to fit nineteen capsules."""
 
 
 @cache
@@ -115,13 +115,13 @@ def _capsules(person: Character) -> tuple[Vector, Vector, Vector]:
 def _owners(person: Character) -> npt.NDArray[np.int64]:
     """Return for every vertex the body joint that moves it most; fingers count as the hand."""
     skeleton, mesh = person.skeleton, collision_mesh(person)
-    known = {skeleton.index(name): i for i, name in enumerate(BODY_JOINTS)}
+    body_joint_of = {skeleton.index(name): i for i, name in enumerate(BODY_JOINTS)}
     body = np.empty(len(skeleton.names), np.int64)
     for joint in range(len(body)):
         at = joint
-        while at not in known:
+        while at not in body_joint_of:
             at = int(skeleton.parents[at])
-        body[joint] = known[at]
+        body[joint] = body_joint_of[at]
     for side in ("left", "right"):
         body[skeleton.index(f"{side}_toes")] = BODY_JOINTS.index(f"{side}_foot")
     strongest = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]

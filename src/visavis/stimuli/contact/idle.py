@@ -1,7 +1,7 @@
 """How idle people stand: poses as a pure function of who they are and of time.
 
-Everybody shifts weight, breathes and looks about; who waits lets the arms hang, who telephones
-holds a telephone to the ear. What touches is what is drawn: both come from the kernels of
+Everybody shifts weight, breathes and looks about; people who wait let their arms hang, people on
+the phone hold it to the ear. Contact uses the same poses as drawing: both come from the kernels of
 `visavis.stimuli.motion`, person by person here, everybody at once there.
 """
 
@@ -67,7 +67,7 @@ def kinds_of(people: Vector) -> list[Kind]:
 
 
 @compiled
-def turned(local: Vector, joint: int, x: float, y: float, z: float) -> None:
+def set_turn(local: Vector, joint: int, x: float, y: float, z: float) -> None:
     """Set a joint's turn to a rotation about z, then x, then y (radians, fixed axes)."""
     cx, sx = np.cos(x / 2), np.sin(x / 2)
     cy, sy = np.cos(y / 2), np.sin(y / 2)
@@ -96,8 +96,9 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
     place[0, 0], place[0, 2] = person[0], person[1]
     placed_rows(controls, place, heading)
     eyes, head, chest = np.empty((1, 3)), np.empty((1, 4)), np.empty((1, 4))
+    # Where people look follows from where their eyes are, so the trunk is posed first.
     look_from(controls, offsets, rows, eyes, head, chest)
-    added = np.zeros((1, 3))
+    gaze_turn = np.zeros((1, 3))
     turn_rows(
         t_s,
         np.zeros(2, np.int64),
@@ -109,11 +110,12 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
         controls[:, p.FRONT : p.ATTEND + 3].copy(),
         seeds,
         np.full(3, np.nan),
-        added,
+        gaze_turn,
     )
-    controls[0, p.TRUNK_YAW] += added[0, 0]
-    controls[0, p.HEAD_YAW] += added[0, 1]
-    controls[0, p.HEAD_PITCH] += added[0, 2]
+    controls[0, p.TRUNK_YAW] += gaze_turn[0, 0]
+    controls[0, p.HEAD_YAW] += gaze_turn[0, 1]
+    controls[0, p.HEAD_PITCH] += gaze_turn[0, 2]
+    # Fingers are left out: no capsule hangs on them.
     turns = np.empty((1, p.JOINTS, 4))
     pose_but_fingers(controls[0], offsets[0], turns[0])
     for k in range(3):
@@ -132,8 +134,8 @@ def hang_joint(
     Radians; `sign` 1 for the left arm, −1 for the right. The forearm joint follows the arm's.
     """
     # z first brings the arm down, x then swings it to the front
-    turned(local, arm, forward, 0.0, sign * hang)
-    turned(local, arm + 1, 0.0, -sign * bend, 0.0)
+    set_turn(local, arm, forward, 0.0, sign * hang)
+    set_turn(local, arm + 1, 0.0, -sign * bend, 0.0)
 
 
 @compiled

@@ -18,14 +18,14 @@ from visavis.stimuli.scenes.station_crowd import Crowd
 REACH_M: Final = 0.58
 """No part of an idle person is farther than this from where they stand (a telephoning elbow)."""
 NEARER_WAITING_M: Final = 0.06
-"""By so much nearer every part of somebody is who waits, with hanging arms."""
+"""How much less far the parts of a waiting person reach, whose arms hang."""
 FRONT_M: Final = 0.42
 BACK_M: Final = 0.19
 ASIDE_M: Final = 0.45
 ELBOW_BACK_M: Final = 0.34
 ELBOW_ASIDE_M: Final = 0.57
-"""Nor is any part farther before, behind or beside somebody; who telephones lifts an elbow. Some
-3 cm beyond what 4,800 seeds of twelve people reached within a quarter of an hour.
+"""Largest reach to the front, back and sides; people on the phone lift an elbow. Some 3 cm beyond
+what 4,800 seeds of twelve people reached within a quarter of an hour.
 """
 MAX_TOUCHES: Final = 64
 
@@ -70,9 +70,11 @@ def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector, point: Vector) 
         else:
             uv = ux * vx + uy * vy + uz * vz
             denominator = uu * vv - uv * uv
+            # Parallel segments have no single nearest pair; s stays 0 and t follows from it.
             if denominator > 1e-12 * uu * vv:
                 s = min(max((uv * vr - ur * vv) / denominator, 0.0), 1.0)
             t = (uv * s + vr) / vv
+            # t outside its segment: clamp it and find the nearest s for that end.
             if t < 0.0:
                 t = 0.0
                 s = min(max(-ur / uu, 0.0), 1.0)
@@ -106,6 +108,7 @@ def pose_capsules(
                 vx, vy, vz = scale * start_m[k, 0], scale * start_m[k, 1], scale * start_m[k, 2]
             else:
                 vx, vy, vz = scale * end_m[k, 0], scale * end_m[k, 1], scale * end_m[k, 2]
+            # Rotate by the joint's unit quaternion: v + w t + q × t with t = 2 q × v.
             tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
             rx = position[j, 0] + vx + w * tx + y * tz - z * ty
             ry = position[j, 1] + vy + w * ty + z * tx - x * tz
@@ -118,8 +121,8 @@ def pose_capsules(
 
 @compiled
 def _any_near(starts: Vector, ends: Vector, radii: Vector, person: Vector, reach_m: float) -> bool:
-    """Tell whether any part comes within reach of where somebody stands, seen from above, and is
-    not all before, behind or beside whatever they take up.
+    """Return whether any part comes, seen from above, within reach of a person's place and overlaps
+    the box that the person fills.
     """
     cos, sin = np.cos(person[2]), np.sin(person[2])
     aside_m, back_m = (ELBOW_ASIDE_M, ELBOW_BACK_M) if person[4] > 0.5 else (ASIDE_M, BACK_M)
@@ -132,6 +135,7 @@ def _any_near(starts: Vector, ends: Vector, radii: Vector, person: Vector, reach
         far = reach_m + radii[k]
         if not dx * dx + dz * dz <= far * far:
             continue
+        # Both ends in the person's own axes, against the box that the person fills.
         x0, x1 = sin * pz - cos * px, sin * (pz - uz) - cos * (px - ux)
         z0, z1 = -sin * px - cos * pz, -sin * (px - ux) - cos * (pz - uz)
         if min(x0, x1) - radii[k] > aside_m or max(x0, x1) + radii[k] < -aside_m:
@@ -170,12 +174,14 @@ def find_touches(
         high_x = max(high_x, part_starts[k, 0] + r, part_ends[k, 0] + r)
         low_z = min(low_z, part_starts[k, 2] - r, part_ends[k, 2] - r)
         high_z = max(high_z, part_starts[k, 2] + r, part_ends[k, 2] + r)
+    # Work space for posing one person, used again for everybody.
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
     starts, ends = np.empty((n_capsules, 3)), np.empty((n_capsules, 3))
     point = np.empty(3)
-    found = 0
+    n_touches = 0
     for i in range(people.shape[0]):
+        # Two cheap tests before somebody is posed: the box of all parts, then part by part.
         dx = max(low_x - people[i, 0], 0.0, people[i, 0] - high_x)
         dz = max(low_z - people[i, 1], 0.0, people[i, 1] - high_z)
         reach = reach_m if people[i, 4] > 0.5 else reach_m - NEARER_WAITING_M
@@ -197,11 +203,12 @@ def find_touches(
         )
         radius = figures.radius_m[person]
         for k in range(n_parts):
+            # Of one part and one person only the deepest pair of capsules is a touch.
             deepest = 0.0
             at = -1
             for c in range(n_capsules):
                 r = part_radii[k] + radius[c]
-                apart = False
+                is_apart = False
                 for axis in range(3):
                     low = min(starts[c, axis], ends[c, axis]) - r
                     high = max(starts[c, axis], ends[c, axis]) + r
@@ -209,21 +216,21 @@ def find_touches(
                         max(part_starts[k, axis], part_ends[k, axis]) < low
                         or min(part_starts[k, axis], part_ends[k, axis]) > high
                     ):
-                        apart = True
-                if apart:
+                        is_apart = True
+                if is_apart:
                     continue
                 square = segment_distance(part_starts[k], part_ends[k], starts[c], ends[c], point)
                 if square < r * r:
                     depth = r - np.sqrt(square)
                     if depth > deepest:
                         deepest, at = depth, c
-                        if found < who.shape[0]:
-                            how[found, 1], how[found, 2], how[found, 3] = point
-            if at >= 0 and found < who.shape[0]:
-                who[found, 0], who[found, 1], who[found, 2] = k, i, at
-                how[found, 0] = deepest
-                found += 1
-    return found
+                        if n_touches < who.shape[0]:
+                            how[n_touches, 1], how[n_touches, 2], how[n_touches, 3] = point
+            if at >= 0 and n_touches < who.shape[0]:
+                who[n_touches, 0], who[n_touches, 1], who[n_touches, 2] = k, i, at
+                how[n_touches, 0] = deepest
+                n_touches += 1
+    return n_touches
 
 
 @compiled
@@ -246,10 +253,11 @@ def rows_touching(
     touching = 0
     for i in range(positions.shape[0]):
         pose_capsules(positions[i], worlds[i], columns, start_m, end_m, 1.0, starts, ends)
-        found = find_touches(
+        n_touches = find_touches(
             starts, ends, radius_m, people, crowd_t_s[i], reach_m, figures, who, how
         )
-        touching += found > 0
+        # Room for one touch is enough: only whether there is any counts.
+        touching += n_touches > 0
     return touching
 
 

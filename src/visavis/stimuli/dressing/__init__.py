@@ -1,1 +1,1 @@
-"""From what a study says to what is drawn: who plays whom, in which room, doing what."""
+"""From a study's scene to a picture: characters, rooms and activities."""

@@ -31,13 +31,13 @@ from visavis.stimuli.scene import Agent, SceneFrame
 from visavis.stimuli.scenes import audience
 
 HABITS = 12
-"""How many ways of sitting are tried for the one that keeps the feet on the step."""
+"""Number of sitting habits tried to find one that keeps the feet on the step."""
 TUCKED_01 = (0.0, 0.3, 0.6, 1.0)
 """How far feet are drawn back, tried one after the other."""
 ATTENTIVE = Sit(lively=0.25)
-"""Who listens hardly stirs; breathing is as deep as ever."""
+"""Listeners hardly move; breathing is as deep as usual."""
 MAX_ARMS_ASIDE_M = 0.24
-"""How far elbows and wrists may be beside the middle of their own seat, for neighbours' sake."""
+"""Largest sideways distance of elbows and wrists from the seat's middle, to spare neighbours."""
 TOE_M = 0.07
 SAT_ON = tuple(PART_INDEX[name] for name in ("torso", "left_thigh", "right_thigh"))
 BELOW_HIPS_M = 0.20
@@ -64,7 +64,7 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
     for i, (agent, character) in enumerate(zip(agents, cast, strict=True)):
         floor = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
         try:
-            person = _seated(build_of(character), agent, i, floor)
+            person = _sitter(build_of(character), agent, i, floor)
         except MotionError as error:
             raise MotionError(
                 f"{character.name} cannot sit at {agent.place}, where eyes of the audience are: "
@@ -92,8 +92,8 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
 
 
 def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
-    """Return a man who does not sit among the listeners: of another body if there is one, else in
-    other clothes, else one of them.
+    """Return a man for the speaker who is not among the listeners: of another body if there is one,
+    else in other clothes, else one of them.
     """
     men = [casting(f"male_{number:02d}") for number in range(1, MEN_TRIED + 1)]
     bodies = [listener.skeleton for listener in listeners]
@@ -101,7 +101,7 @@ def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
     return next(iter([*strangers, *(man for man in men if man not in listeners), *men]))
 
 
-def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
+def _sitter(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
     """Return a sitter of the habits that keep arms within the seat and the feet best on their step,
     drawn back as little as that takes.
     """
@@ -123,7 +123,7 @@ def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
     habits = [one for one, m in zip(habits, aside_m, strict=True) if m <= limit_m]
     ahead = TOE_M * agent.facing * np.array([1.0, 0.0, 1.0])
     for tucked_01 in TUCKED_01:
-        sitters = [_tucked(person, tucked_01) for person in habits]
+        sitters = [_with_tucked_feet(person, tucked_01) for person in habits]
         toes_m = _joints_m(sitters, "toes") + ahead
         room_m = [min(room_before_m(toe, floor_m) for toe in toes) for toes in toes_m]
         best = int(np.argmax(room_m))
@@ -132,7 +132,7 @@ def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
     return sitters[best]
 
 
-def _tucked(person: Person, tucked_01: float) -> Person:
+def _with_tucked_feet(person: Person, tucked_01: float) -> Person:
     sit = person.does
     return (
         replace(person, does=replace(sit, tucked_01=tucked_01)) if isinstance(sit, Sit) else person
@@ -141,13 +141,13 @@ def _tucked(person: Person, tucked_01: float) -> Person:
 
 def _joints_m(people: Sequence[Person], name: str) -> Vector:
     """Return where people's left and right joints (n, 2, 3) of a name are, kept still."""
-    posed = PeopleMotion(tuple(people)).at(0.0)
-    found = []
-    for person, root_m, turns in zip(people, posed.root_m, posed.orientation_wxyz, strict=True):
+    pose = PeopleMotion(tuple(people)).at(0.0)
+    joints_m = []
+    for person, root_m, turns in zip(people, pose.root_m, pose.orientation_wxyz, strict=True):
         skeleton = person.build.skeleton
         rows = [skeleton.index(f"{side}_{name}") for side in ("left", "right")]
-        found.append(forward(skeleton, root_m, turns).position_m[rows])
-    return np.array(found)
+        joints_m.append(forward(skeleton, root_m, turns).position_m[rows])
+    return np.array(joints_m)
 
 
 def _sunk_m(character: Character, person: Person) -> float:
@@ -156,8 +156,8 @@ def _sunk_m(character: Character, person: Person) -> float:
     """
     mesh = character.levels[0]
     rows = np.unique(mesh.triangles[np.isin(mesh.triangle_part, SAT_ON)])
-    posed = PeopleMotion((person,)).at(0.0)
-    body = forward(character.skeleton, posed.root_m[0], posed.orientation_wxyz[0])
+    pose = PeopleMotion((person,)).at(0.0)
+    body = forward(character.skeleton, pose.root_m[0], pose.orientation_wxyz[0])
     points = skin_vertices(mesh, character.skeleton, body)[rows]
     hips = [character.skeleton.index(f"{side}_upper_leg") for side in ("left", "right")]
     apart_m = points - body.position_m[hips].mean(axis=0)
@@ -173,7 +173,7 @@ def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -
     Both eyes meet where the study has them look, within what fixating eyes do; heads stay where
     the study has them but for a few millimetres of sway.
     """
-    dressed = _set_of(tuple(a.character for a in frame.scene.agents), casting)
+    stage_set = _set_of(tuple(a.character for a in frame.scene.agents), casting)
     to_audience = np.array([-0.4, 1.3, -2.6]) - audience.SPEAKER_EYE_M
     distance_m = np.full(len(frame.scene.agents), np.nan)
     if frame.gaze_distance_m is not None:
@@ -188,9 +188,9 @@ def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -
     )
     return Picture(
         t_ns=frame.t_ns,
-        room=dressed.room,
-        cast=dressed.cast,
-        people=dressed.motion.at(frame.t_ns * 1e-9, gaze),
+        room=stage_set.room,
+        cast=stage_set.cast,
+        people=stage_set.motion.at(frame.t_ns * 1e-9, gaze),
         brightness_01=frame.scene.brightness_01,
         mark_m=frame.scene.mark_m,
     )

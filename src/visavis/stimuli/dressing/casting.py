@@ -30,7 +30,7 @@ class Member:
 
 @dataclass(eq=False)
 class _InForce:
-    """The cast of this process: nobody named stands for the people who come with Visavis."""
+    """The cast of this process; an empty one stands for the people who come with Visavis."""
 
     members: tuple[Member, ...] = ()
     library: Path | None = None
@@ -41,8 +41,8 @@ _in_force: Final = _InForce()
 
 
 def members_of(entries: Sequence[str], folder: Path, library: Path) -> tuple[Member, ...]:
-    """Return who is in a cast as a configuration names it: people who come with Visavis, people
-    imported into `library`, or folders (from `folder`) of figures that were.
+    """Return the members of a cast as named in a configuration: people who come with Visavis,
+    people imported into `library`, or folders (from `folder`) of figures that were.
 
     Raises:
         DesignError: somebody is not there, is named twice, or has not been imported.
@@ -69,7 +69,7 @@ def members_of(entries: Sequence[str], folder: Path, library: Path) -> tuple[Mem
         raise DesignError(
             f"cast: nobody called {', '.join(missing)} has been imported into {library}; run "
             "`visavis character import` with their files, or name a folder of figures or some of "
-            f"who is there: {', '.join([*_imported(library), *cast_names()])}"
+            f"who is there: {', '.join([*_library_names(library), *cast_names()])}"
         )
     return tuple(
         Member(name, "" if name in cast_names() else _sha256(_file(library, name)))
@@ -78,13 +78,13 @@ def members_of(entries: Sequence[str], folder: Path, library: Path) -> tuple[Mem
 
 
 def use_cast(members: Sequence[Member], library: Path) -> None:
-    """Let these people, in this order, play the numbered parts from now on; nobody: the default.
+    """Set the people who play the numbered parts, in this order; none for the default cast.
 
     Raises:
         DesignError: others have been cast in this process already, whose measures are kept.
     """
-    chosen = tuple(members)
-    if chosen == _in_force.members:
+    names = tuple(members)
+    if names == _in_force.members:
         if not _in_force.is_used:
             _in_force.library = library
         return
@@ -93,12 +93,13 @@ def use_cast(members: Sequence[Member], library: Path) -> None:
             "sessions with different casts cannot be shown or measured by one command; take those "
             "of each cast apart, where the lab_config.yaml in force names that cast or none"
         )
-    _in_force.members, _in_force.library = chosen, library
+    _in_force.members, _in_force.library = names, library
 
 
 @cache
 def default_casting(part: str) -> Character:
-    """Return who plays a part: a name of the cast, or the n-th woman or man of the one in force.
+    """Return the character of a part: a name of the cast, or the n-th woman or man of the active
+    cast.
 
     Where a lab has a cast of its own, its n-th woman plays the n-th of those who come along, unless
     that one is in the cast herself.
@@ -112,7 +113,7 @@ def default_casting(part: str) -> Character:
     if part in cast_names():
         if not _in_force.members or part in {m.name for m in _in_force.members}:
             return load_character(part)
-        part = _numbered(part)
+        part = _number_name(part)
     gender, _, number = part.partition("_")
     if gender not in ("female", "male") or not number.isdigit() or int(number) < 1:
         raise DesignError(
@@ -128,11 +129,11 @@ def default_casting(part: str) -> Character:
     return in_other_clothes(candidates[who], outfit)
 
 
-def _numbered(name: str) -> str:
-    """Return the number of somebody who comes along: "anna" is "female_01"."""
+def _number_name(name: str) -> str:
+    """Return the number of a person who comes with Visavis: "anna" is "female_01"."""
     gender = load_character(name).gender
-    alike = [c.name for c in load_cast() if c.gender == gender]
-    return f"{gender}_{alike.index(name) + 1:02d}"
+    same_gender = [c.name for c in load_cast() if c.gender == gender]
+    return f"{gender}_{same_gender.index(name) + 1:02d}"
 
 
 def _people() -> tuple[Character, ...]:
@@ -160,7 +161,7 @@ def _person(member: Member) -> Character:
     return read_character(path)
 
 
-def _imported(library: Path) -> list[str]:
+def _library_names(library: Path) -> list[str]:
     return sorted(path.stem for path in library.glob("*.npz"))
 
 

@@ -19,7 +19,7 @@ from visavis.stimuli.scene import Agent, SceneFrame
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
 
 AT_REST: Final = (Idle, Sit)
-"""What leaves the head in place: these heads are held exactly where areas of interest are."""
+"""A gaze that does not move the head: these heads stay exactly on their areas of interest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,8 @@ class _Set:
 
 def _room(people: tuple[Standing, ...], room_by: str) -> Room:
     if room_by:
-        made: Room = named_function(room_by, "makes this scene's room")()
-        return made
+        room: Room = named_function(room_by, "makes this scene's room")()
+        return room
     return plain_room(
         tuple((p.x_m, p.z_m, p.yaw_deg, p.does.seat_m) for p in people if isinstance(p.does, Sit))
     )
@@ -52,11 +52,11 @@ def agents_of(
 ) -> tuple[Agent, ...]:
     """Return everybody as agents, with heads where they are at the onset."""
     n = len(people)
-    posed = _motion(people, casting).at(0.0, Aimed(np.full((n, 3), np.nan), np.ones(n)))
+    pose = _motion(people, casting).at(0.0, Aimed(np.full((n, 3), np.nan), np.ones(n)))
     agents = []
     for i, person in enumerate(people):
         character = casting(person.character)
-        head, eyes, facing = look_of(character, posed.root_m[i], posed.orientation_wxyz[i])
+        head, eyes, facing = look_of(character, pose.root_m[i], pose.orientation_wxyz[i])
         agents.append(
             Agent(
                 f"agent_{i + 1:02d}",
@@ -77,7 +77,7 @@ def _set_of(people: tuple[Standing, ...], casting: Casting) -> _Set:
     rests = np.array([isinstance(p.does, AT_REST) for p in people]).reshape(-1, 1)
     eyes = np.where(rests, np.array([a.eye_centre_m for a in agents]).reshape(-1, 3), np.nan)
     facing = np.where(rests, np.array([a.facing for a in agents]).reshape(-1, 3), np.nan)
-    motion = replace(_motion(people, casting), held=HeldHeads(eyes, facing))
+    motion = replace(_motion(people, casting), held_heads=HeldHeads(eyes, facing))
     return _Set(tuple(casting(p.character) for p in people), motion)
 
 
@@ -86,13 +86,13 @@ def gathering_picture(frame: SceneFrame, *, casting: Casting = default_casting) 
     scene = frame.scene
     people = scene.people if isinstance(scene, GatheringScene) else ()
     start_ns = scene.start_ns if isinstance(scene, GatheringScene) else 0
-    dressed = _set_of(people, casting)
+    stage_set = _set_of(people, casting)
     t_s = max(0.0, (frame.t_ns - start_ns) * 1e-9)
     return Picture(
         t_ns=frame.t_ns,
         room=_room(people, scene.room_by if isinstance(scene, GatheringScene) else ""),
-        cast=dressed.cast,
-        people=dressed.motion.at(t_s, gaze_of(frame)),
+        cast=stage_set.cast,
+        people=stage_set.motion.at(t_s, gaze_of(frame)),
         brightness_01=scene.brightness_01,
         mark_m=scene.mark_m,
     )

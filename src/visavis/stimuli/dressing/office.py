@@ -1,5 +1,5 @@
-"""The office of the waving study as a picture: clerks at desks, customers in line, one of whom is
-the participant, and whoever stands in between.
+"""The office of the waving study as a picture: clerks at desks, customers in line (one of them is
+the participant), and bystanders in between.
 
 Everything is in coordinates of the tracked room, in which the participant stands at the origin.
 """
@@ -45,7 +45,7 @@ PARTS: Final[dict[str, str]] = {
     "place_4": "jun",
     "place_5": "dai",
 }
-"""Who plays whom; the customer in the participant's place is left out."""
+"""Which character plays whom; the customer in the participant's place is left out."""
 BUSY: Final[dict[str, Kind]] = {
     "bystander_left": Talk(size=0.5, voice_01=0.4),
     "bystander_middle": Text(hand="right"),
@@ -66,7 +66,7 @@ def roles_of(participant_place: str) -> tuple[str, ...]:
 def room_from(participant_place: str) -> Room:
     """Return the office as it stands round a participant in this place; the same object."""
     room, by = office(), places.shift_m(participant_place)
-    props = tuple(furniture.shifted(p, by) for p in room.props)
+    props = tuple(furniture.shift_prop(p, by) for p in room.props)
     lights = tuple(
         light if light.position_m is None else replace(light, position_m=light.position_m + by)
         for light in room.lights
@@ -87,7 +87,7 @@ def person_of(
     seed: int,
     casting: Casting = default_casting,
 ) -> Person:
-    """Return what somebody of the office does from the scene's onset on."""
+    """Return a person's activity from the scene's onset on."""
     where = places.place(role)
     build = build_of(casting(PARTS[role]))
     own = seed * 31 + tuple(PARTS).index(role)
@@ -117,7 +117,7 @@ def _set_of(participant_place: str, waving: Waving | None, seed: int, casting: C
 
 
 def _holding(role: str, character: Character) -> Character:
-    """Return whoever telephones or types with a telephone in the hand."""
+    """Return a character with a telephone in the hand for people who phone or type."""
     kind = BUSY.get(role)
     if isinstance(kind, Phone | Text) and kind.hand != "any":
         use: Use = "listening" if isinstance(kind, Phone) else "typing"
@@ -139,16 +139,16 @@ def agents_of(
     participant_place: str, waving: Waving | None, seed: int, at_s: float
 ) -> tuple[Agent, ...]:
     """Return everybody as agents, with heads where they are `at_s` after the onset."""
-    dressed = _set_of(participant_place, waving, seed, default_casting)
-    n = len(dressed.cast)
-    posed = dressed.motion.at(
+    stage_set = _set_of(participant_place, waving, seed, default_casting)
+    n = len(stage_set.cast)
+    pose = stage_set.motion.at(
         at_s,
         Aimed(np.full((n, 3), np.nan), np.ones(n)),
-        changed=_warped(participant_place, waving, at_s),
+        turn_changes=_warp_of_person(participant_place, waving, at_s),
     )
     agents = []
     for i, role in enumerate(roles_of(participant_place)):
-        head, eyes, facing = look_of(dressed.cast[i], posed.root_m[i], posed.orientation_wxyz[i])
+        head, eyes, facing = look_of(stage_set.cast[i], pose.root_m[i], pose.orientation_wxyz[i])
         agents.append(Agent(role, PARTS[role], role, head, HEAD_RADIUS_M, facing, eyes))
     return tuple(agents)
 
@@ -168,11 +168,9 @@ def office_scene(participant_place: str, waving: Waving | None, seed: int) -> Of
 def office_eyes(
     scene: OfficeScene, target_place: str, seed: int, duration_s: float, turn_s: float
 ) -> EyeBehaviour:
-    """Return what all eyes do, times from the onset.
-
-    Clerks look at their screens, others before them; the waving clerk turns the eyes to who is
-    waved at `turn_s` after the onset: to the participant wherever they are, or to the eyes of a
-    customer. `seed` draws the blinks.
+    """Return the behaviour of all eyes; times count from the onset. Clerks look at their screens,
+    others ahead; the waving clerk turns the eyes to the person waved at `turn_s` after the onset:
+    to the participant's current place, or to the eyes of a customer. `seed` draws the blinks.
     """
     by = places.shift_m(scene.participant_place)
     blinks = draw_blinks(generator(seed, 1), len(scene.agents), duration_s)
@@ -207,10 +205,10 @@ def gaze_of(frame: SceneFrame) -> Aimed:
     )
 
 
-def _warped(
+def _warp_of_person(
     participant_place: str, waving: Waving | None, t_s: float, warp: WarpTrack | None = None
 ) -> dict[int, Callable[[Vector], Vector]]:
-    """Return whose turns the wave's warp changes at a time, and how."""
+    """Return, by person, how the wave's warp changes joint turns at a time."""
     if waving is None or (track := warp or waving.warp) is None:
         return {}
     skeleton, units, omega = waving.clip.skeleton, track.units, track.at(t_s)
@@ -221,7 +219,7 @@ def _warped(
 def pose_of_waver(
     waving: Waving, t_s: float, warp: WarpTrack | None = None
 ) -> tuple[Vector, Vector]:
-    """Return root (3,) and turns (55, 4) of who waves, in the office's coordinates.
+    """Return root (3,) and turns (55, 4) of the waving person, in the office's coordinates.
 
     As drawn, but for where the eyes point. `warp` stands in place of the wave's own.
     """
@@ -251,14 +249,14 @@ def office_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> 
         )
     start_ns = frame.start_ns if isinstance(frame, OfficeFrame) else 0
     t_s = max(0.0, (frame.t_ns - start_ns) * 1e-9)
-    dressed = _set_of(scene.participant_place, scene.waving, scene.seed, casting)
+    stage_set = _set_of(scene.participant_place, scene.waving, scene.seed, casting)
     warp = frame.warp if isinstance(frame, OfficeFrame) else None
-    changed = _warped(scene.participant_place, scene.waving, t_s, warp)
+    turn_changes = _warp_of_person(scene.participant_place, scene.waving, t_s, warp)
     return Picture(
         t_ns=frame.t_ns,
         room=room_from(scene.participant_place),
-        cast=dressed.cast,
-        people=dressed.motion.at(t_s, gaze_of(frame), changed=changed),
+        cast=stage_set.cast,
+        people=stage_set.motion.at(t_s, gaze_of(frame), turn_changes=turn_changes),
         brightness_01=scene.brightness_01,
         mark_m=scene.mark_m,
     )

@@ -1,4 +1,4 @@
-"""What somebody of the office sees of a clerk: eyes, what stands in between, and in which light.
+"""A customer's view of a clerk: eyes, occluders and light.
 
 Coordinates are the office's, in which the third customer stands at the origin.
 """
@@ -32,15 +32,15 @@ STILL: Final = Aimed(np.full((1, 3), np.nan), np.ones(1))
 
 
 def character_of(role: str) -> Character:
-    """Return who plays somebody of the office."""
+    """Return the character of a person in the office."""
     return default_casting(PARTS[role])
 
 
 def heading_deg(clerk: str, target_place: str) -> float:
     """Return the turn (left of −z) of a clerk who faces a customer's place, near their front."""
     way = places.place(target_place).floor_m - places.place(clerk).floor_m
-    found = float(np.degrees(np.arctan2(-way[0], -way[2])))
-    return found % 360.0
+    turn_deg = float(np.degrees(np.arctan2(-way[0], -way[2])))
+    return turn_deg % 360.0
 
 
 def eye_at(place: str, height_m: float = places.STANDING_EYE_M) -> Vector:
@@ -51,7 +51,7 @@ def eye_at(place: str, height_m: float = places.STANDING_EYE_M) -> Vector:
 
 @lru_cache(maxsize=16)
 def body_mesh(role: str) -> StaticMesh:
-    """Return somebody of the office who stands or sits at ease as a mesh that hides others."""
+    """Return a person of the office, standing or sitting relaxed, as a mesh that hides others."""
     person = person_of(role, "place_3", None, 0)
     pose = PeopleMotion((person,)).at(0.0, STILL)
     body = body_of(character_of(role), most_triangles=BYSTANDER_TRIANGLES)
@@ -63,7 +63,7 @@ def body_mesh(role: str) -> StaticMesh:
 
 
 def others_in_view(clerk: str, viewer_place: str) -> tuple[StaticMesh, ...]:
-    """Return everybody who may hide a clerk from a customer's place."""
+    """Return the people who may hide a clerk from a customer's place."""
     return tuple(body_mesh(role) for role in PARTS if role not in (clerk, viewer_place))
 
 

@@ -1,4 +1,4 @@
-"""Any scene as a picture: the scene itself names what dresses it."""
+"""Turn any scene into a picture; the scene names the function that does it."""
 
 import importlib
 from collections.abc import Callable
@@ -17,33 +17,33 @@ NOBODY: Final = PosedPeople(np.zeros((0, 3)), np.zeros((0, 55, 4)), np.zeros((0,
 
 
 def picture_of(frame: SceneFrame) -> Picture:
-    """Return what a frame looks like; a scene that nothing dresses is dark but for its mark.
+    """Return the picture of a frame; a scene without such a function is dark except for its mark.
 
     Raises:
         DesignError: what dresses the scene cannot be imported.
     """
     scene = frame.scene
     if scene.dressed_by:
-        dressed: Picture = named_function(scene.dressed_by, "dresses this scene")(frame)
-        return dressed
+        picture: Picture = named_function(scene.dressed_by, "dresses this scene")(frame)
+        return picture
     return Picture(
         frame.t_ns, NOWHERE, (), NOBODY, brightness_01=scene.brightness_01, mark_m=scene.mark_m
     )
 
 
 @cache
-def named_function(named: str, purpose: str) -> Callable[..., Any]:
+def named_function(address: str, purpose: str) -> Callable[..., Any]:
     """Return the function that "module:function" names.
 
     Raises:
         DesignError: it cannot be imported; `purpose` says what nothing does then.
     """
-    module, _, name = named.partition(":")
+    module, _, name = address.partition(":")
     try:
-        found: Callable[..., Any] = getattr(importlib.import_module(module), name)
+        function: Callable[..., Any] = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
         raise DesignError(
-            f"nothing {purpose}: {named!r} cannot be imported ({error}); write it as "
+            f"nothing {purpose}: {address!r} cannot be imported ({error}); write it as "
             "module:function"
         ) from error
-    return found
+    return function

@@ -53,8 +53,8 @@ def station_picture(frame: CrowdFrame, *, casting: Casting = default_casting) ->
         cast: tuple[Character, ...] = ()
         people = nobody
     else:
-        dressed = _set_of(crowd, casting)
-        cast, people = dressed.cast, dressed.motion.at(frame.crowd_t_ns * 1e-9)
+        stage_set = _set_of(crowd, casting)
+        cast, people = stage_set.cast, stage_set.motion.at(frame.crowd_t_ns * 1e-9)
     return Picture(
         t_ns=frame.t_ns,
         room=station(),

@@ -30,20 +30,20 @@ def holding_telephone(
     """Return the character with a telephone across the palm of a hand, to listen or to type."""
     place, axes = _grip(character, side, use)
     solid = box((0, 0, 0), TELEPHONE_M, BLACK, chamfer_m=0.002)
-    turned = np.linalg.det(axes) < 0
-    held = StaticMesh(
+    is_left_handed = np.linalg.det(axes) < 0
+    telephone = StaticMesh(
         (place + solid.vertices_m @ axes).astype(np.float32),
         (solid.normals @ axes).astype(np.float32),
         solid.colour_srgb,
-        solid.triangles[:, ::-1] if turned else solid.triangles,
+        solid.triangles[:, ::-1] if is_left_handed else solid.triangles,
     )
     joint = character.skeleton.index(f"{side}_hand")
     material = len(character.materials)
-    levels = tuple(_with(mesh, held, joint, material) for mesh in character.levels)
+    levels = tuple(_with(mesh, telephone, joint, material) for mesh in character.levels)
     return replace(
         character,
         levels=levels,
-        measuring=tuple(_with(mesh, held, joint, material) for mesh in character.measuring),
+        measuring=tuple(_with(mesh, telephone, joint, material) for mesh in character.measuring),
         materials=(*character.materials, CASE),
     )
 
@@ -65,21 +65,21 @@ def _grip(character: Character, side: str, use: Use) -> tuple[Vector, Vector]:
     return wrist + along * hand_m * fingers + off_m * out + to_thumb_m * thumb, axes
 
 
-def _with(mesh: SkinnedMesh, held: StaticMesh, joint: int, material: int) -> SkinnedMesh:
+def _with(mesh: SkinnedMesh, telephone: StaticMesh, joint: int, material: int) -> SkinnedMesh:
     """Return a mesh with a rigid piece more."""
-    n, t = len(held.vertices_m), len(held.triangles)
+    n, t = len(telephone.vertices_m), len(telephone.triangles)
     joints, weights = np.zeros((n, 4), np.uint8), np.zeros((n, 4), np.float32)
     joints[:, 0], weights[:, 0] = joint, 1.0
     uv = None if mesh.uv is None else np.concatenate([mesh.uv, np.zeros((n, 2), np.float32)])
     return replace(
         mesh,
-        vertices_m=np.concatenate([mesh.vertices_m, held.vertices_m]),
-        normals=np.concatenate([mesh.normals, held.normals]),
-        colour_srgb=np.concatenate([mesh.colour_srgb, held.colour_srgb]),
+        vertices_m=np.concatenate([mesh.vertices_m, telephone.vertices_m]),
+        normals=np.concatenate([mesh.normals, telephone.normals]),
+        colour_srgb=np.concatenate([mesh.colour_srgb, telephone.colour_srgb]),
         uv=uv,
         joints=np.concatenate([mesh.joints, joints]),
         weights=np.concatenate([mesh.weights, weights]),
-        triangles=np.concatenate([mesh.triangles, held.triangles + len(mesh.vertices_m)]),
+        triangles=np.concatenate([mesh.triangles, telephone.triangles + len(mesh.vertices_m)]),
         triangle_part=np.concatenate(
             [mesh.triangle_part, np.full(t, PART_INDEX["held_object"], np.uint8)]
         ),

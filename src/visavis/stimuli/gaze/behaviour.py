@@ -80,16 +80,17 @@ def _eyes_at(
     limit_rad = np.radians(MAXIMUM_TURN_DEG)
     moving = False
     for j in range(m):
-        turned = t_ns >= turn_ns[j]
-        now = 1 if turned else 0
+        has_turned = t_ns >= turn_ns[j]
+        now = 1 if has_turned else 0
         _toward(
             eyes[j], facing[j], observer if follows[now, j] else targets[now, j], limit_rad, new
         )
         share = 1.0
-        if turned:
+        if has_turned:
             _toward(
                 eyes[j], facing[j], observer if follows[0, j] else targets[0, j], limit_rad, old
             )
+            # Angle from chord and sum: exact for small angles, where the arc cosine loses digits.
             chord2, sum2, dot = 0.0, 0.0, 0.0
             for k in range(3):
                 chord2 += (new[k] - old[k]) ** 2
@@ -102,11 +103,13 @@ def _eyes_at(
                 moving = True
                 share = ease(tau)
                 if amplitude > 1e-9:
+                    # Slerp along the great circle, eased: a saccade speeds up and slows down.
                     a = np.sin((1.0 - share) * amplitude) / np.sin(amplitude)
                     b = np.sin(share * amplitude) / np.sin(amplitude)
                     for k in range(3):
                         new[k] = a * old[k] + b * new[k]
         gaze[j, 0], gaze[j, 1], gaze[j, 2] = new[0], new[1], new[2]
+    # Blinks are sorted by their start, so that the first later one ends the search.
     for i in range(blink_agent.shape[0]):
         if blink_start_ns[i] > t_ns:
             break
@@ -144,7 +147,7 @@ def _distances(
 
 @dataclass(frozen=True)
 class EyeBehaviour:
-    """What the eyes of m agents do; every answer is a function of time alone.
+    """The behaviour of the eyes of m agents; every result is a function of time alone.
 
     `eye_centre_m` and `facing` (m, 3) as in the scene; `targets_m` (2, m, 3) the points looked at
     before and after each agent's turn; `follows_observer` (2, m) replaces a point by the

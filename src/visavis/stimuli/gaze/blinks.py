@@ -65,10 +65,10 @@ def draw_blinks(
     passed_s = rng.uniform(0.0, 4 * params.mean_interval_s, agent_count)
     start_s = np.cumsum(interval_s, axis=1) + np.cumsum(length_s, axis=1) - length_s
     start_s -= passed_s[:, None]
-    kept = (start_s + length_s > 0) & (start_s < duration_s)
-    agent = np.broadcast_to(np.arange(agent_count)[:, None], kept.shape)[kept]
-    start_ns = np.round(start_s[kept] * NS_PER_S).astype(np.int64)
-    end_ns = start_ns + np.round(length_s[kept] * NS_PER_S).astype(np.int64)
+    is_within = (start_s + length_s > 0) & (start_s < duration_s)
+    agent = np.broadcast_to(np.arange(agent_count)[:, None], is_within.shape)[is_within]
+    start_ns = np.round(start_s[is_within] * NS_PER_S).astype(np.int64)
+    end_ns = start_ns + np.round(length_s[is_within] * NS_PER_S).astype(np.int64)
     order = np.argsort(start_ns, kind="stable")
     return Blinks(agent[order], start_ns[order], end_ns[order])
 

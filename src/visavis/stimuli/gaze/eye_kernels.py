@@ -15,9 +15,9 @@ from visavis.stimuli.motion.quaternion_kernels import (
     inverse,
     minus,
     plus,
-    scaled,
+    rotate_vector,
+    scale_vector,
     times,
-    turned,
     unit_of,
 )
 
@@ -58,7 +58,7 @@ def head_of(root: Vector, turns: Vector, offsets: Vector) -> tuple[Triple, Quat]
     at = root[0], root[1], root[2]
     world = _quat(turns, p.J_HIPS)
     for joint in range(p.J_SPINE, p.J_HEAD + 1):
-        at = plus(at, turned(world, _triple(offsets, joint)))
+        at = plus(at, rotate_vector(world, _triple(offsets, joint)))
         world = times(world, _quat(turns, joint))
     return at, world
 
@@ -76,8 +76,8 @@ def look_rows(
     for r in range(root_m.shape[0]):
         own = offsets[skeleton_of[r]]
         at, world = head_of(root_m[r], turns[r], own)
-        half = scaled(plus(_triple(own, p.J_LEFT_EYE), _triple(own, p.J_RIGHT_EYE)), 0.5)
-        middle = plus(at, turned(world, half))
+        half = scale_vector(plus(_triple(own, p.J_LEFT_EYE), _triple(own, p.J_RIGHT_EYE)), 0.5)
+        middle = plus(at, rotate_vector(world, half))
         for k in range(3):
             eyes_m[r, k] = middle[k]
         for k in range(4):
@@ -104,22 +104,24 @@ def aim_rows(
         _, world = head_of(root_m[r], turns[r], own)
         to_head = inverse(world)
         left, right = _triple(own, p.J_LEFT_EYE), _triple(own, p.J_RIGHT_EYE)
-        middle = scaled(plus(left, right), 0.5)
-        seen = AHEAD
+        middle = scale_vector(plus(left, right), 0.5)
+        gaze = AHEAD
         if np.isfinite(direction[r, 0]):
-            seen = unit_of(turned(to_head, _triple(direction, r)), AHEAD)
+            gaze = unit_of(rotate_vector(to_head, _triple(direction, r)), AHEAD)
         pitch = 0.0
         for side in range(2):
             eye = left if side == 0 else right
-            axis = seen
+            axis = gaze
+            # Each eye points at the same near point: the eyes converge.
             if np.isfinite(distance_m[r]):
-                goal = plus(middle, scaled(seen, distance_m[r]))
+                goal = plus(middle, scale_vector(gaze, distance_m[r]))
                 axis = unit_of(minus(goal, eye), AHEAD)
             axis = _within(axis, MAX_RAD)
             q = between(AHEAD, axis)
             for k in range(4):
                 turns[r, p.J_LEFT_EYE + side, k] = q[k]
             pitch += 0.5 * np.arcsin(axis[1])
+        # Upper lids go with the pitch of the eyes.
         morphs[r, LIDS_UP] = min(1.0, max(0.0, pitch / LID_FULL_RAD))
         morphs[r, LIDS_DOWN] = min(1.0, max(0.0, -pitch / LID_FULL_RAD))
         shut = min(1.0, max(0.0, 1.0 - openness_01[r]))

@@ -1,4 +1,4 @@
-"""What eyes and heads do while they rest on something: drift, micro-saccades, sway.
+"""Movements of eyes and heads during fixation: drift, micro-saccades, sway.
 
 All of it is a function of time and of who somebody is. Micro-saccades come about once a second, a
 quarter of a degree in size, between them the line of gaze drifts by some hundredths (Rolfs 2009,

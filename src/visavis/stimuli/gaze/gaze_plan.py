@@ -1,4 +1,4 @@
-"""Who looks at what from when on, as data; eyes, lids, head and trunk follow from it."""
+"""A schedule of looks, as data; eyes, lids, head and trunk follow from it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,11 +26,9 @@ _NOBODY = np.full(3, np.nan)
 
 @dataclass(frozen=True)
 class LookAt:
-    """From `start_s` on somebody looks at a target.
-
-    "around": whatever passes before them. "point": `where` (3,) in world. "person": `where[0]` is
-    their number. "observer": the eyes of whoever watches. "aside": `where` is yaw (left) and pitch
-    (up) in degrees from the front of the own body.
+    """A look at a target from `start_s` on. "around": anything in front of the person. "point":
+    `where` (3,) in world. "person": `where[0]` is their number. "observer": the observer's eyes.
+    "aside": `where` is yaw (left) and pitch (up) in degrees from the front of the own body.
     """
 
     start_s: float
@@ -44,7 +42,7 @@ _NEEDED = {"around": 0, "point": 3, "person": 1, "observer": 0, "aside": 2}
 
 @dataclass(frozen=True, eq=False)
 class GazePlan:
-    """Looks of n people in order of time; who has none looks around.
+    """Looks of n people in order of time; people without one look around.
 
     `observer_m` (3,) is where the observer's eyes are now; `watched_from` gives a plan with it.
     """
@@ -74,9 +72,9 @@ class GazePlan:
 
     def watched_from(self, observer_m: Vector) -> Self:
         """Return the same plan with the observer's eyes at a point (3,) in world."""
-        moved = replace(self, observer_m=np.asarray(observer_m, np.float64))
-        moved.__dict__["_table"] = self._table
-        return moved
+        plan = replace(self, observer_m=np.asarray(observer_m, np.float64))
+        plan.__dict__["_table"] = self._table
+        return plan
 
     @cached_property
     def _table(
@@ -96,7 +94,7 @@ class GazePlan:
             any(look.target == "observer" for look in flat),
         )
 
-    def _checked(self, look: Look) -> Vector:
+    def _checked_eyes(self, look: Look) -> Vector:
         if len(look.eyes_m) != len(self.looks):
             raise MotionError(
                 f"a gaze plan for {len(self.looks)} people was given {len(look.eyes_m)}"
@@ -104,12 +102,12 @@ class GazePlan:
         if self.observer_m is not None:
             return self.observer_m
         if self._table[4]:
-            raise MotionError("somebody looks at the observer; say where with watched_from()")
+            raise MotionError("a look at the observer needs a place; give it with watched_from()")
         return _NOBODY
 
     def turns_rad(self, t_s: float, look: Look) -> Vector:
         """Return what trunk and head add (n, 3)."""
-        observer = self._checked(look)
+        observer = self._checked_eyes(look)
         out = np.zeros((len(look.eyes_m), 3))
         turn_rows(
             t_s, *self._table[:4], look.eyes_m, look.head_wxyz, look.front, look.seed, observer, out
@@ -118,7 +116,7 @@ class GazePlan:
 
     def aim(self, t_s: float, look: Look) -> Aim:
         """Return where the eyes point."""
-        observer, n = self._checked(look), len(look.eyes_m)
+        observer, n = self._checked_eyes(look), len(look.eyes_m)
         direction, distance, openness = np.empty((n, 3)), np.empty(n), np.empty(n)
         gaze_rows(
             t_s,

@@ -2,8 +2,8 @@
 
 The eyes go first, by a saccade of the main sequence; the head follows after a lag and more slowly,
 and while it does, the eyes turn back in it and stay on the target. Far targets bring the trunk
-along. Every shift runs from whatever the ones before it have left, so that schedules may be as
-dense as they like.
+along. Every shift starts from the state that earlier ones have left, so that schedules may be
+dense.
 """
 
 import numpy as np
@@ -19,17 +19,17 @@ from visavis.stimuli.motion.quaternion_kernels import (
     inverse,
     minus,
     plus,
-    scaled,
-    turned,
+    rotate_vector,
+    scale_vector,
     unit_of,
 )
 from visavis.stimuli.motion.rhythm_kernels import chance, ease
 
 AROUND, POINT, PERSON, OBSERVER, ASIDE = 0, 1, 2, 3, 4
-"""Kinds of targets: whatever passes before one, a point, a person, the observer, a direction
-(yaw, pitch in radians from the front of the body)."""
+"""Kinds of targets: surroundings, a point, a person, the observer, a direction (yaw, pitch in
+radians from the front of the body)."""
 RECENT = 5
-"""So many shifts back a body may still be under way."""
+"""Number of earlier shifts that a body may still be completing."""
 AROUND_MEAN_S = 2.6
 BLINK_MEAN_S = 3.75
 EVOKES_BLINK_RAD = np.radians(33.0)
@@ -50,9 +50,9 @@ def _along(yaw: float, pitch: float) -> Triple:
 
 @compiled
 def _around(person: int, slot: int, front: float, attend: Vector) -> Triple:
-    """Return what somebody without a target looks at: mostly ahead, now and then to a side.
+    """Return the gaze direction of a person without a target: mostly ahead, now and then to a side.
 
-    Who is busy with something (`attend`: 1, yaw, pitch) looks there most of the time.
+    A person busy with something (`attend`: 1, yaw, pitch) looks there most of the time.
     """
     u, v = chance(person, 201, slot), chance(person, 202, slot)
     wide = chance(person, 203, slot)
@@ -148,6 +148,7 @@ def recent_looks(
     count = 0
     for row in range(max(low, last - RECENT), max(low, last) + 1):
         kind, since, until = AROUND, -np.inf, t_s
+        # Without a schedule somebody looks around all the time.
         if low < first[r + 1]:
             kind, since = kinds[row], start_s[row]
             if row < last:
@@ -155,6 +156,8 @@ def recent_looks(
         slot, back = 0, 0
         if kind == AROUND:
             slot = _slot_at(until, person)
+            # One entry of the schedule may hold several glances around; the last `RECENT` still
+            # matter.
             while back < RECENT and around_start_s(person, slot - back) > since:
                 back += 1
         for k in range(back, -1, -1):
@@ -192,17 +195,19 @@ def turn_rows(
         count = recent_looks(
             t_s, r, first, kinds, start_s, vectors, eyes_m, fronts[r], person, observer, looks
         )
+        # Seconds by which the head follows the eyes, and how slowly this person turns.
         lag = 0.03 + 0.05 * chance(person, 213, 0)
         slow = 0.85 + 0.4 * chance(person, 214, 0)
         trunk, head, nod = 0.0, 0.0, 0.0
         for i in range(count):
-            seen = turned(to_head, (looks[i, 1], looks[i, 2], looks[i, 3]))
-            pitch = np.arcsin(min(1.0, max(-1.0, seen[1])))
-            goal = shares_rad(np.arctan2(-seen[0], -seen[2]), pitch, person)
+            target = rotate_vector(to_head, (looks[i, 1], looks[i, 2], looks[i, 3]))
+            pitch = np.arcsin(min(1.0, max(-1.0, target[1])))
+            goal = shares_rad(np.arctan2(-target[0], -target[2]), pitch, person)
             if i == 0:
                 trunk, head, nod = goal
                 continue
             since = t_s - looks[i, 0]
+            # Turns are played one after another from where each left off, so that none ever jumps.
             size = np.hypot(goal[1] - head, goal[2] - nod)
             s = ease((since - lag) / (slow * (0.26 + 0.40 * size)))
             head, nod = head + s * (goal[1] - head), nod + s * (goal[2] - nod)
@@ -217,7 +222,10 @@ def _slerp(a: Triple, b: Triple, angle: float, share: float) -> Triple:
     if angle < 1e-7 or np.pi - angle < 1e-7:
         return b if share > 0.5 else a
     s = np.sin(angle)
-    return plus(scaled(a, np.sin((1.0 - share) * angle) / s), scaled(b, np.sin(share * angle) / s))
+    return plus(
+        scale_vector(a, np.sin((1.0 - share) * angle) / s),
+        scale_vector(b, np.sin(share * angle) / s),
+    )
 
 
 @compiled
@@ -272,14 +280,18 @@ def gaze_rows(
         lids = openness_01(t_s, person)
         for i in range(1, count):
             to = looks[i, 1], looks[i, 2], looks[i, 3]
-            apart, together = minus(to, now), plus(to, now)
-            angle = 2.0 * np.arctan2(np.sqrt(dot(apart, apart)), np.sqrt(dot(together, together)))
+            difference, together = minus(to, now), plus(to, now)
+            angle = 2.0 * np.arctan2(
+                np.sqrt(dot(difference, difference)), np.sqrt(dot(together, together))
+            )
+            # Main sequence: a saccade lasts longer the farther it goes.
             lasting = 1e-3 * (SACCADE_BASE_MS + SACCADE_MS_PER_DEG * np.degrees(angle))
             since = t_s - looks[i, 0]
             s = ease(since / lasting)
             if angle > EVOKES_BLINK_RAD and chance(person, 223, int(1000.0 * looks[i, 0])) < 0.6:
                 lids = min(lids, _lids(since, 0.0, 0.24))
             now = unit_of(_slerp(now, to, angle, s), to)
+            # Vergence moves in dioptres (1/m), in which the eyes' own effort is even.
             nearness += s * (1.0 / max(0.1, looks[i, 4]) - nearness)
         direction[r, 0], direction[r, 1], direction[r, 2] = now[0], now[1], now[2]
         distance_m[r] = 1.0 / nearness if nearness > 1e-6 else np.inf

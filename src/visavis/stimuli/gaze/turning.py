@@ -1,4 +1,4 @@
-"""What a gaze asks of a body: turns of trunk and head, and where the eyes end up."""
+"""The interface of gaze: turns of trunk and head, and the direction of the eyes."""
 
 from dataclasses import dataclass
 from typing import Protocol

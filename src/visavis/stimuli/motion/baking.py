@@ -38,7 +38,7 @@ KINDS_BY_NAME: Final[dict[str, Kind]] = {
 """Procedural motions by the name a command line takes."""
 
 
-def baked(
+def bake(
     person: Person,
     duration_s: float,
     *,

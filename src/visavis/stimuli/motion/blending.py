@@ -27,7 +27,7 @@ against each other within one step."""
 VELOCITY_STEP_S = 1e-4
 
 
-def eased(share: npt.ArrayLike) -> Vector:
+def smootherstep(share: npt.ArrayLike) -> Vector:
     """Return a smooth rise from 0 to 1 with zero velocity and acceleration at both ends."""
     x = np.clip(np.asarray(share, dtype=np.float64), 0.0, 1.0)
     rise: Vector = x * x * x * (10.0 + x * (6.0 * x - 15.0))
@@ -42,7 +42,7 @@ def _same_skeleton(motions: Sequence[Motion]) -> Skeleton:
     return first
 
 
-def blended(frames: Sequence[Frames], weights: npt.ArrayLike) -> Frames:
+def blend_frames(frames: Sequence[Frames], weights: npt.ArrayLike) -> Frames:
     """Blend poses of one skeleton at the same times.
 
     `weights` (motions,) or (motions, times) are at least zero; they are divided by their sum. A
@@ -116,7 +116,7 @@ class CrossFade:
         """Return the poses at times of any shape."""
         since = np.asarray(t_s, dtype=np.float64) - self.start_s
         a, b = self._pair(since)
-        share = eased(since / self.duration_s)
+        share = smootherstep(since / self.duration_s)
         step_s, turns = self._turns
         row = np.clip(np.round(since / step_s), 0, len(turns) - 1).astype(np.int64)
         turn = quat_multiply(quat_conjugate(a.orientation_wxyz), b.orientation_wxyz)
@@ -128,7 +128,7 @@ class CrossFade:
 
 @dataclass(frozen=True, eq=False)
 class InertialTransition:
-    """Change to another motion at once and let the difference die out.
+    """Switch to another motion at once and let the difference decay.
 
     At `at_s` the motion is that of `before` in place and velocity; from then on only `after` is
     played, plus an offset that vanishes within `duration_s`. It costs one motion, and nothing of
@@ -160,12 +160,19 @@ class InertialTransition:
         last = same_hemisphere(past.orientation_wxyz[0], past.orientation_wxyz[1])
         # Where `before` would be a moment later if it went on as it does.
         on = slerp_as_given(last, past.orientation_wxyz[1], np.full(last.shape[:-1], 2.0))
-        held = np.stack([past.orientation_wxyz[1], on])
-        turn = quat_multiply(held, quat_conjugate(ahead.orientation_wxyz))
+        past_turns = np.stack([past.orientation_wxyz[1], on])
+        turn = quat_multiply(past_turns, quat_conjugate(ahead.orientation_wxyz))
         turn[0] = same_hemisphere(turn[0], IDENTITY)
         half = quat_log(continuous(turn))
-        apart = np.stack([past.root_m[1], 2 * past.root_m[1] - past.root_m[0]]) - ahead.root_m
-        return apart[0], (apart[1] - apart[0]) / d, half[0], (half[1] - half[0]) / d
+        root_offset_m = (
+            np.stack([past.root_m[1], 2 * past.root_m[1] - past.root_m[0]]) - ahead.root_m
+        )
+        return (
+            root_offset_m[0],
+            (root_offset_m[1] - root_offset_m[0]) / d,
+            half[0],
+            (half[1] - half[0]) / d,
+        )
 
     def _fading(self, share: Vector, offset: Vector, velocity: Vector) -> Vector:
         """Return the offset at shares (...,) of the time: a quintic that ends at rest at zero."""
@@ -184,11 +191,11 @@ class InertialTransition:
         root, root_velocity, half, half_velocity = self._offset
         before = self.before.at(self.at_s + np.minimum(since, 0.0))
         after = self.after.at(self.after_start_s + np.maximum(since, 0.0))
-        turned = quat_multiply(
+        joint_turns = quat_multiply(
             quat_exp(self._fading(share, half, half_velocity)), after.orientation_wxyz
         )
-        placed = after.root_m + self._fading(share, root, root_velocity)
+        root_m = after.root_m + self._fading(share, root, root_velocity)
         return Frames(
-            np.where(early[..., None], before.root_m, placed),
-            np.where(early[..., None, None], before.orientation_wxyz, turned),
+            np.where(early[..., None], before.root_m, root_m),
+            np.where(early[..., None, None], before.orientation_wxyz, joint_turns),
         )

@@ -1,4 +1,4 @@
-"""The lengths of a person that a posture is planned with, from a skeleton or a whole character."""
+"""A person's lengths that postures are computed from, taken from a skeleton or a character."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -36,7 +36,7 @@ class Build:
 
     @cached_property
     def telephoning_m(self) -> Vector:
-        """The lengths, with the grip (`posture.B_GRIP`) that only who telephones needs."""
+        """The lengths, with the grip (`posture.B_GRIP`) that only people with a telephone need."""
         b = self.lengths_m.copy()
         if self.hand is not None:
             b[p.B_GRIP : p.B_GRIP + p.GRIP_SIZE] = grip_at_ear(self.hand)
@@ -77,6 +77,7 @@ def build_of_skeleton(skeleton: Skeleton) -> Build:
     head_tip = skeleton.tips_m[skeleton.index("head")]
     crown_y = at("head")[1] + (head_tip[1] if np.isfinite(head_tip[1]) else 0.2)
     stature = float(crown_y - sole_y)
+    # Flesh is unknown here: breadths and thicknesses are those of a person of 1.75 m, scaled.
     size = stature / 1.75
     b = np.zeros(p.B_SIZE)
     b[p.B_THIGH], b[p.B_SHIN] = both("lower_leg") / 2, both("foot") / 2
@@ -111,14 +112,14 @@ def build_of_skeleton(skeleton: Skeleton) -> Build:
 
 def _of_part(mesh: SkinnedMesh, *parts: str) -> Vector:
     """Return the places (k, 3) of the vertices of some parts."""
-    kept = np.isin(mesh.triangle_part, [PART_INDEX[name] for name in parts])
-    rows = np.unique(mesh.triangles[kept])
+    of_parts = np.isin(mesh.triangle_part, [PART_INDEX[name] for name in parts])
+    rows = np.unique(mesh.triangles[of_parts])
     places: Vector = mesh.vertices_m[rows].astype(np.float64)
     return places
 
 
 MAX_SAT_ON_M = 0.13
-"""Of what is behind a thigh the rest is cloth, such as the tails of a jacket, and gives way."""
+"""Largest depth of flesh behind a thigh; what is beyond is soft cloth, such as jacket tails."""
 
 
 def _behind_thigh_m(thigh: Vector, hip: Vector, knee: Vector, first: float, last: float) -> float:
@@ -130,9 +131,9 @@ def _behind_thigh_m(thigh: Vector, hip: Vector, knee: Vector, first: float, last
 
 
 ARM_CLEAR_M = 0.018
-"""Between an arm that hangs and what is worn on the trunk, which leans and turns under it."""
+"""Gap between a hanging arm and the clothes on the trunk, which leans and turns."""
 MAX_ELBOW_BESIDE_M = 0.215
-"""Wider elbows would reach over the edge of a seat to who sits beside."""
+"""Wider elbows would reach beyond the seat to a neighbour."""
 ALONG_ARM = np.linspace(0.8, 1.1, 4)
 """Shares of the upper arm; above them it belongs to the shoulder, trunk and sleeve are one."""
 
@@ -143,15 +144,15 @@ def _elbow_beside_m(trunk: Vector, arm: Vector, shoulder: Vector, elbow: Vector)
     out_m = abs(float(shoulder[0]))
     share = (shoulder[0] - arm[:, 0]) / length_m
     off_m = np.hypot(arm[:, 1] - shoulder[1], arm[:, 2] - shoulder[2])
-    found = out_m
+    elbow_m = out_m
     for along in ALONG_ARM:
-        beside = trunk[np.abs(shoulder[1] - trunk[:, 1] - 0.95 * along * length_m) < 0.025]
+        trunk_level = trunk[np.abs(shoulder[1] - trunk[:, 1] - 0.95 * along * length_m) < 0.025]
         around = off_m[np.abs(share - min(along, 0.95)) < 0.10]
-        if len(beside) and len(around):
-            side_m = float(np.quantile(np.abs(beside[:, 0]), 0.98))
+        if len(trunk_level) and len(around):
+            side_m = float(np.quantile(np.abs(trunk_level[:, 0]), 0.98))
             clear_m = side_m + float(np.quantile(around, 0.9)) + ARM_CLEAR_M
-            found = max(found, out_m + (clear_m - out_m) / along)
-    return min(found, MAX_ELBOW_BESIDE_M)
+            elbow_m = max(elbow_m, out_m + (clear_m - out_m) / along)
+    return min(elbow_m, MAX_ELBOW_BESIDE_M)
 
 
 def build_of_character(character: Character) -> Build:

@@ -95,10 +95,10 @@ class _Hierarchy:
     def _fail(self, message: str, remedy: str = "correct or export the file again") -> BvhError:
         return BvhError(self._name, max(self.line, 1), message, remedy)
 
-    def _next(self, expected: str) -> str:
+    def _next(self, what: str) -> str:
         while not self._words:
             if self.line >= len(self._lines):
-                raise self._fail(f"the file ends where {expected} should stand", "copy it again")
+                raise self._fail(f"the file ends where {what} should stand", "copy it again")
             self._words = self._lines[self.line].replace("{", " { ").replace("}", " } ").split()
             self.line += 1
         return self._words.pop(0)
@@ -106,7 +106,7 @@ class _Hierarchy:
     def _demand(self, word: str) -> None:
         got = self._next(word)
         if got.upper() != word:
-            raise self._fail(f"{got[:40]!r} stands where {word} should")
+            raise self._fail(f"{got[:40]!r} instead of {word}")
 
     def _numbers(self, what: str) -> tuple[float, float, float]:
         numbers = []
@@ -147,44 +147,45 @@ class _Hierarchy:
         """Read everything up to the line MOTION."""
         self._demand("HIERARCHY")
         self._demand("ROOT")
-        done: list[BvhJoint] = []
-        seen: dict[str, int] = {}
+        joints: list[BvhJoint] = []
+        line_of_name: dict[str, int] = {}
         above: list[int] = []
-        self._open(done, seen, above)
+        self._open(joints, line_of_name, above)
         while above:
             word = self._next("JOINT or }").upper()
             if word == "JOINT":
-                self._open(done, seen, above)
+                self._open(joints, line_of_name, above)
             elif word == "END":
-                self._end_site(done, above[-1])
+                self._end_site(joints, above[-1])
             elif word == "}":
                 above.pop()
             else:
-                raise self._fail(f"{word[:40]!r} stands where JOINT, End Site or }} should")
+                raise self._fail(f"{word[:40]!r} instead of JOINT, End Site or }}")
         word = self._next("MOTION").upper()
         if word == "ROOT":
             raise self._fail("a second ROOT", "keep one person per file")
         if word != "MOTION":
-            raise self._fail(f"{word[:40]!r} stands where MOTION should")
+            raise self._fail(f"{word[:40]!r} instead of MOTION")
         self.motion_line = self.line
-        return tuple(done)
+        return tuple(joints)
 
-    def _open(self, done: list[BvhJoint], seen: dict[str, int], above: list[int]) -> None:
+    def _open(self, joints: list[BvhJoint], line_of_name: dict[str, int], above: list[int]) -> None:
         name = self._joint_name()
-        if name in seen:
+        if name in line_of_name:
             raise self._fail(
-                f"joint {name!r} appears twice, first in line {seen[name]}", "rename one of them"
+                f"joint {name!r} appears twice, first in line {line_of_name[name]}",
+                "rename one of them",
             )
-        seen[name] = self.line
+        line_of_name[name] = self.line
         self._demand("{")
         self._demand("OFFSET")
         offset = self._numbers(f"the OFFSET of {name!r}")
         self._demand("CHANNELS")
-        done.append(BvhJoint(name, above[-1] if above else -1, offset, self._channels()))
-        above.append(len(done) - 1)
+        joints.append(BvhJoint(name, above[-1] if above else -1, offset, self._channels()))
+        above.append(len(joints) - 1)
 
-    def _end_site(self, done: list[BvhJoint], at: int) -> None:
-        joint = done[at]
+    def _end_site(self, joints: list[BvhJoint], at: int) -> None:
+        joint = joints[at]
         self._demand("SITE")
         # Some programs name their End Sites; the name carries nothing.
         while self._words and self._words[0] not in ("{", "}"):
@@ -195,7 +196,7 @@ class _Hierarchy:
         self._demand("}")
         if joint.end is not None:
             raise self._fail(f"joint {joint.name!r} has two End Sites", "remove one")
-        done[at] = BvhJoint(joint.name, joint.parent, joint.offset, joint.channels, end)
+        joints[at] = BvhJoint(joint.name, joint.parent, joint.offset, joint.channels, end)
 
 
 _REMEDY = "write numbers with a decimal point, or cut the motion before this place"
@@ -212,7 +213,7 @@ def _number(word: str) -> float | None:
 
 def _motion_header(name: str, lines: list[str], at: int) -> tuple[int, float, int]:
     """Return number of frames, frame time and the index of the first line with numbers."""
-    found: list[tuple[int, str]] = []
+    entries: list[tuple[int, str]] = []
     for key in ("frames:", "frame time:"):
         while at < len(lines) and not lines[at].strip():
             at += 1
@@ -220,12 +221,10 @@ def _motion_header(name: str, lines: list[str], at: int) -> tuple[int, float, in
             raise BvhError(name, at, f"the file ends before {key!r}", "copy it again")
         words = " ".join(lines[at].split())
         if not words.lower().startswith(key):
-            raise BvhError(
-                name, at + 1, f"{words[:40]!r} stands where {key!r} should", "correct it"
-            )
+            raise BvhError(name, at + 1, f"{words[:40]!r} instead of {key!r}", "correct it")
         at += 1
-        found.append((at, words[len(key) :].strip()))
-    (line, count), (time_line, time) = found
+        entries.append((at, words[len(key) :].strip()))
+    (line, count), (time_line, time) = entries
     if not count.isdecimal() or len(count) > 12:
         raise BvhError(name, line, f"{count[:40]!r} frames announced", "write a whole number")
     if int(count) == 0:
@@ -295,8 +294,8 @@ def format_bvh(bvh: Bvh, *, decimals: int | None = None) -> str:
     def text_of(value: float) -> str:
         if decimals is None:
             return repr(float(value))
-        rounded = round(float(value), decimals) + 0.0  # no negative zero in print
-        return f"{rounded:.{decimals}f}"
+        number = round(float(value), decimals) + 0.0  # no negative zero in print
+        return f"{number:.{decimals}f}"
 
     lines = ["HIERARCHY"]
     above: list[int] = []

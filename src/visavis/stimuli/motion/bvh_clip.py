@@ -82,7 +82,7 @@ def bvh_of_clip(clip: Clip, *, unit_m: float = 0.01, order: str = "ZXY") -> Bvh:
         angles = euler_from_quat(clip.orientation_wxyz[:, i], axes)
         columns.append(np.degrees(np.unwrap(angles, axis=0)))
     place = {old: new for new, (old, _) in enumerate(joints)}
-    written = tuple(
+    bvh_joints = tuple(
         BvhJoint(
             skeleton.names[i],
             place.get(int(skeleton.parents[i]), -1),
@@ -92,7 +92,7 @@ def bvh_of_clip(clip: Clip, *, unit_m: float = 0.01, order: str = "ZXY") -> Bvh:
         )
         for i, channels in joints
     )
-    return Bvh(written, clip.frame_s, np.concatenate(columns, axis=1))
+    return Bvh(bvh_joints, clip.frame_s, np.concatenate(columns, axis=1))
 
 
 def _triple(v: Vector) -> tuple[float, float, float]:

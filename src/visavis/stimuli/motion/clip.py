@@ -1,4 +1,4 @@
-"""Clips: recorded or computed motion of one skeleton at even times, and what is done to them."""
+"""Clips: recorded or computed motion of one skeleton at even times, and operations on them."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -45,7 +45,7 @@ class Clip:
     """Poses every `frame_s` seconds, the first at zero; neighbours are joined by Slerp.
 
     `root_m` (frames, 3), `orientation_wxyz` (frames, n, 4). Before the first and after the last
-    frame the pose rests. A `looped` clip has its first frame again one `frame_s` after its last,
+    frame the pose rests. A `is_loop` clip has its first frame again one `frame_s` after its last,
     and each round starts `travel_m` (3,) further than the one before.
     """
 
@@ -53,7 +53,7 @@ class Clip:
     frame_s: float
     root_m: Vector
     orientation_wxyz: Vector
-    looped: bool = False
+    is_loop: bool = False
     travel_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -74,7 +74,7 @@ class Clip:
     @property
     def duration_s(self) -> float:
         """Seconds from the first to the last frame, or of one round."""
-        return self.frame_s * (len(self.root_m) if self.looped else len(self.root_m) - 1)
+        return self.frame_s * (len(self.root_m) if self.is_loop else len(self.root_m) - 1)
 
     @cached_property
     def frame_times_s(self) -> Vector:
@@ -82,10 +82,10 @@ class Clip:
         return np.arange(len(self.root_m), dtype=np.float64) * self.frame_s
 
     @cached_property
-    def _joined(self) -> tuple[Vector, Vector]:
+    def _next_frames(self) -> tuple[Vector, Vector]:
         """The frame after each frame, in the hemisphere of the earlier; the last one rests."""
-        last_root = self.root_m[0] + self.travel_m if self.looped else self.root_m[-1]
-        last = self.orientation_wxyz[0] if self.looped else self.orientation_wxyz[-1]
+        last_root = self.root_m[0] + self.travel_m if self.is_loop else self.root_m[-1]
+        last = self.orientation_wxyz[0] if self.is_loop else self.orientation_wxyz[-1]
         sign = np.where(np.sum(last * self.orientation_wxyz[-1], -1, keepdims=True) < 0, -1.0, 1.0)
         return (
             np.concatenate([self.root_m[1:], last_root[None]]),
@@ -99,14 +99,14 @@ class Clip:
             raise MotionError("asked for a pose at a time that is not a number; give finite times")
         place = t / self.frame_s
         rounds = np.zeros_like(place)
-        if self.looped:
+        if self.is_loop:
             rounds = np.floor(place / len(self.root_m))
             place = place - rounds * len(self.root_m)
         else:
             place = np.clip(place, 0.0, len(self.root_m) - 1.0)
         row = np.minimum(np.floor(place).astype(np.int64), len(self.root_m) - 1)
         h = place - row
-        next_root, next_turn = self._joined
+        next_root, next_turn = self._next_frames
         turns = np.empty((row.size, *self.orientation_wxyz.shape[1:]))
         slerp_segments(self.orientation_wxyz, next_turn, row.ravel(), h.ravel(), turns)
         share = h[..., None]
@@ -129,9 +129,9 @@ class KeyPoses:
     smooth_root: bool = False
 
     def __post_init__(self) -> None:
-        expected = (len(self.turns.times.t_s), 3)
-        if self.root_m.shape != expected or not np.isfinite(self.root_m).all():
-            raise MotionError(f"key roots must be finite, of shape {expected}")
+        shape = (len(self.turns.times.t_s), 3)
+        if self.root_m.shape != shape or not np.isfinite(self.root_m).all():
+            raise MotionError(f"key roots must be finite, of shape {shape}")
         got = self.turns.in_segment(0, 0.0).shape
         if got != (len(self.skeleton.names), 4):
             raise MotionError(f"turns of shape {got} for {len(self.skeleton.names)} joints")
@@ -176,7 +176,7 @@ def placed_joints(motion: Motion, t_s: npt.ArrayLike) -> Placement:
     return forward(motion.skeleton, frames.root_m, frames.orientation_wxyz)
 
 
-def sampled(motion: Motion, start_s: float, frame_s: float, n_frames: int) -> Clip:
+def sample_clip(motion: Motion, start_s: float, frame_s: float, n_frames: int) -> Clip:
     """Return any motion as a clip of n frames from start_s on."""
     frames = motion.at(start_s + frame_s * np.arange(n_frames))
     return Clip(motion.skeleton, frame_s, frames.root_m, frames.orientation_wxyz)
@@ -190,7 +190,7 @@ def cut(clip: Clip, first: int, last: int) -> Clip:
     return Clip(clip.skeleton, clip.frame_s, clip.root_m[rows], clip.orientation_wxyz[rows])
 
 
-def mirrored(clip: Clip) -> Clip:
+def mirror_clip(clip: Clip) -> Clip:
     """Swap left and right: reflect across the plane x = 0 and exchange the sides' joints."""
     flip = np.array([-1.0, 1.0, 1.0])
     turns = mirrored_quat(clip.orientation_wxyz, "X")[:, clip.skeleton.mirror_index]
@@ -198,7 +198,7 @@ def mirrored(clip: Clip) -> Clip:
     return replace(clip, root_m=clip.root_m * flip, orientation_wxyz=turns, travel_m=(-x, y, z))
 
 
-def moved(clip: Clip, yaw_deg: float, by_m: Vector) -> Clip:
+def move_clip(clip: Clip, yaw_deg: float, by_m: Vector) -> Clip:
     """Turn a clip about the world's vertical axis, then shift it by (3,) metres."""
     turn = quat_from_yaw_pitch_deg(yaw_deg)
     turns = clip.orientation_wxyz.copy()

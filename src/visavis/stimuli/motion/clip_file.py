@@ -32,7 +32,7 @@ def write_clip(path: Path, clip: Clip) -> None:
             frame_s=np.array(clip.frame_s),
             root_m=clip.root_m,
             orientation_wxyz=clip.orientation_wxyz,
-            looped=np.array(clip.looped),
+            looped=np.array(clip.is_loop),
             travel_m=np.array(clip.travel_m),
         )
 

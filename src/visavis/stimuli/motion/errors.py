@@ -1,4 +1,4 @@
-"""What can be wrong with motion data."""
+"""Errors of motion data."""
 
 from visavis.lab.errors import DataError
 
@@ -8,7 +8,7 @@ class MotionError(DataError):
 
 
 class UnknownJointsError(MotionError):
-    """Needed joints are `missing`: none of `names` tells them."""
+    """Required joints are `missing`: none of `names` is recognised as one of them."""
 
     def __init__(self, missing: tuple[str, ...], names: tuple[str, ...]) -> None:
         super().__init__(

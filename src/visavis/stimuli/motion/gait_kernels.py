@@ -32,9 +32,9 @@ TOE_CLEARANCE_M = 0.013
 72:45: 12.9 mm)."""
 STRIDES_OF_DRIFT = 0.05
 CV_OF_DRIFT = 0.355
-"""What a drift of unit size, its slowest swing in 20 strides, varies a stride's time by."""
+"""Variation of a stride's time under a drift of unit size, whose slowest swing takes 20 strides."""
 REACH = 0.984
-"""No leg is stretched farther than to this share of its length."""
+"""Largest length of a leg as a share of its straight length."""
 
 
 @compiled
@@ -44,8 +44,8 @@ def free_step_m(speed_mps: float, leg_m: float, runs: bool) -> float:
         # Shorter legs and higher speeds take quicker steps.
         quicker = np.sqrt(0.86 / leg_m) * (1.0 + 0.10 * max(0.0, speed_mps - 2.5))
         return float(speed_mps / (RUN_STEPS_HZ * quicker))
-    chosen = np.sqrt(WALK_RATIO_M_PER_STEP_MIN * (leg_m / 0.86) * 60.0 * speed_mps)
-    return float(min(chosen, MAX_STEP * leg_m))
+    step_m = np.sqrt(WALK_RATIO_M_PER_STEP_MIN * (leg_m / 0.86) * 60.0 * speed_mps)
+    return float(min(step_m, MAX_STEP * leg_m))
 
 
 @compiled
@@ -178,8 +178,10 @@ def _foot(
         bend = -0.35 * pitch
     if phase >= stance:
         # Toes stay bent, or are lifted, as far as they would meet the floor otherwise.
-        wanted = TOE_CLEARANCE_M * (b[p.B_LEG] / 0.86) * goes * ease(4.0 * u) * ease(4.0 - 4.0 * u)
-        below = (up - ball_up - wanted) / (TOES * b[p.B_FOOT])
+        clearance_m = (
+            TOE_CLEARANCE_M * (b[p.B_LEG] / 0.86) * goes * ease(4.0 * u) * ease(4.0 - 4.0 * u)
+        )
+        below = (up - ball_up - clearance_m) / (TOES * b[p.B_FOOT])
         bend = max(bend, pitch - np.arcsin(min(1.0, max(-1.0, below))))
     leg[p.TOE_BEND] = bend
 

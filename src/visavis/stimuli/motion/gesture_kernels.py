@@ -1,4 +1,4 @@
-"""What people do standing or sitting: wave, phone, text, watch a board, talk with gestures."""
+"""Activities while standing or sitting: wave, phone, text, watch a board, talk with gestures."""
 
 import numpy as np
 import numpy.typing as npt
@@ -225,10 +225,12 @@ def text_rows(
         hang_arms(c, person)
         stir(c, t, person, 0.7 * lively)
         breathe(c, t, person, 1.0)
+        # The head bows and the trunk leans towards the phone; the eyes attend 40° below.
         c[p.HEAD_PITCH] -= np.radians(15.0)
         c[p.TRUNK_LEAN] += np.radians(4.0)
         c[p.ATTEND], c[p.ATTEND + 1] = 1.0, 0.0
         c[p.ATTEND + 2] = -np.radians(40.0)
+        # Somewhat more than half of the people type with both hands.
         both = chance(person, 331, 0) < 0.55
         for k in range(2):
             if k != side and not both:
@@ -236,9 +238,9 @@ def text_rows(
             a = arm_of(c, k)
             reach = 0.58 * (b[p.B_UPPER_ARM] + b[p.B_FOREARM])
             drop = 0.80 * b[p.B_UPPER_ARM]
-            apart = 0.058 if both else 0.015
+            hand_apart_m = 0.058 if both else 0.015
             hold(
-                a, p.CHEST, 1.0, -apart, b[p.B_SHOULDER_Y] - drop - 0.008 * k, -reach,
+                a, p.CHEST, 1.0, -hand_apart_m, b[p.B_SHOULDER_Y] - drop - 0.008 * k, -reach,
                 0.50 if both else 0.30, 0.30, -0.80, 0.40 if both else 0.22, 0.72, 0.50,
             )  # fmt: skip
             curl(a, 0.36, 0.44, 0.48, 0.50, 0.25)
@@ -270,6 +272,7 @@ def board_rows(
         arms_of(c, b, int(numbers[r, 1]), person)
         stir(c, t, person, lively)
         breathe(c, t, person, 1.0)
+        # The gaze kernels turn head and eyes to the board; here only its direction is noted.
         c[p.ATTEND], c[p.ATTEND + 1], c[p.ATTEND + 2] = 1.0, numbers[r, 2], numbers[r, 3]
 
 
@@ -333,6 +336,7 @@ def talk_rows(
         beat = 0.0
         for side in range(2):
             beat = max(beat, _gesture(arm_of(c, side), b, t, person, side, size))
+        # The head nods with the beat of the gesture and as the jaw opens.
         c[p.HEAD_PITCH] -= np.radians(3.5) * beat + np.radians(2.5) * c[p.JAW]
         nod, own = bump(t, 3.1, 0.7, person, 351)
         c[p.HEAD_YAW] += np.radians(7.0) * (own - 0.5) * nod

@@ -6,7 +6,15 @@ import numpy.typing as npt
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.posture_kernels import finger_turns, thumb_turns
-from visavis.stimuli.motion.quaternion_kernels import Quat, Triple, dot, minus, plus, times, turned
+from visavis.stimuli.motion.quaternion_kernels import (
+    Quat,
+    Triple,
+    dot,
+    minus,
+    plus,
+    rotate_vector,
+    times,
+)
 
 THUMB, FINGER = 0, 1
 BETWEEN_M = 0.0005
@@ -15,17 +23,17 @@ OVER_M = 0.004
 """The middle of a finger's end is so far beyond the edge, if the finger is long enough."""
 FINGER_TOUCHES = (0.0, 0.1, 1.0)
 THUMB_TOUCHES = (0.0, 0.3, 1.0)
-"""How much it matters that a phalanx is not off the case, from the knuckle on. What follows is
-measured against that."""
+"""Weights of a gap between phalanx and case, from the knuckle on. The weights below are relative to
+these."""
 GOES_IN = 100.0
-"""That no phalanx is in the case, nor in the cheek."""
+"""Weight of a phalanx inside the case or the cheek."""
 HOOKS = 0.3
-"""That the end of a finger reaches over the edge."""
+"""Weight of a finger's end that does not reach over the edge."""
 LIES_M2, FLAT = 1e-4, 0.05
-"""That the thumb points along its edge, and lies at the middle of it."""
+"""Weights of a thumb that does not point along its edge or lie at its middle."""
 EASY_M2 = 1e-4
 EASY_CURL, EASY_KNUCKLE = 0.42, 0.15
-"""That a finger is bent as in a hand at ease, a knuckle less so."""
+"""Weight of a bend unlike that of a relaxed hand; knuckles count less."""
 THUMB_EASY_M2 = 4e-6
 
 
@@ -36,8 +44,12 @@ def _seen_by_case(
     """Write the move (3, 4) that takes points at rest to the case's axes with a bone that is turned
     by `q` and whose joint is at `at`.
     """
-    x, y, z = turned(q, (1.0, 0.0, 0.0)), turned(q, (0.0, 1.0, 0.0)), turned(q, (0.0, 0.0, 1.0))
-    shift = minus(minus(at, turned(q, joint)), middle)
+    x, y, z = (
+        rotate_vector(q, (1.0, 0.0, 0.0)),
+        rotate_vector(q, (0.0, 1.0, 0.0)),
+        rotate_vector(q, (0.0, 0.0, 1.0)),
+    )
+    shift = minus(minus(at, rotate_vector(q, joint)), middle)
     for i in range(3):
         axis = (axes[i, 0], axes[i, 1], axes[i, 2])
         moves[row, i, 0], moves[row, i, 1] = dot(axis, x), dot(axis, y)
@@ -62,10 +74,11 @@ def _cost(
     a = (joints[0, 0], joints[0, 1], joints[0, 2])
     b = (joints[1, 0], joints[1, 1], joints[1, 2])
     c = (joints[2, 0], joints[2, 1], joints[2, 2])
+    # Chain the three joints, then write every bone's movement in the axes of the case.
     first = turns[0]
     second = times(first, turns[1])
-    at_b = plus(a, turned(first, minus(b, a)))
-    at_c = plus(at_b, turned(second, minus(c, b)))
+    at_b = plus(a, rotate_vector(first, minus(b, a)))
+    at_c = plus(at_b, rotate_vector(second, minus(c, b)))
     moves = np.empty((4, 3, 4))
     _seen_by_case(moves, 0, (1.0, 0.0, 0.0, 0.0), a, a, middle, axes)
     _seen_by_case(moves, 1, first, a, a, middle, axes)
@@ -73,18 +86,19 @@ def _cost(
     _seen_by_case(moves, 3, times(second, turns[2]), at_c, c, middle, axes)
     nearest = np.full(3, 1.0)
     sums, counts = np.zeros((3, 3)), np.zeros(3)
-    seen = np.empty(3)
+    point = np.empty(3)
     beyond = 0.0
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
-        seen[:] = 0.0
+        point[:] = 0.0
         for bone in range(4):
             w = weights[k, bone]
             if w > 0.0:
                 for i in range(3):
                     m = moves[bone, i]
-                    seen[i] += w * (m[0] * x + m[1] * y + m[2] * z + m[3])
-        u, v, w = abs(seen[0]) - half[0], abs(seen[1]) - half[1], abs(seen[2]) - half[2]
+                    point[i] += w * (m[0] * x + m[1] * y + m[2] * z + m[3])
+        # Signed distance to a box: negative inside, where only the least deep axis counts.
+        u, v, w = abs(point[0]) - half[0], abs(point[1]) - half[1], abs(point[2]) - half[2]
         gap = min(max(u, v, w), 0.0)
         u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
         gap += np.sqrt(u * u + v * v + w * w)
@@ -92,11 +106,13 @@ def _cost(
         nearest[of] = min(nearest[of], gap)
         counts[of] += 1.0
         for i in range(3):
-            sums[of, i] += seen[i]
-        share = min(max(0.5 + 0.5 * seen[0] / half[0], 0.0), 1.0) * (room.shape[0] - 1)
+            sums[of, i] += point[i]
+        # How far a finger may stand out before the case there: the face's skin leaves little room.
+        share = min(max(0.5 + 0.5 * point[0] / half[0], 0.0), 1.0) * (room.shape[0] - 1)
         below = min(int(share), room.shape[0] - 2)
         deep = room[below] + (share - below) * (room[below + 1] - room[below])
-        beyond = max(beyond, seen[2] - half[2] - deep)
+        beyond = max(beyond, point[2] - half[2] - deep)
+    # All terms are squared metres: going in costs more than staying off.
     cost = GOES_IN * beyond * beyond
     for of in range(3):
         matters = FINGER_TOUCHES[of] if which == FINGER else THUMB_TOUCHES[of]
@@ -105,6 +121,7 @@ def _cost(
         for i in range(3):
             sums[of, i] /= max(counts[of], 1.0)
     if which == FINGER:
+        # Fingers hook over the edge; the thumb lies flat along the side.
         cost += HOOKS * max(half[1] + OVER_M - sums[2, 1], 0.0) ** 2
     else:
         u, v, w = sums[2, 0] - sums[1, 0], sums[2, 1] - sums[1, 1], sums[2, 2] - sums[1, 2]
@@ -135,17 +152,19 @@ def best_bend(
 
     First `counts` (3,) of each are tried, evenly, then `rounds` times half as far about the best.
     """
+    # A grid that shrinks: the cost has flat stretches on which a gradient would stop.
     step = (most - least) / np.maximum(counts - 1, 1)
-    start, tried = least.copy(), counts.copy()
-    best, found = 1e9, least.copy()
+    start, n_steps = least.copy(), counts.copy()
+    best, best_turns = 1e9, least.copy()
     for _ in range(rounds + 1):
-        for i in range(tried[0]):
-            for j in range(tried[1]):
-                for k in range(tried[2]):
+        for i in range(n_steps[0]):
+            for j in range(n_steps[1]):
+                for k in range(n_steps[2]):
                     u = min(max(start[0] + i * step[0], least[0]), most[0])
                     v = min(max(start[1] + j * step[1], least[1]), most[1])
                     w = min(max(start[2] + k * step[2], least[2]), most[2])
                     if which == FINGER:
+                        # The knuckle is searched relative to −1.25 times the curl.
                         turns = finger_turns(u, v - 1.25 * u, spread)
                         easy = EASY_M2 * ((u - EASY_CURL) ** 2 + 0.3 * (v - EASY_KNUCKLE) ** 2)
                     else:
@@ -156,9 +175,9 @@ def best_bend(
                     )
                     if cost < best:
                         best = cost
-                        found[0], found[1], found[2] = u, v, w
+                        best_turns[0], best_turns[1], best_turns[2] = u, v, w
         step = step / 2.0
         for k in range(3):
-            tried[k] = 3 if counts[k] > 1 else 1
-            start[k] = found[k] - step[k] if counts[k] > 1 else found[k]
-    return found
+            n_steps[k] = 3 if counts[k] > 1 else 1
+            start[k] = best_turns[k] - step[k] if counts[k] > 1 else best_turns[k]
+    return best_turns

@@ -20,9 +20,9 @@ from visavis.stimuli.motion.skeleton import Skeleton
 FINGERS: Final = ("index", "middle", "ring", "little")
 PHALANGES: Final = ("proximal", "middle", "distal")
 MIN_POINTS: Final = 4
-"""A phalanx with fewer points of skin is none: the figure has no bones in its fingers."""
+"""Least number of skin points of a phalanx; below it the figure has no finger bones."""
 MIN_WEIGHT: Final = 0.02
-"""Of a point, for it to belong to a finger."""
+"""Least weight of a point that belongs to a finger."""
 SPREAD_RAD: Final = -0.10
 """Fingers that hold something lie closer together than at rest."""
 ROOM_FOR_THUMB_M: Final = 0.006
@@ -159,8 +159,8 @@ def grip_of_character(character: Character, case: Case, room_m: Vector) -> Vecto
     digit = _digit(skin, skeleton, "thumb")
     if digit is not None:
         room_m = np.full(2, ROOM_FOR_THUMB_M)
-        inward, opposed, bend = _best(
+        inward, opposition, bend = _best(
             digit, case, room_m, THUMB, 0.0, THUMB_IN_RAD, OPPOSED_RAD, THUMB_BENDS
         )
-        grip[9:] = bend, opposed, inward
+        grip[9:] = bend, opposition, inward
     return grip

@@ -301,9 +301,9 @@ class Spline:
         """Return rotations at share h of segments; h is not clamped."""
         s, x = _shares(self.times, segment, h)
         t_s = (self.times.t_s[s] + x * self.times.segment_s[s]).ravel()
-        turned = [np.roll(curve(t_s).as_quat(), 1, axis=-1) for curve in self._curves]
+        quaternions = [np.roll(curve(t_s).as_quat(), 1, axis=-1) for curve in self._curves]
         near = _flat(self.keys_wxyz)[s.ravel()]
-        out = same_hemisphere(np.stack(turned, axis=1), near)
+        out = same_hemisphere(np.stack(quaternions, axis=1), near)
         return out.reshape(*s.shape, *self.keys_wxyz.shape[1:])
 
     def at(self, t_s: npt.ArrayLike) -> Vector:

@@ -1,4 +1,4 @@
-"""How far joints of adults turn, and turns held within that.
+"""Joint ranges of adults, and turns limited to them.
 
 A turn is read as a twist about the bone, then a swing square to it: three angles in degrees about
 the canonical axes, written as for the left side (the right one is reflected). Ranges of trunk,
@@ -111,9 +111,9 @@ def beyond_deg(turns_wxyz: Vector) -> Vector:
     return out
 
 
-def clamped(turns_wxyz: Vector) -> Vector:
+def clamp_turns(turns_wxyz: Vector) -> Vector:
     """Return turns (..., 55, 4) held within the ranges; those within are returned as they are."""
     angles = joint_angles_deg(turns_wxyz)
-    held = turns_of_angles(np.clip(angles, LOWER_DEG, UPPER_DEG))
+    turns_within = turns_of_angles(np.clip(angles, LOWER_DEG, UPPER_DEG))
     inside = (beyond_deg(turns_wxyz) == 0.0).all(axis=-1, keepdims=True)
-    return np.where(inside, turns_wxyz, held)
+    return np.where(inside, turns_wxyz, turns_within)

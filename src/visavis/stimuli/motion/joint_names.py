@@ -1,4 +1,4 @@
-"""Which joint of a foreign skeleton is which of ours, from its names and its tree."""
+"""Match the joints of a foreign skeleton to ours, by their names and the tree."""
 
 import re
 from collections.abc import Mapping
@@ -27,8 +27,8 @@ _RIG = re.compile(
     r"^(mixamorig\d*[:_]?|character\d*_|bip\d+[\s_]|cc_base_|j_(bip|adj|sec)_|def-)",
     re.IGNORECASE,
 )
-"""What a rig puts before all its names: Mixamo, HumanIK, 3ds Max's Biped, Character Creator,
-VRoid, Rigify.
+"""Prefixes of all names in a rig: Mixamo, HumanIK, 3ds Max's Biped, Character Creator, VRoid,
+Rigify.
 """
 _ESCAPED = re.compile(r"FBXASC(\d{3})")
 """How Autodesk's exporters write characters that their format has no place for: by their code."""
@@ -91,16 +91,16 @@ def _limb(name: str) -> str | None:
     for limb, aliases in _LIMBS.items():
         if {part, first} & {*aliases, limb.replace("_", "")}:
             return f"{side}_{limb}"
-    found = _finger(part)
-    return None if found is None else f"{side}_{found}"
+    finger = _finger(part)
+    return None if finger is None else f"{side}_{finger}"
 
 
 def _finger(part: str) -> str | None:
     """Return our name, without the side, of a finger's joint."""
-    biped = re.fullmatch(r"finger([0-4])([12]?)", part)
-    if biped is not None:
-        phalanx = int(biped.group(2) or 0)
-        return f"{_BIPED_FINGERS[int(biped.group(1))]}_{_PHALANGES[phalanx]}"
+    biped_match = re.fullmatch(r"finger([0-4])([12]?)", part)
+    if biped_match is not None:
+        phalanx = int(biped_match.group(2) or 0)
+        return f"{_BIPED_FINGERS[int(biped_match.group(1))]}_{_PHALANGES[phalanx]}"
     makehuman = re.fullmatch(r"finger([1-5])-([1-3])", part)
     if makehuman is not None:
         which, joint = (int(number) - 1 for number in makehuman.groups())
@@ -126,69 +126,71 @@ def _chain(source: Skeleton, low: str, high: str) -> list[str]:
     return chain[::-1] if at == end else []
 
 
-def _unnumbered(names: tuple[str, ...]) -> tuple[str, ...]:
+def _without_numbers(names: tuple[str, ...]) -> tuple[str, ...]:
     """Return names without the number that an exporter has put behind nearly all of them."""
     while sum(_NUMBER.search(name) is not None for name in names) >= _MIN_NUMBERED * len(names):
         names = tuple(_NUMBER.sub("", name) for name in names)
     return names
 
 
-def match_joints(source: Skeleton, known: Mapping[str, str] | None = None) -> Mapping[str, str]:
+def match_joints(
+    source: Skeleton, joint_names: Mapping[str, str] | None = None
+) -> Mapping[str, str]:
     """Return canonical joint names with the source's names for them.
 
     Limbs, head and fingers are known by name in the conventions of CMU, Mixamo, Ready Player Me,
     HumanIK (VALID), 3ds Max's Biped (Rocketbox), Character Creator, Daz, MakeHuman, SMPL-X, VRoid,
     VRChat, Rigify, Unreal, Bandai-Namco, Biovision and Visavis itself, also where an exporter has
-    numbered all of them; `known` says of some which they are, over all else. Hips are what both
-    legs and the head hang from; spine joints are told by their place between hips and arms, the
-    neck by its place below the head.
+    numbered all of them. `joint_names` names some of them and comes before every convention. The
+    hips are the joint that both legs and the head hang from; spine joints are recognised by their
+    place between hips and arms, the neck by its place below the head.
 
     Raises:
-        MotionError: a needed joint cannot be recognised, or `known` names one that is not there.
+        MotionError: a needed joint cannot be recognised, or one of `joint_names` is not there.
     """
-    known = {} if known is None else known
-    for ours, theirs in known.items():
+    joint_names = {} if joint_names is None else joint_names
+    for ours, theirs in joint_names.items():
         if ours not in CANONICAL_NAMES:
             raise MotionError(f"no joint of ours is called {ours!r}: {', '.join(CANONICAL_NAMES)}")
         if theirs not in source.names:
             raise MotionError(
                 f"no joint {theirs!r}, said to be {ours}, among {', '.join(source.names)}"
             )
-    for theirs in known.values():
-        meant = [ours for ours, said in known.items() if said == theirs]
-        if len(meant) > 1:
-            raise MotionError(f"{' and '.join(meant)} are both said to be {theirs!r}")
-    found: dict[str, str] = dict(known)
+    for theirs in joint_names.values():
+        claims = [ours for ours, their_name in joint_names.items() if their_name == theirs]
+        if len(claims) > 1:
+            raise MotionError(f"{' and '.join(claims)} are both said to be {theirs!r}")
+    matches: dict[str, str] = dict(joint_names)
     second: dict[str, str] = {}
-    for name, spelt in zip(source.names, _unnumbered(source.names), strict=True):
+    for name, spelt in zip(source.names, _without_numbers(source.names), strict=True):
         limb = _limb(spelt)
         if limb is not None:
-            if found.setdefault(limb, name) != name:
+            if matches.setdefault(limb, name) != name:
                 second.setdefault(limb, name)
         elif _plain(spelt) in _MIDDLE:
-            found.setdefault(_MIDDLE[_plain(spelt)], name)
+            matches.setdefault(_MIDDLE[_plain(spelt)], name)
     for side in ("left", "right"):
         # VRChat calls the thigh Leg and the shin Knee.
-        thigh, shin = found.get(f"{side}_lower_leg"), second.get(f"{side}_lower_leg")
-        if f"{side}_upper_leg" not in found and thigh is not None and shin is not None:
+        thigh, shin = matches.get(f"{side}_lower_leg"), second.get(f"{side}_lower_leg")
+        if f"{side}_upper_leg" not in matches and thigh is not None and shin is not None:
             if source.names[source.parents[source.index(shin)]] == thigh:
-                found |= {f"{side}_upper_leg": thigh, f"{side}_lower_leg": shin}
+                matches |= {f"{side}_upper_leg": thigh, f"{side}_lower_leg": shin}
         # Biovision calls the upper arm Shoulder and the shoulder Collar.
-        if f"{side}_upper_arm" not in found and f"{side}_lower_arm" in found:
-            forearm = source.index(found[f"{side}_lower_arm"])
+        if f"{side}_upper_arm" not in matches and f"{side}_lower_arm" in matches:
+            forearm = source.index(matches[f"{side}_lower_arm"])
             upper = source.names[source.parents[forearm]]
-            found[f"{side}_upper_arm"] = upper
-            if found.get(f"{side}_shoulder") == upper:
-                del found[f"{side}_shoulder"]
-    missing = tuple(j for j in (*NEEDED, "head") if j not in found)
+            matches[f"{side}_upper_arm"] = upper
+            if matches.get(f"{side}_shoulder") == upper:
+                del matches[f"{side}_shoulder"]
+    missing = tuple(j for j in (*NEEDED, "head") if j not in matches)
     if missing:
         raise UnknownJointsError(missing, source.names)
-    legs = _common(source, found["left_upper_leg"], found["right_upper_leg"])
-    if "hips" not in found:
+    legs = _common(source, matches["left_upper_leg"], matches["right_upper_leg"])
+    if "hips" not in matches:
         # Character Creator and Daz hang the legs from a pelvis of their own beside the spine.
-        found["hips"] = _common(source, legs, found["head"])
-    arms = _common(source, found["left_upper_arm"], found["right_upper_arm"])
-    torso = _chain(source, found["hips"], found["head"])
+        matches["hips"] = _common(source, legs, matches["head"])
+    arms = _common(source, matches["left_upper_arm"], matches["right_upper_arm"])
+    torso = _chain(source, matches["hips"], matches["head"])
     if arms in torso:
         cut = torso.index(arms) + 1
         if arms == torso[-1] and len(torso) > 1 and "neck" in _plain(arms):
@@ -197,14 +199,14 @@ def match_joints(source: Skeleton, known: Mapping[str, str] | None = None) -> Ma
     else:
         spine, neck = torso, []
     if len(spine) > 1:
-        found.setdefault("spine", spine[0])
+        matches.setdefault("spine", spine[0])
     if len(spine) > 2:
-        found.setdefault("chest", spine[len(spine) // 2])
+        matches.setdefault("chest", spine[len(spine) // 2])
     if spine:
-        found.setdefault("upper_chest", spine[-1])
+        matches.setdefault("upper_chest", spine[-1])
     if neck:
-        found.setdefault("neck", neck[-1])
-    return found
+        matches.setdefault("neck", neck[-1])
+    return matches
 
 
 def _common(source: Skeleton, a: str, b: str) -> str:

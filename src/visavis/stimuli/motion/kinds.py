@@ -27,7 +27,7 @@ Kernel = Callable[
     [npt.NDArray[np.int64], Vector, npt.NDArray[np.int64], Vector, Vector, Vector], None
 ]
 NUMBERS: Final = 12
-"""How many numbers a kernel may be given a person."""
+"""Largest number of parameters of a kernel per person."""
 
 _CANONICAL_NAMES: Final = canonical_skeleton().names
 StandingArms = Literal["any", "hanging", "clasped", "folded", "behind"]
@@ -37,7 +37,7 @@ _SITTING: Final = {"thighs": 0, "lap": 1, "folded": 2}
 
 
 def _one_of(choice: str, ways: dict[str, int], shares: tuple[float, ...], seed: int) -> float:
-    """Return the number of a way; "any" is drawn by seed with the given shares."""
+    """Return the number of an option; "any" is drawn by seed with the given shares."""
     if choice == "any":
         return float(np.random.default_rng((seed, 7)).choice(len(shares), p=shares))
     if choice not in ways:
@@ -57,7 +57,7 @@ def _check(name: str, value: float, least: float, most: float) -> None:
 
 @dataclass(frozen=True)
 class Idle:
-    """Stand at ease. `lively` scales every movement but breathing: 0 keeps still, 1 is usual."""
+    """Stand relaxed. `lively` scales every movement but breathing: 0 keeps still, 1 is usual."""
 
     arms: StandingArms = "any"
     lively: float = 1.0
@@ -280,7 +280,7 @@ class Recorded:
             raise MotionError("a clip for people needs the 55 canonical joints; retarget it first")
 
     def numbers(self, seed: int) -> tuple[float, ...]:
-        """Return what the kernel is given: somebody who stands still below the clip."""
+        """Return the kernel's parameters: a person who stands still below the clip."""
         return 0.0, 0.0
 
 

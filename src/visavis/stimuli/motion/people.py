@@ -1,4 +1,4 @@
-"""Everybody's motion at once: who does what from when on, posed at any time in a few calls."""
+"""The motion of everybody: their activities over time, posed at any time in a few calls."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -39,9 +39,8 @@ Index = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Doing:
-    """What somebody does from `start_s` on, taking over within `fade_s`.
-
-    Without a place of its own it happens where the thing before has led to.
+    """An activity from `start_s` on, taking over within `fade_s`. Without a place of its own it
+    happens where the activity before has led to.
     """
 
     kind: Kind
@@ -67,7 +66,7 @@ class Person:
 
     @property
     def plan(self) -> tuple[Doing, ...]:
-        """What is done one after the other."""
+        """The activities, one after the other."""
         return self.does if isinstance(self.does, tuple) else (Doing(self.does),)
 
 
@@ -87,7 +86,7 @@ class PeopleMotion:
     """n people as a function of time; a frame can be asked for again and is the same."""
 
     people: tuple[Person, ...]
-    held: HeldHeads | None = None
+    held_heads: HeldHeads | None = None
 
     def __post_init__(self) -> None:
         for i, person in enumerate(self.people):
@@ -150,33 +149,35 @@ class PeopleMotion:
         t_s: float,
         gaze: Gaze | None = None,
         *,
-        changed: Mapping[int, Callable[[Vector], Vector]] = MappingProxyType({}),
+        turn_changes: Mapping[int, Callable[[Vector], Vector]] = MappingProxyType({}),
     ) -> PosedPeople:
         """Return everybody's pose at a time; without `gaze` people look around and blink.
 
-        `changed` makes other joint turns (55, 4) of some people's; their eyes are led after that.
+        `turn_changes` replaces the joint turns (55, 4) of some people before their eyes are aimed.
         """
         n = len(self.people)
         gaze = gaze or self._around
         controls = self.posture(t_s)
         _, offsets, skeleton_of, seeds = self._builds
-        held, held_eyes, facing = self._held
+        is_held, held_eyes, facing = self._held_arrays
         eyes, head, chest = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 4))
+        # How far trunk and head turn depends on where the eyes are, which the posture gives.
         look_from(controls, offsets, skeleton_of, eyes, head, chest)
         front = controls[:, p.FRONT : p.ATTEND + 3].copy()
         turns = gaze.turns_rad(t_s, Look(eyes, head, front, seeds))
         controls[:, p.TRUNK_YAW] += turns[:, 0]
         controls[:, p.HEAD_YAW] += turns[:, 1]
         controls[:, p.HEAD_PITCH] += turns[:, 2]
-        if held.any():
+        if is_held.any():
             held_eyes, facing = held_eyes.copy(), facing.copy()
             sway_rows(t_s, seeds, held_eyes, facing)
         root, joints = np.empty((n, 3)), np.empty((n, p.JOINTS, 4))
-        pose_rows(controls, offsets, skeleton_of, held, held_eyes, facing, root, joints)
-        for i, motion in self._recorded.items():
+        pose_rows(controls, offsets, skeleton_of, is_held, held_eyes, facing, root, joints)
+        # People who play a clip take over its whole pose; eyes and lids are still aimed below.
+        for i, motion in self._recordings.items():
             frame = motion.at(t_s)
             root[i], joints[i] = frame.root_m, frame.orientation_wxyz
-        for i, change in changed.items():
+        for i, change in turn_changes.items():
             joints[i] = change(joints[i])
         morphs = np.zeros((n, len(MORPHS)))
         morphs[:, MORPHS.index("jaw_open")] = controls[:, p.JAW]
@@ -196,7 +197,7 @@ class PeopleMotion:
         return PosedPeople(root, joints, morphs)
 
     @cached_property
-    def _recorded(self) -> dict[int, Motion]:
+    def _recordings(self) -> dict[int, Motion]:
         """Return the whole motion of everybody who plays a clip at some time."""
         return {
             i: _chain(person)
@@ -209,18 +210,20 @@ class PeopleMotion:
         return GazePlan.of(len(self.people))
 
     @cached_property
-    def _held(self) -> tuple[npt.NDArray[np.bool_], Vector, Vector]:
+    def _held_arrays(self) -> tuple[npt.NDArray[np.bool_], Vector, Vector]:
         n = len(self.people)
-        if self.held is None:
+        if self.held_heads is None:
             return np.zeros(n, np.bool_), np.zeros((n, 3)), np.zeros((n, 3))
-        eyes, facing = (np.asarray(x, np.float64) for x in (self.held.eyes_m, self.held.facing))
-        held = np.asarray(np.isfinite(np.hstack([eyes, facing])).all(axis=1), np.bool_)
-        return held, eyes, facing
+        eyes, facing = (
+            np.asarray(x, np.float64) for x in (self.held_heads.eyes_m, self.held_heads.facing)
+        )
+        is_held = np.asarray(np.isfinite(np.hstack([eyes, facing])).all(axis=1), np.bool_)
+        return is_held, eyes, facing
 
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """What everybody does, one row a thing; `first` (n,) is the first row of each person."""
+    """All activities, one per row; `first` (n,) is the first row of each person."""
 
     first: Index
     start_s: Vector
@@ -341,5 +344,5 @@ def _chain(person: Person) -> Motion:
         else:
             whole = CrossFade(whole, own, start_s, max(doing.fade_s, 1e-3), start_s)
     if whole is None:
-        raise MotionError("somebody has nothing to do")
+        raise MotionError("a person has no activity; give at least one")
     return whole

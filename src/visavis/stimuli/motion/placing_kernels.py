@@ -10,7 +10,7 @@ from visavis.stimuli.motion.rhythm_kernels import ease
 
 
 @compiled
-def _moved(c: Vector, start: int, place: Vector, cosine: float, sine: float) -> None:
+def _move_point(c: Vector, start: int, place: Vector, cosine: float, sine: float) -> None:
     x, z = c[start], c[start + 2]
     c[start] = place[0] + cosine * x + sine * z
     c[start + 1] += place[1]
@@ -23,12 +23,12 @@ def placed_rows(controls: Vector, place_m: Vector, heading_rad: Vector) -> None:
     for r in range(controls.shape[0]):
         c, heading = controls[r], heading_rad[r]
         cosine, sine = np.cos(heading), np.sin(heading)
-        _moved(c, p.HIPS, place_m[r], cosine, sine)
+        _move_point(c, p.HIPS, place_m[r], cosine, sine)
         c[p.HIPS_YAW] += heading
         c[p.FRONT] += heading
         for side in range(2):
             start = p.LEG + side * p.LEG_SIZE
-            _moved(c, start + p.ANKLE, place_m[r], cosine, sine)
+            _move_point(c, start + p.ANKLE, place_m[r], cosine, sine)
             c[start + p.FOOT_YAW] += heading
 
 

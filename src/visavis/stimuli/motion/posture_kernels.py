@@ -22,14 +22,14 @@ from visavis.stimuli.motion.quaternion_kernels import (
     inverse,
     limb_turn,
     minus,
-    mirrored,
-    mixed,
+    mirror_quat,
+    mix_quats,
     of_axes,
     plus,
-    scaled,
+    rotate_vector,
+    scale_vector,
     square_to,
     times,
-    turned,
     twist_about,
     unit_of,
 )
@@ -41,9 +41,9 @@ EASY_REACH = 0.93
 MAX_FOREARM_TWIST = np.radians(80.0)
 MIN_WRIST = (np.radians(-36.0), np.radians(-70.0))
 MAX_WRIST = (np.radians(42.0), np.radians(80.0))
-"""Of a left hand: to the thumb and to the little finger, to the back and to the palm."""
+"""Limits of a left wrist: towards thumb and little finger, back and palm."""
 FOREARM_SHARE = 0.5
-"""Of the forearm's twist this much shows at the elbow end, the rest at the wrist."""
+"""Share of the forearm's twist at the elbow end; the rest is at the wrist."""
 SPINE_SHARE = (0.30, 0.35, 0.35)
 NECK_SHARE = 0.45
 LEFT_X: Triple = (-1.0, 0.0, 0.0)
@@ -99,6 +99,7 @@ def _trunk(c: Vector, offsets: Vector, turns: Vector, world: Vector, place: Vect
         c[p.HIPS + 1],
         c[p.HIPS + 2],
     )
+    # Spine, chest and upper chest share the trunk's turn; neck and head share the head's.
     above, at = hips, _vector(c, p.HIPS)
     for i in range(5):
         joint = p.J_SPINE + i
@@ -110,7 +111,7 @@ def _trunk(c: Vector, offsets: Vector, turns: Vector, world: Vector, place: Vect
             )
         else:
             local = _head_turn(c, NECK_SHARE if i == 3 else 1.0 - NECK_SHARE)
-        at = plus(at, turned(above, _vector(offsets[joint], 0)))
+        at = plus(at, rotate_vector(above, _vector(offsets[joint], 0)))
         above = times(above, local)
         _put(turns, joint, local)
         _put(world, joint, above)
@@ -125,10 +126,10 @@ def _quat(rows: Vector, joint: int) -> Quat:
 @compiled
 def _eyes_middle(offsets: Vector, world: Vector, place: Vector) -> Triple:
     """Return the point between the eyes."""
-    between_eyes = scaled(
+    between_eyes = scale_vector(
         plus(_vector(offsets[p.J_LEFT_EYE], 0), _vector(offsets[p.J_RIGHT_EYE], 0)), 0.5
     )
-    return plus(_vector(place[p.J_HEAD], 0), turned(_quat(world, p.J_HEAD), between_eyes))
+    return plus(_vector(place[p.J_HEAD], 0), rotate_vector(_quat(world, p.J_HEAD), between_eyes))
 
 
 @compiled
@@ -140,8 +141,8 @@ def _leg(
     sign = 1.0 if side == 0 else -1.0
     hips, at = _quat(world, p.J_HIPS), _vector(place[p.J_HIPS], 0)
     if side == 1:
-        hips, at = mirrored(hips), (-at[0], at[1], at[2])
-    hip_at = plus(at, turned(hips, _outward(offsets, first + p.S_UPPER_LEG, side)))
+        hips, at = mirror_quat(hips), (-at[0], at[1], at[2])
+    hip_at = plus(at, rotate_vector(hips, _outward(offsets, first + p.S_UPPER_LEG, side)))
     thigh = _outward(offsets, first + p.S_LOWER_LEG, side)
     shin = _outward(offsets, first + p.S_FOOT, side)
     ankle = (sign * c[start + p.ANKLE], c[start + p.ANKLE + 1], c[start + p.ANKLE + 2])
@@ -162,7 +163,7 @@ def _leg(
     ankle_turn = times(inverse(lower), foot)
     toes = about_x(c[start + p.TOE_BEND])
     if side == 1:
-        local, knee, ankle_turn = mirrored(local), mirrored(knee), mirrored(ankle_turn)
+        local, knee, ankle_turn = mirror_quat(local), mirror_quat(knee), mirror_quat(ankle_turn)
     _put(turns, first + p.S_UPPER_LEG, local)
     _put(turns, first + p.S_LOWER_LEG, knee)
     _put(turns, first + p.S_FOOT, ankle_turn)
@@ -195,10 +196,10 @@ def thumb_turns(bend: float, oppose: float, inward: float) -> tuple[Quat, Quat, 
 
 
 @compiled
-def _put_digit(turns: Vector, row: int, side: int, bent: tuple[Quat, Quat, Quat]) -> None:
-    base, middle, end = bent
+def _put_digit(turns: Vector, row: int, side: int, bends: tuple[Quat, Quat, Quat]) -> None:
+    base, middle, end = bends
     if side == 1:
-        base, middle, end = mirrored(base), mirrored(middle), mirrored(end)
+        base, middle, end = mirror_quat(base), mirror_quat(middle), mirror_quat(end)
     _put(turns, row, base)
     _put(turns, row + 1, middle)
     _put(turns, row + 2, end)
@@ -208,26 +209,27 @@ def _put_digit(turns: Vector, row: int, side: int, bent: tuple[Quat, Quat, Quat]
 def _fingers(a: Vector, first: int, side: int, turns: Vector) -> None:
     for finger in range(4):
         spread = spread_of(a[p.SPREAD], finger)
-        bent = finger_turns(a[p.CURL + finger], a[p.KNUCKLE + finger], spread)
-        _put_digit(turns, first + p.S_FINGERS + 3 * finger, side, bent)
-    bent = thumb_turns(a[p.THUMB], a[p.OPPOSE], a[p.THUMB_IN])
-    _put_digit(turns, first + p.S_THUMB, side, bent)
+        bends = finger_turns(a[p.CURL + finger], a[p.KNUCKLE + finger], spread)
+        _put_digit(turns, first + p.S_FINGERS + 3 * finger, side, bends)
+    bends = thumb_turns(a[p.THUMB], a[p.OPPOSE], a[p.THUMB_IN])
+    _put_digit(turns, first + p.S_THUMB, side, bends)
 
 
 @compiled
 def _softly_within(x: float, least: float, most: float) -> float:
-    """Return x, held ever more tightly towards the end of its range."""
+    """Return x, compressed smoothly towards the end of its range."""
     end = most if x >= 0.0 else -least
     share = abs(x) / end
     if share <= 0.8:
         return x
-    held = float(end * (0.8 + 0.2 * np.tanh((share - 0.8) / 0.2)))
-    return held if x >= 0.0 else -held
+    within = float(end * (0.8 + 0.2 * np.tanh((share - 0.8) / 0.2)))
+    return within if x >= 0.0 else -within
 
 
 @compiled
 def _possible_wrist(q: Quat) -> Quat:
-    """Bend a wrist no farther than wrists bend."""
+    """Limit a wrist's bend to what wrists can do."""
+    # Swing and twist: sideways and up-and-down bending have their own limits, the twist stays.
     twist = about_x(twist_about(q, (1.0, 0.0, 0.0)))
     w, x, y, z = times(q, inverse(twist))
     if w < 0.0:
@@ -237,11 +239,11 @@ def _possible_wrist(q: Quat) -> Quat:
         return q
     size = 2.0 * np.arctan2(sine, w) / sine
     aside = _softly_within(size * y, MIN_WRIST[0], MAX_WRIST[0])
-    bent = _softly_within(size * z, MIN_WRIST[1], MAX_WRIST[1])
-    angle = np.sqrt(aside * aside + bent * bent)
+    bend_rad = _softly_within(size * z, MIN_WRIST[1], MAX_WRIST[1])
+    angle = np.sqrt(aside * aside + bend_rad * bend_rad)
     if angle < 1e-9:
         return twist
-    return times(about((0.0, aside / angle, bent / angle), angle), twist)
+    return times(about((0.0, aside / angle, bend_rad / angle), angle), twist)
 
 
 @compiled
@@ -255,28 +257,32 @@ def _slid_back(to: Triple, way: Triple, upper: Triple, lower: Triple) -> float:
 
 
 @compiled
-def _beside(
-    pole: Triple, to: Triple, outward: Triple, beside: float, upper: Triple, lower: Triple
+def _swivel_elbow(
+    pole: Triple, to: Triple, outward: Triple, outward_m: float, upper: Triple, lower: Triple
 ) -> Triple:
     """Return the pole, swivelled about the way to the wrist as little as brings the elbow so far
     along `outward` from the shoulder, or as far as it gets.
     """
     there = unit_of(to, DOWN)
     first, reach = np.sqrt(dot(upper, upper)), np.sqrt(dot(to, to))
+    # The elbow moves on a circle about the way from shoulder to wrist: its centre at `at`, its
+    # radius by Pythagoras.
     at = (first * first + reach * reach - dot(lower, lower)) / (2.0 * max(reach, 1e-9))
     radius = np.sqrt(max(first * first - at * at, 1e-12))
-    square = minus(outward, scaled(there, dot(outward, there)))
+    square = minus(outward, scale_vector(there, dot(outward, there)))
     most = np.sqrt(dot(square, square))
     if most < 1e-6:
         return pole
-    aside = scaled(square, 1.0 / most)
+    aside = scale_vector(square, 1.0 / most)
     back = cross(there, aside)
     now = square_to(pole, there, back)
-    wanted = min(1.0, (beside - at * dot(outward, there)) / (radius * most))
-    if dot(now, aside) >= wanted:
+    cosine = min(1.0, (outward_m - at * dot(outward, there)) / (radius * most))
+    if dot(now, aside) >= cosine:
         return now
-    rest = np.sqrt(1.0 - wanted * wanted)
-    return plus(scaled(aside, wanted), scaled(back, rest if dot(now, back) >= 0.0 else -rest))
+    rest = np.sqrt(1.0 - cosine * cosine)
+    return plus(
+        scale_vector(aside, cosine), scale_vector(back, rest if dot(now, back) >= 0.0 else -rest)
+    )
 
 
 @compiled
@@ -293,14 +299,16 @@ def _arm(
     first = p.J_SIDE + side * p.SIDE_SIZE
     chest, chest_at = _quat(world, p.J_UPPER_CHEST), _vector(place[p.J_UPPER_CHEST], 0)
     if side == 1:
-        chest, chest_at = mirrored(chest), (-chest_at[0], chest_at[1], chest_at[2])
+        chest, chest_at = mirror_quat(chest), (-chest_at[0], chest_at[1], chest_at[2])
+    # Collar bone first: it carries the shoulder joint.
     clavicle = times(about_z(-a[p.SHOULDER_UP]), about_y(-a[p.SHOULDER_FORWARD]))
     girdle = times(chest, clavicle)
-    at = plus(chest_at, turned(chest, _outward(offsets, first + p.S_SHOULDER, side)))
-    at = plus(at, turned(girdle, _outward(offsets, first + p.S_UPPER_ARM, side)))
+    at = plus(chest_at, rotate_vector(chest, _outward(offsets, first + p.S_SHOULDER, side)))
+    at = plus(at, rotate_vector(girdle, _outward(offsets, first + p.S_UPPER_ARM, side)))
     upper_bone = _outward(offsets, first + p.S_LOWER_ARM, side)
     lower_bone = _outward(offsets, first + p.S_HAND, side)
     along = unit_of(lower_bone, LEFT_X)
+    # The arm by its joint angles, as it would hang without anything held.
     bend = a[p.ELBOW]
     local = times(
         times(about_x(a[p.ARM_FLEX]), about_z(0.5 * np.pi - a[p.ARM_OUT])),
@@ -313,19 +321,21 @@ def _arm(
         about_z(a[p.WRIST]),
     )
     twist = a[p.PRONATION]
-    held = 0.0
+    hold_share = 0.0
     for hold in range(p.HOLDS):
-        held += a[p.HOLD + hold * p.HOLD_SIZE]
-    if held > 1e-6:
-        free = max(0.0, 1.0 - held)
-        elbow_at = plus(at, turned(upper, upper_bone))
-        free_hand = plus(elbow_at, turned(times(upper, hinge), lower_bone))
-        goal = scaled(free_hand, free)
-        fingers = scaled(turned(hand, LEFT_X), free)
-        palm = scaled(turned(hand, DOWN), free)
+        hold_share += a[p.HOLD + hold * p.HOLD_SIZE]
+    if hold_share > 1e-6:
+        # Blend wrist place, fingers, palm and elbow side by the holds' weights, then solve the limb
+        # once: blending joint angles instead would move the hand off the held thing.
+        free = max(0.0, 1.0 - hold_share)
+        elbow_at = plus(at, rotate_vector(upper, upper_bone))
+        free_hand = plus(elbow_at, rotate_vector(times(upper, hinge), lower_bone))
+        goal = scale_vector(free_hand, free)
+        fingers = scale_vector(rotate_vector(hand, LEFT_X), free)
+        palm = scale_vector(rotate_vector(hand, DOWN), free)
         to_free = unit_of(minus(free_hand, at), DOWN)
-        pole = scaled(square_to(minus(elbow_at, at), to_free, BACK), free)
-        pole = plus(pole, scaled(turned(chest, _vector(a, p.POLE)), held))
+        pole = scale_vector(square_to(minus(elbow_at, at), to_free, BACK), free)
+        pole = plus(pole, scale_vector(rotate_vector(chest, _vector(a, p.POLE)), hold_share))
         for hold in range(p.HOLDS):
             h = a[p.HOLD + hold * p.HOLD_SIZE : p.HOLD + (hold + 1) * p.HOLD_SIZE]
             if h[0] <= 1e-9:
@@ -338,36 +348,39 @@ def _arm(
                 joint = p.J_HEAD if hold == p.HEAD else p.J_HIPS
                 axes, origin = _quat(world, joint), _vector(place[joint], 0)
                 if side == 1:
-                    axes, origin = mirrored(axes), (-origin[0], origin[1], origin[2])
-            goal = plus(goal, plus(scaled(origin, h[0]), turned(axes, _vector(h, 1))))
-            fingers = plus(fingers, turned(axes, _vector(h, 4)))
-            palm = plus(palm, turned(axes, _vector(h, 7)))
+                    axes, origin = mirror_quat(axes), (-origin[0], origin[1], origin[2])
+            goal = plus(goal, plus(scale_vector(origin, h[0]), rotate_vector(axes, _vector(h, 1))))
+            fingers = plus(fingers, rotate_vector(axes, _vector(h, 4)))
+            palm = plus(palm, rotate_vector(axes, _vector(h, 7)))
         to = minus(goal, at)
         if a[p.ELBOW_BESIDE] > 0.0:
-            to_hip = turned(thigh_turn, (0.0, 1.0, 0.0))
+            to_hip = rotate_vector(thigh_turn, (0.0, 1.0, 0.0))
             lies = a[p.HOLD + p.THIGH * p.HOLD_SIZE]
-            to = plus(to, scaled(to_hip, lies * _slid_back(to, to_hip, upper_bone, lower_bone)))
-            outward = turned(chest, LEFT_X)
-            beside = held * a[p.ELBOW_BESIDE] - dot(minus(at, chest_at), outward)
-            pole = _beside(pole, to, outward, beside, upper_bone, lower_bone)
+            to = plus(
+                to, scale_vector(to_hip, lies * _slid_back(to, to_hip, upper_bone, lower_bone))
+            )
+            outward = rotate_vector(chest, LEFT_X)
+            outward_m = hold_share * a[p.ELBOW_BESIDE] - dot(minus(at, chest_at), outward)
+            pole = _swivel_elbow(pole, to, outward, outward_m, upper_bone, lower_bone)
         bend = bend_for(upper_bone, lower_bone, ELBOW_HINGE, np.sqrt(dot(to, to)), MAX_ELBOW)
         upper = limb_turn(upper_bone, lower_bone, ELBOW_HINGE, bend, to, pole)
         hinge = about(ELBOW_HINGE, bend)
-        f = unit_of(fingers, turned(hand, LEFT_X))
-        palm = square_to(palm, f, turned(hand, DOWN))
+        f = unit_of(fingers, rotate_vector(hand, LEFT_X))
+        palm = square_to(palm, f, rotate_vector(hand, DOWN))
         hand = frame_to_frame(LEFT_X, DOWN, f, palm)
         local = times(inverse(girdle), upper)
         whole = times(upper, hinge)
         within = times(inverse(whole), hand)
-        wanted = twist_about(within, along)
-        twist = min(MAX_FOREARM_TWIST, max(-MAX_FOREARM_TWIST, wanted))
-        # A palm that would have to turn farther stays short of where it should face.
-        hand = times(whole, times(about(along, twist - wanted), within))
+        # The hand's twist about the forearm, limited to what forearms can do.
+        full_twist = twist_about(within, along)
+        twist = min(MAX_FOREARM_TWIST, max(-MAX_FOREARM_TWIST, full_twist))
+        # A palm beyond the largest twist stops before it reaches its direction.
+        hand = times(whole, times(about(along, twist - full_twist), within))
     forearm = times(hinge, about(along, FOREARM_SHARE * twist))
     wrist = _possible_wrist(times(inverse(times(upper, forearm)), hand))
     if side == 1:
-        clavicle, local = mirrored(clavicle), mirrored(local)
-        forearm, wrist = mirrored(forearm), mirrored(wrist)
+        clavicle, local = mirror_quat(clavicle), mirror_quat(local)
+        forearm, wrist = mirror_quat(forearm), mirror_quat(wrist)
     _put(turns, first + p.S_SHOULDER, clavicle)
     _put(turns, first + p.S_UPPER_ARM, local)
     _put(turns, first + p.S_LOWER_ARM, forearm)
@@ -409,14 +422,16 @@ def _hold_head(
     right = unit_of(cross((0.0, 1.0, 0.0), back), (1.0, 0.0, 0.0))
     head = of_axes(right, cross(back, right), back)
     trunk = _quat(world, p.J_UPPER_CHEST)
-    neck = mixed((1.0, 0.0, 0.0, 0.0), times(inverse(trunk), head), NECK_SHARE)
+    # The neck takes its usual share of the turn from the trunk to the head.
+    neck = mix_quats((1.0, 0.0, 0.0, 0.0), times(inverse(trunk), head), NECK_SHARE)
     neck_world = times(trunk, neck)
     _put(turns, p.J_NECK, neck)
     _put(world, p.J_NECK, neck_world)
     _put(turns, p.J_HEAD, times(inverse(neck_world), head))
     _put(world, p.J_HEAD, head)
     neck_at = _vector(place[p.J_NECK], 0)
-    _set(place, p.J_HEAD, plus(neck_at, turned(neck_world, _vector(own[p.J_HEAD], 0))))
+    _set(place, p.J_HEAD, plus(neck_at, rotate_vector(neck_world, _vector(own[p.J_HEAD], 0))))
+    # Turning first, then moving the whole trunk: legs are posed later from the new hips.
     shift = minus(_vector(eyes, 0), _eyes_middle(own, world, place))
     for joint in range(p.J_HEAD + 1):
         _set(place, joint, plus(_vector(place[joint], 0), shift))
@@ -446,7 +461,7 @@ def pose_rows(
     controls: Vector,
     offsets: Vector,
     skeleton_of: npt.NDArray[np.int64],
-    held: npt.NDArray[np.bool_],
+    is_held: npt.NDArray[np.bool_],
     held_eyes_m: Vector,
     held_facing: Vector,
     root_m: Vector,
@@ -454,16 +469,17 @@ def pose_rows(
 ) -> None:
     """Turn rows of posture (n, SIZE) into roots (n, 3) and joint turns (n, JOINTS, 4).
 
-    `offsets` (skeletons, JOINTS, 3) at rest. Where `held`, the middle of the eyes (n, 3) and the
+    `offsets` (skeletons, JOINTS, 3) at rest. Where `is_held`, the middle of the eyes (n, 3) and the
     head's facing (n, 3) are given, and the hips follow.
     """
     world, place = np.empty((p.JOINTS, 4)), np.empty((p.JOINTS, 3))
     for r in range(controls.shape[0]):
         c, own, t = controls[r], offsets[skeleton_of[r]], turns[r]
+        # No turn for joints that the posture leaves alone.
         t[:, 0] = 1.0
         t[:, 1:] = 0.0
         _trunk(c, own, t, world, place)
-        if held[r]:
+        if is_held[r]:
             _hold_head(c, own, held_eyes_m[r], held_facing[r], t, world, place)
         _limbs(c, own, world, place, t)
         for side in range(2):

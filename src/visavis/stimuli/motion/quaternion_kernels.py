@@ -58,7 +58,7 @@ def inverse(q: Quat) -> Quat:
 
 
 @compiled
-def turned(q: Quat, v: Triple) -> Triple:
+def rotate_vector(q: Quat, v: Triple) -> Triple:
     """Rotate a vector."""
     tx = 2.0 * (q[2] * v[2] - q[3] * v[1])
     ty = 2.0 * (q[3] * v[0] - q[1] * v[2])
@@ -83,7 +83,7 @@ def minus(a: Triple, b: Triple) -> Triple:
 
 
 @compiled
-def scaled(a: Triple, factor: float) -> Triple:
+def scale_vector(a: Triple, factor: float) -> Triple:
     """Multiply a vector by a number."""
     return a[0] * factor, a[1] * factor, a[2] * factor
 
@@ -116,7 +116,7 @@ def unit_of(a: Triple, otherwise: Triple) -> Triple:
 @compiled
 def square_to(a: Triple, axis: Triple, otherwise: Triple) -> Triple:
     """Return the unit direction of a without its part along a unit axis."""
-    return unit_of(minus(a, scaled(axis, dot(a, axis))), otherwise)
+    return unit_of(minus(a, scale_vector(axis, dot(a, axis))), otherwise)
 
 
 @compiled
@@ -165,13 +165,13 @@ def between(a: Triple, b: Triple) -> Quat:
 
 
 @compiled
-def mirrored(q: Quat) -> Quat:
+def mirror_quat(q: Quat) -> Quat:
     """Reflect a rotation across the plane between left and right."""
     return q[0], q[1], -q[2], -q[3]
 
 
 @compiled
-def mixed(a: Quat, b: Quat, share: float) -> Quat:
+def mix_quats(a: Quat, b: Quat, share: float) -> Quat:
     """Blend rotations less than 180° apart: share 0 gives a, 1 gives b."""
     sign = 1.0 if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] >= 0.0 else -1.0
     u, v = 1.0 - share, sign * share
@@ -197,6 +197,7 @@ def bend_for(upper: Triple, lower: Triple, hinge: Triple, reach: float, most_rad
     if reach > soft:
         rest = longest - soft
         reach = soft + rest * (1.0 - np.exp(-(reach - soft) / rest))
+    # Law of cosines for two bones about the hinge.
     cosine = (reach * reach - both) / (2.0 * size)
     bend = np.arctan2(b, a) + np.arccos(min(1.0, max(-1.0, cosine)))
     return float(min(most_rad, bend))
@@ -210,7 +211,8 @@ def limb_turn(
 
     `target` leads from the limb's root; the middle joint goes to the side of `pole`.
     """
-    end = plus(upper, turned(about(hinge, bend), lower))
+    # Bend the limb at rest, then lead its end and hinge to the target and the pole's side.
+    end = plus(upper, rotate_vector(about(hinge, bend), lower))
     rest = unit_of(end, upper)
     rest_hinge = square_to(hinge, rest, hinge)
     to = unit_of(target, rest)

@@ -1,4 +1,4 @@
-"""Carry a recorded motion over to the canonical skeleton, whatever the source's axes and bones.
+"""Retarget a recorded motion to the canonical skeleton, for any axes and bones of the source.
 
 Every joint follows the source joint's orientation in world. At one reference pose (all channels
 zero, or a frame of the clip) limb bones are laid along the source's bones by the smallest turn
@@ -60,8 +60,8 @@ def _axes(source: Skeleton, reference: Placement, joint_map: Mapping[str, str]) 
     if np.linalg.norm(across) < 1e-6 or np.linalg.norm(at["head"] - hips) < 1e-6:
         raise MotionError("the source's hips and head stand in one place; choose another reference")
     left = unit(across)
-    snapped = _nearest_axis(across)
-    to_source = quat_from_axes(-snapped, up, -np.cross(snapped, up))
+    axis_across = _nearest_axis(across)
+    to_source = quat_from_axes(-axis_across, up, -np.cross(axis_across, up))
     return _Axes(quat_conjugate(to_source), quat_from_axes(-left, up, -np.cross(left, up)))
 
 
@@ -210,8 +210,8 @@ def retargeting_error(
     def span(a: str, b: str) -> tuple[Vector, Vector]:
         i, j = (source.skeleton.index(names[x]) for x in (a, b))
         k, m = (result.skeleton.index(x) for x in (a, b))
-        turned = rotate(axes.to_world, theirs.position_m[:, j] - theirs.position_m[:, i])
-        return turned, ours[:, m] - ours[:, k]
+        their_span = rotate(axes.to_world, theirs.position_m[:, j] - theirs.position_m[:, i])
+        return their_span, ours[:, m] - ours[:, k]
 
     bones = [span(a, b) for a, b in LIMB_BONES]
     direction = np.stack([angle_deg(unit(x), unit(y)) for x, y in bones], axis=1)

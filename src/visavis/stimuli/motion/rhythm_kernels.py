@@ -1,4 +1,4 @@
-"""What makes a body restless: smooth noise, events at irregular times, eased steps.
+"""Rhythms of small movements: smooth noise, events at irregular times, eased steps.
 
 All of it is a function of time and of whole numbers that stand for a person and a purpose, so
 any moment can be asked for in any order and comes out the same.
@@ -53,6 +53,7 @@ def stepping(
     Changes come `mean_s` apart on average, at least 0.4 of that; each takes `change_s`. The second
     number is 0 at rest and 1 in the middle of a change.
     """
+    # Times are hashed from the slot's number; before its start the slot before is still on.
     k = np.floor(t_s / mean_s)
     start = (k + 0.6 * chance(person, purpose, 2 * int(k) + 1)) * mean_s
     if t_s < start:
@@ -73,6 +74,7 @@ def bump(
 
     One event in each `mean_s` seconds; it lasts `lasting_s`, which must be below 0.4 of that.
     """
+    # Times are hashed from the slot's number, so that any moment can be computed alone.
     k = np.floor(t_s / mean_s)
     start = (k + 0.6 * chance(person, purpose, 2 * int(k) + 1)) * mean_s
     x = (t_s - start) / lasting_s

@@ -45,8 +45,8 @@ def quat_log(q: Vector) -> Vector:
     sine = np.linalg.norm(v, axis=-1, keepdims=True)
     angle = np.arctan2(sine, q[..., :1])
     small = sine < 1e-12
-    scaled: Vector = v * np.where(small, 1.0, angle / np.where(small, 1.0, sine))
-    return scaled
+    half_turn: Vector = v * np.where(small, 1.0, angle / np.where(small, 1.0, sine))
+    return half_turn
 
 
 def quat_exp(v: Vector) -> Vector:
@@ -58,8 +58,8 @@ def quat_exp(v: Vector) -> Vector:
 def same_hemisphere(q: Vector, reference: Vector) -> Vector:
     """Give q the sign that makes its dot product with the reference at least zero."""
     sign = np.where(np.sum(q * reference, axis=-1, keepdims=True) < 0, -1.0, 1.0)
-    aligned: Vector = q * sign
-    return aligned
+    result: Vector = q * sign
+    return result
 
 
 def continuous(q: Vector) -> Vector:
@@ -148,13 +148,13 @@ def euler_from_quat(q: Vector, order: str) -> Vector:
     m = matrix_of_quat(q)
     flat = np.hypot(m[..., i, i], m[..., i, j])
     middle = np.arctan2(sign * m[..., i, k], flat)
-    locked = flat < 1e-9
+    is_gimbal_locked = flat < 1e-9
     first = np.where(
-        locked,
+        is_gimbal_locked,
         np.arctan2(sign * m[..., k, j], m[..., j, j]),
         np.arctan2(-sign * m[..., j, k], m[..., k, k]),
     )
-    third = np.where(locked, 0.0, np.arctan2(-sign * m[..., i, j], m[..., i, i]))
+    third = np.where(is_gimbal_locked, 0.0, np.arctan2(-sign * m[..., i, j], m[..., i, i]))
     return np.stack([first, middle, third], axis=-1)
 
 
@@ -170,8 +170,8 @@ def quat_between(a: Vector, b: Vector) -> Vector:
     square = square / np.linalg.norm(square, axis=-1, keepdims=True)
     opposite = w < 1e-12
     q = np.concatenate([np.where(opposite, 0.0, w), np.where(opposite, square, cross)], axis=-1)
-    turned: Vector = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    return turned
+    rotation: Vector = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return rotation
 
 
 def quat_from_axes(x: Vector, y: Vector, z: Vector) -> Vector:
@@ -186,8 +186,8 @@ def mirrored_quat(q: Vector, axis: Literal["X", "Y", "Z"] = "X") -> Vector:
     """Reflect rotations across the plane whose normal is the axis."""
     sign = -np.ones(4)
     sign[0] = sign[1 + "XYZ".index(axis)] = 1.0
-    reflected: Vector = q * sign
-    return reflected
+    result: Vector = q * sign
+    return result
 
 
 def weighted_mean(q: Vector, weights: Vector) -> Vector:

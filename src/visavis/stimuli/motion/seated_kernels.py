@@ -67,15 +67,15 @@ def sit(
     ankle_m = b[p.B_ANKLE] + over * (np.cos(heel_up) - 1.0) + b[p.B_FOOT] * np.sin(heel_up)
     shin_up = min(0.999 * b[p.B_SHIN], max(0.1, knee_m - ankle_m))
     tilt = np.sqrt(b[p.B_SHIN] ** 2 - shin_up * shin_up)
-    apart = b[p.B_HIP_X] * (0.75 + 0.85 * chance(person, 108, 0))
+    ankle_apart_m = b[p.B_HIP_X] * (0.75 + 0.85 * chance(person, 108, 0))
     aside = b[p.B_HIP_X] + 0.10 * scale
     # Crossing the ankles takes shins that can lean.
-    crossed = tucked_01 == 0.0 and chance(person, 109, 0) < 0.22 and tilt > 1.05 * aside
+    are_crossed = tucked_01 == 0.0 and chance(person, 109, 0) < 0.22 and tilt > 1.05 * aside
     front = 0 if chance(person, 109, 1) < 0.5 else 1
     for side in range(2):
         sign = -1.0 if side == 0 else 1.0
         leg = c[p.LEG + side * p.LEG_SIZE : p.LEG + (side + 1) * p.LEG_SIZE]
-        leg[p.ANKLE] = sign * apart
+        leg[p.ANKLE] = sign * ankle_apart_m
         leg[p.ANKLE + 1] = ankle_m
         leg[p.FOOT_PITCH], leg[p.TOE_BEND] = heel_up, heel_up
         ahead = 0.9 * tilt - (0.7 * tilt + 0.05) * chance(person, 110, side)
@@ -85,7 +85,7 @@ def sit(
         leg[p.ANKLE + 2] = knee_z - ahead
         leg[p.FOOT_YAW] = -sign * np.radians(4.0 + 10.0 * chance(person, 111, side))
         leg[p.KNEE_OUT] = np.radians(3.0)
-        if crossed:
+        if are_crossed:
             # Ankles crossed before the seat, the outer edges of the feet on the floor.
             leg[p.ANKLE] = -sign * 0.028 * scale
             most = np.sqrt(max(0.0, tilt * tilt - aside * aside))

@@ -46,7 +46,7 @@ def seated_under_eyes(
         if not MIN_SEAT_M <= seat_m <= MAX_SEAT_M:
             raise MotionError(
                 f"eyes {eyes_m[1] - floor_m:.2f} m above the floor would need a seat at "
-                f"{seat_m:.2f} m; raise or lower the floor, or seat somebody of another size"
+                f"{seat_m:.2f} m; raise or lower the floor, or use a person of another size"
             )
         sit, floor = replace(sit, seat_m=seat_m), floor_m
         at = eyes_of(build, sit, seed)

@@ -150,6 +150,7 @@ def canonical_skeleton(height_m: float = 1.75) -> Skeleton:
     """
     if not 0.4 <= height_m <= 3.0:
         raise MotionError(f"a person of {height_m} m; give a height between 0.4 m and 3 m")
+    # Offsets in shares of stature, x to the right, y up, −z ahead; `.tip` ends a body part.
     trunk = [
         ("hips", "", (0.0, 0.0, 0.0)),
         ("spine", "hips", (0.0, 0.035, 0.0)),
@@ -165,6 +166,7 @@ def canonical_skeleton(height_m: float = 1.75) -> Skeleton:
         ("right_eye", "head", (0.018, 0.061, -0.046)),
         ("right_eye.tip", "right_eye", (0.0, 0.0, -0.007)),
     ]
+    # The left side; "*" marks a parent in the trunk. The right side mirrors x.
     side = [
         ("shoulder", "*upper_chest", (-0.012, 0.085, 0.0)),
         ("upper_arm", "shoulder", (-0.098, 0.0, 0.0)),

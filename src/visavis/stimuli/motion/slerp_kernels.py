@@ -1,7 +1,7 @@
 """Compiled spherical interpolation of many joints at many times.
 
-The kernels never change a sign: whoever calls them has put keys into one hemisphere, and control
-points of Squad keep theirs, however far apart.
+The kernels never change a sign: callers put keys into one hemisphere, and control points of Squad
+keep their signs.
 """
 
 import numpy as np
@@ -105,6 +105,7 @@ def slerp_segments(a: Vector, b: Vector, segment: Index, h: Vector, out: Vector)
     for r in range(h.shape[0]):
         s, share = segment[r], h[r]
         is_near = -1.0 <= share <= 2.0
+        # The series needs as many terms as the widest arc among the joints that use it.
         least = 1.0
         for j in range(n):
             x[j] = (
@@ -123,6 +124,7 @@ def slerp_segments(a: Vector, b: Vector, segment: Index, h: Vector, out: Vector)
             for i in range(4):
                 out[r, j, i] = u[j] * a[s, j, i] + v[j] * b[s, j, i]
         for j in range(n):
+            # Wide arcs, and shares far outside, are computed by sines instead.
             if not (is_near and x[j] > LONG_SERIES_DOT - 1.0):
                 out[r, j, 0], out[r, j, 1], out[r, j, 2], out[r, j, 3] = slerp_one(
                     a[s, j, 0],
@@ -152,6 +154,8 @@ def forward_rows(
                 world[r, j, 0], world[r, j, 1], world[r, j, 2], world[r, j, 3] = bw, bx, by, bz
                 continue
             w, x, y, z = world[r, p, 0], world[r, p, 1], world[r, p, 2], world[r, p, 3]
+            # Rotate the bone by the parent's turn, v + w t + q × t with t = 2 q × v, then multiply
+            # turns.
             vx, vy, vz = offsets[j, 0], offsets[j, 1], offsets[j, 2]
             tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
             positions[r, j, 0] = positions[r, p, 0] + vx + w * tx + y * tz - z * ty

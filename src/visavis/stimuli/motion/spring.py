@@ -1,4 +1,4 @@
-"""The damped spring that eases a motion into its end pose, in closed form."""
+"""A damped spring that brings a motion to its end pose, in closed form."""
 
 from dataclasses import dataclass
 

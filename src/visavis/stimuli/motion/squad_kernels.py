@@ -75,12 +75,15 @@ def squad_segments(
     x, u, v, terms = np.empty(n), np.empty(n), np.empty(n), np.empty(MAX_TERMS)
     for r in range(h.shape[0]):
         s, share = segment[r], h[r]
+        # Squad (Shoemake, 1987): slerp of the key arc and the control arc at 2 h (1 − h).
         k = 2.0 * share * (1.0 - share)
         _arc_row(keys[s], key_angles[s], share, p)
         _arc_row(controls[s], control_angles[s], share, c)
         for j in range(n):
             dot = p[0, j] * c[0, j] + p[1, j] * c[1, j] + p[2, j] * c[2, j] + p[3, j] * c[3, j]
             x[j] = dot - 1.0
+        # Eberly's series for sin(h θ)/sin θ holds where arcs are short; all joints of a row at once
+        # it vectorises.
         least = 1.0
         for j in range(n):
             if x[j] > LONG_SERIES_DOT - 1.0:
@@ -90,6 +93,7 @@ def squad_segments(
         for j in range(n):
             for i in range(4):
                 out[r, j, i] = u[j] * p[i, j] + v[j] * c[i, j]
+        # The few joints with long arcs, or beyond the segment, take the exact way.
         is_within = 0.0 <= share <= 1.0
         for j in range(n):
             if is_within and x[j] > LONG_SERIES_DOT - 1.0:

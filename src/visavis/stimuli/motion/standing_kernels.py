@@ -1,4 +1,4 @@
-"""Standing at ease: weight from leg to leg, breathing, small drifts, arms in one of several ways.
+"""Relaxed standing: weight from leg to leg, breathing, small drifts, several arm postures.
 
 Every row of a crowd is written as posture numbers. Sizes: quiet standing sways by about 5 mm at
 0.1–0.5 Hz (Winter 1995, Gait & Posture 3:193), breathing at rest has 12 to 18 cycles a minute.
@@ -110,6 +110,7 @@ def hold(
 ) -> None:
     """Bring a wrist to a place of the held thing, fingers along f, palm towards p."""
     h = a[p.HOLD + which * p.HOLD_SIZE : p.HOLD + (which + 1) * p.HOLD_SIZE]
+    # Directions are stored multiplied by the weight, so that holds can be mixed by adding.
     f, q = (
         weight / np.sqrt(fx * fx + fy * fy + fz * fz),
         weight / np.sqrt(px * px + py * py + pz * pz),

@@ -1,4 +1,4 @@
-"""Where a telephone is at somebody's ear, and how a hand holds it there.
+"""The pose of a telephone at the ear, and of the hand that holds it.
 
 The telephone leans against ear and cheek, its length along the line from the ear to the corner of
 the mouth; the hollow palm is at its back, thumb at the edge behind, fingers round the edge before,
@@ -79,13 +79,13 @@ def tragus_m(skin: Vector, eye: Vector) -> Vector | None:
     """Return the point (3,) before the opening of the left ear, or None of a head without skin
     there; `eye` (3,) is the left eye's joint, from the head's like `skin` (k, 3).
     """
-    beside = skin[np.abs(skin[:, 1] - eye[1] + 0.02) < 0.035]
-    if len(beside) < MIN_POINTS:
+    ear_level = skin[np.abs(skin[:, 1] - eye[1] + 0.02) < 0.035]
+    if len(ear_level) < MIN_POINTS:
         return None
-    outward = -beside[:, 0]
-    y, z = beside[outward > np.quantile(outward, 0.985)].mean(axis=0)[1:] + TRAGUS_M
+    outward = -ear_level[:, 0]
+    y, z = ear_level[outward > np.quantile(outward, 0.985)].mean(axis=0)[1:] + TRAGUS_M
     near = skin[np.hypot(skin[:, 1] - y, skin[:, 2] - z) < 0.010]
-    x = np.quantile(near[:, 0], 0.3) if len(near) else np.quantile(beside[:, 0], 0.05)
+    x = np.quantile(near[:, 0], 0.3) if len(near) else np.quantile(ear_level[:, 0], 0.05)
     return np.array([x, y, z])
 
 
@@ -99,7 +99,7 @@ def mouth_corner_m(skin: Vector, eye: Vector, stature_m: float) -> Vector:
 
 
 def leaning(
-    skin: Vector, worn: Vector, ear: Vector, mouth: Vector
+    skin: Vector, hair: Vector, ear: Vector, mouth: Vector
 ) -> tuple[Vector, Vector, Vector]:
     """Return the point (3,) of a telephone's face at the left ear, its length towards that end and
     the way (3,) its face looks, all in the head's axes: it lies on ear and cheek, as near to them
@@ -122,9 +122,9 @@ def leaning(
     inward = unit(np.array([1.0, 0.0, 0.0]) - LEAN_IN[i] * down - LEAN_DOWN[j] * across)
     at_ear = ear.copy()
     hair_m = 0.0
-    if len(worn):
-        near = np.hypot((worn - ear) @ down, (worn - ear) @ across) < width / 2
-        hair_m = max(0.0, float((ear - worn)[near, 0].max(initial=0.0)) - HAIR_GIVES_M)
+    if len(hair):
+        near = np.hypot((hair - ear) @ down, (hair - ear) @ across) < width / 2
+        hair_m = max(0.0, float((ear - hair)[near, 0].max(initial=0.0)) - HAIR_GIVES_M)
     off_m = heights[i, j] + LEAN_IN[i] * EARPIECE_M + CLEAR_M + ear[0]
     at_ear[0] -= min(max(off_m, hair_m), MAX_OFF_EAR_M)
     return at_ear, -unit(down - (down @ inward) * inward), inward
@@ -172,10 +172,10 @@ def hand_thickness_m(character: Character) -> float:
     fleshy = [skeleton.index(f"left_{name}") for name in PALM_JOINTS]
     points = mesh.vertices_m[np.isin(heaviest, fleshy)] - wrist
     along, aside = points @ fingers, points @ thumb
-    held = (along > 0.45 * hand_m) & (along < 1.25 * hand_m) & (np.abs(aside) < 0.03)
-    if not held.any():
+    at_knuckles = (along > 0.45 * hand_m) & (along < 1.25 * hand_m) & (np.abs(aside) < 0.03)
+    if not at_knuckles.any():
         return PALM_M + BACK_M
-    off = (points @ out)[held]
+    off = (points @ out)[at_knuckles]
     palm, back = np.quantile(off, 0.9), -np.quantile(off, 0.02)
     return float(np.clip(palm, *PALM_RANGE_M) + np.clip(back, 0.004, 0.025))
 
@@ -212,12 +212,12 @@ def at_ear_of_character(character: Character) -> Vector:
     """Return where a left hand is that holds a telephone at the ear (9,): its wrist and the ways
     of its fingers and palm, in the head's axes.
     """
-    skin, worn = head_skin_m(character)
+    skin, hair = head_skin_m(character)
     axes = np.stack(hand_axes(character.skeleton, "left")[1:])
-    return _hand_at(*_lies_at_ear(character, skin, worn), _case_of_left(character)[0], axes)
+    return _hand_at(*_lies_at_ear(character, skin, hair), _case_of_left(character)[0], axes)
 
 
-def _lies_at_ear(character: Character, skin: Vector, worn: Vector) -> tuple[Vector, Vector, Vector]:
+def _lies_at_ear(character: Character, skin: Vector, hair: Vector) -> tuple[Vector, Vector, Vector]:
     """Return what `leaning` does, also of a head without skin at the ear."""
     rest, index = character.skeleton.rest_m, character.skeleton.index
     eye = rest[index("left_eye")] - rest[index("head")]
@@ -225,15 +225,15 @@ def _lies_at_ear(character: Character, skin: Vector, worn: Vector) -> tuple[Vect
     if ear is None:
         size = character.stature_m / 1.75
         return _lies_at_head(0.078 * size, eye[1] - 0.014 * size, size)
-    return leaning(skin, worn, ear, mouth_corner_m(skin, eye, character.stature_m))
+    return leaning(skin, hair, ear, mouth_corner_m(skin, eye, character.stature_m))
 
 
 def grip_at_ear(character: Character) -> Vector:
     """Return how the fingers of the left hand lie about the telephone at the ear (GRIP_SIZE,), see
     `gripping.grip_of_character`.
     """
-    skin, worn = head_skin_m(character)
-    room_m = _room_m(skin, *_lies_at_ear(character, skin, worn))
+    skin, hair = head_skin_m(character)
+    room_m = _room_m(skin, *_lies_at_ear(character, skin, hair))
     return grip_of_character(character, case_in_hand(character, "left"), room_m)
 
 
@@ -261,8 +261,8 @@ def _hand_at(
     """
     c, s = np.cos(np.radians(FROM_FINGERS_DEG)), np.sin(np.radians(FROM_FINGERS_DEG))
     before = -np.cross(inward, length)
-    turned = np.stack([c * length + s * before, s * length - c * before, inward])
+    hand_axes = np.stack([c * length + s * before, s * length - c * before, inward])
     there = at - TELEPHONE_M[2] / 2 * inward - EARPIECE_M * length
     # Hands are turned by their own axes, which knuckles are a little askew to.
-    ways = [turned.T @ (axes @ way) for way in (LEFT_X, DOWN)]
-    return np.concatenate([there - turned.T @ middle, *ways])
+    ways = [hand_axes.T @ (axes @ way) for way in (LEFT_X, DOWN)]
+    return np.concatenate([there - hand_axes.T @ middle, *ways])

@@ -15,7 +15,7 @@ import numpy as np
 from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
 from visavis.stimuli.picture import Block, Light, Prop, Room, StaticMesh
 from visavis.stimuli.rooms import furniture, surfaces
-from visavis.stimuli.rooms.solids import Srgb, box, cylinder, flat, joined, moved
+from visavis.stimuli.rooms.solids import Srgb, box, cylinder, flat, join_meshes, move_mesh
 from visavis.stimuli.scenes import audience
 
 STEPS_TURN_DEG: Final = audience.PARTICIPANT_TURN_DEG - audience.AUDIENCE_TURN_DEG
@@ -65,11 +65,11 @@ class Chair:
 def _room(chairs: tuple[tuple[str, Chair], ...]) -> Room:
     turn = audience.PARTICIPANT_TURN_DEG
     props: list[Prop] = [*_shell(turn), *_steps(STEPS_TURN_DEG), *_front(), *_speaker_place()]
-    taken = dict(chairs)
+    chair_of = dict(chairs)
     scene = audience.audience_scene([str(i) for i in range(len(audience.PLACES))])
     for i, agent in enumerate(scene.agents):
         floor = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
-        chair = taken.get(agent.place, Chair(floor + SEAT_M, HIP_BEHIND_EYES_M))
+        chair = chair_of.get(agent.place, Chair(floor + SEAT_M, HIP_BEHIND_EYES_M))
         middle = agent.eye_centre_m - chair.behind_eyes_m * agent.facing
         yaw = float(yaw_pitch_deg_of(agent.facing)[0])
         props += furniture.chair(
@@ -94,11 +94,11 @@ def audience_room(chairs: Mapping[str, Chair] | None = None) -> Room:
 
     The same object comes back for the same chairs.
     """
-    return _room(tuple(sorted((chairs or {}).items(), key=lambda taken: taken[0])))
+    return _room(tuple(sorted((chairs or {}).items(), key=lambda item: item[0])))
 
 
 def _place(mesh: StaticMesh, turn_deg: float) -> StaticMesh:
-    return moved(mesh, yaw_deg=turn_deg)
+    return move_mesh(mesh, yaw_deg=turn_deg)
 
 
 def _shell(turn: float) -> list[Prop]:
@@ -118,14 +118,14 @@ def _shell(turn: float) -> list[Prop]:
         (206, 203, 194),
         surfaces.plaster(4),
     )
-    wood = joined(
+    wood = join_meshes(
         *(
             box((x, 1.62, low[1] + 0.03), (0.10, 2.5, 0.04), furniture.WOOD, uv_m=0.7)
             for x in np.arange(-3.9, 4.0, 0.2)
         )
     )
     board = flat((-1.7, 1.55, low[1] + 0.06), (3.4, 0, 0), (0, 1.5, 0), (238, 240, 238))
-    frame = joined(
+    frame = join_meshes(
         box((0, 1.53, low[1] + 0.07), (3.5, 0.05, 0.05), furniture.STEEL),
         box((0, 3.07, low[1] + 0.07), (3.5, 0.05, 0.05), furniture.STEEL),
     )
@@ -134,8 +134,8 @@ def _shell(turn: float) -> list[Prop]:
         windows += [
             flat((high[0] - 0.01, 1.0, z), (0, 0, 1.5), (0, 1.9, 0), (236, 240, 244)),
         ]
-    sills = joined(*(
-        joined(
+    sills = join_meshes(*(
+        join_meshes(
             box((high[0] - 0.03, 0.97, z + 0.75), (0.16, 0.05, 1.66), (226, 224, 218)),
             box((high[0] - 0.02, 1.95, z + 0.75), (0.05, 0.05, 1.5), (226, 224, 218)),
             box((high[0] - 0.02, 1.95, z + 0.75), (0.05, 1.9, 0.05), (226, 224, 218)),
@@ -145,7 +145,7 @@ def _shell(turn: float) -> list[Prop]:
         )
         for z in (-4.6, -2.2, 0.2)
     ))  # fmt: skip
-    door = joined(
+    door = join_meshes(
         box((low[0] + 0.02, 1.03, 1.6), (0.05, 2.06, 0.95), furniture.DARK_WOOD, uv_m=0.7),
         box((low[0] + 0.03, 2.09, 1.6), (0.07, 0.08, 1.11), (226, 224, 218)),
         box((low[0] + 0.03, 1.03, 1.09), (0.07, 2.06, 0.08), (226, 224, 218)),
@@ -156,20 +156,22 @@ def _shell(turn: float) -> list[Prop]:
         floor,
         ceiling,
         *around,
-        furniture.placed("slats", wood, (0, 0, 0), 0.0, surfaces.planks(21, 3), casts_shadow=False),
-        furniture.placed("whiteboard", board, (0, 0, 0), 0.0, roughness_01=0.2),
-        furniture.placed("whiteboard_frame", frame, (0, 0, 0), 0.0),
-        furniture.placed(
+        furniture.place_prop(
+            "slats", wood, (0, 0, 0), 0.0, surfaces.planks(21, 3), casts_shadow=False
+        ),
+        furniture.place_prop("whiteboard", board, (0, 0, 0), 0.0, roughness_01=0.2),
+        furniture.place_prop("whiteboard_frame", frame, (0, 0, 0), 0.0),
+        furniture.place_prop(
             "windows",
-            joined(*windows),
+            join_meshes(*windows),
             (0, 0, 0),
             0.0,
             surfaces.outside(28),
             emission_01=0.9,
             casts_shadow=False,
         ),
-        furniture.placed("window_frames", sills, (0, 0, 0), 0.0, casts_shadow=False),
-        furniture.placed("door", door, (0, 0, 0), 0.0, surfaces.planks(22, 2)),
+        furniture.place_prop("window_frames", sills, (0, 0, 0), 0.0, casts_shadow=False),
+        furniture.place_prop("door", door, (0, 0, 0), 0.0, surfaces.planks(22, 2)),
     ]
     for x in (-2.3, 2.3):
         for z in (-4.8, -2.4, 0.0):
@@ -199,9 +201,9 @@ def _steps(turn: float) -> list[Prop]:
             uv_m=1.0,
         )
         props += [
-            furniture.placed(f"step_{i}", _place(tread, turn), (0, 0, 0), 0.0,
+            furniture.place_prop(f"step_{i}", _place(tread, turn), (0, 0, 0), 0.0,
                              surfaces.planks(23, 7), roughness_01=0.5),
-            furniture.placed(f"riser_{i}", riser, (0, 0, 0), turn, surfaces.planks(24, 4),
+            furniture.place_prop(f"riser_{i}", riser, (0, 0, 0), turn, surfaces.planks(24, 4),
                              blocks=(_riser_block(i),)),
         ]  # fmt: skip
     return props
@@ -224,29 +226,39 @@ def _front() -> list[Prop]:
     line = [p * np.array([1.0, 0.0, 1.0]) for p in (left.start_m, left.end_m, right.end_m)]
     tops, panels, blocks = [], [], []
     for i in range(2):
-        far, near = (_beside(line, i, d) for d in (-0.06, DESK_DEPTH_M + 0.06))
+        far, near = (_parallel_edge(line, i, d) for d in (-0.06, DESK_DEPTH_M + 0.06))
         tops.append(_slab(far, near, top - 0.04, top, furniture.DARK_WOOD, uv_m=0.7))
-        far, near = (_beside(line, i, DESK_DEPTH_M + d) for d in (-0.015, 0.015))
+        far, near = (_parallel_edge(line, i, DESK_DEPTH_M + d) for d in (-0.015, 0.015))
         panels.append(_slab(far, near, 0.0, top - 0.04, (150, 110, 72), uv_m=1.0))
         for shift, half, low, high in (
             (DESK_DEPTH_M, 0.015, 0.0, top - 0.04),
             (DESK_DEPTH_M / 2, DESK_DEPTH_M / 2 + 0.06, top - 0.04, top),
         ):
-            (x0, _, z0), (x1, _, z1) = _beside(line, i, shift)
+            (x0, _, z0), (x1, _, z1) = _parallel_edge(line, i, shift)
             yaw = float(np.degrees(np.arctan2(z0 - z1, x1 - x0)))
             at = (x0 + x1) / 2, low, (z0 + z1) / 2
             blocks.append(Block(at, np.hypot(x1 - x0, z1 - z0) / 2, half, high - low, 0.0, yaw))
     return [
-        furniture.placed(
-            "front", joined(*panels), (0, 0, 0), 0.0, surfaces.planks(25, 6), blocks=tuple(blocks)
+        furniture.place_prop(
+            "front",
+            join_meshes(*panels),
+            (0, 0, 0),
+            0.0,
+            surfaces.planks(25, 6),
+            blocks=tuple(blocks),
         ),
-        furniture.placed(
-            "front_rail", joined(*tops), (0, 0, 0), 0.0, surfaces.planks(26, 2), roughness_01=0.4
+        furniture.place_prop(
+            "front_rail",
+            join_meshes(*tops),
+            (0, 0, 0),
+            0.0,
+            surfaces.planks(26, 2),
+            roughness_01=0.4,
         ),
     ]
 
 
-def _beside(line: list[Vector], part: int, shift_m: float) -> tuple[Vector, Vector]:
+def _parallel_edge(line: list[Vector], part: int, shift_m: float) -> tuple[Vector, Vector]:
     """Return the ends of a part of a bent line shifted towards the participant, mitred."""
     spans = [b - a for a, b in pairwise(line)]
     across = [np.array([-s[2], 0.0, s[0]]) / np.linalg.norm(s) for s in spans]
@@ -276,8 +288,8 @@ def _slab(
     u, w = (x / length + 0.5)[:, None], (z / depth + 0.5)[:, None]
     corners = (1 - w) * ((1 - u) * far[0] + u * far[1]) + w * ((1 - u) * near[0] + u * near[1])
     corners[:, 1] = y + (low_m + high_m) / 2
-    turned = moved(straight, yaw_deg=float(np.degrees(np.arctan2(-span[2], span[0]))))
-    return replace(turned, vertices_m=corners.astype(np.float32))
+    prism = move_mesh(straight, yaw_deg=float(np.degrees(np.arctan2(-span[2], span[0]))))
+    return replace(prism, vertices_m=corners.astype(np.float32))
 
 
 def _speaker_place() -> list[Prop]:
@@ -285,12 +297,12 @@ def _speaker_place() -> list[Prop]:
     feet = audience.SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0])
     to_audience = direction_from_yaw_pitch_deg(audience.PARTICIPANT_TURN_DEG, 0.0)
     at = feet + 0.55 * to_audience
-    lectern = joined(
+    lectern = join_meshes(
         box((0, 0.54, 0), (0.50, 1.08, 0.36), furniture.DARK_WOOD, chamfer_m=0.01, uv_m=0.7),
         box((0, 1.10, 0.02), (0.58, 0.04, 0.46), furniture.WOOD, chamfer_m=0.008, uv_m=0.7),
     )
     return [
-        furniture.placed(
+        furniture.place_prop(
             "lectern",
             lectern,
             at,
@@ -303,7 +315,7 @@ def _speaker_place() -> list[Prop]:
 
 def _lights(turn: float) -> tuple[Light, ...]:
     from_windows = direction_from_yaw_pitch_deg(turn + 62.0, -38.0)
-    key = moved(box((1.9, CEILING_M - 0.1, -0.6), (0.1, 0.1, 0.1), (0, 0, 0)), yaw_deg=turn)
+    key = move_mesh(box((1.9, CEILING_M - 0.1, -0.6), (0.1, 0.1, 0.1), (0, 0, 0)), yaw_deg=turn)
     place = key.vertices_m.mean(axis=0).astype(np.float64)
     fill = np.array([-1.6, CEILING_M - 0.3, 0.9])
     target = np.array([-0.4, 1.2, -2.6])

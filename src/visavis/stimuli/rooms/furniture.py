@@ -10,7 +10,16 @@ from visavis.lab.geometry import Vector, quat_from_yaw_pitch_deg, rotate
 from visavis.stimuli.characters.character import MaterialKind
 from visavis.stimuli.picture import Block, Prop, StaticMesh
 from visavis.stimuli.rooms import surfaces
-from visavis.stimuli.rooms.solids import Point, Srgb, box, cylinder, flat, joined, moved, turned
+from visavis.stimuli.rooms.solids import (
+    Point,
+    Srgb,
+    box,
+    cylinder,
+    flat,
+    join_meshes,
+    lathe,
+    move_mesh,
+)
 
 WOOD: Srgb = (168, 124, 82)
 DARK_WOOD: Srgb = (104, 72, 48)
@@ -25,7 +34,7 @@ def chair(
 ) -> tuple[Prop, ...]:
     """Return a padded chair: its seat's top `seat_m` above `at_m`, `at_m` below its middle."""
     pad = 0.05
-    cushion = joined(
+    cushion = join_meshes(
         box((0, seat_m - pad / 2, 0.02), (0.45, pad, 0.44), cloth, chamfer_m=0.018, uv_m=0.3),
         box((0, seat_m + 0.33, 0.245), (0.43, 0.34, 0.04), cloth, chamfer_m=0.015, uv_m=0.3),
     )
@@ -38,7 +47,9 @@ def chair(
         cylinder((x, seat_m - pad, 0.235), (x, seat_m + 0.45, 0.27), 0.012, STEEL, sides=10)
         for x in (-0.19, 0.19)
     ]
-    frame = joined(*legs, *posts, box((0, seat_m - pad - 0.01, 0.02), (0.43, 0.02, 0.42), BLACK))
+    frame = join_meshes(
+        *legs, *posts, box((0, seat_m - pad - 0.01, 0.02), (0.43, 0.02, 0.42), BLACK)
+    )
     seat = Block((0, seat_m - pad - 0.02, 0.02), 0.225, 0.22, pad + 0.02)
     feet = [
         Block((x, 0, z), 0.013, 0.013, seat_m - pad, round=True)
@@ -46,8 +57,8 @@ def chair(
         for z in (-0.19, 0.17)
     ]
     return (
-        placed(f"{name}_cushion", cushion, at_m, yaw_deg, surfaces.woven(3), kind="cloth"),
-        placed(f"{name}_frame", frame, at_m, yaw_deg, roughness_01=0.35, blocks=(seat, *feet)),
+        place_prop(f"{name}_cushion", cushion, at_m, yaw_deg, surfaces.weave(3), kind="cloth"),
+        place_prop(f"{name}_frame", frame, at_m, yaw_deg, roughness_01=0.35, blocks=(seat, *feet)),
     )
 
 
@@ -63,7 +74,7 @@ def desk(
 ) -> tuple[Prop, ...]:
     """Return a desk; with `front` a panel of that colour closes the side away from the sitter."""
     top = box((0, height_m - 0.015, 0), (width_m, 0.03, depth_m), WOOD, chamfer_m=0.004, uv_m=0.8)
-    legs = joined(
+    legs = join_meshes(
         *(
             box((x, (height_m - 0.03) / 2, 0), (0.04, height_m - 0.03, depth_m - 0.08), STEEL)
             for x in (-width_m / 2 + 0.05, width_m / 2 - 0.05)
@@ -77,11 +88,11 @@ def desk(
             *(Block((x, 0, 0), 0.02, depth_m / 2 - 0.04, under) for x in (-legs_x, legs_x)),
         )
     else:
-        # Closed all round but at its foot: parts that hide the same sky would count twice.
+        # A single block, closed but for its foot: parts that hide the same sky would count twice.
         high = height_m - PANEL_ABOVE_M
         blocks = (Block((0, PANEL_ABOVE_M, 0), width_m / 2, depth_m / 2, high),)
     props = [
-        placed(
+        place_prop(
             f"{name}_top",
             top,
             at_m,
@@ -90,7 +101,7 @@ def desk(
             roughness_01=0.45,
             blocks=blocks,
         ),
-        placed(f"{name}_legs", legs, at_m, yaw_deg, roughness_01=0.4),
+        place_prop(f"{name}_legs", legs, at_m, yaw_deg, roughness_01=0.4),
     ]
     if front is not None:
         panel = box(
@@ -99,21 +110,21 @@ def desk(
             front,
             chamfer_m=0.003,
         )
-        props.append(placed(f"{name}_front", panel, at_m, yaw_deg))
+        props.append(place_prop(f"{name}_front", panel, at_m, yaw_deg))
     return tuple(props)
 
 
 def monitor(name: str, at_m: Point, yaw_deg: float) -> tuple[Prop, ...]:
     """Return a screen on its foot, standing on a desk top at `at_m`, its picture towards −z."""
-    case = joined(
+    case = join_meshes(
         box((0, 0.30, 0.01), (0.52, 0.31, 0.025), BLACK, chamfer_m=0.005),
         cylinder((0, 0.0, 0.03), (0, 0.22, 0.03), 0.018, STEEL, sides=12),
         cylinder((0, 0, 0.03), (0, 0.012, 0.03), 0.10, STEEL, sides=24),
     )
     picture = flat((0.25, 0.155, -0.004), (-0.50, 0, 0), (0, 0.29, 0), (92, 128, 168))
     return (
-        placed(f"{name}_case", case, at_m, yaw_deg, roughness_01=0.4),
-        placed(f"{name}_picture", picture, at_m, yaw_deg, emission_01=0.5),
+        place_prop(f"{name}_case", case, at_m, yaw_deg, roughness_01=0.4),
+        place_prop(f"{name}_picture", picture, at_m, yaw_deg, emission_01=0.5),
     )
 
 
@@ -125,7 +136,7 @@ def keyboard(name: str, at_m: Point, yaw_deg: float) -> Prop:
         for c in range(15)
     ]
     base = box((0, 0.009, 0), (0.42, 0.018, 0.13), BLACK, chamfer_m=0.004)
-    return placed(name, joined(base, *keys), at_m, yaw_deg, casts_shadow=False)
+    return place_prop(name, join_meshes(base, *keys), at_m, yaw_deg, casts_shadow=False)
 
 
 def plant(
@@ -133,8 +144,8 @@ def plant(
 ) -> tuple[Prop, ...]:
     """Return a leafy plant in a pot: a sparse occluder that lets glimpses through."""
     rng = np.random.default_rng(seed)
-    pot = joined(
-        turned(
+    pot = join_meshes(
+        lathe(
             [(0.12, 0), (0.16, 0.15), (0.18, 0.30), (0.165, 0.305), (0.15, 0.26)], (196, 188, 176)
         ),
         cylinder((0, 0.255, 0), (0, 0.262, 0), 0.15, (58, 44, 34), sides=24),
@@ -151,9 +162,9 @@ def plant(
             up = rng.uniform(0.30, 1.0)
             root = np.array([0, 0.26, 0]) * (1 - up) + top * [1, height_m - 0.1, 1] * up
             blades.append(_leaf(rng, root))
-    leafage = joined(*blades)
+    leafage = join_meshes(*blades)
     return (
-        placed(
+        place_prop(
             f"{name}_pot",
             pot,
             at_m,
@@ -161,8 +172,8 @@ def plant(
             roughness_01=0.5,
             blocks=(Block((0, 0, 0), 0.13, 0.13, 0.30, round=True),),
         ),
-        placed(f"{name}_stems", joined(*stems), at_m, 0.0),
-        placed(f"{name}_leaves", leafage, at_m, 0.0, double_sided=True, roughness_01=0.5),
+        place_prop(f"{name}_stems", join_meshes(*stems), at_m, 0.0),
+        place_prop(f"{name}_leaves", leafage, at_m, 0.0, double_sided=True, roughness_01=0.5),
     )
 
 
@@ -226,15 +237,15 @@ def shelf(
                 )  # fmt: skip
             x += thick
     return (
-        placed(
+        place_prop(
             f"{name}_boards",
-            joined(*wood),
+            join_meshes(*wood),
             at_m,
             yaw_deg,
             surfaces.planks(12, 3),
             blocks=(Block((0, 0, 0), (width_m + board) / 2, depth / 2, height_m),),
         ),
-        placed(f"{name}_folders", joined(*folders), at_m, yaw_deg),
+        place_prop(f"{name}_folders", join_meshes(*folders), at_m, yaw_deg),
     )
 
 
@@ -244,27 +255,27 @@ def ceiling_lamp(name: str, at_m: Point, size_m: tuple[float, float]) -> tuple[P
     glow = flat((-w / 2, -0.001, -d / 2), (w, 0, 0), (0, 0, d), (255, 250, 240))
     frame = box((0, 0.02, 0), (w + 0.06, 0.038, d + 0.06), (210, 210, 208))
     return (
-        placed(f"{name}_frame", frame, at_m, 0.0, casts_shadow=False),
-        placed(f"{name}_glow", glow, at_m, 0.0, emission_01=1.0, casts_shadow=False),
+        place_prop(f"{name}_frame", frame, at_m, 0.0, casts_shadow=False),
+        place_prop(f"{name}_glow", glow, at_m, 0.0, emission_01=1.0, casts_shadow=False),
     )
 
 
 def door(name: str, at_m: Point, yaw_deg: float) -> tuple[Prop, ...]:
     """Return a closed door and its frame before a wall at `at_m`, seen from −z."""
     leaf = box((0, 1.03, 0), (0.95, 2.06, 0.05), DARK_WOOD, uv_m=0.7)
-    frame = joined(
+    frame = join_meshes(
         box((0, 2.09, 0), (1.11, 0.08, 0.07), (226, 224, 218)),
         *(box((x, 1.03, 0), (0.08, 2.06, 0.07), (226, 224, 218)) for x in (-0.51, 0.51)),
         cylinder((0.38, 1.05, -0.025), (0.38, 1.05, -0.08), 0.011, STEEL, sides=12),
         cylinder((0.39, 1.05, -0.07), (0.27, 1.05, -0.07), 0.011, STEEL, sides=12),
     )
     return (
-        placed(f"{name}_leaf", leaf, at_m, yaw_deg, surfaces.planks(22, 2), casts_shadow=False),
-        placed(f"{name}_frame", frame, at_m, yaw_deg, casts_shadow=False),
+        place_prop(f"{name}_leaf", leaf, at_m, yaw_deg, surfaces.planks(22, 2), casts_shadow=False),
+        place_prop(f"{name}_frame", frame, at_m, yaw_deg, casts_shadow=False),
     )
 
 
-def hung(
+def wall_picture(
     name: str,
     at_m: Point,
     yaw_deg: float,
@@ -278,7 +289,7 @@ def hung(
     """Return a framed picture or board on a wall, its middle at `at_m`, seen from −z."""
     w, h = size_m
     edge, mat = 0.03, (240, 238, 232)
-    bars = joined(
+    bars = join_meshes(
         *(box((s * (w + edge) / 2, 0, 0), (edge, h + 2 * edge, 0.03), frame) for s in (-1, 1)),
         *(box((0, s * (h + edge) / 2, 0), (w, edge, 0.03), frame) for s in (-1, 1)),
         flat((w / 2, -h / 2, -0.004), (-w, 0, 0), (0, h, 0), mat),
@@ -286,8 +297,8 @@ def hung(
     w, h = w - 2 * mat_m, h - 2 * mat_m
     face = flat((w / 2, -h / 2, -0.006), (-w, 0, 0), (0, h, 0), colour)
     return (
-        placed(f"{name}_frame", bars, at_m, yaw_deg, casts_shadow=False),
-        placed(f"{name}_face", face, at_m, yaw_deg, texture, casts_shadow=False),
+        place_prop(f"{name}_frame", bars, at_m, yaw_deg, casts_shadow=False),
+        place_prop(f"{name}_face", face, at_m, yaw_deg, texture, casts_shadow=False),
     )
 
 
@@ -309,15 +320,17 @@ def walls(
         flat((x1, y0, z1), (x0 - x1, 0, 0), up, colour, uv_m=uv_m),
         flat((x0, y0, z1), (0, 0, z0 - z1), up, colour, uv_m=uv_m),
     )
-    skirting = joined(
+    skirting = join_meshes(
         box(((x0 + x1) / 2, y0 + 0.05, z0 + 0.006), (x1 - x0, 0.10, 0.012), (232, 230, 224)),
         box(((x0 + x1) / 2, y0 + 0.05, z1 - 0.006), (x1 - x0, 0.10, 0.012), (232, 230, 224)),
         box((x0 + 0.006, y0 + 0.05, (z0 + z1) / 2), (0.012, 0.10, z1 - z0), (232, 230, 224)),
         box((x1 - 0.006, y0 + 0.05, (z0 + z1) / 2), (0.012, 0.10, z1 - z0), (232, 230, 224)),
     )
     return (
-        placed(f"{name}_walls", joined(*faces), (0, 0, 0), 0.0, texture, casts_shadow=False),
-        placed(f"{name}_skirting", skirting, (0, 0, 0), 0.0, casts_shadow=False),
+        place_prop(
+            f"{name}_walls", join_meshes(*faces), (0, 0, 0), 0.0, texture, casts_shadow=False
+        ),
+        place_prop(f"{name}_skirting", skirting, (0, 0, 0), 0.0, casts_shadow=False),
     )
 
 
@@ -355,9 +368,9 @@ def level(
                     uv.astype(np.float32),
                 )
             )
-    return placed(
+    return place_prop(
         name,
-        joined(*pieces),
+        join_meshes(*pieces),
         (0, 0, 0),
         0.0,
         texture,
@@ -366,7 +379,7 @@ def level(
     )
 
 
-def placed(
+def place_prop(
     name: str,
     mesh: StaticMesh,
     at_m: Point,
@@ -386,14 +399,14 @@ def placed(
     )
     standing = tuple(_placed_block(b, at_m, yaw_deg) for b in blocks)
     return Prop(
-        name, moved(mesh, at_m, yaw_deg=yaw_deg), material, emission_01, casts_shadow, standing
+        name, move_mesh(mesh, at_m, yaw_deg=yaw_deg), material, emission_01, casts_shadow, standing
     )
 
 
-def shifted(prop: Prop, by_m: Point) -> Prop:
+def shift_prop(prop: Prop, by_m: Point) -> Prop:
     """Return a prop and its blocks set elsewhere on the same floor, or on one as much higher."""
     blocks = tuple(_placed_block(block, by_m, 0.0) for block in prop.blocks)
-    return replace(prop, mesh=moved(prop.mesh, by_m), blocks=blocks)
+    return replace(prop, mesh=move_mesh(prop.mesh, by_m), blocks=blocks)
 
 
 def _placed_block(block: Block, at_m: Point, yaw_deg: float) -> Block:

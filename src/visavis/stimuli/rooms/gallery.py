@@ -8,7 +8,7 @@ import numpy as np
 from visavis.lab.geometry import unit
 from visavis.stimuli.picture import Block, Light, Prop, Room
 from visavis.stimuli.rooms import furniture, surfaces
-from visavis.stimuli.rooms.solids import Srgb, box, flat, joined
+from visavis.stimuli.rooms.solids import Srgb, box, flat, join_meshes
 
 LOW_M: Final = (-7.0, -5.0)
 HIGH_M: Final = (7.0, 5.0)
@@ -73,7 +73,7 @@ def gallery() -> Room:
 
 
 def _standing() -> list[Prop]:
-    partitions = joined(
+    partitions = join_meshes(
         *(
             box(
                 ((x0 + x1) / 2, PARTITION_HIGH_M / 2, (z0 + z1) / 2),
@@ -83,14 +83,14 @@ def _standing() -> list[Prop]:
             for x0, z0, x1, z1 in PARTITIONS_M
         )
     )
-    pillars = joined(
+    pillars = join_meshes(
         *(
             box((x, CEILING_M / 2, z), (PILLAR_M, CEILING_M, PILLAR_M), (198, 194, 186))
             for x, z in PILLARS_M
         )
     )
     return [
-        furniture.placed(
+        furniture.place_prop(
             "partitions",
             partitions,
             (0, 0, 0),
@@ -106,7 +106,7 @@ def _standing() -> list[Prop]:
                 for x0, z0, x1, z1 in PARTITIONS_M
             ),
         ),
-        furniture.placed(
+        furniture.place_prop(
             "pillars",
             pillars,
             (0, 0, 0),
@@ -127,23 +127,25 @@ def _pictures() -> list[Prop]:
         right = np.array([np.cos(angle), 0.0, -np.sin(angle)])
         front = np.array([np.sin(angle), 0.0, np.cos(angle)])
         tall = 0.75 * wide
-        for grown, off, tone, part in (
+        for margin_m, off, tone, part in (
             (0.12, 0.004, FRAME, 1.0),
             (0.0, 0.008, colour, 1.0),
             (0.0, 0.012, _lighter(colour), 0.45),
         ):
-            low = np.array([x, 1.55 - (tall + grown) / 2, z]) + off * front
-            corner = low - (wide + grown) / 2 * right
-            up = np.array([0.0, part * (tall + grown), 0.0])
+            low = np.array([x, 1.55 - (tall + margin_m) / 2, z]) + off * front
+            corner = low - (wide + margin_m) / 2 * right
+            up = np.array([0.0, part * (tall + margin_m), 0.0])
             pieces.append(
                 flat(
                     tuple(corner.tolist()),
-                    tuple(((wide + grown) * right).tolist()),
+                    tuple(((wide + margin_m) * right).tolist()),
                     tuple(up.tolist()),
                     tone,
                 )
             )
-    return [furniture.placed("pictures", joined(*pieces), (0, 0, 0), 0.0, casts_shadow=False)]
+    return [
+        furniture.place_prop("pictures", join_meshes(*pieces), (0, 0, 0), 0.0, casts_shadow=False)
+    ]
 
 
 def _lighter(colour: Srgb) -> Srgb:

@@ -9,7 +9,7 @@ import numpy as np
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.picture import Block, Light, Prop, Room
 from visavis.stimuli.rooms import furniture, surfaces
-from visavis.stimuli.rooms.solids import box, cylinder, flat, joined
+from visavis.stimuli.rooms.solids import box, cylinder, flat, join_meshes
 from visavis.stimuli.scenes import office as places
 
 CEILING_M: Final = 3.0
@@ -60,14 +60,14 @@ def _shell() -> list[Prop]:
         surfaces.plaster(53),
     )
     back = low[1]
-    panes = joined(
+    panes = join_meshes(
         *(
             flat((x, 0.95, back + 0.012), (1.7, 0, 0), (0, 1.55, 0), (236, 240, 244))
             for x in WINDOWS_X_M
         ),
     )
-    frames = joined(*(
-        joined(
+    frames = join_meshes(*(
+        join_meshes(
             box((x + 0.85, 0.93, back + 0.06), (1.84, 0.04, 0.14), (232, 231, 228)),
             box((x + 0.85, 2.52, back + 0.02), (1.78, 0.06, 0.05), (232, 231, 228)),
             *(box((x + s, 1.72, back + 0.02), (0.05, 1.6, 0.05), (232, 231, 228))
@@ -76,13 +76,13 @@ def _shell() -> list[Prop]:
         for x in WINDOWS_X_M
     ))  # fmt: skip
     # Closed slats as a picture: single ones are thinner than pixels.
-    blinds = joined(
+    blinds = join_meshes(
         *(
             flat((x + 0.02, 2.04, back + 0.06), (1.66, 0, 0), (0, 0.46, 0), (232, 231, 226))
             for x in WINDOWS_X_M
         )
     )
-    rails = joined(
+    rails = join_meshes(
         *(
             box((x + 0.85, high, back + 0.06), (1.68, thick, 0.01), (226, 225, 221))
             for x in WINDOWS_X_M
@@ -91,14 +91,14 @@ def _shell() -> list[Prop]:
     )
     left, right, front = low[0] + 0.015, high[0] - 0.015, high[1] - 0.015
     prints = surfaces.marble(54)
-    hung = (
-        *furniture.hung(
+    wall_pictures = (
+        *furniture.wall_picture(
             "print_blue", (left, 1.85, -2.65), -90.0, (0.9, 1.2), (92, 124, 140), prints, mat_m=0.1
         ),
-        *furniture.hung(
+        *furniture.wall_picture(
             "print_ochre", (left, 1.85, -4.65), -90.0, (0.9, 1.2), (168, 134, 92), prints, mat_m=0.1
         ),
-        *furniture.hung(
+        *furniture.wall_picture(
             "whiteboard",
             (right, 1.65, -3.9),
             90.0,
@@ -106,10 +106,10 @@ def _shell() -> list[Prop]:
             (240, 241, 240),
             frame=(150, 153, 158),
         ),
-        *furniture.hung(
+        *furniture.wall_picture(
             "print_green", (right, 1.7, 0.2), 90.0, (0.7, 0.9), (122, 140, 104), prints, mat_m=0.09
         ),
-        *furniture.hung(
+        *furniture.wall_picture(
             "pinboard",
             (1.6, 1.6, front),
             0.0,
@@ -127,13 +127,13 @@ def _shell() -> list[Prop]:
         for lamp in furniture.ceiling_lamp(f"lamp_{x}_{z}", (x, CEILING_M - 0.04, z), (1.2, 0.3))
     ]
     return [
-        floor, ceiling, *around, *lamps, *hung,
-        furniture.placed("windows", panes, (0, 0, 0), 0.0, surfaces.outside(56), emission_01=0.95,
-                         casts_shadow=False),
-        furniture.placed("window_frames", frames, (0, 0, 0), 0.0, casts_shadow=False),
-        furniture.placed("blinds", blinds, (0, 0, 0), 0.0, surfaces.slats(8), emission_01=0.25,
-                         casts_shadow=False),
-        furniture.placed("blind_rails", rails, (0, 0, 0), 0.0, casts_shadow=False),
+        floor, ceiling, *around, *lamps, *wall_pictures,
+        furniture.place_prop("windows", panes, (0, 0, 0), 0.0, surfaces.outside(56),
+                             emission_01=0.95, casts_shadow=False),
+        furniture.place_prop("window_frames", frames, (0, 0, 0), 0.0, casts_shadow=False),
+        furniture.place_prop("blinds", blinds, (0, 0, 0), 0.0, surfaces.slats(8), emission_01=0.25,
+                             casts_shadow=False),
+        furniture.place_prop("blind_rails", rails, (0, 0, 0), 0.0, casts_shadow=False),
     ]  # fmt: skip
 
 
@@ -155,12 +155,12 @@ def _desks() -> list[Prop]:
         props.append(
             furniture.keyboard(f"keyboard_{clerk.name}", (clerk.x_m - 0.30, top, z - 0.17), 10.0)
         )
-        papers = joined(
+        papers = join_meshes(
             box((0.33, top + 0.004, 0.02), (0.21, 0.008, 0.297), (240, 240, 236)),
             box((0.36, top + 0.009, 0.0), (0.21, 0.004, 0.297), (250, 250, 248)),
             cylinder((0.62, top, 0.14), (0.62, top + 0.095, 0.14), 0.04, (158, 70, 58)),
         )
-        props.append(furniture.placed(f"papers_{clerk.name}", papers, (clerk.x_m, 0, z), 0.0))
+        props.append(furniture.place_prop(f"papers_{clerk.name}", papers, (clerk.x_m, 0, z), 0.0))
         props += furniture.chair(
             f"chair_{clerk.name}",
             clerk.floor_m,
@@ -177,12 +177,12 @@ def _between() -> list[Prop]:
         props += furniture.plant(spot.name, spot.floor_m, seed=60 + i, height_m=1.45)
     for i, spot in enumerate(places.SHELVES):
         props += furniture.shelf(spot.name, spot.floor_m, spot.yaw_deg, seed=70 + i, height_m=1.1)
-    pillar = joined(
+    pillar = join_meshes(
         box((0, CEILING_M / 2, 0), (0.42, CEILING_M, 0.42), (222, 221, 216), chamfer_m=0.02),
         box((0, 0.06, 0), (0.46, 0.12, 0.46), (120, 118, 114)),
     )
     props.append(
-        furniture.placed(
+        furniture.place_prop(
             "pillar",
             pillar,
             places.PILLAR.floor_m,
@@ -197,9 +197,9 @@ def _between() -> list[Prop]:
 def _waiting_line() -> list[Prop]:
     """Return the line on the floor behind which customers wait, with posts and a belt."""
     line = box((0, 0.003, -0.45), (5.6, 0.006, 0.07), (222, 180, 60))
-    posts = joined(
+    posts = join_meshes(
         *(
-            joined(
+            join_meshes(
                 cylinder((x, 0, -0.75), (x, 0.025, -0.75), 0.16, furniture.STEEL, sides=24),
                 cylinder((x, 0.02, -0.75), (x, 0.95, -0.75), 0.026, furniture.STEEL, sides=14),
             )
@@ -207,8 +207,8 @@ def _waiting_line() -> list[Prop]:
         )
     )
     return [
-        furniture.placed("waiting_line", line, (0, 0, 0), 0.0, casts_shadow=False),
-        furniture.placed(
+        furniture.place_prop("waiting_line", line, (0, 0, 0), 0.0, casts_shadow=False),
+        furniture.place_prop(
             "posts",
             posts,
             (0, 0, 0),

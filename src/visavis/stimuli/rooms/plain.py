@@ -1,4 +1,4 @@
-"""A plain, evenly lit room for a few people before the participant, with a chair for who sits."""
+"""A plain, evenly lit room for a few people facing the participant, with chairs for sitters."""
 
 from functools import lru_cache
 from typing import Final
@@ -15,7 +15,7 @@ CEILING_M: Final = 2.9
 CLOTHS: Final = ((74, 88, 112), (96, 84, 92), (82, 98, 88))
 
 Seat = tuple[float, float, float, float]
-"""x, z, the yaw of who sits there (degrees), height of the seat."""
+"""x, z, the sitter's yaw (degrees), height of the seat."""
 
 
 @lru_cache(maxsize=16)

@@ -24,7 +24,7 @@ def portrait_studio() -> Room:
         name="portrait_studio",
         props=(
             furniture.level("floor", (-5, -2), (5, 5), 0.0, (120, 118, 116), surfaces.carpet(2)),
-            furniture.placed(
+            furniture.place_prop(
                 "backdrop", backdrop, (0, 0, 0), 0.0, surfaces.plaster(4), casts_shadow=False
             ),
         ),

@@ -156,7 +156,7 @@ def cylinder(
     )
 
 
-def turned(profile_m: Sequence[Point], colour: Srgb, *, sides: int = 28) -> StaticMesh:
+def lathe(profile_m: Sequence[Point], colour: Srgb, *, sides: int = 28) -> StaticMesh:
     """Return a shape turned about the y axis from (radius, height) points, lowest first."""
     points = np.asarray(profile_m, dtype=np.float64)
     tangent = np.gradient(points, axis=0)
@@ -193,7 +193,7 @@ def flat(
     return _mesh(vertices, np.tile(normal, (4, 1)), [(0, 1, 2), (0, 2, 3)], colour, uv)
 
 
-def moved(mesh: StaticMesh, by_m: Point = (0, 0, 0), *, yaw_deg: float = 0.0) -> StaticMesh:
+def move_mesh(mesh: StaticMesh, by_m: Point = (0, 0, 0), *, yaw_deg: float = 0.0) -> StaticMesh:
     """Turn a mesh about the vertical through the origin (positive to the left), then shift it."""
     turn = quat_from_yaw_pitch_deg(yaw_deg)
     return StaticMesh(
@@ -207,7 +207,7 @@ def moved(mesh: StaticMesh, by_m: Point = (0, 0, 0), *, yaw_deg: float = 0.0) ->
     )
 
 
-def joined(*meshes: StaticMesh) -> StaticMesh:
+def join_meshes(*meshes: StaticMesh) -> StaticMesh:
     """Return several meshes as one."""
     starts = np.cumsum([0, *(len(m.vertices_m) for m in meshes)])
     return StaticMesh(

@@ -12,7 +12,7 @@ import numpy as np
 from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
 from visavis.stimuli.picture import Block, Light, PlacedProp, Prop, Room, StaticMesh
 from visavis.stimuli.rooms import furniture, surfaces
-from visavis.stimuli.rooms.solids import Srgb, box, cylinder, flat, joined, moved, turned
+from visavis.stimuli.rooms.solids import Srgb, box, cylinder, flat, join_meshes, lathe, move_mesh
 from visavis.stimuli.scenes import station_crowd
 
 HALF_WIDTH_M: Final = 6.6
@@ -33,7 +33,7 @@ RED_STONE: Srgb = (136, 72, 62)
 
 @lru_cache(maxsize=1)
 def station() -> Room:
-    """Return the station; the same object each time. The board's face is apart: `board_face`."""
+    """Return the station; the same object each time. The board's face is separate: `board_face`."""
     return Room(
         name="station",
         props=(
@@ -66,12 +66,12 @@ def board_pose() -> Pose:
 def board_face(track: str | None) -> PlacedProp:
     """Return the lit face of the timetable board; the track's number only when `track` is given."""
     amber, pale, dim = (255, 186, 60), (222, 226, 230), (96, 98, 104)
-    shown = track if track is not None else "- -"
+    track_text = track if track is not None else "- -"
     picture = surfaces.lettering(
         [
             ("DEPARTURES", 58, pale),
             ("next train", 44, dim if track is None else pale),
-            (f"track {shown}", 150, dim if track is None else amber),
+            (f"track {track_text}", 150, dim if track is None else amber),
             ("", 10, pale),
             ("come closer to read the track" if track is None else "all stations", 40, dim),
         ],
@@ -82,7 +82,7 @@ def board_face(track: str | None) -> PlacedProp:
     w, h = BOARD_SIZE_M
     face = flat((-w / 2, -h / 2, 0.051), (w, 0, 0), (0, h, 0), (255, 255, 255))
     return PlacedProp(
-        furniture.placed(
+        furniture.place_prop(
             "board_face", face, (0, 0, 0), 0.0, picture, emission_01=1.0, casts_shadow=False
         ),
         board_pose(),
@@ -93,32 +93,32 @@ def _floors() -> list[Prop]:
     (z0, z1), edge = ENDS_M, HALF_WIDTH_M + PLATFORM_M
     hall = furniture.level(
         "hall_floor", (-HALF_WIDTH_M, z0), (HALF_WIDTH_M, z1), 0.0, STONE,
-        surfaces.tiles(31, 4, joint=0.8, mottled=0.045), uv_m=2.0, roughness_01=0.35,
+        surfaces.tiles(31, 4, joint=0.8, mottling=0.045), uv_m=2.0, roughness_01=0.35,
     )  # fmt: skip
     sides = [
         furniture.level(
             f"platform_{name}", (x0, z0), (x1, z1), 0.0, (176, 170, 162),
-            surfaces.tiles(32, 4, joint=0.8, mottled=0.045), uv_m=1.6, roughness_01=0.4,
+            surfaces.tiles(32, 4, joint=0.8, mottling=0.045), uv_m=1.6, roughness_01=0.4,
         )
         for name, x0, x1 in (("left", -edge, -HALF_WIDTH_M), ("right", HALF_WIDTH_M, edge))
     ]  # fmt: skip
     length = z1 - z0
-    lines = joined(
+    lines = join_meshes(
         *(
             box((s * (edge - 0.45), 0.003, (z0 + z1) / 2), (0.18, 0.006, length), (226, 190, 66))
             for s in (-1, 1)
         )
     )
-    bands = joined(*(
+    bands = join_meshes(*(
         box((s * (HALF_WIDTH_M - 0.75), 0.002, (z0 + z1) / 2), (0.28, 0.004, length), RED_STONE,
             uv_m=1.0)
         for s in (-1, 1)
     ))  # fmt: skip
     return [
         hall, *sides,
-        furniture.placed("safety_lines", lines, (0, 0, 0), 0.0, casts_shadow=False),
-        furniture.placed("bands", bands, (0, 0, 0), 0.0, surfaces.marble(33), casts_shadow=False,
-                         roughness_01=0.35),
+        furniture.place_prop("safety_lines", lines, (0, 0, 0), 0.0, casts_shadow=False),
+        furniture.place_prop("bands", bands, (0, 0, 0), 0.0, surfaces.marble(33),
+                             casts_shadow=False, roughness_01=0.35),
     ]  # fmt: skip
 
 
@@ -131,25 +131,25 @@ def _columns() -> list[Prop]:
     for side in (-1, 1):
         for z in _columns_z():
             at = (side * HALF_WIDTH_M, 0.0, float(z))
-            shafts.append(moved(
-                joined(
+            shafts.append(move_mesh(
+                join_meshes(
                     box((0, 0.55, 0), (0.78, 1.1, 0.78), RED_STONE, chamfer_m=0.04, uv_m=1.2),
                     box((0, 2.1, 0), (0.60, 2.0, 0.60), PALE, chamfer_m=0.10, uv_m=1.2),
                 ), at))  # fmt: skip
-            trims.append(moved(
-                joined(
+            trims.append(move_mesh(
+                join_meshes(
                     box((0, 0.06, 0), (0.92, 0.12, 0.92), (92, 84, 78), chamfer_m=0.02),
                     box((0, 1.12, 0), (0.72, 0.06, 0.72), (186, 188, 192), chamfer_m=0.01),
                     box((0, SPRING_M - 0.06, 0), (0.80, 0.12, 0.80), (186, 188, 192),
                         chamfer_m=0.02),
                 ), at))  # fmt: skip
     return [
-        furniture.placed(
-            "columns", joined(*shafts), (0, 0, 0), 0.0, surfaces.marble(34), roughness_01=0.4
+        furniture.place_prop(
+            "columns", join_meshes(*shafts), (0, 0, 0), 0.0, surfaces.marble(34), roughness_01=0.4
         ),
-        furniture.placed(
+        furniture.place_prop(
             "column_trims",
-            joined(*trims),
+            join_meshes(*trims),
             (0, 0, 0),
             0.0,
             roughness_01=0.25,
@@ -228,13 +228,13 @@ def _vaults() -> list[Prop]:
         for z in bays:
             for face, turn in ((0.25, yaw), (-0.25, yaw + 180.0)):
                 x = side * (HALF_WIDTH_M - face)
-                walls.append(moved(_arch_wall(radius, top), (x, 0, float(z)), yaw_deg=turn))
-            bands.append(moved(_arch_band(radius, 0.5), (side * HALF_WIDTH_M, 0, float(z))))
+                walls.append(move_mesh(_arch_wall(radius, top), (x, 0, float(z)), yaw_deg=turn))
+            bands.append(move_mesh(_arch_band(radius, 0.5), (side * HALF_WIDTH_M, 0, float(z))))
     return [
-        furniture.placed("arches", joined(*walls), (0, 0, 0), 0.0, surfaces.marble(35),
-                         casts_shadow=False),
-        furniture.placed("arch_bands", joined(*bands), (0, 0, 0), 0.0, casts_shadow=False,
-                         roughness_01=0.25),
+        furniture.place_prop("arches", join_meshes(*walls), (0, 0, 0), 0.0, surfaces.marble(35),
+                             casts_shadow=False),
+        furniture.place_prop("arch_bands", join_meshes(*bands), (0, 0, 0), 0.0, casts_shadow=False,
+                             roughness_01=0.25),
         _ceiling(top), *_platform_ceilings(top), *_ceiling_lamps(), *_end_walls(),
     ]  # fmt: skip
 
@@ -260,8 +260,8 @@ def _ceiling(spring_m: float) -> Prop:
         np.concatenate(triangles).astype(np.int32),
         (vertices[:, [0, 2]] / 2.5).astype(np.float32),
     )
-    return furniture.placed(
-        "vault", mesh, (0, 0, 0), 0.0, surfaces.tiles(36, 1, joint=0.86, mottled=0.02),
+    return furniture.place_prop(
+        "vault", mesh, (0, 0, 0), 0.0, surfaces.tiles(36, 1, joint=0.86, mottling=0.02),
         casts_shadow=False,
     )  # fmt: skip
 
@@ -285,10 +285,10 @@ def _platform_ceilings(spring_m: float) -> list[Prop]:
 def _ceiling_lamps() -> list[Prop]:
     rings, glows = [], []
     for z in np.arange(ENDS_M[0] + 2.5, ENDS_M[1], 5.0):
-        ring = turned([(0.78, -0.10), (0.86, -0.10), (0.86, 0.02), (0.78, 0.02)], (188, 176, 146))
-        rings.append(moved(ring, (0, CROWN_M - 0.05, float(z))))
+        ring = lathe([(0.78, -0.10), (0.86, -0.10), (0.86, 0.02), (0.78, 0.02)], (188, 176, 146))
+        rings.append(move_mesh(ring, (0, CROWN_M - 0.05, float(z))))
         glows.append(
-            moved(
+            move_mesh(
                 cylinder((0, -0.06, 0), (0, -0.03, 0), 0.78, (255, 246, 226), sides=32),
                 (0, CROWN_M - 0.03, float(z)),
             )
@@ -299,11 +299,11 @@ def _ceiling_lamps() -> list[Prop]:
         for z in np.arange(ENDS_M[0] + 2.5, ENDS_M[1], 5.0)
     ]
     return [
-        furniture.placed(
-            "lamp_rings", joined(*rings), (0, 0, 0), 0.0, casts_shadow=False, roughness_01=0.3
+        furniture.place_prop(
+            "lamp_rings", join_meshes(*rings), (0, 0, 0), 0.0, casts_shadow=False, roughness_01=0.3
         ),
-        furniture.placed(
-            "lamps", joined(*glows), (0, 0, 0), 0.0, emission_01=1.0, casts_shadow=False
+        furniture.place_prop(
+            "lamps", join_meshes(*glows), (0, 0, 0), 0.0, emission_01=1.0, casts_shadow=False
         ),
     ]
 
@@ -311,11 +311,11 @@ def _ceiling_lamps() -> list[Prop]:
 def _end_walls() -> list[Prop]:
     edge, height = HALF_WIDTH_M + PLATFORM_M + 3.4, CROWN_M + 0.2
     far, near = ENDS_M
-    faces = joined(
+    faces = join_meshes(
         flat((-edge, -1.2, far), (2 * edge, 0, 0), (0, height + 1.2, 0), STONE, uv_m=2.0),
         flat((edge, -1.2, near), (-2 * edge, 0, 0), (0, height + 1.2, 0), STONE, uv_m=2.0),
     )
-    stairs = joined(
+    stairs = join_meshes(
         *(
             box((0, 0.16 * k + 0.08, far + 2.6 - 0.32 * k), (5.2, 0.16, 0.32), (178, 170, 160))
             for k in range(8)
@@ -323,9 +323,9 @@ def _end_walls() -> list[Prop]:
         box((0, 2.45, far + 0.02), (5.6, 2.3, 0.02), (58, 54, 52)),
     )
     return [
-        furniture.placed("end_walls", faces, (0, 0, 0), 0.0, surfaces.tiles(38, 6, joint=0.85),
-                         casts_shadow=False),
-        furniture.placed("stairs", stairs, (0, 0, 0), 0.0, casts_shadow=False),
+        furniture.place_prop("end_walls", faces, (0, 0, 0), 0.0, surfaces.tiles(38, 6, joint=0.85),
+                             casts_shadow=False),
+        furniture.place_prop("stairs", stairs, (0, 0, 0), 0.0, casts_shadow=False),
     ]  # fmt: skip
 
 
@@ -353,14 +353,14 @@ def _tracks() -> list[Prop]:
             for z in (-12.0, -2.0, 8.0)
         ]  # fmt: skip
     return [
-        furniture.placed("track_beds", joined(*beds), (0, 0, 0), 0.0, casts_shadow=False),
-        furniture.placed("rails", joined(*rails), (0, 0, 0), 0.0, casts_shadow=False,
-                         roughness_01=0.25),
-        furniture.placed("far_walls", joined(*far_walls), (0, 0, 0), 0.0,
-                         surfaces.tiles(39, 8, joint=0.82), casts_shadow=False,
-                         roughness_01=0.3),
-        furniture.placed("signs", joined(*names), (0, 0, 0), 0.0, _name_sign(), emission_01=0.45,
-                         casts_shadow=False),
+        furniture.place_prop("track_beds", join_meshes(*beds), (0, 0, 0), 0.0, casts_shadow=False),
+        furniture.place_prop("rails", join_meshes(*rails), (0, 0, 0), 0.0, casts_shadow=False,
+                             roughness_01=0.25),
+        furniture.place_prop("far_walls", join_meshes(*far_walls), (0, 0, 0), 0.0,
+                             surfaces.tiles(39, 8, joint=0.82), casts_shadow=False,
+                             roughness_01=0.3),
+        furniture.place_prop("signs", join_meshes(*names), (0, 0, 0), 0.0, _name_sign(),
+                             emission_01=0.45, casts_shadow=False),
     ]  # fmt: skip
 
 
@@ -374,7 +374,7 @@ def _board_case() -> list[Prop]:
     x, y, z = station_crowd.BOARD_M
     w, h = BOARD_SIZE_M
     yaw = float(np.degrees(np.arctan2(-x, -z)))
-    case = joined(
+    case = join_meshes(
         box((0, 0, 0), (w + 0.08, h + 0.08, 0.10), (46, 48, 54), chamfer_m=0.01),
         *(
             cylinder(
@@ -383,30 +383,30 @@ def _board_case() -> list[Prop]:
             for s in (-1, 1)
         ),
     )
-    return [furniture.placed("board_case", case, (x, y, z), yaw, roughness_01=0.3)]
+    return [furniture.place_prop("board_case", case, (x, y, z), yaw, roughness_01=0.3)]
 
 
 def _start_mark() -> list[Prop]:
     x, z = station_crowd.START_M
-    bars = joined(
+    bars = join_meshes(
         *(
-            moved(box((0, 0.004, 0), (0.55, 0.008, 0.11), (40, 92, 190)), yaw_deg=turn)
+            move_mesh(box((0, 0.004, 0), (0.55, 0.008, 0.11), (40, 92, 190)), yaw_deg=turn)
             for turn in (45.0, -45.0)
         )
     )
-    return [furniture.placed("start_mark", bars, (x, 0, z), 0.0, casts_shadow=False)]
+    return [furniture.place_prop("start_mark", bars, (x, 0, z), 0.0, casts_shadow=False)]
 
 
 def _benches() -> list[Prop]:
     props = []
     for side in (-1, 1):
         for z in (-17.5, -12.5, 12.5):
-            seat = joined(
+            seat = join_meshes(
                 box((0, 0.43, 0), (1.8, 0.05, 0.44), furniture.WOOD, chamfer_m=0.01, uv_m=0.7),
                 box((0, 0.20, 0), (1.5, 0.40, 0.30), (120, 114, 108), chamfer_m=0.02),
             )
             props.append(
-                furniture.placed(
+                furniture.place_prop(
                     f"bench_{side}_{z}",
                     seat,
                     (side * (HALF_WIDTH_M - 1.4), 0, z),

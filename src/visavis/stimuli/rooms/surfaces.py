@@ -67,14 +67,14 @@ def planks(seed: int, boards: int = 5) -> Texture:
 
 
 @lru_cache(maxsize=8)
-def tiles(seed: int, across: int = 4, *, joint: float = 0.7, mottled: float = 0.05) -> Texture:
+def tiles(seed: int, across: int = 4, *, joint: float = 0.7, mottling: float = 0.05) -> Texture:
     """Return square tiles with darker joints; `joint` is the brightness of the joints."""
     rng = np.random.default_rng(seed)
-    brightness = 0.93 + mottled * _grain(rng) * 0.6
+    brightness = 0.93 + mottling * _grain(rng) * 0.6
     edges = np.linspace(0, SIZE, across + 1).astype(int)
     for top, bottom in itertools.pairwise(edges):
         for left, right in itertools.pairwise(edges):
-            brightness[top:bottom, left:right] *= rng.uniform(1 - mottled, 1.0)
+            brightness[top:bottom, left:right] *= rng.uniform(1 - mottling, 1.0)
     brightness[edges[:-1]] *= joint
     brightness[:, edges[:-1]] *= joint
     brightness[edges[:-1] + 1] *= (1 + joint) / 2
@@ -108,7 +108,7 @@ def carpet(seed: int) -> Texture:
 
 
 @lru_cache(maxsize=8)
-def woven(seed: int) -> Texture:
+def weave(seed: int) -> Texture:
     """Return cloth woven of two yarns."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[0:SIZE, 0:SIZE]

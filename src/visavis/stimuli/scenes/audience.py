@@ -93,8 +93,8 @@ def _seat(place: str) -> Seat:
     try:
         return SEATS[place]
     except KeyError:
-        known = ", ".join(PLACES)
-        raise DesignError(f"the audience has no place {place!r}; choose one of {known}") from None
+        names = ", ".join(PLACES)
+        raise DesignError(f"the audience has no place {place!r}; choose one of {names}") from None
 
 
 def _yaw_to_speaker_deg(seat: Seat) -> float:
@@ -181,7 +181,7 @@ def black_scene(characters: Sequence[str]) -> Scene:
 
 
 @lru_cache(maxsize=512)
-def _scene(characters: tuple[str, ...], name: str, brightness_01: float, marked: bool) -> Scene:
+def _scene(characters: tuple[str, ...], name: str, brightness_01: float, has_mark: bool) -> Scene:
     people = len(characters)
     if not len(ACTIVE_PLACES) <= people <= len(PLACES) or len(set(characters)) != people:
         raise DesignError(
@@ -195,6 +195,6 @@ def _scene(characters: tuple[str, ...], name: str, brightness_01: float, marked:
         ),
         occluders=_occluders(people),
         brightness_01=brightness_01,
-        mark_m=MARK_M if marked else None,
+        mark_m=MARK_M if has_mark else None,
         dressed_by=DRESSED_BY,
     )

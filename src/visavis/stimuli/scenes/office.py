@@ -91,8 +91,8 @@ def place(name: str) -> Place:
     for candidate in every:
         if candidate.name == name:
             return candidate
-    known = ", ".join(p.name for p in every)
-    raise DesignError(f"the office has no place {name!r}; choose one of {known}")
+    names = ", ".join(p.name for p in every)
+    raise DesignError(f"the office has no place {name!r}; choose one of {names}")
 
 
 def neighbour(participant_place: str, direction: str) -> Place:

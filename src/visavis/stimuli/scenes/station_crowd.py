@@ -55,7 +55,7 @@ CHARACTERS: Final = (
 UNLIKE_WITHIN_M: Final = 3.0
 """No two people who look alike stand nearer to each other."""
 SAME_FACE_WITHIN_M: Final = 1.8
-"""Nor do two of the same face, whatever they wear, as long as there is anybody else."""
+"""No two people with the same face stand nearer to each other, as long as there are others."""
 WITHIN_STEP_M: Final = 0.05
 """Where there are fewer bodies, their least distance is sought from `UNLIKE_WITHIN_M` down in
 such steps: with eleven bodies two of one stand 2.3 m apart or more.
@@ -98,9 +98,9 @@ class Crowd:
         """
         triangles = Delaunay(self.position_m).simplices
         edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-        found: npt.NDArray[np.int64] = np.unique(np.sort(edges, axis=1), axis=0).astype(np.int64)
-        a, b = self.position_m[found].transpose(1, 0, 2)
-        near: npt.NDArray[np.int64] = found[np.linalg.norm(a - b, axis=1) <= 2 * self.spacing_m]
+        pairs: npt.NDArray[np.int64] = np.unique(np.sort(edges, axis=1), axis=0).astype(np.int64)
+        a, b = self.position_m[pairs].transpose(1, 0, 2)
+        near: npt.NDArray[np.int64] = pairs[np.linalg.norm(a - b, axis=1) <= 2 * self.spacing_m]
         return near
 
 
@@ -196,7 +196,7 @@ def station_crowd(configuration: int, density: float = DENSITY_PER_M2) -> Crowd:
     )
 
 
-def _cast(position_m: Vector, drawn: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _cast(position_m: Vector, random_cast: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return who plays whom: as drawn, but those of one body as far apart as their number allows.
 
     A cast with a body for each of `CHARACTERS` keeps `SAME_FACE_WITHIN_M`.
@@ -205,28 +205,28 @@ def _cast(position_m: Vector, drawn: npt.NDArray[np.int64]) -> npt.NDArray[np.in
     first = np.array([next(j for j, s in enumerate(skeletons) if s is own) for own in skeletons])
     bodies = np.unique(first)
     if len(bodies) == len(CHARACTERS):
-        return _apart(position_m, drawn)
-    wanted = np.searchsorted(bodies, first[drawn])
+        return _keep_apart(position_m, random_cast)
+    body_choice = np.searchsorted(bodies, first[random_cast])
     for within_m in np.arange(UNLIKE_WITHIN_M, 0.0, -WITHIN_STEP_M).tolist():
-        found = _all_apart(position_m, wanted, len(bodies), within_m)
-        if found is not None:
-            return bodies[found]
-    return bodies[wanted]
+        body_of = _all_apart(position_m, body_choice, len(bodies), within_m)
+        if body_of is not None:
+            return bodies[body_of]
+    return bodies[body_choice]
 
 
 def _all_apart(
-    position_m: Vector, wanted: npt.NDArray[np.int64], bodies: int, within_m: float
+    position_m: Vector, body_choice: npt.NDArray[np.int64], bodies: int, within_m: float
 ) -> npt.NDArray[np.int64] | None:
     """Return bodies so that no two alike stand within a distance, the hardest places first (Brélaz
     1979); None where that finds none.
     """
     near = np.linalg.norm(position_m[:, None] - position_m, axis=2) <= within_m
-    body = np.full(len(wanted), -1)
-    is_free = np.ones((len(wanted), bodies), np.bool_)
-    for _ in range(len(wanted)):
+    body = np.full(len(body_choice), -1)
+    is_free = np.ones((len(body_choice), bodies), np.bool_)
+    for _ in range(len(body_choice)):
         left = np.where(body < 0, is_free.sum(axis=1), bodies + 1)
         i = int(np.lexsort((-near.sum(axis=1), left))[0])
-        turns = (wanted[i] + np.arange(bodies)) % bodies
+        turns = (body_choice[i] + np.arange(bodies)) % bodies
         free = turns[is_free[i, turns]]
         if not len(free):
             return None
@@ -235,15 +235,15 @@ def _all_apart(
     return body
 
 
-def _apart(position_m: Vector, drawn: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _keep_apart(position_m: Vector, random_cast: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return who plays whom: as drawn, or the next of `CHARACTERS` where that face is near."""
-    character = drawn.copy()
-    for i in range(len(drawn)):
+    character = random_cast.copy()
+    for i in range(len(random_cast)):
         away = np.linalg.norm(position_m[:i] - position_m[i], axis=1)
         nearest = np.array(
             [away[character[:i] == c].min(initial=np.inf) for c in range(len(CHARACTERS))]
         )
-        turns = (drawn[i] + np.arange(len(CHARACTERS))) % len(CHARACTERS)
+        turns = (random_cast[i] + np.arange(len(CHARACTERS))) % len(CHARACTERS)
         free = turns[nearest[turns] > SAME_FACE_WITHIN_M]
         character[i] = free[0] if len(free) else turns[nearest[turns].argmax()]
     return character
@@ -255,8 +255,8 @@ def _outfits(position_m: Vector, character: npt.NDArray[np.int64]) -> npt.NDArra
     for i in range(len(character)):
         away = np.linalg.norm(position_m[:i] - position_m[i], axis=1)
         near = (away <= UNLIKE_WITHIN_M) & (character[:i] == character[i])
-        worn = set(outfit[:i][near].tolist())
-        outfit[i] = next(k for k in range(len(character)) if k not in worn)
+        nearby_outfits = set(outfit[:i][near].tolist())
+        outfit[i] = next(k for k in range(len(character)) if k not in nearby_outfits)
     return outfit
 
 
@@ -276,8 +276,8 @@ def poisson_disk(side_m: float, spacing_m: float, rng: np.random.Generator) -> V
             [np.cos(turn), np.sin(turn)], axis=1
         )
         inside = ((candidates >= 0) & (candidates <= side_m)).all(axis=1)
-        apart = np.linalg.norm(candidates[:, None] - np.array(points), axis=2).min(axis=1)
-        fits = np.flatnonzero(inside & (apart >= spacing_m))
+        distance_m = np.linalg.norm(candidates[:, None] - np.array(points), axis=2).min(axis=1)
+        fits = np.flatnonzero(inside & (distance_m >= spacing_m))
         if fits.size:
             active.append(len(points))
             points.append(candidates[fits[0]])

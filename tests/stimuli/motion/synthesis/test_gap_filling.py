@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from visavis.stimuli.motion.errors import MotionError
-from visavis.stimuli.motion.synthesis.gap_filling import Hold, best_segment, filled
+from visavis.stimuli.motion.synthesis.gap_filling import Hold, best_segment, fill_gap
 
 SEEDS = st.integers(0, 2**31)
 
@@ -22,14 +22,14 @@ def test_piece_cut_out_of_its_own_source_is_found_and_put_back(
     assert k == best.start
     assert 0.0 == best.distance
     assert best.runner_up > 0
-    assert np.allclose(source[k + 1 : k + 1 + gap], filled(source, before, after, gap, k))
+    assert np.allclose(source[k + 1 : k + 1 + gap], fill_gap(source, before, after, gap, k))
 
 
 @given(SEEDS)
 def test_filled_frames_meet_both_ends_by_the_steps_of_their_source(seed: int) -> None:
     rng = np.random.default_rng(seed)
     source, before, after = (rng.normal(size=(60, 2)) for _ in range(3))
-    piece = filled(source, before, after, 10, 20)
+    piece = fill_gap(source, before, after, 10, 20)
     off = piece - source[21:31]
     first, last = before[-1] - source[20], after[0] - source[31]
     assert np.allclose(np.diff(off, axis=0), (last - first) / 11)

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from tests.stimuli.motion.motions import wandering
 from tests.stimuli.motion.rotation_cases import same
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.build import build_of_skeleton
-from visavis.stimuli.motion.clip import mirrored, placed_joints
+from visavis.stimuli.motion.clip import mirror_clip, placed_joints
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.kinds import Walk
 from visavis.stimuli.motion.people import Person
@@ -43,7 +43,7 @@ def test_gait_meets_its_poses_and_half_a_round_later_their_mirror_images(
     poses = wandering(np.random.default_rng(seed), 2, swing_deg=60.0, rate_hz=4.0)
     walk = gait(poses, 1.0, controls=controls)  # type: ignore[arg-type]  # drawn from the two
     assert same(poses.orientation_wxyz, walk.at([0.0, 0.25]).orientation_wxyz, 1e-9)
-    assert same(mirrored(poses).orientation_wxyz, walk.at([0.5, 0.75]).orientation_wxyz, 1e-9)
+    assert same(mirror_clip(poses).orientation_wxyz, walk.at([0.5, 0.75]).orientation_wxyz, 1e-9)
     assert 0 == np.abs(walk.at(np.linspace(0, 1, 9)).root_m[:, 2]).max()
 
 
@@ -76,7 +76,7 @@ def test_spring_drawn_back_on_its_way_neither_jumps_nor_stops() -> None:
 
 
 def test_walk_of_more_poses_lies_nearer_to_the_walk_they_were_taken_from() -> None:
-    source = baked(
+    source = bake(
         Person(build_of_skeleton(canonical_skeleton(1.75)), Walk(1.3, stride_cv=0.0), seed=1),
         8.0,
         rate_hz=120.0,

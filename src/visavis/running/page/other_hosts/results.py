@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from visavis.lab.clock import ToldClock
+from visavis.lab.clock import StampClock
 from visavis.lab.errors import DataError, LabError, LedgerError
 from visavis.lab.plain_files import MAX_UNPACKED_BYTES, parse_json, read_plain
 from visavis.protocol.people.ledger import Ledger, Participant
@@ -326,7 +326,7 @@ def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
     lines = one.run.lines_after(opened, taken)
     if not lines:
         return False
-    clock = ToldClock(number(lines[0].get("at_ms"), "at_ms"))
+    clock = StampClock(number(lines[0].get("at_ms"), "at_ms"))
     folder, _ = open_session(session)
     with folder:
         manifest = folder.manifest
@@ -368,7 +368,7 @@ def _checked(base: Request, store: FilmStore, run: Run) -> str:
             "what it was shown is not what this study shows now; import it with the study's files "
             "and options (--set, --language) as they were when the bundle was written"
         )
-    clock = ToldClock(run.begun_ms)
+    clock = StampClock(run.begun_ms)
     plan = experiment_of(base).plan(run.place, base.seed)
     visit = replace(visit_of(base, store.told, run.place, plan.group), now_ns=clock.now_ns)
     recorder: Any = _Nobody()
@@ -402,7 +402,7 @@ def _plain(step: PageStep) -> Any:
     return step.kind, json.loads(json.dumps(dict(step.content)))
 
 
-def _led(desk: PageDesk, clock: ToldClock, run: Run) -> Iterator[Mapping[str, Any]]:
+def _led(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, Any]]:
     """Give a desk what a page did, at its times; yields each line after it."""
     for line in run.lines:
         clock.tell(number(line.get("at_ms"), "at_ms"))
@@ -429,7 +429,7 @@ def _import(
     identify: Callable[[str, Mapping[str, str]], None],
 ) -> tuple[str, Path, int]:
     run = one.run
-    experiment, clock = experiment_of(base), ToldClock(run.begun_ms)
+    experiment, clock = experiment_of(base), StampClock(run.begun_ms)
     group = experiment.plan(run.place, base.seed).group
     entry = registered or ledger.add(index=_free_place(base, ledger, run.place, group), group=group)
     if one.arrival.identifier:
@@ -457,7 +457,7 @@ def _record(
 ) -> None:
     """Record a part of a session from lines of a run, by their own times."""
     clock = request.clock
-    assert isinstance(clock, ToldClock)  # noqa: S101  # both callers made it
+    assert isinstance(clock, StampClock)  # noqa: S101  # both callers made it
     part_dir = folder.begin_part(clock)
     recorder: Recorder | None = None
     try:

@@ -1,4 +1,4 @@
-"""Shade where something stands on a floor, in GLSL: how much of the light from above it hides."""
+"""Contact shadows in GLSL: how much light from above an object on the floor blocks."""
 
 from visavis.stage.card.shaders.lighting import FRAME_BLOCK
 

@@ -1,4 +1,4 @@
-"""Light, shadow and tone, in GLSL: shared by everything that is lit."""
+"""Light, shadow and tone in GLSL, shared by all lit surfaces."""
 
 from collections.abc import Sequence
 
@@ -257,10 +257,10 @@ def lamp_constants(kinds: Sequence[int], shadow_of: Sequence[int]) -> str:
     shadow map (−1 none), as constants: compilers then leave out what a room does not need.
     """
     n = max(len(kinds), 1)
-    listed = ", ".join(str(k) for k in (*kinds, 0)[:n])
+    kind_list = ", ".join(str(k) for k in (*kinds, 0)[:n])
     maps = ", ".join(str(k) for k in (*shadow_of, -1)[:n])
     return (
         f"#define LAMPS {len(kinds)}\n"
-        f"const int LAMP_KIND[{n}] = int[{n}]({listed});\n"
+        f"const int LAMP_KIND[{n}] = int[{n}]({kind_list});\n"
         f"const int SHADOW_OF[{n}] = int[{n}]({maps});\n"
     )

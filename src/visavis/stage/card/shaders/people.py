@@ -8,7 +8,7 @@ SHADERS = {
     "hair": "KIND_HAIR",
     "cloth": "KIND_CLOTH",
 }
-"""What a kind of surface is called in the shader; the others share one way of shining."""
+"""Shader symbols of kinds of surface; all other kinds share one lighting model."""
 KINDS = ("skin", "eye", "hair", "lash", "teeth", "cloth", "leather", "other")
 """Surface kinds by the number the shader knows them by."""
 

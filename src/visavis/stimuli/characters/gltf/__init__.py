@@ -1,4 +1,4 @@
-"""Characters from glTF files: read, told apart by what they are, and fitted to our joints."""
+"""Characters from glTF files: read, classified by kind of surface, and fitted to our joints."""
 
 from visavis.stimuli.characters.gltf.importing import Gender, import_gltf
 

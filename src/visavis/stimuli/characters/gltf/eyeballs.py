@@ -16,19 +16,19 @@ from visavis.stimuli.characters.gltf.file import GltfFile
 
 MIN_POINTS = 24
 MAX_UNROUND = 0.03
-"""Of its radius, how far half of a ball's points at most lie off the sphere."""
+"""Largest median distance of a ball's points from the sphere, as a share of its radius."""
 MIN_BETWEEN_M, MAX_BETWEEN_M = 0.035, 0.1
-"""How far apart two eyes are."""
+"""Range of the distance between two eyes."""
 MAX_ASKEW_M = 0.005
-"""How far one eye lies off where the other one's mirror image is."""
+"""Largest distance of one eye from the mirror image of the other."""
 ROUND_ABOUT = 1.15
-"""What lies within so many radii of an eyeball's centre, such as a cornea, is of that eye."""
+"""Within so many radii of an eyeball's centre everything, such as a cornea, belongs to that eye."""
 Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """What hangs together of a surface, by its number and its points."""
+    """A connected piece of a surface: the surface's number and the piece's points."""
 
     surface: int
     points: Indices
@@ -49,7 +49,7 @@ def with_eyeballs(file: GltfFile, figure: Figure) -> Figure:
     pieces = list(_pieces(figure))
     pair = _pair(figure, pieces)
     if pair is not None:
-        return _hung(figure, pieces, pair)
+        return _hang_eyes(figure, pieces, pair)
     missing = [f"{s}_eye" for s in ("left", "right") if f"{s}_eye" not in figure.bone_of]
     if missing:
         raise CharacterError(
@@ -74,14 +74,14 @@ def _pieces(figure: Figure) -> Iterator[_Piece]:
 
 
 def _below(figure: Figure, top: int) -> npt.NDArray[np.bool_]:
-    """Return which nodes are one or hang from it."""
-    found = np.zeros(len(figure.names), dtype=bool)
-    for node in range(len(found)):
+    """Return which nodes are `top` or below it."""
+    is_below = np.zeros(len(figure.names), dtype=bool)
+    for node in range(len(is_below)):
         at = node
         while at not in (top, -1):
             at = int(figure.parents[at])
-        found[node] = at == top
-    return found
+        is_below[node] = at == top
+    return is_below
 
 
 def _parts(surface: Surface) -> list[Indices]:
@@ -101,17 +101,17 @@ def _pair(figure: Figure, pieces: list[_Piece]) -> tuple[_Piece, _Piece] | None:
     """Return the largest two balls that lie as a left and a right eye do."""
     head = figure.at_m[figure.bone_of["head"]]
     balls = [piece for piece in pieces if _is_ball(figure, piece)]
-    found: tuple[_Piece, _Piece] | None = None
+    best: tuple[_Piece, _Piece] | None = None
     for left in balls:
         for right in balls:
             a, b = left.centre_m - head, right.centre_m - head
-            alike = 0.95 < left.radius_m / right.radius_m < 1.05
+            same_size = 0.95 < left.radius_m / right.radius_m < 1.05
             level = np.abs(a * [-1.0, 1.0, 1.0] - b).max() < MAX_ASKEW_M
             ahead = max(a[2], b[2]) < 0.0 < min(a[1], b[1])
-            if alike and level and ahead and MIN_BETWEEN_M < b[0] - a[0] < MAX_BETWEEN_M:
-                if found is None or left.radius_m > found[0].radius_m:
-                    found = left, right
-    return found
+            if same_size and level and ahead and MIN_BETWEEN_M < b[0] - a[0] < MAX_BETWEEN_M:
+                if best is None or left.radius_m > best[0].radius_m:
+                    best = left, right
+    return best
 
 
 def _is_ball(figure: Figure, piece: _Piece) -> bool:
@@ -121,7 +121,7 @@ def _is_ball(figure: Figure, piece: _Piece) -> bool:
     return bool(large and np.median(away) < MAX_UNROUND * piece.radius_m)
 
 
-def _hung(figure: Figure, pieces: list[_Piece], pair: tuple[_Piece, _Piece]) -> Figure:
+def _hang_eyes(figure: Figure, pieces: list[_Piece], pair: tuple[_Piece, _Piece]) -> Figure:
     """Return the figure with a new bone for each eye, and on it the ball and what is about it."""
     n = len(figure.names)
     surfaces = list(figure.surfaces)

@@ -43,8 +43,8 @@ def fitted_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
             f"{file.path}: no eyeball hangs on bone {figure.names[bone]!r}; bind each eyeball "
             "wholly to its own eye bone"
         )
-    surface, chosen = max(balls, key=lambda pair: len(pair[1]))
-    points = surface.vertices_m[chosen]
+    surface, ball = max(balls, key=lambda pair: len(pair[1]))
+    points = surface.vertices_m[ball]
     centre, radius = fitted_sphere(points)
     if not MIN_RADIUS_M < radius < MAX_RADIUS_M:
         raise CharacterError(
@@ -59,8 +59,8 @@ def fitted_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
             f"sphere lies {1000 * off_m:.0f} mm off, as where an iris is drawn on a flat disc; "
             "give the figure round eyeballs, each about its own bone"
         )
-    axis = _axis(surface, chosen, centre)
-    return EyeFit(centre, radius, axis, iris_colour(file, surface, chosen, centre, axis))
+    axis = _axis(surface, ball, centre)
+    return EyeFit(centre, radius, axis, iris_colour(file, surface, ball, centre, axis))
 
 
 def balls_on(figure: Figure, side: str) -> list[tuple[Surface, npt.NDArray[np.int64]]]:
@@ -76,25 +76,25 @@ def balls_on(figure: Figure, side: str) -> list[tuple[Surface, npt.NDArray[np.in
 
 def fitted_sphere(points_m: Vector) -> tuple[Vector, float]:
     """Return the sphere of least squares, first all points, then without a bulging cornea."""
-    chosen = points_m
+    fit_points_m = points_m
     centre, radius = points_m.mean(axis=0), 0.0
     for _ in range(4):
-        table = np.concatenate([2 * chosen, np.ones((len(chosen), 1))], axis=1)
-        solution, *_ = np.linalg.lstsq(table, np.sum(chosen**2, axis=1), rcond=None)
+        table = np.concatenate([2 * fit_points_m, np.ones((len(fit_points_m), 1))], axis=1)
+        solution, *_ = np.linalg.lstsq(table, np.sum(fit_points_m**2, axis=1), rcond=None)
         centre = solution[:3]
         radius = float(np.sqrt(max(solution[3] + centre @ centre, 0.0)))
         away = np.abs(np.linalg.norm(points_m - centre, axis=1) - radius)
         close = away < max(2.5 * np.median(away), 1e-5)
         if close.sum() < 10:
             break
-        chosen = points_m[close]
+        fit_points_m = points_m[close]
     return centre, radius
 
 
-def _axis(surface: Surface, chosen: npt.NDArray[np.int64], centre: Vector) -> Vector:
+def _axis(surface: Surface, ball: npt.NDArray[np.int64], centre: Vector) -> Vector:
     """Return the axis of an eyeball from its front: mean over its area, refined ring by ring."""
     points = surface.vertices_m
-    inside = np.isin(surface.triangles, chosen).all(axis=1)
+    inside = np.isin(surface.triangles, ball).all(axis=1)
     triangles = surface.triangles[inside]
     a, b, c = (points[triangles[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -104,18 +104,18 @@ def _axis(surface: Surface, chosen: npt.NDArray[np.int64], centre: Vector) -> Ve
     if np.linalg.norm(mean) > 0.05 * area.sum():
         axis = unit(mean)
     # Poles of a lathed ball: the vertex where most triangles meet near the axis.
-    used, count = np.unique(triangles, return_counts=True)
-    directions = unit(points[used] - centre)
+    corners, count = np.unique(triangles, return_counts=True)
+    directions = unit(points[corners] - centre)
     front = directions @ axis > 0.85
     if front.any():
-        pole = used[front][count[front].argmax()]
+        pole = corners[front][count[front].argmax()]
         if count[front].max() >= 10:
             return unit(points[pole] - centre)
     return axis
 
 
 def iris_colour(
-    file: GltfFile, surface: Surface, chosen: npt.NDArray[np.int64], centre: Vector, axis: Vector
+    file: GltfFile, surface: Surface, ball: npt.NDArray[np.int64], centre: Vector, axis: Vector
 ) -> tuple[int, int, int]:
     """Return the colour of the iris in the texture: sRGB, of a ring between pupil and white.
 
@@ -129,7 +129,7 @@ def iris_colour(
     if "baseColorTexture" not in look:
         return brown
     pixels = file.image(look["baseColorTexture"]["index"])
-    triangles = surface.triangles[np.isin(surface.triangles, chosen).all(axis=1)]
+    triangles = surface.triangles[np.isin(surface.triangles, ball).all(axis=1)]
     shares = np.random.default_rng(0).dirichlet((1, 1, 1), 40)
     places = np.einsum("sk,tkc->tsc", shares, surface.vertices_m[triangles]).reshape(-1, 3)
     uv = np.einsum("sk,tkc->tsc", shares, surface.uv[triangles]).reshape(-1, 2)

@@ -108,8 +108,8 @@ def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> F
     for i in bones:
         at[i] = bound[i][:3, 3]
     names = tuple(str(node.get("name", f"node{i}")) for i, node in enumerate(nodes))
-    known = _said_by_vrm(file, names) | dict(joint_map or {})
-    bone_of = _matched(file, names, parents, bones, known)
+    joint_names = _vrm_joints(file, names) | dict(joint_map or {})
+    bone_of = _match_nodes(file, names, parents, bones, joint_names)
     return _upright(Figure(names, parents, at, bone_of, tuple(surfaces)))
 
 
@@ -175,8 +175,10 @@ def _surfaces(
 ) -> list[Surface]:
     mesh = file.tree["meshes"][node["mesh"]]
     shape_names = (mesh.get("extras") or {}).get("targetNames", [])
-    worn = node.get("weights", mesh.get("weights", []))  # how far each shape is moved at rest
-    found = []
+    morph_weights = node.get(
+        "weights", mesh.get("weights", [])
+    )  # how far each shape is moved at rest
+    surfaces = []
     for primitive in mesh["primitives"]:
         attributes = primitive["attributes"]
         if primitive.get("mode", 4) != 4 or ("skin" in node and "JOINTS_0" not in attributes):
@@ -186,7 +188,7 @@ def _surfaces(
         move = np.einsum("vk,vkab->vab", weights, moves[joints])
         turn = move[:, :3, :3]
         targets = primitive.get("targets", [])
-        for target, amount in zip(targets, worn, strict=False):
+        for target, amount in zip(targets, morph_weights, strict=False):
             if amount and "POSITION" in target:
                 position += float(amount) * file.accessor(target["POSITION"])
         vertices = np.einsum("vab,vb->va", turn, position) + move[:, :3, 3]
@@ -214,7 +216,7 @@ def _surfaces(
                 name = str(shape_names[k]) if k < len(shape_names) else f"shape{k}"
                 shapes[name] = np.einsum("vab,vb->va", turn, delta)
         name = str(node.get("name") or mesh.get("name") or f"mesh{index}")
-        found.append(
+        surfaces.append(
             Surface(
                 name,
                 vertices,
@@ -228,7 +230,7 @@ def _surfaces(
                 colour,
             )
         )
-    return found
+    return surfaces
 
 
 def _normals(vertices_m: Vector, triangles: Indices) -> Vector:
@@ -238,34 +240,34 @@ def _normals(vertices_m: Vector, triangles: Indices) -> Vector:
     normals = np.zeros_like(vertices_m)
     for k in range(3):
         np.add.at(normals, triangles[:, k], across)
-    found: Vector = np.nan_to_num(unit(normals))
-    return found
+    means: Vector = np.nan_to_num(unit(normals))
+    return means
 
 
-def _said_by_vrm(file: GltfFile, names: tuple[str, ...]) -> dict[str, str]:
-    """Return the bones that a VRM file (0.x or 1.0) itself says are which."""
+def _vrm_joints(file: GltfFile, names: tuple[str, ...]) -> dict[str, str]:
+    """Return the joint names that a VRM file (0.x or 1.0) assigns to its bones."""
     extensions = file.tree.get("extensions", {})
     bones = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
-    listed = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
-    said = {name: entry["node"] for name, entry in dict(bones).items()}
-    said |= {entry["bone"]: entry["node"] for entry in listed}
-    found = {}
-    for theirs, node in said.items():
+    bone_entries = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
+    node_of_bone = {name: entry["node"] for name, entry in dict(bones).items()}
+    node_of_bone |= {entry["bone"]: entry["node"] for entry in bone_entries}
+    joint_names = {}
+    for theirs, node in node_of_bone.items():
         ours = re.sub(r"(?<!^)([A-Z])", r"_\1", theirs).lower()
         ours = ours.replace("_intermediate", "_middle")
-        if "_thumb_" in ours and "leftThumbMetacarpal" in said:  # 1.0 begins a bone earlier
+        if "_thumb_" in ours and "leftThumbMetacarpal" in node_of_bone:  # 1.0 begins a bone earlier
             ours = ours.replace("_proximal", "_middle").replace("_metacarpal", "_proximal")
         if ours in CANONICAL_NAMES:
-            found[ours] = names[node]
-    return found
+            joint_names[ours] = names[node]
+    return joint_names
 
 
-def _matched(
+def _match_nodes(
     file: GltfFile,
     names: tuple[str, ...],
     parents: Indices,
     bones: list[int],
-    known: Mapping[str, str],
+    joint_names: Mapping[str, str],
 ) -> dict[str, int]:
     """Return the node of each canonical joint that is there.
 
@@ -283,7 +285,7 @@ def _matched(
         np.full((len(order), 3), np.nan),
     )
     try:
-        matched = match_joints(tree, known)
+        names_by_joint = match_joints(tree, joint_names)
     except UnknownJointsError as e:
         raise CharacterError(
             f"{file.path}: no bone known for {', '.join(e.missing)}; say which they are with "
@@ -292,8 +294,8 @@ def _matched(
     except MotionError as e:
         raise CharacterError(f"{file.path}: {e}; mend --joint-map FILE or the file") from e
     by_name = {names[i]: i for i in order}
-    found = {ours: by_name[theirs] for ours, theirs in matched.items()}
-    return found
+    node_of_joint = {ours: by_name[theirs] for ours, theirs in names_by_joint.items()}
+    return node_of_joint
 
 
 def _parents_first(parents: Indices, bones: set[int]) -> list[int]:
@@ -319,16 +321,16 @@ def _upright(figure: Figure) -> Figure:
     turn = quat_from_axes(right, axis, np.cross(right, axis))
     back = quat_conjugate(turn)
 
-    def moved(points: Vector) -> Vector:
+    def rotate_back(points: Vector) -> Vector:
         return rotate(back, points - hips)
 
     surfaces = tuple(
         replace(
             s,
-            vertices_m=moved(s.vertices_m),
+            vertices_m=rotate_back(s.vertices_m),
             normals=rotate(back, s.normals),
             shapes={name: rotate(back, delta) for name, delta in s.shapes.items()},
         )
         for s in figure.surfaces
     )
-    return Figure(figure.names, figure.parents, moved(figure.at_m), figure.bone_of, surfaces)
+    return Figure(figure.names, figure.parents, rotate_back(figure.at_m), figure.bone_of, surfaces)

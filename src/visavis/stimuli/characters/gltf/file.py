@@ -45,26 +45,26 @@ class GltfFile:
     def _view(self, index: int) -> bytes:
         if index not in self._views:
             view = self.tree["bufferViews"][index]
-            packed = view.get("extensions", {}).get("EXT_meshopt_compression")
-            source = packed or view
+            compression = view.get("extensions", {}).get("EXT_meshopt_compression")
+            source = compression or view
             start, length = source.get("byteOffset", 0), source["byteLength"]
             data = self.binary[start : start + length]
             if len(data) != length:
                 raise CharacterError(
                     f"{self.path}: cut short, {length - len(data)} bytes are missing; copy it again"
                 )
-            self._views[index] = self._unpacked(data, packed) if packed else data
+            self._views[index] = self._unpack(data, compression) if compression else data
         return self._views[index]
 
-    def _unpacked(self, data: bytes, packed: dict[str, Any]) -> bytes:
+    def _unpack(self, data: bytes, compression: dict[str, Any]) -> bytes:
         try:
             import meshoptimizer
         except ImportError as e:
             raise CharacterError(
                 f"{self.path} is packed with meshopt; run `pip install meshoptimizer` to read it"
             ) from e
-        count, stride = packed["count"], packed["byteStride"]
-        mode, filtered = packed["mode"], packed.get("filter", "NONE")
+        count, stride = compression["count"], compression["byteStride"]
+        mode, filter_name = compression["mode"], compression.get("filter", "NONE")
         try:
             if mode != "ATTRIBUTES":
                 # The decoder overruns narrower indices: always ask for four bytes.
@@ -81,11 +81,11 @@ class GltfFile:
             raise CharacterError(
                 f"{self.path}: its packed arrays are broken ({e}); export it again"
             ) from e
-        if filtered == "OCTAHEDRAL":
+        if filter_name == "OCTAHEDRAL":
             return _octahedral(whole.tobytes(), stride)
-        if filtered != "NONE":
+        if filter_name != "NONE":
             raise CharacterError(
-                f"{self.path}: meshopt filter {filtered} is not read; export without"
+                f"{self.path}: meshopt filter {filter_name} is not read; export without"
             )
         return bytes(whole.tobytes())
 
@@ -97,7 +97,7 @@ class GltfFile:
         values: Array = np.zeros((count, width), dtype=dtype)
         if "bufferView" in entry:
             view = self.tree["bufferViews"][entry["bufferView"]]
-            values = self._strided(
+            values = self._strided_view(
                 entry["bufferView"],
                 entry.get("byteOffset", 0),
                 count,
@@ -109,7 +109,7 @@ class GltfFile:
             values = values.copy()
             sparse = entry["sparse"]
             where, new = sparse["indices"], sparse["values"]
-            rows = self._strided(
+            rows = self._strided_view(
                 where["bufferView"],
                 where.get("byteOffset", 0),
                 sparse["count"],
@@ -117,7 +117,7 @@ class GltfFile:
                 np.dtype(_TYPES[where["componentType"]]),
                 None,
             )
-            values[rows[:, 0]] = self._strided(
+            values[rows[:, 0]] = self._strided_view(
                 new["bufferView"], new.get("byteOffset", 0), sparse["count"], width, dtype, None
             )
         if entry.get("normalized") and dtype.kind in "iu":
@@ -125,7 +125,7 @@ class GltfFile:
             values = np.maximum(values.astype(np.float32) / top, -1.0)
         return values
 
-    def _strided(
+    def _strided_view(
         self,
         view: int,
         offset: int,
@@ -156,7 +156,7 @@ class GltfFile:
             with Image.open(io.BytesIO(self._view(image["bufferView"]))) as picture:
                 kind = "RGBA" if "A" in picture.getbands() else "RGB"
                 return np.asarray(picture.convert(kind))
-        except OSError as e:  # what is no image, and what is cut short
+        except OSError as e:  # not an image, or cut short
             raise CharacterError(
                 f"{self.path}: a texture cannot be read ({e}); export again"
             ) from e
@@ -212,9 +212,9 @@ def read_glb(path: Path) -> GltfFile:
         raise CharacterError(f"{path}: its description is broken ({e}); export it again") from e
     if not isinstance(tree, dict):
         raise CharacterError(f"{path}: its description is no glTF; export it again")
-    unknown = sorted(set(tree.get("extensionsRequired", [])) - _KNOWN)
-    if unknown:
+    unknown_extensions = sorted(set(tree.get("extensionsRequired", [])) - _KNOWN)
+    if unknown_extensions:
         raise CharacterError(
-            f"{path}: needs {', '.join(unknown)}, which is not read; export without it"
+            f"{path}: needs {', '.join(unknown_extensions)}, which is not read; export without it"
         )
     return GltfFile(path, tree, chunks.get(b"BIN\0", b""))

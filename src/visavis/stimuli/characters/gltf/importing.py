@@ -29,12 +29,12 @@ from visavis.stimuli.characters.gltf.kinds import (
     canonical_weights,
     eyes_apart,
     face_look,
-    worn_apart,
+    pieces_by_kind,
 )
 from visavis.stimuli.characters.gltf.looks import Looks, colour_factor, shine_as_roughness, srgb_of
 from visavis.stimuli.characters.gltf.marks import marks_of
-from visavis.stimuli.characters.levels import LEVELS, joined, lighter, thinned
-from visavis.stimuli.characters.measuring import MEASURING_TRIANGLES, matched
+from visavis.stimuli.characters.levels import LEVELS, join_skinned_meshes, lighter, thin_mesh
+from visavis.stimuli.characters.measuring import MEASURING_TRIANGLES, match_areas
 from visavis.stimuli.characters.rest_pose import Rig, heaviest, rig_of_marks, to_rest
 from visavis.stimuli.characters.tagging import face_of_head, parts_of_weights
 from visavis.stimuli.motion.rotations import quat_between
@@ -72,7 +72,7 @@ def import_gltf(
     """
     file = read_glb(path)
     try:
-        return _imported(file, name or path.stem, gender or _gender(path), joint_map)
+        return _import_figure(file, name or path.stem, gender or _gender(path), joint_map)
     except (KeyError, IndexError, TypeError) as e:
         raise CharacterError(
             f"{path}: refers to something that is not in it ({e!r}); export it again"
@@ -95,7 +95,7 @@ def _gender(path: Path) -> Gender:
     )
 
 
-def _imported(
+def _import_figure(
     file: GltfFile, name: str, gender: Gender, joint_map: Mapping[str, str] | None
 ) -> Character:
     shine_as_roughness(file)
@@ -108,23 +108,27 @@ def _imported(
     keys: dict[tuple[int | None, str], int] = {}
     parts = []
     looks = Looks(file)
-    apart = [part for whole in figure.surfaces for part in eyes_apart(figure, whole)]
-    face = face_look(file, figure, rig, apart, looks)
-    for surface, kind, shared in [
-        worn for part in apart for worn in worn_apart(file, figure, rig, part, looks, face)
+    # One surface of a file may hold eyes, skin, hair and clothes; each piece gets its own material.
+    split_surfaces = [part for whole in figure.surfaces for part in eyes_apart(figure, whole)]
+    face = face_look(file, figure, rig, split_surfaces, looks)
+    for surface, kind, is_shared in [
+        piece
+        for part in split_surfaces
+        for piece in pieces_by_kind(file, figure, rig, part, looks, face)
     ]:
         key = (surface.material, kind)
         if key not in keys:
             keys[key] = len(materials)
-            materials.append(looks.material(surface.material, kind, shared=shared))
+            materials.append(looks.material(surface.material, kind, is_shared=is_shared))
         parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes))
-    mesh = joined(parts)
+    mesh = join_skinned_meshes(parts)
     first = lighter(mesh, LEVELS[0])
+    # Copies for measuring are fitted to the finest level, because that is what people see.
     levels = (first, *(lighter(mesh, budget) for budget in LEVELS[1:]))
-    measuring = tuple(matched(thinned(mesh, n), first) for n in MEASURING_TRIANGLES)
+    measuring = tuple(match_areas(thin_mesh(mesh, n), first) for n in MEASURING_TRIANGLES)
     stature = float(np.ptp(points[:, 1]))
     radius = float(np.mean([eye.radius_m for eye in eyes.values()]))
-    closed = closed_surface(mesh, rig.skeleton)
+    body = closed_surface(mesh, rig.skeleton)
     iris = np.mean([eye.iris_srgb for eye in eyes.values()], axis=0)
     licence = file.tree.get("asset", {}).get("copyright", "")
     return Character(
@@ -136,7 +140,7 @@ def _imported(
         levels=levels,
         measuring=measuring,
         materials=with_full_margins(materials, mesh),
-        capsules=fitted_capsules(rig.skeleton, closed),
+        capsules=fitted_capsules(rig.skeleton, body),
         eyeball=Eyeball(
             radius,
             round(0.38 * radius, 5),
@@ -145,7 +149,7 @@ def _imported(
         ),
         source=f"imported from {file.path.name}",
         licence=licence or "see the source of the file",
-        closed=closed,
+        closed=body,
     )
 
 
@@ -160,6 +164,7 @@ def _at_rest(
 ) -> SkinnedMesh:
     weights = canonical_weights(figure, rig, surface)
     vertices, normals = surface.vertices_m, surface.normals
+    # Eyes look straight ahead at rest, wherever the file had them look.
     if kind == "eye":
         vertices, normals = vertices.copy(), normals.copy()
         for side, eye in eyes.items():
@@ -169,6 +174,7 @@ def _at_rest(
             normals[mine] = rotate(turn, normals[mine])
     joints, heavy = heaviest(weights)
     rest, blend = to_rest(rig, vertices, joints, heavy)
+    # Directions go to rest by the inverse of the blended bone matrices, as points do.
     rest_normals = np.linalg.solve(blend, normals[..., None])[..., 0].astype(np.float64)
     rest_normals = np.nan_to_num(unit(rest_normals))
     tags = parts_of_weights(weights, surface.triangles, rig.skeleton.names)
@@ -188,10 +194,11 @@ def _at_rest(
         colour = srgb_of(light * colour_factor(file, surface.material))
     morphs = {}
     for name, delta in _morphs(surface).items():
-        turned = np.linalg.solve(blend, delta[..., None])[..., 0]
-        moves = np.flatnonzero(np.abs(turned).max(axis=1) > 2e-5)
+        # Displacements below 20 µm are rounding and would only cost memory.
+        rest_delta_m = np.linalg.solve(blend, delta[..., None])[..., 0]
+        moves = np.flatnonzero(np.abs(rest_delta_m).max(axis=1) > 2e-5)
         if len(moves):
-            morphs[name] = Morph(moves.astype(np.int32), turned[moves].astype(np.float32))
+            morphs[name] = Morph(moves.astype(np.int32), rest_delta_m[moves].astype(np.float32))
     return SkinnedMesh(
         vertices_m=rest.astype(np.float32),
         normals=rest_normals.astype(np.float32),
@@ -208,7 +215,7 @@ def _at_rest(
 
 def _morphs(surface: Surface) -> dict[str, Vector]:
     """Return our shapes of the face as sums of the file's."""
-    found: dict[str, Vector] = {}
+    sums: dict[str, Vector] = {}
     for ours, patterns in _SHAPES.items():
         for pattern, amount in patterns:
             fits = [
@@ -217,6 +224,6 @@ def _morphs(surface: Surface) -> dict[str, Vector]:
                 if re.search(pattern, name.rsplit(".", 1)[-1].lower())
             ]
             if fits:
-                found[ours] = amount * np.sum(fits, axis=0)
+                sums[ours] = amount * np.sum(fits, axis=0)
                 break
-    return found
+    return sums

@@ -33,21 +33,21 @@ def with_full_margins(materials: Sequence[Material], mesh: SkinnedMesh) -> tuple
         corners = uv[mesh.triangles[mesh.triangle_material == k]]
         for pixels in _pictures(material):
             read.setdefault(id(pixels), []).append(corners)
-    filled: dict[int, Pixels] = {}
+    full_pictures: dict[int, Pixels] = {}
     # Maps lie as their picture does: what has one shape and one set of triangles is sought once.
     sources: dict[tuple[object, ...], tuple[Vector, ...] | None] = {}
     for material in materials:
         for pixels in _pictures(material):
-            if id(pixels) in filled:
+            if id(pixels) in full_pictures:
                 continue
             key = (pixels.shape[:2], *(id(corners) for corners in read[id(pixels)]))
             if key not in sources:
                 sources[key] = _nearest_inside(np.concatenate(read[id(pixels)]), pixels.shape[:2])
             source = sources[key]
-            filled[id(pixels)] = pixels if source is None else pixels[source]
+            full_pictures[id(pixels)] = pixels if source is None else pixels[source]
 
     def of(pixels: Pixels | None) -> Pixels | None:
-        return None if pixels is None else filled.get(id(pixels), pixels)
+        return None if pixels is None else full_pictures.get(id(pixels), pixels)
 
     def of_maps(maps: Maps | None) -> Maps | None:
         if maps is None:
@@ -60,10 +60,10 @@ def with_full_margins(materials: Sequence[Material], mesh: SkinnedMesh) -> tuple
 
 
 def _pictures(material: Material) -> list[Pixels]:
-    found = [material.texture_srgb]
+    pictures = [material.texture_srgb]
     if material.maps is not None:
-        found += [getattr(material.maps, f.name) for f in fields(material.maps)]
-    return [pixels for pixels in found if pixels is not None and min(pixels.shape[:2]) > 1]
+        pictures += [getattr(material.maps, f.name) for f in fields(material.maps)]
+    return [pixels for pixels in pictures if pixels is not None and min(pixels.shape[:2]) > 1]
 
 
 def _nearest_inside(corners: Vector, shape: tuple[int, ...]) -> tuple[Vector, ...] | None:
@@ -82,17 +82,17 @@ def _nearest_inside(corners: Vector, shape: tuple[int, ...]) -> tuple[Vector, ..
         beyond = triangle.max(axis=0) > (width, height)
         for right in range(1 + int(beyond[0])):
             for down in range(1 + int(beyond[1])):
-                moved = triangle - (right * width, down * height)
-                draw.polygon([(float(x), float(y)) for x, y in moved], fill=255)
-    covered = np.asarray(mask) > 0
-    inside = binary_erosion(covered, iterations=EDGE_PX, border_value=1)
-    if inside.all() or not covered.any():
+                shifted_triangle = triangle - (right * width, down * height)
+                draw.polygon([(float(x), float(y)) for x, y in shifted_triangle], fill=255)
+    is_covered = np.asarray(mask) > 0
+    inside = binary_erosion(is_covered, iterations=EDGE_PX, border_value=1)
+    if inside.all() or not is_covered.any():
         return None
     # Pieces too narrow to have an inside are their own.
     if inside.any():
         away = distance_transform_edt(~inside)
-        inside |= covered & (away > 2 * EDGE_PX)
+        inside |= is_covered & (away > 2 * EDGE_PX)
     else:
-        inside = covered
+        inside = is_covered
     rows, columns = distance_transform_edt(~inside, return_distances=False, return_indices=True)
     return rows, columns

@@ -1,4 +1,4 @@
-"""What each surface of an imported figure is: skin, eye, hair, cloth and so on."""
+"""Classify each surface of an imported figure: skin, eye, hair, cloth and so on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,9 +22,9 @@ from visavis.stimuli.characters.rest_pose import Rig
 from visavis.stimuli.characters.tagging import parts_of_weights
 
 MIN_FACE_AREA = 0.8
-"""Of cheeks and nose, in squared distances between the eyes: glasses before a face have less."""
+"""Least area of cheeks and nose, in squared distances between the eyes; glasses have less."""
 MIN_BARE_SHARE = 0.05
-"""Of a surface without a face: from here on what looks like the face is taken for skin."""
+"""For a surface without a face: share from which parts that look like the face count as skin."""
 
 
 def _on_eyes(figure: Figure, surface: Surface) -> Vector:
@@ -56,13 +56,13 @@ files mean the skin by it, others everything that is worn.
 
 
 def _kind(file: GltfFile, figure: Figure, surface: Surface) -> MaterialKind | None:
-    """Return what the names say a surface is; None where they do not."""
+    """Return the kind of a surface by its names; None when they do not tell."""
     label = surface.name.lower()
     if surface.material is not None:
         label += " " + str(file.items("materials")[surface.material].get("name", "")).lower()
-    used = np.unique(surface.triangles)
-    apart = any(word in label for word in ("lash", "brow", "gland"))
-    if not apart and _on_eyes(figure, surface)[used].mean() > 0.5:
+    corners = np.unique(surface.triangles)
+    is_accessory = any(word in label for word in ("lash", "brow", "gland"))
+    if not is_accessory and _on_eyes(figure, surface)[corners].mean() > 0.5:
         return "eye"
     return next((kind for word, kind in _KINDS_BY_WORD if word in label), None)
 
@@ -125,7 +125,7 @@ def _base_texture(file: GltfFile, surface: Surface) -> int | None:
     return None if texture is None else int(texture["index"])
 
 
-def worn_apart(
+def pieces_by_kind(
     file: GltfFile,
     figure: Figure,
     rig: Rig,
@@ -133,7 +133,7 @@ def worn_apart(
     looks: Looks,
     face: Vector | None,
 ) -> list[tuple[Surface, MaterialKind, bool]]:
-    """Return a surface by what it is, with whether its one material covers more than one kind.
+    """Split a surface by kind; return also whether its one material covers more than one kind.
 
     `face` is how the figure's face looks.
     """
@@ -144,18 +144,18 @@ def worn_apart(
     if base is None or surface.uv is None or face is None:
         return [(surface, "other", False)]
     pixels = looks.pixels(base)
-    alike = like_the_face(pixels, surface.uv, surface.triangles, face)
+    like_face = like_the_face(pixels, surface.uv, surface.triangles, face)
     lying = _lying(figure, rig, surface)
-    none = np.zeros(len(alike), dtype=bool)
+    none = np.zeros(len(like_face), dtype=bool)
     if _has_face(lying):
         # Short hair is part of the head in many files; what else is unlike the face there are lips.
         over = (lying.middle[:, 1] > 0.5) | (lying.middle[:, 2] > 1.2)
         temples = (np.abs(lying.middle[:, 0]) > 0.95) & (lying.middle[:, 1] > -0.3)
         temples &= darker_than_the_face(pixels, surface.uv, surface.triangles, face)
-        hair = lying.head & ~alike & (over | temples)
-        skin = (alike | lying.head) & ~hair
-    elif alike.mean() > MIN_BARE_SHARE:
-        hair, skin = none, alike
+        hair = lying.head & ~like_face & (over | temples)
+        skin = (like_face | lying.head) & ~hair
+    elif like_face.mean() > MIN_BARE_SHARE:
+        hair, skin = none, like_face
     else:
         return [(surface, "other", False)]
     kinds: tuple[tuple[npt.NDArray[np.bool_], MaterialKind], ...] = (
@@ -163,9 +163,9 @@ def worn_apart(
         (hair, "hair"),
         (~skin & ~hair, "cloth"),
     )
-    shared = not skin.all()
+    is_shared = not skin.all()
     return [
-        (replace(surface, triangles=surface.triangles[some]), kind, shared)
+        (replace(surface, triangles=surface.triangles[some]), kind, is_shared)
         for some, kind in kinds
         if some.any()
     ]

@@ -1,4 +1,4 @@
-"""What a glTF file says of a surface's look: pictures, factors and how they lie on it."""
+"""Materials of a glTF file: pictures, factors and texture coordinates."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -14,9 +14,9 @@ from visavis.stimuli.characters.gltf.file import GltfFile
 MAX_TEXTURE_PX = 4096
 """Larger pictures are halved; graphics cards of ten years ago take these."""
 CLOTH_ROUGHNESS_01 = 0.85
-"""Of clothes that share one material, and so one roughness, with skin."""
+"""Roughness of clothes that share one material with skin."""
 SKIN_ROUGHNESS_01 = 0.6
-"""Of that skin: what exporters write where nobody said anything shines white at temples."""
+"""Roughness of that skin; exporters' default shines white at the temples."""
 UNCUT_01 = 0.5
 """Where the renderer cuts: alpha is scaled so that the file's own cutoff lies there."""
 Pixels = npt.NDArray[np.uint8]
@@ -43,16 +43,16 @@ class _Slot:
 def _slot(entry: dict[str, Any] | None) -> _Slot | None:
     if not entry:
         return None
-    moved = entry.get("extensions", {}).get("KHR_texture_transform", {})
-    coordinates = int(moved.get("texCoord", entry.get("texCoord", 0)))
-    ox, oy = moved.get("offset", (0.0, 0.0))
-    sx, sy = moved.get("scale", (1.0, 1.0))
+    transform = entry.get("extensions", {}).get("KHR_texture_transform", {})
+    coordinates = int(transform.get("texCoord", entry.get("texCoord", 0)))
+    ox, oy = transform.get("offset", (0.0, 0.0))
+    sx, sy = transform.get("scale", (1.0, 1.0))
     return _Slot(
         int(entry["index"]),
         coordinates,
         (float(ox), float(oy)),
         (float(sx), float(sy)),
-        float(moved.get("rotation", 0.0)),
+        float(transform.get("rotation", 0.0)),
     )
 
 
@@ -60,7 +60,7 @@ def _slots(entry: dict[str, Any]) -> dict[str, _Slot]:
     """Return the textures of a material, the one that says how all lie first."""
     look = entry.get("pbrMetallicRoughness", {})
     sheen = entry.get("extensions", {}).get("KHR_materials_sheen", {})
-    listed = {
+    textures = {
         "base": look.get("baseColorTexture"),
         "normal": entry.get("normalTexture"),
         "surface": look.get("metallicRoughnessTexture"),
@@ -68,7 +68,7 @@ def _slots(entry: dict[str, Any]) -> dict[str, _Slot]:
         "glow": entry.get("emissiveTexture"),
         "sheen": sheen.get("sheenColorTexture"),
     }
-    slots = {name: _slot(texture) for name, texture in listed.items()}
+    slots = {name: _slot(texture) for name, texture in textures.items()}
     return {name: slot for name, slot in slots.items() if slot is not None}
 
 
@@ -89,23 +89,23 @@ def colour_factor(file: GltfFile, material: int | None) -> Vector:
 
 
 def shine_as_roughness(file: GltfFile) -> None:
-    """Write materials that older programs tell by specular colour and glossiness as ours are told.
+    """Convert materials with specular colour and glossiness (older programs) to roughness.
 
     Such a material (KHR_materials_pbrSpecularGlossiness) is no metal, and as rough as its
     glossiness on the mean is low; one that is told in both ways stays as it is.
     """
     for entry in file.items("materials"):
-        told = entry.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
-        if told is None or entry.get("pbrMetallicRoughness"):
+        specular = entry.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+        if specular is None or entry.get("pbrMetallicRoughness"):
             continue
-        glossiness = float(told.get("glossinessFactor", 1.0))
-        if "specularGlossinessTexture" in told:
-            pixels = file.image(told["specularGlossinessTexture"]["index"])
+        glossiness = float(specular.get("glossinessFactor", 1.0))
+        if "specularGlossinessTexture" in specular:
+            pixels = file.image(specular["specularGlossinessTexture"]["index"])
             glossiness *= float(pixels[..., 3].mean()) / 255 if pixels.shape[2] == 4 else 1.0
         look = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - glossiness}
-        look["baseColorFactor"] = told.get("diffuseFactor", (1, 1, 1, 1))
-        if "diffuseTexture" in told:
-            look["baseColorTexture"] = told["diffuseTexture"]
+        look["baseColorFactor"] = specular.get("diffuseFactor", (1, 1, 1, 1))
+        if "diffuseTexture" in specular:
+            look["baseColorTexture"] = specular["diffuseTexture"]
         entry["pbrMetallicRoughness"] = look
 
 
@@ -116,10 +116,10 @@ class Looks:
     file: GltfFile
     _read: dict[tuple[object, ...], Pixels] = field(default_factory=dict)
 
-    def material(self, index: int | None, kind: MaterialKind, *, shared: bool) -> Material:
+    def material(self, index: int | None, kind: MaterialKind, *, is_shared: bool) -> Material:
         """Return a material of the file worn as `kind`; eyes are computed and have no pictures.
 
-        `shared` says that the file's one material covers skin and clothes.
+        `is_shared` says that the file's one material covers skin and clothes.
         """
         if index is None or kind == "eye":
             return Material(kind, kind if kind == "eye" else "other", 0.1 if kind == "eye" else 0.7)
@@ -128,7 +128,7 @@ class Looks:
         slots = _slots(entry)
         roughness = float(look.get("roughnessFactor", 1.0))
         metalness = float(look.get("metallicFactor", 1.0))
-        if "surface" not in slots and shared:
+        if "surface" not in slots and is_shared:
             least = {"cloth": CLOTH_ROUGHNESS_01, "skin": SKIN_ROUGHNESS_01}
             roughness = max(roughness, least.get(kind, 0.0))
         maps = self._maps(entry, slots, roughness, metalness)
@@ -171,8 +171,8 @@ class Looks:
                 if pixels.shape[2] == 3:
                     pixels = np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)])
                 pixels = pixels.copy()
-                scaled = np.round(alpha * pixels[..., 3].astype(np.float64))
-                pixels[..., 3] = np.clip(scaled, 0, 255)
+                new_alpha = np.round(alpha * pixels[..., 3].astype(np.float64))
+                pixels[..., 3] = np.clip(new_alpha, 0, 255)
             self._read[key] = pixels
         return self._read[key]
 
@@ -189,8 +189,8 @@ class Looks:
         maps = Maps(
             normal=self._normal(entry, slots),
             surface=self._surface(entry, slots, roughness, metalness),
-            glow_srgb=self._tinted("glow", slots, glow),
-            sheen_srgb=self._tinted("sheen", slots, sheen_factor),
+            glow_srgb=self._tint("glow", slots, glow),
+            sheen_srgb=self._tint("sheen", slots, sheen_factor),
         )
         pictures = (maps.normal, maps.surface, maps.glow_srgb, maps.sheen_srgb)
         return maps if any(picture is not None for picture in pictures) else None
@@ -215,29 +215,29 @@ class Looks:
         self, entry: dict[str, Any], slots: dict[str, _Slot], roughness: float, metalness: float
     ) -> Pixels | None:
         """Return occlusion, roughness and metalness (h, w, 3); factors are in them."""
-        rough, hidden = slots.get("surface"), slots.get("occlusion")
-        if rough is None and hidden is None and metalness == 0.0:
+        rough, occlusion = slots.get("surface"), slots.get("occlusion")
+        if rough is None and occlusion is None and metalness == 0.0:
             return None
         strength = float((entry.get("occlusionTexture") or {}).get("strength", 1.0))
-        key = ("surface", rough, hidden, roughness, metalness, strength)
+        key = ("surface", rough, occlusion, roughness, metalness, strength)
         if key in self._read:
             return self._read[key]
-        given = None if rough is None else self._lying(rough, slots)
-        shade = None if hidden is None else self._lying(hidden, slots)
-        shapes = [p.shape[:2] for p in (given, shade) if p is not None]
+        own_pixels = None if rough is None else self._lying(rough, slots)
+        shade = None if occlusion is None else self._lying(occlusion, slots)
+        shapes = [p.shape[:2] for p in (own_pixels, shade) if p is not None]
         height, width = max(shapes, default=(1, 1))
         out = np.full((height, width, 3), 255.0, np.float32)
         if shade is not None:
-            seen = _sized(shade, (height, width))[..., 0].astype(np.float32)
-            out[..., 0] = 255.0 + strength * (seen - 255.0)
-        if given is not None:
-            out[..., 1:] = _sized(given, (height, width))[..., 1:3]
+            shade_codes = _resize(shade, (height, width))[..., 0].astype(np.float32)
+            out[..., 0] = 255.0 + strength * (shade_codes - 255.0)
+        if own_pixels is not None:
+            out[..., 1:] = _resize(own_pixels, (height, width))[..., 1:3]
         out[..., 1] *= roughness
         out[..., 2] *= metalness
         self._read[key] = np.round(np.clip(out, 0, 255)).astype(np.uint8)
         return self._read[key]
 
-    def _tinted(self, name: str, slots: dict[str, _Slot], factor: Vector) -> Pixels | None:
+    def _tint(self, name: str, slots: dict[str, _Slot], factor: Vector) -> Pixels | None:
         """Return a picture of sRGB codes times a linear factor; None where that is black."""
         if not factor.any():
             return None
@@ -275,7 +275,7 @@ def linear_of(codes: Vector) -> Vector:
 
 
 def srgb_of(light: Vector) -> Vector:
-    """Return the sRGB codes from 0 to 1 of light; what is brighter than 1 is 1."""
+    """Return the sRGB codes from 0 to 1 of light, clipped at 1."""
     x = np.clip(light, 0.0, 1.0)
     codes: Vector = np.where(
         x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 1e-5) ** (1 / 2.4) - 0.055
@@ -297,7 +297,7 @@ def _rgb(pixels: Pixels) -> Pixels:
     return pixels if pixels.shape[2] == 3 else np.ascontiguousarray(pixels[..., :3])
 
 
-def _sized(pixels: Pixels, shape: tuple[int, int]) -> Pixels:
+def _resize(pixels: Pixels, shape: tuple[int, int]) -> Pixels:
     if pixels.shape[:2] == shape:
         return pixels
     size = (shape[1], shape[0])

@@ -1,4 +1,4 @@
-"""All joints of our skeleton for an imported figure; what its file lacks is filled in."""
+"""All joints of our skeleton for an imported figure; missing ones are estimated."""
 
 from collections.abc import Mapping
 

@@ -38,9 +38,9 @@ def like_the_face(
     pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64], face: Vector
 ) -> Mask:
     """Return which triangles (t,) look like a face of the look (3,)."""
-    apart = _looks(pixels, uv, triangles) - face
-    hue = np.abs(apart[:, :2]).max(axis=1) / MAX_HUE_DISTANCE
-    light = apart[:, 2] / MAX_LIGHT_DISTANCE
+    difference = _looks(pixels, uv, triangles) - face
+    hue = np.abs(difference[:, :2]).max(axis=1) / MAX_HUE_DISTANCE
+    light = difference[:, 2] / MAX_LIGHT_DISTANCE
     # Palms are lighter and of another hue; what is darker and of another hue is brown cloth.
     near = (hue**2 + np.minimum(light, 0.0) ** 2 < 1.0) & (light < 1.0)
     # Single triangles of another colour, such as nails or buttons, follow their neighbours.
@@ -50,14 +50,14 @@ def like_the_face(
     for _ in range(ROUNDS):
         at = np.bincount(triangles.ravel(), np.repeat(share, 3), minlength=n) / many
         share = at[triangles].mean(axis=1)
-    alike: Mask = share > 0.5
-    return alike
+    is_alike: Mask = share > 0.5
+    return is_alike
 
 
 def darker_than_the_face(
     pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64], face: Vector
 ) -> Mask:
-    """Return which triangles (t,) are as dark against a face of the look (3,) as hair is."""
+    """Return which triangles (t,) are as much darker than the face's look (3,) as hair is."""
     darker: Mask = _looks(pixels, uv, triangles)[:, 2] < face[2] - MIN_HAIR_DARKNESS
     return darker
 

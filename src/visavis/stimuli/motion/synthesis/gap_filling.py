@@ -64,7 +64,7 @@ def best_segment(source: Vector, before: Vector, after: Vector, gap: int, window
     return Segment(int(starts[best]), float(distance[best]), more)
 
 
-def filled(source: Vector, before: Vector, after: Vector, gap: int, start: int) -> Vector:
+def fill_gap(source: Vector, before: Vector, after: Vector, gap: int, start: int) -> Vector:
     """Return the frames (gap, d) of a piece, bent linearly so that it meets both ends."""
     first_off = before[-1] - source[start]
     last_off = after[0] - source[start + gap + 1]
@@ -92,7 +92,7 @@ class Hold:
 
     @property
     def value(self) -> float:
-        """What is held."""
+        """The value that is held."""
         return self.end + HOLD_SPEED_01 * self.speed * QUARTER * self.gap_s
 
     @property

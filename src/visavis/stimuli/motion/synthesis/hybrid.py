@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
-from visavis.stimuli.motion.clip import Clip, Frames, KeyPoses, Motion, mirrored, sampled
+from visavis.stimuli.motion.clip import Clip, Frames, KeyPoses, Motion, mirror_clip, sample_clip
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.interpolation import KeyTimes, Slerp, Squad
 from visavis.stimuli.motion.skeleton import Skeleton
@@ -67,7 +67,7 @@ def authored_poses(name: str, source: Motion, begin_s: float, end_s: float, incr
     step_s = (end_s - begin_s) / (n if name in MIRRORED else n - 1)
     if not step_s > 0:
         raise MotionError(f"poses of {name} from {begin_s} s to {end_s} s; let them end later")
-    return sampled(source, begin_s, step_s, n)
+    return sample_clip(source, begin_s, step_s, n)
 
 
 def gait(poses: Clip, period_s: float, *, controls: Controls = "shoemake") -> KeyPoses:
@@ -76,7 +76,7 @@ def gait(poses: Clip, period_s: float, *, controls: Controls = "shoemake") -> Ke
     The poses stand in place: their roots' way ahead (z) is left out, so that every round is alike.
     """
     standing = poses.root_m * np.array([1.0, 1.0, 0.0])
-    other = mirrored(poses)
+    other = mirror_clip(poses)
     return _round(
         poses.skeleton,
         np.concatenate([poses.orientation_wxyz, other.orientation_wxyz]),

@@ -1,4 +1,4 @@
-"""Key poses of a clip: the few frames from which interpolation gives it back best, and how.
+"""Key poses of a clip: the few frames from which interpolation restores it best.
 
 Keys are chosen greedily: beginning with first and last frame, the frame is added whose pose is
 farthest from what Slerp between the keys so far gives (summed geodesic angle over the joints).
@@ -33,12 +33,12 @@ def key_frames(clip: Clip, count: int) -> tuple[int, ...]:
     frames = len(clip.root_m)
     if not 2 <= count <= frames:
         raise MotionError(f"{count} key poses of a clip with {frames} frames; give 2 to {frames}")
-    chosen = [0, frames - 1]
-    while len(chosen) < count:
-        error = summed_error_rad(clip, chosen)
-        error[chosen] = -1.0
-        chosen = sorted([*chosen, int(np.argmax(error))])
-    return tuple(chosen)
+    keys = [0, frames - 1]
+    while len(keys) < count:
+        error = summed_error_rad(clip, keys)
+        error[keys] = -1.0
+        keys = sorted([*keys, int(np.argmax(error))])
+    return tuple(keys)
 
 
 def summed_error_rad(clip: Clip, keys: list[int]) -> Vector:
@@ -47,9 +47,11 @@ def summed_error_rad(clip: Clip, keys: list[int]) -> Vector:
     Shape (frames,), in radians.
     """
     times = KeyTimes(clip.frame_times_s[keys])
-    given = Slerp(times, clip.orientation_wxyz[keys]).at(clip.frame_times_s)
-    same = np.sum(given * clip.orientation_wxyz, axis=-1, keepdims=True)
-    chord = np.linalg.norm(given - np.where(same < 0, -1.0, 1.0) * clip.orientation_wxyz, axis=-1)
+    between_keys = Slerp(times, clip.orientation_wxyz[keys]).at(clip.frame_times_s)
+    same = np.sum(between_keys * clip.orientation_wxyz, axis=-1, keepdims=True)
+    chord = np.linalg.norm(
+        between_keys - np.where(same < 0, -1.0, 1.0) * clip.orientation_wxyz, axis=-1
+    )
     return np.asarray((4.0 * np.arcsin(np.clip(chord / 2.0, 0.0, 1.0))).sum(axis=-1))
 
 

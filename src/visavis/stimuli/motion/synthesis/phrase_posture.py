@@ -1,4 +1,4 @@
-"""Where a speaker's weight and hips go with the next phrase, learnt from annotated speech.
+"""Predict a speaker's weight shift and hip direction for the next phrase, from annotated speech.
 
 Two habits are put together: how one posture follows another (a Markov chain), and what goes with
 the gesture of a phrase (rules from its hand and its lexeme, kept when frequent and reliable).
@@ -33,7 +33,7 @@ class Phrase(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """What goes with a gesture: `by` H (its hand), L (its lexeme) or HL (both).
+    """A rule from a gesture to a posture: `by` H (its hand), L (its lexeme) or HL (both).
 
     `with_gesture` phrases have the antecedent, `with_posture` of them the posture, too.
     """
@@ -51,7 +51,7 @@ class Rule(NamedTuple):
 
 @dataclass(frozen=True)
 class Habits:
-    """What was learnt from phrases in the order they were spoken.
+    """Statistics of phrases in the order they were spoken.
 
     `beta` is the rules' share beside the chain's. Rules hold from `min_support` of all phrases and
     `min_confidence` on.
@@ -67,18 +67,18 @@ class Habits:
         if not 0 <= self.beta <= 1:
             raise DataError(f"beta is {self.beta}; it is a share from 0 to 1")
         for row, phrase in enumerate(self.phrases, 1):
-            for part, known in CLASSES.items():
-                if getattr(phrase, part) not in known:
+            for part, classes in CLASSES.items():
+                if getattr(phrase, part) not in classes:
                     raise DataError(
                         f"phrase {row}: {part} is {getattr(phrase, part)!r}; it is one "
-                        f"of {', '.join(known)}"
+                        f"of {', '.join(classes)}"
                     )
 
     @cached_property
     def _codes(self) -> dict[str, Vector]:
         return {
-            part: np.array([known.index(getattr(p, part)) for p in self.phrases], dtype=np.int64)
-            for part, known in CLASSES.items()
+            part: np.array([classes.index(getattr(p, part)) for p in self.phrases], dtype=np.int64)
+            for part, classes in CLASSES.items()
         }
 
     def chain(self, part: Part, posture: str) -> Vector:
@@ -96,7 +96,7 @@ class Habits:
 
     def rules(self, part: Part, hand: str, lexeme: str) -> list[Rule]:
         """Return the rules that hold for a gesture, posture by posture."""
-        found = []
+        matching = []
         hands = np.array([p.hand == hand for p in self.phrases])
         lexemes = np.array([p.lexeme == lexeme for p in self.phrases])
         for code, posture in enumerate(CLASSES[part]):
@@ -107,8 +107,8 @@ class Habits:
                     continue
                 rule = Rule(by, posture, count, joint)
                 if rule.confidence >= self.min_confidence:
-                    found.append(rule)
-        return found
+                    matching.append(rule)
+        return matching
 
     def probability(self, part: Part, posture: str, hand: str, lexeme: str) -> Vector:
         """Return how probable each posture is at the end of the next phrase, shape (3,)."""
@@ -116,8 +116,8 @@ class Habits:
         rules = self.rules(part, hand, lexeme)
         if not rules:
             return chain
-        mixed = (1 - self.beta) * chain + self.beta * strongest(part, rules)
-        together: Vector = mixed / mixed.sum()
+        mixture = (1 - self.beta) * chain + self.beta * strongest(part, rules)
+        together: Vector = mixture / mixture.sum()
         return together
 
     def joint(self, com: str, yaw: str, hand: str, lexeme: str) -> Vector:

@@ -43,7 +43,7 @@ def pose_distance(target_m: Vector, made_m: Vector) -> PoseDistance:
             f"poses {made_m.shape} are compared with {target_m.shape}; give both as "
             "(poses, joints, 3)"
         )
-    apart = np.linalg.norm(target_m - made_m, axis=-1)
-    if not apart.size or not np.isfinite(apart).all():
+    distance_m = np.linalg.norm(target_m - made_m, axis=-1)
+    if not distance_m.size or not np.isfinite(distance_m).all():
         raise MotionError("a pose to be compared is missing or not finite; leave it out")
-    return PoseDistance(float(apart.sum()), apart.size)
+    return PoseDistance(float(distance_m.sum()), distance_m.size)

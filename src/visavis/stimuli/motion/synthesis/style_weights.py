@@ -44,15 +44,15 @@ class StyleWeights:
     @property
     def condition(self) -> float:
         """Condition number of the radial functions' matrix: how far errors can grow in the fit."""
-        apart = np.linalg.norm(self.examples[:, None] - self.examples, axis=-1)
-        return float(np.linalg.cond(b_spline(apart / self.reach)))
+        distance = np.linalg.norm(self.examples[:, None] - self.examples, axis=-1)
+        return float(np.linalg.cond(b_spline(distance / self.reach)))
 
     def raw(self, points: Vector) -> Vector:
         """Return weights (..., n) at points (..., d) as fitted; they may be below 0 or above 1."""
         p = np.asarray(points, dtype=np.float64)
-        apart = np.linalg.norm(p[..., None, :] - self.examples, axis=-1) / self.reach
-        found: Vector = self.linear[0] + p @ self.linear[1:] + b_spline(apart) @ self.radial
-        return found
+        distance = np.linalg.norm(p[..., None, :] - self.examples, axis=-1) / self.reach
+        weights: Vector = self.linear[0] + p @ self.linear[1:] + b_spline(distance) @ self.radial
+        return weights
 
     def at(self, points: Vector) -> Vector:
         """Return weights (..., n) at points (..., d): between 0 and 1, summing to 1.
@@ -60,11 +60,11 @@ class StyleWeights:
         Raises:
             DataError: at a point no example has any weight.
         """
-        held = np.clip(self.raw(points), 0.0, 1.0)
-        total = held.sum(axis=-1, keepdims=True)
+        clipped_01 = np.clip(self.raw(points), 0.0, 1.0)
+        total = clipped_01.sum(axis=-1, keepdims=True)
         if not (total > 0).all():
-            raise DataError("no example reaches a point that was asked for; stay nearer to them")
-        weights: Vector = held / total
+            raise DataError("no example reaches a requested point; stay nearer to them")
+        weights: Vector = clipped_01 / total
         return weights
 
 
@@ -77,15 +77,15 @@ def fit_weights(examples: Vector) -> StyleWeights:
     points = np.asarray(examples, dtype=np.float64)
     if points.ndim != 2 or len(points) < 2 or not np.isfinite(points).all():
         raise DataError(f"examples of shape {points.shape}; give at least two finite rows")
-    apart = np.linalg.norm(points[:, None] - points, axis=-1)
-    np.fill_diagonal(apart, np.inf)
-    reach: Vector = apart.min(axis=0)
+    distance = np.linalg.norm(points[:, None] - points, axis=-1)
+    np.fill_diagonal(distance, np.inf)
+    reach: Vector = distance.min(axis=0)
     if not (reach > 0).all():
         row = int(np.argmin(reach))
-        raise DataError(f"example {row + 1} stands where another does; move or drop one")
-    np.fill_diagonal(apart, 0.0)
+        raise DataError(f"example {row + 1} is at the same point as another; move or drop one")
+    np.fill_diagonal(distance, 0.0)
     own = np.eye(len(points))
     basis = np.column_stack([np.ones(len(points)), points])
     linear = np.asarray(np.linalg.lstsq(basis, own, rcond=None)[0], dtype=np.float64)
-    radial = np.asarray(np.linalg.solve(b_spline(apart / reach), own - basis @ linear))
+    radial = np.asarray(np.linalg.solve(b_spline(distance / reach), own - basis @ linear))
     return StyleWeights(points, linear, radial, reach)

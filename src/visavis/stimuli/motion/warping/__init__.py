@@ -1,3 +1,3 @@
-"""Warp a motion so that an observer sees more or less of it: features of what is perceived,
-steered by a visual control loop.
+"""Warp a motion so that an observer sees more or less of it: a visual control loop steers features
+of the perceived image.
 """

@@ -11,7 +11,7 @@ import numpy as np
 
 from visavis.lab.geometry import Pose, Vector, quat_multiply, rotate
 from visavis.stimuli.characters.character import Character
-from visavis.stimuli.motion.baking import baked
+from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.errors import MotionError
@@ -24,7 +24,7 @@ from visavis.stimuli.motion.warping.outlook import Outlook, looking_at, outlook
 from visavis.stimuli.motion.warping.perceived import SeenBody, body_of, holding
 from visavis.stimuli.motion.warping.units import WarpingUnit, units_named
 from visavis.stimuli.picture import Light, StaticMesh
-from visavis.stimuli.rooms.solids import box, cylinder, joined
+from visavis.stimuli.rooms.solids import box, cylinder, join_meshes
 
 CLIP_S: Final = 2.0
 VIEW_RADIUS_M: Final = 1.05
@@ -34,7 +34,7 @@ EYE_HEIGHT_M: Final = 1.62
 SEARCHED: Final = ControlSettings(
     search=True, step_cap_deg=10.0, error_cap=0.4, wide_probe_deg=12.0
 )
-"""Of presets: nothing waits for these, and some steer past an edge or by a few pixels."""
+"""Settings of presets, which may take their time; some steer past an edge or by a few pixels."""
 EVERY_FRAME: Final = replace(SEARCHED, rate_hz=30.0)
 """Where an edge or another part passes within a frame: as many keys as the clip has frames."""
 STILL: Final = replace(SEARCHED, smoothness=0.1)
@@ -76,7 +76,7 @@ def _slats() -> tuple[StaticMesh, ...]:
         cylinder((x, 0, -1.0), (x, 2.1, -1.0), 0.035, (120, 120, 124), sides=10)
         for x in np.arange(-0.55, 0.75, 0.17)
     ]
-    return (joined(*bars),)
+    return (join_meshes(*bars),)
 
 
 def _shade() -> tuple[StaticMesh, ...]:
@@ -100,7 +100,7 @@ CASES: Final[dict[str, Case]] = {
     for case in (
         Case(
             "view_change",
-            "wave with both hands at an observer who stands aside",
+            "wave with both hands at an observer to the side",
             Wave(hand="both"),
             50.0,
             3.0,
@@ -128,7 +128,7 @@ CASES: Final[dict[str, Case]] = {
         ),
         Case(
             "show_tablet",
-            "show a tablet to an observer who stands aside",
+            "show a tablet to an observer to the side",
             Text(hand="right"),
             -45.0,
             2.2,
@@ -244,7 +244,7 @@ def observer_eye_m(case: Case) -> Vector:
 
 def tablet() -> StaticMesh:
     """Return a tablet computer, upright, its screen to +z."""
-    return joined(
+    return join_meshes(
         box((0, 0, 0), (0.18, 0.25, 0.009), (40, 42, 46), chamfer_m=0.002),
         box((0, 0, 0.005), (0.16, 0.22, 0.001), (120, 170, 220)),
     )
@@ -262,10 +262,10 @@ def grip_of_tablet(character: Character, clip: Clip) -> Pose:
     return Pose(palm + before_fingers, quat_multiply(inverse, facing_front))
 
 
-def staged(case: Case, character: Character, *, size_px: int = SIZE_PX) -> StagedCase:
+def stage_case(case: Case, character: Character, *, size_px: int = SIZE_PX) -> StagedCase:
     """Return a case with a character in it."""
     person = Person(build_of_character(character), case.kind, seed=5)
-    clip = baked(person, CLIP_S)
+    clip = bake(person, CLIP_S)
     eye = observer_eye_m(case)
     centre = clip.root_m.mean(axis=0) + np.array([0.0, 0.30, 0.0])
     body = body_of(character)

@@ -1,4 +1,4 @@
-"""Warp a whole clip for an observer, and what became of its features."""
+"""Warp a whole clip for an observer, and measure the result's features."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -21,8 +21,12 @@ from visavis.stimuli.motion.warping.control import (
 )
 from visavis.stimuli.motion.warping.features import FeatureTarget, values_of
 from visavis.stimuli.motion.warping.outlook import Outlook
-from visavis.stimuli.motion.warping.perceived import SeenBody, perceived, refuse_observer_inside
-from visavis.stimuli.motion.warping.trajectory import corrected, joined
+from visavis.stimuli.motion.warping.perceived import (
+    SeenBody,
+    perceived_parts,
+    refuse_observer_inside,
+)
+from visavis.stimuli.motion.warping.trajectory import correct_offsets, interpolate_offsets
 from visavis.stimuli.motion.warping.units import WarpingUnit
 
 View = Outlook | Callable[[float], Outlook]
@@ -31,11 +35,11 @@ View = Outlook | Callable[[float], Outlook]
 
 @dataclass(frozen=True, eq=False)
 class WarpedClip:
-    """A warped clip and how it came about.
+    """A warped clip with the results of the control loop.
 
     At the k times `key_s` the loop ran: offsets `omega_rad` (k, w) of the result, `pose_reached`
     (k,) whether the units alone could come to the target, `steps` (k,). At the n frames `frame_s`
-    of the result: features `original`, `wanted` and `reached` (n, f), `is_reached` (n,) within a
+    of the result: features `original`, `goal` and `final` (n, f), `is_reached` (n,) within a
     tenth of the wanted change or of what the buffer can tell (`grain_of`).
     """
 
@@ -49,21 +53,21 @@ class WarpedClip:
     steps: npt.NDArray[np.int64]
     frame_s: Vector
     original: Vector
-    wanted: Vector
-    reached: Vector
+    goal: Vector
+    final: Vector
     is_reached: npt.NDArray[np.bool_]
 
     @property
     def summary(self) -> str:
-        """One line for whoever asked: how much was reached, and whether more was impossible."""
+        """One line: how much of the change was reached, and whether more was impossible."""
         share = float(self.is_reached.mean())
         parts = ", ".join(
             f"{t.kind} of {'+'.join(t.parts)} {a:.4f} → {r:.4f} (wanted {w:.4f})"
             for t, a, w, r in zip(
                 self.targets,
                 self.original.mean(axis=0),
-                self.wanted.mean(axis=0),
-                self.reached.mean(axis=0),
+                self.goal.mean(axis=0),
+                self.final.mean(axis=0),
                 strict=True,
             )
         )
@@ -88,27 +92,28 @@ def warp_clip(
 
     The loop runs `rate_hz` times a second of motion, each time from the offsets found before; a
     filter of `smooth_s` joins them, and all keys are corrected together until they come to the
-    target again. Where the target is out of reach, the nearest that was found is kept.
+    target again. Where the target cannot be reached, the nearest result counts.
 
     Raises:
         MotionError: clip and body have different joints, or the observer is inside the body.
     """
-    chosen = settings or ControlSettings()
+    control = settings or ControlSettings()
     if clip.skeleton.names != body.skeleton.names:
         raise MotionError("clip and body have different joints; retarget the clip first")
     if not targets or not units:
         raise MotionError("a warp needs at least one feature and one warping unit")
-    key_s = _key_times(clip, chosen.rate_hz)
-    n, steps = len(key_s), len(key_s) + chosen.passes + 1
+    key_s = _key_times(clip, control.rate_hz)
+    n, steps = len(key_s), len(key_s) + control.passes + 1
     poses = clip.at(key_s)
     outcomes: list[Outcome] = []
     start = np.zeros(len(units))
 
-    def report(done: int) -> None:
+    def report(n_done: int) -> None:
         if progress is not None:
-            progress(done, steps)
+            progress(n_done, steps)
 
-    with ThreadPoolExecutor(chosen.threads) as pool:
+    with ThreadPoolExecutor(control.threads) as pool:
+        # Each key pose alone, from the offsets of the one before: neighbours need little change.
         situations = _situations(clip, body, view, targets, units, key_s)
         for k, situation in enumerate(situations):
             refuse_observer_inside(
@@ -117,38 +122,40 @@ def warp_clip(
                 poses.root_m[k],
                 poses.orientation_wxyz[k],
             )
-            outcomes.append(steer(situation, chosen, start_rad=start, pool=pool))
+            outcomes.append(steer(situation, control, start_rad=start, pool=pool))
             start = outcomes[-1].omega_rad
             report(k + 1)
-        found = np.array([o.omega_rad for o in outcomes])
-        omega = smoothed(found, key_s, chosen.smooth_s, looped=clip.looped)
+        # Smoothing moves the features off their goals, so that all keys are corrected together.
+        offsets_rad = np.array([o.omega_rad for o in outcomes])
+        omega = smooth_offsets(offsets_rad, key_s, control.smooth_s, is_loop=clip.is_loop)
         if omega.any():
             gap_s = float(key_s[1] - key_s[0]) if n > 1 else 1.0
-            omega = corrected(
-                situations, outcomes, omega, gap_s, chosen, looped=clip.looped, pool=pool
+            omega = correct_offsets(
+                situations, outcomes, omega, gap_s, control, is_loop=clip.is_loop, pool=pool
             ).omega_rad
     report(steps)
-    at_frames = joined(key_s, omega, clip.frame_times_s, looped=clip.looped)
+    at_frames = interpolate_offsets(key_s, omega, clip.frame_times_s, is_loop=clip.is_loop)
     reach = np.radians([unit.range_deg for unit in units])
-    warped = _apply(clip, body, units, np.clip(at_frames, -reach, reach))
-    original, reached = _seen_in(clip, warped, body, view, targets)
-    wanted = np.array([wanted_features(targets, row) for row in original])
+    warped_clip = _apply(clip, body, units, np.clip(at_frames, -reach, reach))
+    # The report measures the result itself, not what the loop expected.
+    original, final = _seen_in(clip, warped_clip, body, view, targets)
+    goal = np.array([wanted_features(targets, row) for row in original])
     still = _situations(clip, body, view, targets, units, clip.frame_times_s[:1])[0]
     return WarpedClip(
-        clip=warped,
+        clip=warped_clip,
         targets=targets,
         units=units,
-        settings=chosen,
+        settings=control,
         key_s=key_s,
         omega_rad=omega,
         pose_reached=np.array([o.is_reached for o in outcomes], dtype=np.bool_),
         steps=np.array([o.steps for o in outcomes]),
         frame_s=clip.frame_times_s,
         original=original,
-        wanted=wanted,
-        reached=reached,
+        goal=goal,
+        final=final,
         is_reached=np.array(
-            [is_within(w, o, r, still) for w, o, r in zip(wanted, original, reached, strict=True)],
+            [is_within(w, o, r, still) for w, o, r in zip(goal, original, final, strict=True)],
             dtype=np.bool_,
         ),
     )
@@ -158,21 +165,21 @@ def _key_times(clip: Clip, rate_hz: float) -> Vector:
     """Return when the loop runs: on both ends of an open clip, evenly round a loop."""
     if len(clip.root_m) == 1:
         return np.zeros(1)
-    n = max(3, round(clip.duration_s * rate_hz) + (not clip.looped))
-    return np.linspace(0.0, clip.duration_s, n, endpoint=not clip.looped)
+    n = max(3, round(clip.duration_s * rate_hz) + (not clip.is_loop))
+    return np.linspace(0.0, clip.duration_s, n, endpoint=not clip.is_loop)
 
 
 def _seen_in(
-    clip: Clip, warped: Clip, body: SeenBody, view: View, targets: tuple[FeatureTarget, ...]
+    clip: Clip, warped_clip: Clip, body: SeenBody, view: View, targets: tuple[FeatureTarget, ...]
 ) -> tuple[Vector, Vector]:
     """Return the features (n, f) of every frame of a clip, before and after."""
     moving = any(t.kind == "motion_coverage" for t in targets)
     values = np.zeros((2, len(clip.root_m), len(targets)))
     before = None
     for k, t in enumerate(clip.frame_times_s):
-        turns = np.stack([clip.orientation_wxyz[k], warped.orientation_wxyz[k]])
-        roots = np.stack([clip.root_m[k], warped.root_m[k]])
-        ids = perceived(body, view(float(t)) if callable(view) else view, roots, turns)
+        turns = np.stack([clip.orientation_wxyz[k], warped_clip.orientation_wxyz[k]])
+        roots = np.stack([clip.root_m[k], warped_clip.root_m[k]])
+        ids = perceived_parts(body, view(float(t)) if callable(view) else view, roots, turns)
         values[:, k] = values_of(targets, ids, ids if before is None else before)
         before = ids if moving else None
     return values[0], values[1]
@@ -203,7 +210,7 @@ def _situations(
     ]
 
 
-def smoothed(omega: Vector, key_s: Vector, time_s: float, *, looped: bool = False) -> Vector:
+def smooth_offsets(omega: Vector, key_s: Vector, time_s: float, *, is_loop: bool = False) -> Vector:
     """Filter offsets (k, w) over time by a critically damped second-order filter, both ways.
 
     Running it forth and back keeps the offsets in step with the motion; offsets of 0 stay 0.
@@ -211,12 +218,12 @@ def smoothed(omega: Vector, key_s: Vector, time_s: float, *, looped: bool = Fals
     if len(omega) < 2:
         return omega
     step = float(key_s[1] - key_s[0])
-    tiles = 3 if looped else 1
+    tiles = 3 if is_loop else 1
     series = np.concatenate([omega] * tiles)
     for _ in range(2):
         series = _critically_damped(series, step, time_s / 2)[::-1]
     n = len(omega)
-    return series[n : 2 * n] if looped else series
+    return series[n : 2 * n] if is_loop else series
 
 
 def _critically_damped(series: Vector, step_s: float, time_s: float) -> Vector:

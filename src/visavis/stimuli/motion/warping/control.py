@@ -23,15 +23,15 @@ from visavis.stimuli.motion.warping.features import (
     values_of,
 )
 from visavis.stimuli.motion.warping.outlook import Outlook
-from visavis.stimuli.motion.warping.perceived import SeenBody, perceived
+from visavis.stimuli.motion.warping.perceived import SeenBody, perceived_parts
 from visavis.stimuli.motion.warping.raster_kernels import Bytes
 from visavis.stimuli.motion.warping.units import WarpingUnit, turned_by
 
 MIN_PX: Final = 24
 SEARCHED_DAMPING: Final = (0.0625, 0.25, 1.0, 4.0)
-"""Of a searched step: what the damping is multiplied by."""
+"""Factors of the damping that a searched step tries."""
 SEARCHED_ERROR: Final = (0.0625, 0.125, 0.25, 0.5, 1.0)
-"""Of a searched step: what the error cap is multiplied by."""
+"""Factors of the error cap that a searched step tries."""
 _FAR: Final = 1e6
 
 
@@ -92,7 +92,7 @@ class ControlSettings:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What one pose is judged by: the body, the view, what is wanted and what may move.
+    """The inputs of the loop for one pose: body, view, targets and warping units.
 
     `root_m` (3,), `local_wxyz` (55, 4). `earlier_root_m`, `earlier_wxyz` are the same a frame
     earlier, for features of movement; both are warped alike.
@@ -116,18 +116,18 @@ class ControlStep:
 
     omega_rad: Vector
     next_rad: Vector
-    seen: Vector
-    asked: Vector
+    features: Vector
+    change: Vector
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Offsets (w,) found for a pose, features of the original, wanted and reached (f,)."""
+    """Offsets (w,) for a pose, and features (f,): `original`, `goal` and `final`."""
 
     omega_rad: Vector
     original: Vector
-    wanted: Vector
-    reached: Vector
+    goal: Vector
+    final: Vector
     steps: int
     is_reached: bool
 
@@ -136,7 +136,7 @@ def warped_turns(
     skeleton: Skeleton, units: tuple[WarpingUnit, ...], local_wxyz: Vector, omega_rad: Vector
 ) -> Vector:
     """Return turns (n, 55, 4) of a pose for offsets (n, w), held within joint limits."""
-    return turned_by(skeleton, units, local_wxyz, omega_rad, held=True)
+    return turned_by(skeleton, units, local_wxyz, omega_rad, is_limited=True)
 
 
 def see(
@@ -158,7 +158,9 @@ def _ids(
         skeleton = situation.body.skeleton
         turns = warped_turns(skeleton, situation.units, local_wxyz, omega_rad)
         roots = np.broadcast_to(root_m, (len(turns), 3))
-        return perceived(situation.body, situation.view, roots, turns, pool=pool, threads=threads)
+        return perceived_parts(
+            situation.body, situation.view, roots, turns, pool=pool, threads=threads
+        )
 
     before = None
     if situation.earlier_root_m is not None and situation.earlier_wxyz is not None:
@@ -166,7 +168,7 @@ def _ids(
     return ids(situation.root_m, situation.local_wxyz), before
 
 
-def capped(error: Vector, cap: float) -> Vector:
+def cap_length(error: Vector, cap: float) -> Vector:
     """Shorten a vector to at most `cap`."""
     length = float(np.linalg.norm(error))
     return error if length <= cap else error * (cap / length)
@@ -179,7 +181,7 @@ def damped_solution(jacobian: Vector, change: Vector, damping: float) -> Vector:
     return solution
 
 
-def linearised(
+def linearise(
     situation: Situation,
     omega_rad: Vector,
     settings: ControlSettings,
@@ -192,9 +194,9 @@ def linearised(
     still = np.zeros((1, len(situation.units)))
     probes = np.concatenate([still, _probes(situation, settings.probe_deg)]) + omega_rad
     ids, before = _ids(situation, probes, pool, settings.threads)
-    seen = values_of(situation.targets, ids[:1], None if before is None else before[:1])[0]
+    features = values_of(situation.targets, ids[:1], None if before is None else before[:1])[0]
     fine = fine_values_of(situation.targets, ids[1:], None if before is None else before[1:])
-    return seen, _slopes(fine, settings.probe_deg)
+    return features, _slopes(fine, settings.probe_deg)
 
 
 def _wide_slopes(
@@ -205,8 +207,8 @@ def _wide_slopes(
 ) -> Vector:
     """Return derivatives (f, w) per radian over the wide probe: 2 w renders."""
     probes = _probes(situation, settings.wide_probe_deg) + omega_rad
-    seen = fine_values_of(situation.targets, *_ids(situation, probes, pool, settings.threads))
-    return _slopes(seen, settings.wide_probe_deg)
+    features = fine_values_of(situation.targets, *_ids(situation, probes, pool, settings.threads))
+    return _slopes(features, settings.wide_probe_deg)
 
 
 def _probes(situation: Situation, probe_deg: float) -> Vector:
@@ -215,17 +217,17 @@ def _probes(situation: Situation, probe_deg: float) -> Vector:
     return np.concatenate([forth, -forth])
 
 
-def _slopes(seen: Vector, probe_deg: float) -> Vector:
+def _slopes(features: Vector, probe_deg: float) -> Vector:
     """Return central differences (f, w) per radian of features (2 w, f) seen at the probes."""
-    n = len(seen) // 2
-    found: Vector = ((seen[:n] - seen[n:]) / (2 * np.radians(probe_deg))).T
-    return found
+    n = len(features) // 2
+    slopes: Vector = ((features[:n] - features[n:]) / (2 * np.radians(probe_deg))).T
+    return slopes
 
 
 def control_step(
     situation: Situation,
     omega_rad: Vector,
-    wanted: Vector,
+    goal: Vector,
     scale: Vector,
     settings: ControlSettings,
     pool: ThreadPoolExecutor | None = None,
@@ -238,9 +240,9 @@ def control_step(
     20 renders more, twice as many and 2 w with a wide probe; it prefers what is within `tolerance`
     (f,) where that is given.
     """
-    seen, jacobian = linearised(situation, omega_rad, settings, pool)
-    error = scale * (wanted - seen)
-    asked = capped(error, settings.error_cap)
+    features, jacobian = linearise(situation, omega_rad, settings, pool)
+    error = scale * (goal - features)
+    capped_error = cap_length(error, settings.error_cap)
     reach = np.radians([unit.range_deg for unit in situation.units])
 
     def ahead(shares: Vector, step: Vector, damping: float) -> Vector:
@@ -248,26 +250,28 @@ def control_step(
         free = omega_rad - damped_solution(shares, shares @ omega_rad, damping)
         change = damped_solution(shares, step, damping) - settings.rest_pull * free
         turn = np.clip(change, -cap, cap)
-        held: Vector = np.clip(omega_rad + turn, -reach, reach)
-        return held
+        next_rad: Vector = np.clip(omega_rad + turn, -reach, reach)
+        return next_rad
 
     if not settings.search:
         shares = scale[:, None] * jacobian
-        return ControlStep(omega_rad, ahead(shares, asked, settings.damping), seen, asked)
+        return ControlStep(
+            omega_rad, ahead(shares, capped_error, settings.damping), features, capped_error
+        )
     jacobians = [jacobian]
     if settings.wide_probe_deg:
         jacobians.append(_wide_slopes(situation, omega_rad, settings, pool))
-    asks = [capped(error, settings.error_cap * share) for share in SEARCHED_ERROR]
+    asks = [cap_length(error, settings.error_cap * share) for share in SEARCHED_ERROR]
     choices = [(j, d, a) for j in jacobians for d in SEARCHED_DAMPING for a in asks]
-    tried = np.array(
+    candidates = np.array(
         [ahead(scale[:, None] * j, a, settings.damping * damping) for j, damping, a in choices]
     )
-    left = wanted - see(situation, tried, pool, settings.threads)
+    left = goal - see(situation, candidates, pool, settings.threads)
     length = np.linalg.norm(scale * left, axis=1)
     if tolerance is not None:
         length = np.where((np.abs(left) <= tolerance).all(axis=1), length, length + _FAR)
-    chosen = int(np.argmin(length))
-    return ControlStep(omega_rad, tried[chosen], seen, choices[chosen][2])
+    best = int(np.argmin(length))
+    return ControlStep(omega_rad, candidates[best], features, choices[best][2])
 
 
 def wanted_features(targets: tuple[FeatureTarget, ...], original: Vector) -> Vector:
@@ -287,11 +291,11 @@ def scale_of(situation: Situation, original: Vector) -> Vector:
 
 
 def is_close(
-    targets: tuple[FeatureTarget, ...], view: Outlook, wanted: Vector, seen: Vector
+    targets: tuple[FeatureTarget, ...], view: Outlook, goal: Vector, features: Vector
 ) -> bool:
-    """Tell whether every feature is within a pixel of what is wanted."""
+    """Return whether every feature is within a pixel of its goal."""
     pixel = np.array([pixel_of(t, view.size_px) for t in targets])
-    return bool((np.abs(wanted - seen) < pixel).all())
+    return bool((np.abs(goal - features) < pixel).all())
 
 
 def steer(
@@ -307,34 +311,32 @@ def steer(
     """
     zero = np.zeros(len(situation.units))
     original = see(situation, zero[None])[0]
-    wanted = wanted_features(situation.targets, original)
-    if is_close(situation.targets, situation.view, wanted, original):
-        return Outcome(zero, original, wanted, original, 0, True)
+    goal = wanted_features(situation.targets, original)
+    if is_close(situation.targets, situation.view, goal, original):
+        return Outcome(zero, original, goal, original, 0, True)
     scale = scale_of(situation, original)
-    tolerance = tolerance_of(situation, original, wanted) if settings.search else None
+    tolerance = tolerance_of(situation, original, goal) if settings.search else None
     omega = zero if start_rad is None else start_rad
-    best, best_seen, least = zero, original, _length(scale * (wanted - original), False)
-    taken = 0
+    best, best_seen, least = zero, original, _length(scale * (goal - original), False)
+    n_steps = 0
     while True:
         # The last look only judges where the last step has led.
-        if taken == settings.most_steps:
-            seen, ahead = see(situation, omega[None])[0], omega
+        if n_steps == settings.most_steps:
+            features, ahead = see(situation, omega[None])[0], omega
         else:
-            step = control_step(
-                situation, omega, wanted, scale, settings, pool, tolerance=tolerance
-            )
-            seen, ahead, taken = step.seen, step.next_rad, taken + 1
-        left = wanted - seen
+            step = control_step(situation, omega, goal, scale, settings, pool, tolerance=tolerance)
+            features, ahead, n_steps = step.features, step.next_rad, n_steps + 1
+        left = goal - features
         within = tolerance is not None and bool((np.abs(left) <= tolerance).all())
         error = _length(scale * left, within)
         if error < least:
-            best, best_seen, least = omega, seen, error
-        close = is_close(situation.targets, situation.view, wanted, seen)
+            best, best_seen, least = omega, features, error
+        close = is_close(situation.targets, situation.view, goal, features)
         if close or np.array_equal(ahead, omega):
             break
         omega = ahead
     return Outcome(
-        best, original, wanted, best_seen, taken, is_within(wanted, original, best_seen, situation)
+        best, original, goal, best_seen, n_steps, is_within(goal, original, best_seen, situation)
     )
 
 
@@ -344,20 +346,20 @@ def _length(error: Vector, within: bool) -> float:
 
 
 def tolerance_of(
-    situation: Situation, original: Vector, wanted: Vector, share: float = 0.1
+    situation: Situation, original: Vector, goal: Vector, share: float = 0.1
 ) -> Vector:
-    """Return what may be left (f,): a share of the wanted change, or what the buffer can tell."""
+    """Return the tolerated error (f,): a share of the wanted change, or the buffer's resolution."""
     size = situation.view.size_px
     grain = np.array(
-        [grain_of(t, float(w), size) for t, w in zip(situation.targets, wanted, strict=True)]
+        [grain_of(t, float(w), size) for t, w in zip(situation.targets, goal, strict=True)]
     )
-    least: Vector = np.maximum(share * np.abs(wanted - original), grain)
+    least: Vector = np.maximum(share * np.abs(goal - original), grain)
     return least
 
 
 def is_within(
-    wanted: Vector, original: Vector, seen: Vector, situation: Situation, share: float = 0.1
+    goal: Vector, original: Vector, features: Vector, situation: Situation, share: float = 0.1
 ) -> bool:
-    """Tell whether what is left is a tenth of the wanted change, or what the buffer can tell."""
-    tolerance = tolerance_of(situation, original, wanted, share)
-    return bool((np.abs(wanted - seen) <= tolerance).all())
+    """Return whether the error is at most a tenth of the wanted change or one buffer step."""
+    tolerance = tolerance_of(situation, original, goal, share)
+    return bool((np.abs(goal - features) <= tolerance).all())

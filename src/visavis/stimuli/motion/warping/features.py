@@ -1,4 +1,4 @@
-"""Visual features of what is perceived, and the change of them that is wanted."""
+"""Visual features of the perceived image, and the wanted changes of them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.warping.perceived import mask_of
 from visavis.stimuli.motion.warping.raster_kernels import (
     Bytes,
-    changed,
     fine_extension,
     measure,
+    measure_change,
 )
 
 Custom = Callable[[Bytes, npt.NDArray[np.bool_]], float]
@@ -97,20 +97,20 @@ def values_of(
 
     `before` (n, h, w) or (h, w) is what was perceived a frame earlier; without it nothing moved.
     """
-    wanted = np.array([mask_of(t.parts) for t in targets])
+    masks = np.array([mask_of(t.parts) for t in targets])
     values = np.zeros((len(ids), len(targets)))
     plain = np.empty((len(ids), len(targets), 3))
-    measure(ids, wanted, plain)
-    moved = np.zeros((len(ids), len(targets)))
+    measure(ids, masks, plain)
+    shares = np.zeros((len(ids), len(targets)))
     if before is not None and any(t.kind == "motion_coverage" for t in targets):
-        changed(ids, np.ascontiguousarray(np.broadcast_to(before, ids.shape)), wanted, moved)
+        measure_change(ids, np.ascontiguousarray(np.broadcast_to(before, ids.shape)), masks, shares)
     for f, target in enumerate(targets):
         if target.kind == "motion_coverage":
-            values[:, f] = moved[:, f]
+            values[:, f] = shares[:, f]
         elif target.kind in BUILT_IN:
             values[:, f] = plain[:, f, BUILT_IN.index(target.kind)]
         else:
-            values[:, f] = [_CUSTOM[target.kind](one, wanted[f]) for one in ids]
+            values[:, f] = [_CUSTOM[target.kind](one, masks[f]) for one in ids]
     return values
 
 
@@ -128,8 +128,8 @@ def fine_values_of(
         if target.kind in ("horizontal_extension", "vertical_extension"):
             across = target.kind == "horizontal_extension"
             fine_extension(ids, mask_of(target.parts), across, EDGE_PX, fine)
-            known = np.isfinite(fine)
-            values[known, f] = fine[known] / ids.shape[2 if across else 1]
+            is_finite = np.isfinite(fine)
+            values[is_finite, f] = fine[is_finite] / ids.shape[2 if across else 1]
     return values
 
 

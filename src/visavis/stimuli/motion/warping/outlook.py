@@ -1,4 +1,4 @@
-"""What an observer sees from: camera, what stands in between, which lamps burn; packed once."""
+"""An observer's view: camera, occluders and lamps, packed once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -87,11 +87,11 @@ def packed_eye(camera: Camera) -> Floats:
     """Return the camera as the kernels read it."""
     q = camera.pose.orientation_wxyz
     axes = np.array([rotate(q, axis) for axis in np.eye(3)])
-    packed = np.zeros(EYE)
-    packed[:3] = camera.pose.position_m
-    packed[3:12] = axes.ravel()
-    packed[12:16] = camera.left, camera.right, camera.bottom, camera.top
-    return packed
+    row = np.zeros(EYE)
+    row[:3] = camera.pose.position_m
+    row[3:12] = axes.ravel()
+    row[12:16] = camera.left, camera.right, camera.bottom, camera.top
+    return row
 
 
 def depth_of(meshes: Sequence[StaticMesh], eye: Floats, height: int, width: int) -> Floats:
@@ -205,7 +205,7 @@ def outlook_in(
     """Pack a view into a room: its props hide and shade, its lamps and ambient light it."""
     props = [p.mesh for p in room.props]
     shading = [p.mesh for p in room.props if p.casts_shadow]
-    packed = outlook(
+    view = outlook(
         camera,
         size_px,
         occluders=[*shading, *more],
@@ -215,7 +215,7 @@ def outlook_in(
         lit_radius_m=lit_radius_m,
         least_light_01=least_light_01,
     )
-    return seen_from(packed, camera, [*props, *more])
+    return seen_from(view, camera, [*props, *more])
 
 
 def seen_from(view: Outlook, camera: Camera, hiding: Sequence[StaticMesh]) -> Outlook:

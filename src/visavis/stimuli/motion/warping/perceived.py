@@ -32,8 +32,8 @@ INSIDE_TURNS: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Moving:
-    """What moves of a body when some joints do: vertices by number, triangles with their labels;
-    and the triangles that stay.
+    """The moving part of a body when some joints turn: vertices by number, triangles with their
+    labels; and the still triangles.
     """
 
     vertices: npt.NDArray[np.int64]
@@ -57,27 +57,27 @@ class SeenBody:
     labels: Bytes
 
     @cached_property
-    def _known(self) -> dict[bytes, Moving]:
+    def _moving_of(self) -> dict[bytes, Moving]:
         return {}
 
     def moving_with(self, joints: npt.NDArray[np.bool_]) -> Moving:
         """Return what moves when these joints (55,) do; kept, for probes ask again and again."""
         key = joints.tobytes()
-        known = self._known.get(key)
-        if known is None:
+        moving = self._moving_of.get(key)
+        if moving is None:
             vertex = np.any(joints[self.joints] & (self.weights > 0), axis=1)
             triangle = vertex[self.triangles].any(axis=1)
-            known = Moving(
+            moving = Moving(
                 np.flatnonzero(vertex),
                 self.triangles[triangle],
                 self.labels[triangle],
                 self.triangles[~triangle],
                 self.labels[~triangle],
             )
-            if len(self._known) >= MAX_KNOWN:
-                self._known.clear()
-            self._known[key] = known
-        return known
+            if len(self._moving_of) >= MAX_KNOWN:
+                self._moving_of.clear()
+            self._moving_of[key] = moving
+        return moving
 
 
 def seen_body(
@@ -138,8 +138,8 @@ def mask_of(parts: tuple[str, ...]) -> npt.NDArray[np.bool_]:
     mask = np.zeros(256, dtype=np.bool_)
     for name in parts:
         if name not in GROUPS and name not in PARTS[1:]:
-            known = ", ".join((*PARTS[1:], *GROUPS))
-            raise MotionError(f"there is no body part {name!r}; choose from {known}")
+            names = ", ".join((*PARTS[1:], *GROUPS))
+            raise MotionError(f"there is no body part {name!r}; choose from {names}")
         for part in GROUPS.get(name, (name,)):
             mask[PART_INDEX[part]] = True
     return mask
@@ -154,7 +154,7 @@ def matrices_of(skeleton: Skeleton, root_m: Vector, local_wxyz: Vector) -> Float
     return out
 
 
-def perceived(
+def perceived_parts(
     body: SeenBody,
     view: Outlook,
     root_m: Vector,
@@ -173,7 +173,8 @@ def perceived(
     ids: Bytes = np.empty((len(matrices), height, width), dtype=np.uint8)
     if len(matrices) == 0:
         return ids
-    alike = _poses_alike(body, matrices)
+    # Poses that move the same joints share the still rest of the body, which is drawn once.
+    groups = _poses_alike(body, matrices)
 
     def work(share: Sequence[tuple[Moving, npt.NDArray[np.int64]]]) -> None:
         for moving, rows in share:
@@ -200,10 +201,10 @@ def perceived(
             )
 
     if pool is None or threads < 2 or len(matrices) < threads:
-        work(alike)
+        work(groups)
     else:
-        for done in [pool.submit(work, share) for share in _shared(alike, threads)]:
-            done.result()
+        for job in [pool.submit(work, share) for share in _deal(groups, threads)]:
+            job.result()
     return ids
 
 
@@ -219,16 +220,16 @@ def _poses_alike(body: SeenBody, matrices: Floats) -> list[tuple[Moving, npt.NDA
     ]
 
 
-def _shared(
-    alike: list[tuple[Moving, npt.NDArray[np.int64]]], threads: int
+def _deal(
+    groups: list[tuple[Moving, npt.NDArray[np.int64]]], threads: int
 ) -> list[list[tuple[Moving, npt.NDArray[np.int64]]]]:
     """Deal poses to threads so that each draws about as many triangles."""
-    costs = np.concatenate([np.full(len(r), 1.0 + len(m.triangles)) for m, r in alike])
-    done = np.cumsum(costs) - costs / 2
-    thread_of = np.minimum((done * threads / costs.sum()).astype(int), threads - 1)
+    costs = np.concatenate([np.full(len(r), 1.0 + len(m.triangles)) for m, r in groups])
+    cost_before = np.cumsum(costs) - costs / 2
+    thread_of = np.minimum((cost_before * threads / costs.sum()).astype(int), threads - 1)
     shares: list[list[tuple[Moving, npt.NDArray[np.int64]]]] = [[] for _ in range(threads)]
     start = 0
-    for moving, rows in alike:
+    for moving, rows in groups:
         mine = thread_of[start : start + len(rows)]
         for n in np.unique(mine):
             shares[n].append((moving, rows[mine == n]))

@@ -43,6 +43,7 @@ def skin_some(
         px = py = pz = 0.0
         for k in range(4):
             w = weights[i, k]
+            # Linear blend skinning by up to four joints.
             if w == 0.0:
                 continue
             m = matrices[joints[i, k]]
@@ -70,6 +71,7 @@ def project_some(
     for n in range(which.shape[0]):
         i = which[n]
         dx, dy, dz = points[i, 0] - eye[0], points[i, 1] - eye[1], points[i, 2] - eye[2]
+        # `eye` holds place, axes in rows (right, up, back) and tangents of the view's borders.
         depth = -(eye[9] * dx + eye[10] * dy + eye[11] * dz)
         if depth < NEAR_M:
             screen[i, 2] = 0.0
@@ -116,6 +118,7 @@ def _illumination(
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
     if length == 0.0:
         return ambient
+    # Lit at the middle of the triangle, which is small against the distance of any lamp.
     mx, my, mz = (ax + bx + cx) / 3, (ay + by + cy) / 3, (az + bz + cz) / 3
     light = ambient
     for k in range(lamps.shape[0]):
@@ -125,6 +128,7 @@ def _illumination(
         facing = (nx * lx + ny * ly + nz * lz) / (length * far)
         if facing <= 0.0:
             continue
+        # Outside the lamp's cone.
         if -(lamps[k, 4] * lx + lamps[k, 5] * ly + lamps[k, 6] * lz) < lamps[k, 7] * far:
             continue
         eye, size = map_eyes[k], maps.shape[1]
@@ -139,6 +143,8 @@ def _illumination(
                 - (eye[6] * (mx - eye[0]) + eye[7] * (my - eye[1]) + eye[8] * (mz - eye[2])) / depth
             ) * size / (eye[15] - eye[14])  # fmt: skip
             inside = 0 <= column < size and 0 <= row < size
+            # Shadow map: nearer surfaces have a greater inverse depth; 0.1 % against self-
+            # shadowing.
             if inside and maps[k, int(row), int(column)] * depth > 1.001:
                 continue
         light += lamps[k, 0] * facing / (square if lamps[k, 8] > 0 else 1.0)
@@ -223,10 +229,10 @@ def draw(
                             map_eyes,
                         )
                         lit = 1 if light >= least_light else 0
-                seen = label if lit == 1 else np.uint8(0)
-                if near > nearness[r, c] or seen > ids[r, c]:
+                tag = label if lit == 1 else np.uint8(0)
+                if near > nearness[r, c] or tag > ids[r, c]:
                     nearness[r, c] = near
-                    ids[r, c] = seen
+                    ids[r, c] = tag
 
 
 @compiled
@@ -236,7 +242,7 @@ def perceive(
     weights: Floats,
     still_triangles: Ints,
     still_labels: Bytes,
-    moved: npt.NDArray[np.int64],
+    moving_vertices: npt.NDArray[np.int64],
     moved_triangles: Ints,
     moved_labels: Bytes,
     first: Floats,
@@ -253,13 +259,14 @@ def perceive(
 ) -> None:
     """Fill some rows of ids (n, h, w) with the perceived parts of a body in poses (n, j, 3, 4).
 
-    All these poses differ from the pose `first` (j, 3, 4) in vertices `moved` only, so the other
+    All these poses differ from the pose `first` (j, 3, 4) in `moving_vertices` only, so the other
     triangles are drawn once. `behind` (h, w) is the inverse depth of everything else in view.
     """
     height, width = behind.shape
     points, screen = np.empty_like(rest), np.empty_like(rest)
     skin_points(rest, joints, weights, first, points)
     project_points(points, eye, width, height, screen)
+    # Probes move a few joints only; the rest of the body is drawn once and copied.
     still_ids = np.zeros((height, width), dtype=np.uint8)
     still_near = behind.copy()
     draw(
@@ -277,8 +284,8 @@ def perceive(
     )
     nearness = np.empty_like(behind)
     for k in rows:
-        skin_some(moved, rest, joints, weights, matrices[k], points)
-        project_some(moved, points, eye, width, height, screen)
+        skin_some(moving_vertices, rest, joints, weights, matrices[k], points)
+        project_some(moving_vertices, points, eye, width, height, screen)
         nearness[:] = still_near
         ids[k][:] = still_ids
         draw(
@@ -297,18 +304,18 @@ def perceive(
 
 
 @compiled
-def measure(ids: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
+def measure(ids: Bytes, masks: npt.NDArray[np.bool_], out: Floats) -> None:
     """Measure masks of parts (f, 256) in ids (n, h, w) into out (n, f, 3).
 
     Coverage (share of all pixels), horizontal and vertical extension (share of width, height).
     """
     n, height, width = ids.shape
     for k in range(n):
-        for f in range(wanted.shape[0]):
+        for f in range(masks.shape[0]):
             count, c0, c1, r0, r1 = 0, width, -1, height, -1
             for r in range(height):
                 for c in range(width):
-                    if wanted[f, ids[k, r, c]]:
+                    if masks[f, ids[k, r, c]]:
                         count += 1
                         c0, c1 = min(c0, c), max(c1, c)
                         r0, r1 = min(r0, r), max(r1, r)
@@ -319,7 +326,7 @@ def measure(ids: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
 
 @compiled
 def fine_extension(
-    ids: Bytes, wanted: npt.NDArray[np.bool_], across: bool, least: float, out: Floats
+    ids: Bytes, mask: npt.NDArray[np.bool_], across: bool, least: float, out: Floats
 ) -> None:
     """Measure the extension of a mask of parts (256,) in ids (n, h, w) into out (n,), in pixels.
 
@@ -334,11 +341,12 @@ def fine_extension(
         profile[:] = 0
         for r in range(height):
             for c in range(width):
-                if wanted[ids[k, r, c]]:
+                if mask[ids[k, r, c]]:
                     profile[c if across else r] += 1
         if profile.sum() < 2 * least:
             out[k] = np.nan
             continue
+        # Whole pixels would make slopes 0 or infinite; the border is interpolated within its line.
         first, last, met = 0.0, 0.0, 0
         for i in range(lines):
             if met + profile[i] >= least:
@@ -355,18 +363,18 @@ def fine_extension(
 
 
 @compiled
-def changed(ids: Bytes, before: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
+def measure_change(ids: Bytes, before: Bytes, masks: npt.NDArray[np.bool_], out: Floats) -> None:
     """Measure the share of pixels that changed since `before` (n, h, w) and bear a wanted part
     before or after: masks (f, 256), ids (n, h, w), out (n, f).
     """
     n, height, width = ids.shape
     for k in range(n):
-        for f in range(wanted.shape[0]):
+        for f in range(masks.shape[0]):
             count = 0
             for r in range(height):
                 for c in range(width):
                     now, then = ids[k, r, c], before[k, r, c]
-                    if now != then and (wanted[f, now] or wanted[f, then]):
+                    if now != then and (masks[f, now] or masks[f, then]):
                         count += 1
             out[k, f] = count / (height * width)
 
@@ -392,6 +400,7 @@ def joint_matrices(
             else:
                 aw, ax, ay, az = world[p, 0], world[p, 1], world[p, 2], world[p, 3]
                 vx, vy, vz = offsets[j, 0], offsets[j, 1], offsets[j, 2]
+                # Rotate by a unit quaternion: v + w t + q × t with t = 2 q × v.
                 tx, ty, tz = (
                     2 * (ay * vz - az * vy),
                     2 * (az * vx - ax * vz),
@@ -408,6 +417,7 @@ def joint_matrices(
             m = out[r, j]
             write_matrix((w, x, y, z), m)
             for a in range(3):
+                # Translation that takes the rest place to the place now.
                 m[a, 3] = position[j, a] - (
                     m[a, 0] * rest[j, 0] + m[a, 1] * rest[j, 1] + m[a, 2] * rest[j, 2]
                 )

@@ -26,7 +26,7 @@ from visavis.stimuli.motion.warping.control import (
 )
 from visavis.stimuli.motion.warping.units import WarpingUnit, units_named
 
-if TYPE_CHECKING:  # loads SciPy's splines, which who merely shows a scene never needs
+if TYPE_CHECKING:  # loads SciPy's splines, which showing a scene does not need
     from visavis.stimuli.motion.warping.clips import WarpedClip
 
 LEAD_S: Final = 0.15
@@ -83,24 +83,26 @@ class WarpTrack:
             return 0
         return max(1, int(np.floor((t_s - self.start_s) / self.gap_s)) + _SHAPED + 1)
 
-    def corrected(self, key: int, omega_rad: Vector) -> "WarpTrack":
+    def with_key(self, key: int, omega_rad: Vector) -> "WarpTrack":
         """Return the track with another key; those after it are shifted by as much."""
         reach = np.radians([u.range_deg for u in self.units])
-        moved = self.omega_rad.copy()
-        moved[key:] = np.clip(moved[key:] + (omega_rad - moved[key]), -reach, reach)
-        moved[key] = omega_rad
-        return replace(self, omega_rad=moved)
+        offsets_rad = self.omega_rad.copy()
+        offsets_rad[key:] = np.clip(
+            offsets_rad[key:] + (omega_rad - offsets_rad[key]), -reach, reach
+        )
+        offsets_rad[key] = omega_rad
+        return replace(self, omega_rad=offsets_rad)
 
 
-def solved(situation: Situation, start_rad: Vector, settings: ControlSettings) -> Vector:
+def solve_offsets(situation: Situation, start_rad: Vector, settings: ControlSettings) -> Vector:
     """Return offsets (w,) for one pose, as few steps from others as `settings` allow.
 
     Offsets that meet the target as they are stay as they are.
     """
     before = see(situation, np.stack([np.zeros_like(start_rad), start_rad]))
-    wanted = wanted_features(situation.targets, before[0])
-    left = np.abs(wanted - before[1])
-    if (left <= 0.5 * tolerance_of(situation, before[0], wanted)).all() or not before[0].any():
+    goal = wanted_features(situation.targets, before[0])
+    left = np.abs(goal - before[1])
+    if (left <= 0.5 * tolerance_of(situation, before[0], goal)).all() or not before[0].any():
         return start_rad
     return steer(situation, settings, start_rad=start_rad).omega_rad
 
@@ -112,36 +114,36 @@ class TrackLoop:
     is left as it was and counted in `late`.
     """
 
-    def __init__(self, track: WarpTrack, solve: Solve, beside: Executor) -> None:
+    def __init__(self, track: WarpTrack, solve: Solve, executor: Executor) -> None:
         self.track = track
-        self.taken = self.late = 0
-        self._looked: list[tuple[float, Vector]] = []
-        self._solve, self._beside = solve, beside
+        self.n_taken = self.late = 0
+        self._looks: list[tuple[float, Vector]] = []
+        self._solve, self._executor = solve, executor
         self._last = -1
-        self._asked: Future[Vector] | None = None
+        self._request: Future[Vector] | None = None
 
     def step(self, t_s: float, eye_m: Vector) -> int | None:
-        """Take a key that is there and ask for the next; return which was taken in this frame."""
-        due_s = self._looked[-1][0] + LOOK_S if self._looked else self.track.start_s
+        """Take a finished key and request the next; return the key taken in this frame."""
+        due_s = self._looks[-1][0] + LOOK_S if self._looks else self.track.start_s
         if due_s <= t_s < self.track.key_s[-1]:
-            self._looked.append((t_s, eye_m))
-        taken = None
-        if self._asked is not None and self._asked.done():
-            found = self._asked.result()
-            self._asked = None
+            self._looks.append((t_s, eye_m))
+        new_key = None
+        if self._request is not None and self._request.done():
+            offsets_rad = self._request.result()
+            self._request = None
             if self._last >= self.track.first_open(t_s + SHOWN_AHEAD_S):
-                self.track, taken = self.track.corrected(self._last, found), self._last
-                self.taken += 1
+                self.track, new_key = self.track.with_key(self._last, offsets_rad), self._last
+                self.n_taken += 1
             else:
                 self.late += 1
-        if self._asked is None:
+        if self._request is None:
             key = self.track.first_open(t_s + SHOWN_AHEAD_S + LEAD_S)
             if self._last < key < len(self.track.omega_rad):
                 start = self.track.omega_rad[key]
                 time_s = float(self.track.key_s[key])
                 self._last = key
-                self._asked = self._beside.submit(self._solve, time_s, start, eye_m)
-        return taken
+                self._request = self._executor.submit(self._solve, time_s, start, eye_m)
+        return new_key
 
     def came_to(
         self, reached_in: Callable[[Vector, Vector, Vector], "Reached"]
@@ -150,16 +152,16 @@ class TrackLoop:
 
         `reached_in` gets times (n,), offsets (n, w) and eyes (n, 3): a function like a `Solve`.
         """
-        if not self._looked:
+        if not self._looks:
             return None
-        times, eyes = (np.array(column) for column in zip(*self._looked, strict=True))
+        times, eyes = (np.array(column) for column in zip(*self._looks, strict=True))
         omega = np.array([self.track.at(float(t_s)) for t_s in times])
-        return self._beside.submit(reached_in, times, omega, eyes)
+        return self._executor.submit(reached_in, times, omega, eyes)
 
 
 @dataclass(frozen=True)
 class Reached:
-    """What a warp came to over a movement.
+    """The result of a warp over a movement.
 
     `wanted` and `reached` features as shares of the original (of their sums), the share of frames
     on target, and of those whose pose alone can come to it (NaN: unknown).
@@ -179,15 +181,15 @@ def reached_by(situations: Iterable[Situation], omega_rad: Vector) -> Reached:
     sums, met = np.zeros(3), 0
     for situation, omega in zip(situations, omega_rad, strict=True):
         original, now = see(situation, np.stack([np.zeros_like(omega), omega]))
-        wanted = wanted_features(situation.targets, original)
-        sums += original.sum(), wanted.sum(), now.sum()
-        met += bool(original.all()) and is_within(wanted, original, now, situation)
+        goal = wanted_features(situation.targets, original)
+        sums += original.sum(), goal.sum(), now.sum()
+        met += bool(original.all()) and is_within(goal, original, now, situation)
     whole = sums[0] if sums[0] > 0 else np.nan
     return Reached(float(sums[1] / whole), float(sums[2] / whole), met / max(len(omega_rad), 1))
 
 
 def planned_track(
-    found: "WarpedClip",
+    warped_clip: "WarpedClip",
     start_s: float,
     end_s: float,
     fade_s: float,
@@ -199,16 +201,20 @@ def planned_track(
     Every key is solved once more, by `settings`, in its situation; what it comes to is told half
     way between keys, and of the keys the share whose pose alone came to its target.
     """
-    gap_s = (end_s - start_s) / max(len(found.omega_rad) - 1, 1)
-    track = WarpTrack(found.units, start_s, gap_s, found.omega_rad.copy(), fade_s)
+    gap_s = (end_s - start_s) / max(len(warped_clip.omega_rad) - 1, 1)
+    track = WarpTrack(warped_clip.units, start_s, gap_s, warped_clip.omega_rad.copy(), fade_s)
     for k, t_s in enumerate(track.key_s):
-        track.omega_rad[k] = solved(situation_at(float(t_s)), track.omega_rad[k], settings)
+        track.omega_rad[k] = solve_offsets(situation_at(float(t_s)), track.omega_rad[k], settings)
     times = track.key_s[:-1] + gap_s / 2
     omega = np.array([track.at(float(t_s)) for t_s in times])
     came_to = reached_by((situation_at(float(t_s)) for t_s in times), omega)
-    at_keys = np.minimum(np.searchsorted(found.frame_s, found.key_s), len(found.original) - 1)
-    seen = found.original[at_keys].all(axis=1)
-    return track, replace(came_to, reachable_01=float((found.pose_reached & seen).mean()))
+    at_keys = np.minimum(
+        np.searchsorted(warped_clip.frame_s, warped_clip.key_s), len(warped_clip.original) - 1
+    )
+    is_visible = warped_clip.original[at_keys].all(axis=1)
+    return track, replace(
+        came_to, reachable_01=float((warped_clip.pose_reached & is_visible).mean())
+    )
 
 
 def key_record(track: WarpTrack, key: int) -> dict[str, int | float]:
@@ -235,5 +241,5 @@ def recorded_track(record: Mapping[str, Any], keys: Iterable[Mapping[str, Any]] 
     track = WarpTrack(units, record["track_start_s"], record["key_gap_s"], omega, record["fade_s"])
     for key in keys:
         angles = np.array([key[f"{unit.name}_rad"] for unit in units])
-        track = track.corrected(int(key["key"]), angles)
+        track = track.with_key(int(key["key"]), angles)
     return track

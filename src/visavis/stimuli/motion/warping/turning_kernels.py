@@ -46,10 +46,11 @@ def _rotation_vector(q: Quat) -> tuple[float, float, float]:
 
 
 @compiled
-def _held(q: Quat, low: Vector, high: Vector, bone: int, is_right: bool) -> Quat:
+def _limit(q: Quat, low: Vector, high: Vector, bone: int, is_right: bool) -> Quat:
     """Return a turn within its limits; one that is within them as it is."""
     side = -1.0 if is_right else 1.0
     w, x, y, z = q[0], q[1], side * q[2], side * q[3]
+    # Swing and twist: split the turn into one about the bone and the rest, limit each.
     half = np.arctan2(x if bone == 0 else y, w)
     half = (half + np.pi / 2) % np.pi - np.pi / 2
     s = np.sin(half)
@@ -82,7 +83,7 @@ def turn_joints(
     high: Vector,
     bone: Index,
     right: npt.NDArray[np.bool_],
-    held: bool,
+    is_limited: bool,
     out: Vector,
 ) -> None:
     """Turn joints (m,) of a pose (j, 4) by n rows of offsets (n, w) into out (n, j, 4).
@@ -92,6 +93,7 @@ def turn_joints(
     """
     for n in range(omega.shape[0]):
         for m in range(joints.shape[0]):
+            # Rotation vectors of several offsets add, so that their order does not matter.
             x = y = z = 0.0
             for k in range(omega.shape[1]):
                 x += omega[n, k] * turning[k, m, 0]
@@ -101,6 +103,6 @@ def turn_joints(
                 continue
             j = joints[m]
             q = _times((local[j, 0], local[j, 1], local[j, 2], local[j, 3]), _turn(x, y, z))
-            if held:
-                q = _held(q, low[m], high[m], bone[m], right[m])
+            if is_limited:
+                q = _limit(q, low[m], high[m], bone[m], right[m])
             out[n, j, 0], out[n, j, 1], out[n, j, 2], out[n, j, 3] = q

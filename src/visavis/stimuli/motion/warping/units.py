@@ -81,15 +81,15 @@ def units_named(names: tuple[str, ...]) -> tuple[WarpingUnit, ...]:
     Raises:
         MotionError: none was named, or one is unknown.
     """
-    wanted: set[str] = set()
+    unit_names: set[str] = set()
     for name in names:
         if name not in UNITS and name not in UNIT_GROUPS:
-            known = ", ".join((*UNIT_GROUPS, *UNITS))
-            raise MotionError(f"there is no warping unit {name!r}; choose from {known}")
-        wanted.update(UNIT_GROUPS.get(name, (name,)))
-    if not wanted:
+            choices = ", ".join((*UNIT_GROUPS, *UNITS))
+            raise MotionError(f"there is no warping unit {name!r}; choose from {choices}")
+        unit_names.update(UNIT_GROUPS.get(name, (name,)))
+    if not unit_names:
         raise MotionError("no warping unit is allowed to move; name at least one")
-    return tuple(unit for name, unit in UNITS.items() if name in wanted)
+    return tuple(unit for name, unit in UNITS.items() if name in unit_names)
 
 
 @lru_cache(maxsize=64)
@@ -112,14 +112,14 @@ def _handles(
             turning[k, skeleton_names.index(joint)] += share * np.array(unit.axis)
     joints = np.flatnonzero(turning.any(axis=(0, 2)))
     canonical = canonical_skeleton().names
-    known = np.array([canonical.index(skeleton_names[j]) for j in joints], dtype=np.int64)
+    joint_numbers = np.array([canonical.index(skeleton_names[j]) for j in joints], dtype=np.int64)
     return (
         joints,
         np.ascontiguousarray(turning[:, joints]),
-        LOWER_DEG[known],
-        UPPER_DEG[known],
-        BONE_AXIS[known],
-        IS_RIGHT[known],
+        LOWER_DEG[joint_numbers],
+        UPPER_DEG[joint_numbers],
+        BONE_AXIS[joint_numbers],
+        IS_RIGHT[joint_numbers],
     )
 
 
@@ -129,17 +129,17 @@ def turned_by(
     local_wxyz: Vector,
     omega_rad: Vector,
     *,
-    held: bool = False,
+    is_limited: bool = False,
 ) -> Vector:
     """Add offsets (n, w) or (w,) in radians to turns (55, 4); offsets of 0 change no bit.
 
-    Several units on one joint add as rotation vectors, so their order does not matter. `held`
+    Several units on one joint add as rotation vectors, so their order does not matter. `is_limited`
     keeps the joints that were moved within their limits.
     """
     joints, turning, low, high, bone, right = _handles(skeleton.names, units)
     offsets = np.ascontiguousarray(omega_rad, dtype=np.float64).reshape(-1, len(units))
-    warped = np.empty((len(offsets), *local_wxyz.shape))
-    warped[:] = local_wxyz
+    turns = np.empty((len(offsets), *local_wxyz.shape))
+    turns[:] = local_wxyz
     turn_joints(
         np.ascontiguousarray(local_wxyz),
         offsets,
@@ -149,7 +149,7 @@ def turned_by(
         high,
         bone,
         right,
-        held,
-        warped,
+        is_limited,
+        turns,
     )
-    return warped.reshape(*omega_rad.shape[:-1], *local_wxyz.shape)
+    return turns.reshape(*omega_rad.shape[:-1], *local_wxyz.shape)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from visavis.analysis.gaze.turned import turned_gaze
+from visavis.analysis.gaze.turned_gaze import turned_gaze
 from visavis.lab.geometry import direction_from_yaw_pitch_deg
 from visavis.protocol.session.gaze_setup import TARGETS
 

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from visavis.analysis.plots import BLUE, Drawn, draw, new_figure, write_figure
+from visavis.analysis.plots import BLUE, ReportFigure, draw, new_figure, write_figure
 from visavis.analysis.statistics import StatisticsError, estimation_plot
 from visavis.analysis.statistics.results import Row
 from visavis.analysis.statistics_report.assumptions import draw_assumptions
@@ -34,7 +34,7 @@ OWN_FILES = (
     "assumptions.svg",
     "assumptions.png",
 )
-"""What an outcome writes; none of it may be mistaken for part of the next one."""
+"""Files that an outcome writes; old ones are removed, so that none passes for the next one's."""
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
@@ -46,7 +46,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tup
     for pattern in OWN_FILES:
         for old in folder.glob(pattern):
             old.unlink()
-    written = []
+    files = []
     for name, rows in (
         ("tests", outcome.rows),
         ("contrasts", outcome.contrasts),
@@ -57,29 +57,29 @@ def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tup
             path = folder / f"{name}.csv"
             frame = pd.DataFrame([dict(r) for r in rows])
             write_csv(frame.assign(is_simulated=outcome.is_simulated), path)
-            written.append(path)
+            files.append(path)
     code = r_code(outcome)
     if code and outcome.data is not None:
-        tested = outcome.data.assign(is_simulated=outcome.is_simulated)
-        write_csv(tested, folder / DATA_FILE)
+        tested_rows = outcome.data.assign(is_simulated=outcome.is_simulated)
+        write_csv(tested_rows, folder / DATA_FILE)
         (folder / R_FILE).write_text(code, encoding="utf-8", newline="\n")
-        written += [folder / DATA_FILE, folder / R_FILE]
+        files += [folder / DATA_FILE, folder / R_FILE]
     words = folder / "report.txt"
     words.write_text(outcome_text(outcome), encoding="utf-8", newline="\n")
-    written.append(words)
-    checked = draw_assumptions(outcome)
-    if checked is not None:
-        written += write_figure(checked, folder)
+    files.append(words)
+    assumptions = draw_assumptions(outcome)
+    if assumptions is not None:
+        files += write_figure(assumptions, folder)
     problems = []
     for samples in outcome.samples:
         try:
-            drawn = draw_samples(samples, outcome)
+            figure = draw_samples(samples, outcome)
         except StatisticsError as error:
             problems.append(f"no figure of {samples.name}: {error}")
             continue
-        written += write_figure(drawn, folder)
-    protect_files(written)
-    return tuple(written), tuple(problems)
+        files += write_figure(figure, folder)
+    protect_files(files)
+    return tuple(files), tuple(problems)
 
 
 def outcome_text(outcome: Outcome) -> str:
@@ -96,7 +96,7 @@ def outcome_text(outcome: Outcome) -> str:
     return "\n".join(parts) + "\n"
 
 
-def draw_samples(samples: Samples, outcome: Outcome) -> Drawn:
+def draw_samples(samples: Samples, outcome: Outcome) -> ReportFigure:
     """Draw one figure; simulated data are marked."""
     name = re.sub(r"[^\w.-]+", "_", samples.name)
     scatter = samples.kind == "scatter"

@@ -1,4 +1,4 @@
-"""A recording that is read once and kept, for whoever asks for it frame after frame."""
+"""A recording that is read once and kept in memory, for code that reads it frame after frame."""
 
 from collections.abc import Callable, Hashable
 from pathlib import Path
@@ -12,7 +12,7 @@ from visavis.recording.stream_file import Columns
 T = TypeVar("T")
 
 
-class KeptRecording(Recording):
+class CachedRecording(Recording):
     """A session folder whose streams, events and trials stay in memory once asked for.
 
     What it returns is shared: leave it as it is.
@@ -22,14 +22,14 @@ class KeptRecording(Recording):
         super().__init__(path)
         self._arrays: dict[tuple[str, int | None], Columns] = {}
         self._tables: dict[tuple[str, int | None], pd.DataFrame] = {}
-        self._made: dict[Hashable, Any] = {}
+        self._products: dict[Hashable, Any] = {}
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` returns, made once for a key."""
-        if key not in self._made:
-            self._made[key] = make()
-        made: T = self._made[key]
-        return made
+        if key not in self._products:
+            self._products[key] = make()
+        product: T = self._products[key]
+        return product
 
     def stream_arrays(
         self,

@@ -6,7 +6,7 @@ from multiprocessing import get_context
 
 import pandas as pd
 
-from benchmarks.simulated_tracker import tracker_of
+from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.stare.comparisons import (
     ALL_MEASURES,
     ANXIETY_TESTS,

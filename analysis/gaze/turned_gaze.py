@@ -17,7 +17,7 @@ MIN_TARGETS = 4
 MIN_SPREAD_DEG = 3.0
 MIN_ERROR_DEG = 3.0
 MAX_LEFT_01 = 0.4
-"""Of the error, what a turn may leave when it is named as the cause."""
+"""Share of the error that may remain when a turn is named as its cause."""
 MIN_ROLL_DEG = 10.0
 MIN_SHIFT_DEG = 5.0
 
@@ -29,9 +29,9 @@ class TurnedGaze:
     """How gaze as a whole is turned against the targets.
 
     `roll_deg` is about the line of sight, counter-clockwise as the participant sees it; `right_deg`
-    and `up_deg` say where gaze at a target straight ahead lies. Of a mirroring, `mirrored_across`
-    is "left and right" or "up and down", whichever is nearer. `left_deg` is the mean error
-    that remains once the turn is taken back.
+    and `up_deg` say where gaze at a target straight ahead lies. For mirrored gaze,
+    `mirrored_across` is "left and right" or "up and down", whichever fits better. `left_deg` is
+    the mean error that remains once the turn is taken back.
     """
 
     kind: Kind
@@ -66,29 +66,29 @@ def turned_gaze(aims: Sequence[Vector], gaze: Sequence[Vector]) -> TurnedGaze | 
     """Return how gaze is turned; None when no turn explains its error.
 
     Takes, for each target, the way to it and the gaze at every sample (n, 3), unit vectors in the
-    head's frame, NaN where lost. Targets on one line, fewer than four, or an error below 3° say
-    nothing.
+    head's frame, NaN where lost. Also None for targets on one line, for fewer than four targets
+    and for an error below 3°.
     """
     pairs = []
     for aim, samples in zip(aims, gaze, strict=True):
-        seen = np.isfinite(samples).all(axis=-1)
-        if seen.any():
-            pairs.append((unit(aim[seen].sum(axis=0)), unit(samples[seen].sum(axis=0))))
+        is_usable = np.isfinite(samples).all(axis=-1)
+        if is_usable.any():
+            pairs.append((unit(aim[is_usable].sum(axis=0)), unit(samples[is_usable].sum(axis=0))))
     if len(pairs) < MIN_TARGETS:
         return None
-    aimed, measured = (np.array(part) for part in zip(*pairs, strict=True))
-    error_deg = float(angle_deg(aimed, measured).mean())
-    if not error_deg >= MIN_ERROR_DEG or _narrowest_deg(aimed) < MIN_SPREAD_DEG:
+    target_directions, gaze_directions = (np.array(part) for part in zip(*pairs, strict=True))
+    error_deg = float(angle_deg(target_directions, gaze_directions).mean())
+    if not error_deg >= MIN_ERROR_DEG or _narrowest_deg(target_directions) < MIN_SPREAD_DEG:
         return None
-    found = fit_turn(aimed, measured, may_mirror=True)
-    left_deg = float(found.residual_deg.mean())
+    turn = fit_turn(target_directions, gaze_directions, may_mirror=True)
+    left_deg = float(turn.residual_deg.mean())
     if left_deg > MAX_LEFT_01 * error_deg:
         return None
-    ahead = found.matrix @ np.array([0.0, 0.0, -1.0])
+    ahead = turn.matrix @ np.array([0.0, 0.0, -1.0])
     right_deg = float(np.degrees(np.arctan2(ahead[0], -ahead[2])))
     up_deg = float(np.degrees(np.arcsin(np.clip(ahead[1], -1.0, 1.0))))
-    matrix = found.matrix
-    if found.is_mirrored:
+    matrix = turn.matrix
+    if turn.is_mirrored:
         across = "left and right" if matrix[0, 0] < matrix[1, 1] else "up and down"
         return TurnedGaze("mirrored", 0.0, right_deg, up_deg, across, left_deg)
     roll_deg = float(

@@ -8,8 +8,8 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from visavis.analysis.plots import draw, new_figure, png_bytes, svg_for_page, write_figure
+from visavis.analysis.plots.figure_files import svg_text
 from visavis.analysis.plots.panels import mean_interval, spread_out
-from visavis.analysis.plots.written import svg_text
 
 
 def figure_of(name: str = "plot", *, is_simulated: bool = True):

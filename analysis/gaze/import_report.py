@@ -52,10 +52,10 @@ DETECTORS: Mapping[str, IvtParameters | IdtParameters] = {
     "I-VT 100°/s": IVT_MOVING_HEAD,
     "I-DT 1.0° 250 ms": IDT_HEADSET,
 }
-"""What the report runs, in head and, with a head pose, in world; all parameters are reported."""
+"""Detectors of the report, run in head and, with a head pose, in world, with parameters."""
 
 ADAPTIVE = "adaptive"
-"""Runs too, with the detector that suits rate and noise; `chosen` and `why` tell which."""
+"""Runs as well, with the detector that suits rate and noise; `chosen` and `why` name it."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class PreparedGaze:
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What an imported recording says about itself.
+    """The tables and files of a report about an imported recording.
 
     `quality` has one row per eye, `detectors` one per detector and frame, `fixations` one per
     fixation, `movements` one per fixation, saccade, oscillation, pursuit and blink found by
@@ -128,7 +128,7 @@ def prepare(
     )
     rows = np.arange(len(recording)) if order.rows is None else order.rows
     t_ns = recording.t_ns[rows]
-    eyes = {name: _taken(eye, rows) for name, eye in recording.eyes.items()}
+    eyes = {name: _rows_of_eye(eye, rows) for name, eye in recording.eyes.items()}
     usable = {
         name: usable_samples(
             t_ns,
@@ -140,17 +140,17 @@ def prepare(
         )
         for name, eye in eyes.items()
     }
-    gaze, used = _joined(eyes, usable)
+    gaze, eyes_used = _combined_ray(eyes, usable)
     usable["combined"] = np.isfinite(gaze[:, 0])
     direction = {recording.space: gaze}
     pose = recording.head_orientation_wxyz
     if recording.space == "head" and pose is not None:
         direction["world"] = rotate(pose[rows], gaze)
     rate_hz = recording.rate_hz or NS_PER_S / typical_step_ns(t_ns)
-    return PreparedGaze(recording, order, t_ns, rate_hz, eyes, usable, direction, used)
+    return PreparedGaze(recording, order, t_ns, rate_hz, eyes, usable, direction, eyes_used)
 
 
-def _taken(eye: EyeSamples, rows: npt.NDArray[np.int64]) -> EyeSamples:
+def _rows_of_eye(eye: EyeSamples, rows: npt.NDArray[np.int64]) -> EyeSamples:
     return EyeSamples(
         eye.direction[rows],
         eye.valid[rows],
@@ -160,13 +160,13 @@ def _taken(eye: EyeSamples, rows: npt.NDArray[np.int64]) -> EyeSamples:
     )
 
 
-def _joined(
+def _combined_ray(
     eyes: Mapping[str, EyeSamples], usable: Mapping[str, npt.NDArray[np.bool_]]
 ) -> tuple[Vector, npt.NDArray[np.uint8]]:
     if "combined" in eyes:
-        seen = usable["combined"]
-        ray = np.where(seen[:, None], unit(eyes["combined"].direction), np.nan)
-        return ray, np.where(seen, 3, 0).astype(np.uint8)
+        is_usable = usable["combined"]
+        ray = np.where(is_usable[:, None], unit(eyes["combined"].direction), np.nan)
+        return ray, np.where(is_usable, 3, 0).astype(np.uint8)
     if len(eyes) == 1:
         (name, eye), code = next(iter(eyes.items())), 1 if "left" in eyes else 2
         ray = np.where(usable[name][:, None], unit(eye.direction), np.nan)
@@ -185,15 +185,17 @@ def quality_table(gaze: PreparedGaze, params: LossParameters = DEFAULT_LOSS) -> 
     head_median, head_p95 = _head_speeds_deg_s(gaze)
     rows = []
     for name, ray in rays.items():
-        seen = gaze.usable[name]
-        lost = loss(gaze.t_ns, ray, seen, nominal_rate_hz=gaze.rate_hz, frozen_ms=params.frozen_ms)
-        middle, calmest = moving_precision_deg(gaze.t_ns, np.where(seen[:, None], ray, np.nan))
+        is_usable = gaze.usable[name]
+        losses = loss(
+            gaze.t_ns, ray, is_usable, nominal_rate_hz=gaze.rate_hz, frozen_ms=params.frozen_ms
+        )
+        middle, calmest = moving_precision_deg(gaze.t_ns, np.where(is_usable[:, None], ray, np.nan))
         both = float((gaze.eyes_used == 3).mean())
         rows.append(
             {
                 "recording": gaze.recording.name,
                 "eye": name,
-                **asdict(lost),
+                **asdict(losses),
                 "file_rows": len(gaze.recording),
                 "repeated_stamps": gaze.order.repeated,
                 "conflicting_stamps": gaze.order.conflicting,
@@ -218,22 +220,22 @@ def _head_deg_s(gaze: PreparedGaze) -> Vector | None:
     rows = slice(None) if gaze.order.rows is None else gaze.order.rows
     front = rotate(pose[rows], np.broadcast_to([0.0, 0.0, -1.0], (len(gaze.t_ns), 3)))
     speed = np.empty(len(gaze.t_ns))
-    tracked = np.where(np.isfinite(front[:, 0]), 0, -1)
+    stretch = np.where(np.isfinite(front[:, 0]), 0, -1)
     half = max(1, round(0.04 * gaze.rate_hz))
-    speeds_deg_s(gaze.t_ns, np.ascontiguousarray(front), tracked, half, speed)
+    speeds_deg_s(gaze.t_ns, np.ascontiguousarray(front), stretch, half, speed)
     return speed
 
 
 def _head_speeds_deg_s(gaze: PreparedGaze) -> tuple[float, float]:
     """Return median and 95th percentile speed of the head's front; NaN when unknown."""
     speed = _head_deg_s(gaze)
-    known = np.empty(0) if speed is None else speed[np.isfinite(speed)]
-    if not known.size:
+    finite_speed = np.empty(0) if speed is None else speed[np.isfinite(speed)]
+    if not finite_speed.size:
         return np.nan, np.nan
-    return float(np.median(known)), float(np.percentile(known, 95))
+    return float(np.median(finite_speed)), float(np.percentile(finite_speed, 95))
 
 
-def detected(gaze: PreparedGaze) -> dict[tuple[str, str], Fixations]:
+def detect_fixations(gaze: PreparedGaze) -> dict[tuple[str, str], Fixations]:
     """Run every detector of fixations in every frame; keys are detector and frame."""
     return {
         (name, space): detect_ivt(gaze.t_ns, ray, params)
@@ -245,7 +247,7 @@ def detected(gaze: PreparedGaze) -> dict[tuple[str, str], Fixations]:
 
 
 def movements_of(gaze: PreparedGaze) -> dict[str, Movements]:
-    """Find eye movements in every frame; in world, with the eye in the head beside it if known."""
+    """Find eye movements in every frame; in world together with the eye in the head, if known."""
     head = _head_deg_s(gaze)
     return {
         space: detect_movements(
@@ -308,10 +310,13 @@ def report(
 
     Files are named after the recording; a report that is already there is refused.
     """
+    # Fixations by every fixed detector, and by the adaptive one that suits rate and noise.
     gaze = prepare(recording, params=params)
     movements = movements_of(gaze)
-    found = detected(gaze) | {(ADAPTIVE, space): fixations_of(m) for space, m in movements.items()}
-    lasted_ns = int(gaze.t_ns[-1] - gaze.t_ns[0]) + typical_step_ns(gaze.t_ns)
+    fixations = detect_fixations(gaze) | {
+        (ADAPTIVE, space): fixations_of(m) for space, m in movements.items()
+    }
+    recording_ns = int(gaze.t_ns[-1] - gaze.t_ns[0]) + typical_step_ns(gaze.t_ns)
     summary = pd.DataFrame(
         [
             {
@@ -319,7 +324,7 @@ def report(
                 "detector": name,
                 "frame": space,
                 "fixations": len(f),
-                "share_of_time_01": float(f.duration_ns.sum()) / lasted_ns,
+                "share_of_time_01": float(f.duration_ns.sum()) / recording_ns,
                 "median_duration_ms": float(np.median(f.duration_ns)) / NS_PER_MS
                 if len(f)
                 else np.nan,
@@ -327,14 +332,15 @@ def report(
                 "chosen": DETECTOR_NAMES[movements[space].detector] if name == ADAPTIVE else "",
                 "why": movements[space].why if name == ADAPTIVE else "",
             }
-            for (name, space), f in found.items()
+            for (name, space), f in fixations.items()
         ]
     )
+    # One CSV per table; `parameters` makes the report repeatable.
     tables = {
         "quality": quality_table(gaze, params),
         "detectors": summary,
         "fixations": pd.concat(
-            [_fixation_table(gaze, name, space, f) for (name, space), f in found.items()],
+            [_fixation_table(gaze, name, space, f) for (name, space), f in fixations.items()],
             ignore_index=True,
         ),
         "movements": pd.concat(
@@ -344,12 +350,13 @@ def report(
         "parameters": pd.DataFrame(
             [
                 {"of": of, "parameter": key, "value": str(value)}
-                for of, chosen in (("loss", asdict(params)), *_detector_settings())
-                for key, value in chosen.items()
+                for of, settings in (("loss", asdict(params)), *_detector_settings())
+                for key, value in settings.items()
             ]
         ),
     }
     files = _write(recording.name, folder, tables)
+    # The figure shows gaze in world where there is a head pose: only there is rest a fixation.
     space = "world" if "world" in gaze.direction else recording.space
     figure = folder / f"{recording.name}_gaze.png"
     draw_import(
@@ -358,7 +365,7 @@ def report(
         t_ns=gaze.t_ns,
         direction=gaze.direction[space],
         frame=space,
-        fixations=found[ADAPTIVE, space],
+        fixations=fixations[ADAPTIVE, space],
         detector=DETECTOR_NAMES[movements[space].detector],
         usable=gaze.usable,
         pupil_mm={name: eye.pupil_mm for name, eye in gaze.eyes.items()},

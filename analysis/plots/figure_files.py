@@ -19,7 +19,7 @@ _OF_ONE = re.compile(rf'<g id="({"|".join(map(re.escape, _CLASSES))})([^"]*)">')
 
 
 @dataclass(frozen=True)
-class Drawn:
+class ReportFigure:
     """A finished figure. `name` is its file stem; the texts go below it and to screen readers."""
 
     name: str
@@ -37,68 +37,68 @@ def draw(
     caption: str,
     alternative: str,
     is_simulated: bool,
-) -> Drawn:
+) -> ReportFigure:
     """Make a figure in the house style; simulated data are marked, without a way around it."""
     with figure_style():
         figure = make()
         if is_simulated:
             mark_simulated(figure)
-    return Drawn(name, title, caption, alternative, figure)
+    return ReportFigure(name, title, caption, alternative, figure)
 
 
-def svg_text(drawn: Drawn, *, names_people: bool = False) -> str:
-    """Return the figure as a whole SVG file; in a file of its own nobody is named."""
+def svg_text(figure: ReportFigure, *, names_people: bool = False) -> str:
+    """Return the figure as a whole SVG file; a file of its own names no participant."""
     buffer = io.StringIO()
     with figure_style():
-        FigureCanvasSVG(drawn.figure)
-        drawn.figure.savefig(
+        FigureCanvasSVG(figure.figure)
+        figure.figure.savefig(
             buffer,
             format="svg",
-            metadata={"Date": None, "Creator": "Visavis", "Title": drawn.title},
+            metadata={"Date": None, "Creator": "Visavis", "Title": figure.title},
         )
     text = buffer.getvalue()
     return text if names_people else _OF_ONE.sub("<g>", text)
 
 
-def _group(found: re.Match[str]) -> str:
-    return f'<g class="{_CLASSES[found[1]]}" data-who="{found[2]}"><title>{found[2]}</title>'
+def _group(match: re.Match[str]) -> str:
+    return f'<g class="{_CLASSES[match[1]]}" data-who="{match[2]}"><title>{match[2]}</title>'
 
 
-def svg_for_page(drawn: Drawn) -> str:
+def svg_for_page(figure: ReportFigure) -> str:
     """Return the `<svg>` element for inlining: no prolog, identifiers unique to the figure.
 
     What belongs to one participant is a group that says so (`data-who`); participants who do not
     count are there, too, in groups of class "out", what trials left out would change in groups of
     class "all"; the page hides both until it is asked.
     """
-    hidden = drawn.figure.findobj(lambda artist: (artist.get_gid() or "").startswith((OUT, ALL)))
-    for artist in hidden:
+    artists = figure.figure.findobj(lambda artist: (artist.get_gid() or "").startswith((OUT, ALL)))
+    for artist in artists:
         artist.set_visible(True)
-    text = svg_text(drawn, names_people=True)
-    for artist in hidden:
+    text = svg_text(figure, names_people=True)
+    for artist in artists:
         artist.set_visible(False)
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     text = _OF_ONE.sub(_group, text)
-    text = re.sub(r'\bid="', f'id="{drawn.name}-', text)
-    text = text.replace("url(#", f"url(#{drawn.name}-")
-    text = re.sub(r'xlink:href="#', f'xlink:href="#{drawn.name}-', text)
+    text = re.sub(r'\bid="', f'id="{figure.name}-', text)
+    text = text.replace("url(#", f"url(#{figure.name}-")
+    text = re.sub(r'xlink:href="#', f'xlink:href="#{figure.name}-', text)
     return text.strip()
 
 
-def png_bytes(drawn: Drawn, dpi: int = PNG_DPI) -> bytes:
+def png_bytes(figure: ReportFigure, dpi: int = PNG_DPI) -> bytes:
     """Return the figure as PNG."""
     buffer = io.BytesIO()
     with figure_style():
-        FigureCanvasAgg(drawn.figure)
-        drawn.figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": "Visavis"})
+        FigureCanvasAgg(figure.figure)
+        figure.figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": "Visavis"})
     return buffer.getvalue()
 
 
-def write_figure(drawn: Drawn, folder: Path) -> tuple[Path, Path]:
+def write_figure(figure: ReportFigure, folder: Path) -> tuple[Path, Path]:
     """Write NAME.svg and NAME.png; returns both paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    svg, png = folder / f"{drawn.name}.svg", folder / f"{drawn.name}.png"
-    svg.write_text(svg_text(drawn), encoding="utf-8", newline="\n")
-    png.write_bytes(png_bytes(drawn))
+    svg, png = folder / f"{figure.name}.svg", folder / f"{figure.name}.png"
+    svg.write_text(svg_text(figure), encoding="utf-8", newline="\n")
+    png.write_bytes(png_bytes(figure))
     return svg, png

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 
 from tests.visavis.sessions import perform
-from visavis.recording.kept import KeptRecording
+from visavis.recording.cached import CachedRecording
 
 
 def test_a_kept_recording_says_what_the_recording_says_and_reads_each_file_once(
     tmp_path: Path,
 ) -> None:
     plain = perform("duel", tmp_path, repetitions=1, practice=0)
-    kept = KeptRecording(plain.path)
+    kept = CachedRecording(plain.path)
     middle = int(plain.stream_arrays("head")["t_host_ns"][500])
     for asked in ({}, {"part": 1}, {"part": 1, "t_end_ns": middle}, {"t_start_ns": middle}):
         wanted, found = plain.stream_arrays("head", **asked), kept.stream_arrays("head", **asked)

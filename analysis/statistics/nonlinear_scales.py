@@ -22,7 +22,7 @@ def residual_skewness(design: Design) -> float:
     return skewness(design.y - means[cells])
 
 
-def bent_interactions(
+def nonlinear_scale_interactions(
     design: Design, effects: Iterable[AnovaEffect], alpha: float
 ) -> Iterator[str]:
     """Name significant interactions of significant factors on a bounded or skewed response."""
@@ -33,9 +33,9 @@ def bent_interactions(
         why = "residuals are skewed"
     else:
         return
-    found = [e.term for e in effects if e.p_used < alpha]
-    for term in found:
-        if len(term) > 1 and all((name,) in found for name in term):
+    significant_terms = [e.term for e in effects if e.p_used < alpha]
+    for term in significant_terms:
+        if len(term) > 1 and all((name,) in significant_terms for name in term):
             yield (
                 f"{':'.join(term)}: {why} and its factors have effects of their own, which make an "
                 f"interaction by themselves on such a scale; {NO_CLAIM} "
