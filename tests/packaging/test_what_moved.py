@@ -1,6 +1,6 @@
 """The page on moved names: every new name can be imported, and its recipes do what they say."""
 
-import importlib
+import importlib.util
 import re
 import shutil
 import subprocess
@@ -40,6 +40,26 @@ def block(language: str) -> str:
 @pytest.mark.parametrize("now", sorted({now for _, now in ROWS}))
 def test_every_new_name_can_be_imported(now: str) -> None:
     assert now == importlib.import_module(now).__name__
+
+
+def new_name(old: str) -> str:
+    """Return where the page sends an old name: by its own row, or by that of a package above it."""
+    rows, parts = dict(ROWS), old.split(".")
+    for k in range(len(parts), 0, -1):
+        if ".".join(parts[:k]) in rows:
+            return ".".join([rows[".".join(parts[:k])], *parts[k:]])
+    return old
+
+
+def test_every_module_of_the_last_version_has_a_new_name_or_is_said_to_be_gone() -> None:
+    gone = re.findall(r"`([\w.]+)`", TEXT.split("## What is gone")[1].split("\n## ")[0])
+    modules = (Path(__file__).parent / "modules_of_0_2_0.txt").read_text("utf-8").split()
+    lost = [
+        old
+        for old in modules
+        if not old.startswith(tuple(gone)) and importlib.util.find_spec(new_name(old)) is None
+    ]
+    assert [] == lost
 
 
 def test_every_old_name_stands_once_and_none_of_them_is_where_it_was() -> None:
