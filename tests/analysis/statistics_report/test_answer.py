@@ -345,7 +345,7 @@ def test_sentences_call_levels_as_asked_and_rows_keep_their_names() -> None:
     assert found.data is not None
     assert ["averted", "directed"] == list(found.data["gaze"].cat.categories)
     assert [["averted", "directed"]] == [list(s.conditions) for s in found.samples]
-    plain = answer(frame, replace(question, called={}))
+    plain = answer(frame, replace(question, level_words={}))
     assert plain.rows == found.rows
     assert plain.cells == found.cells
     assert question == found.question

@@ -20,7 +20,7 @@ def warped(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         return base, Reached(0.0, 0.0, 0.0)
 
     study_wave.cache_clear()
-    monkeypatch.setattr(clips, "_planned", quickly)
+    monkeypatch.setattr(clips, "_with_plan", quickly)
     yield made
     study_wave.cache_clear()  # what was made here is no wave of the study
 
