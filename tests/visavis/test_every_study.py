@@ -225,7 +225,7 @@ def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_pa
     paths = [perform_new(request_for(study, reference, tmp_path, i)) for i in range(PEOPLE - 1)]
     last = request_for(study, reference, tmp_path, PEOPLE - 1)
     assert killed(last)
-    path = session_dir(tmp_path, study.name, last.participant_label, 1, is_simulated=True)
+    path = session_dir(tmp_path, study.name, last.person.label, 1, is_simulated=True)
     paths.append(perform_rest(last, path))
     settings = SHORT_COUNTS.get(study.name, {})
     sessions = [study.measure(Recording(p), settings) for p in paths]

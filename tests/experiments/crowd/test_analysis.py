@@ -266,7 +266,7 @@ def test_impossible_settings_are_refused_before_anything_is_measured(setting, pr
 def test_thresholds_that_were_set_are_in_force():
     study = analysed(tables(walks(6)), alpha=0.001, dice_bound=0.2, n_permutations=19)
     assert {0.001} == {f.compare.alpha for f in study.findings}
-    assert PathThresholds(10, 19, 0.2) == study.analysis.thresholds
+    assert PathThresholds(10, 19, 0.2) == study.thresholds
     assert all(e.test.high == 0.2 for e in study.further[0].paths.equivalence)
     assert all(p.fair.n_permutations == 19 for p in study.further[0].paths.pairs)
 

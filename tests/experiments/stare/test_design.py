@@ -108,7 +108,7 @@ def test_study_gives_the_session_what_it_asks_for() -> None:
         study.name,
         study.agent_count,
         study.trial_s,
-        study.procedure.intertrial_s,
+        study.intertrial_s,
     )
     assert study.plan(7, 1) == PLAN
     assert 0 == study.blank(None).brightness_01
