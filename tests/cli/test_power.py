@@ -204,7 +204,7 @@ def test_scaling_the_effect_moves_only_what_contact_does() -> None:
 class TwoTests:
     name = "made-up"
     tests = {"first": "the first", "second": "the second"}  # noqa: RUF012 - a study of this test
-    printed: dict[str, PrintedTest] = {}  # noqa: RUF012 - a study of this test
+    printed_tests: dict[str, PrintedTest] = {}  # noqa: RUF012 - a study of this test
     shown_tests = ("first",)
     smallest_n = 3
 
@@ -262,7 +262,7 @@ def test_the_demo_has_people_enough_to_find_what_its_study_is_about() -> None:
 
 def test_simulated_power_that_parts_from_the_printed_is_warned_of() -> None:
     class Printed(TwoTests):
-        printed = {"first": PrintedTest("t(29) = 6.75", 6.75**2, 1, 29, 30, 30)}  # noqa: RUF012
+        printed_tests = {"first": PrintedTest("t(29) = 6.75", 6.75**2, 1, 29, 30, 30)}  # noqa: RUF012
 
     wanted = request(numbers=(12, 16), tests=("first",), replicates=100)
 
