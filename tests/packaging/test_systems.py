@@ -92,14 +92,14 @@ def test_readers_on_windows_share_and_a_writer_is_alone(windows_lock, tmp_path):
     path = tmp_path / "lock"
     path.touch()
     with path.open("r+b") as one, path.open("r+b") as two, path.open("r+b") as writer:
-        assert windows_lock(one.fileno(), shared=True)
-        assert windows_lock(two.fileno(), shared=True)
-        assert not windows_lock(writer.fileno(), shared=False)
+        assert windows_lock(one.fileno(), is_shared=True)
+        assert windows_lock(two.fileno(), is_shared=True)
+        assert not windows_lock(writer.fileno(), is_shared=False)
 
 
 def test_nobody_reads_what_is_written_on_windows(windows_lock, tmp_path):
     path = tmp_path / "lock"
     path.touch()
     with path.open("r+b") as writer, path.open("r+b") as reader:
-        assert windows_lock(writer.fileno(), shared=False)
-        assert not windows_lock(reader.fileno(), shared=True)
+        assert windows_lock(writer.fileno(), is_shared=False)
+        assert not windows_lock(reader.fileno(), is_shared=True)
