@@ -117,7 +117,7 @@ def udevadm(monkeypatch, folder, code):
 def test_installed_rules_are_in_the_file_and_udev_is_told(tmp_path, monkeypatch):
     asked = udevadm(monkeypatch, tmp_path, 0)
     monkeypatch.setattr(
-        "visavis.devices.access_rules.RULES_PATH", str(tmp_path / "70-visavis.rules")
+        "visavis.cli.commands.devices.RULES_PATH", str(tmp_path / "70-visavis.rules")
     )
     answer = typed(tmp_path, LABJACK, "--install")
 
