@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-import visavis.devices.sim.openvr.runtime
-import visavis.devices.sim.openxr.runtime
+import visavis.devices.drivers.openvr.wiring
+import visavis.devices.drivers.openxr.wiring
 import visavis.running.sessions.drawn_stages
 from tests.faults.sessions import events, lab
 from tests.stage.sessions import perform_shortest
@@ -126,7 +126,7 @@ def test_openvr_reads_back_what_was_drawn_and_faults_pause_without_loss(
             made.fails = True
             return super()._submit(*arguments)
 
-    monkeypatch.setattr(visavis.devices.sim.openvr.runtime, "SimulatedVrRuntime", Runtime)
+    monkeypatch.setattr(visavis.devices.drivers.openvr.wiring, "SimulatedVrRuntime", Runtime)
     start_s, end_s = UNPLUGGED_S
     unplugged = {"kind": "disconnect", "start_s": start_s, "duration_s": end_s - start_s}
     recording = perform_shortest(_config(tmp_path, "openvr_headset", [unplugged]), (1, 2))
@@ -187,7 +187,7 @@ def test_openxr_reads_back_what_was_drawn_from_where_the_head_was(
             middle = np.mean([eye.position_m for eye in shown.eyes], axis=0)
             places.setdefault(len(places), tuple(middle))
 
-    monkeypatch.setattr(visavis.devices.sim.openxr.runtime, "SimulatedXrRuntime", Runtime)
+    monkeypatch.setattr(visavis.devices.drivers.openxr.wiring, "SimulatedXrRuntime", Runtime)
     recording = perform_shortest(_config(tmp_path, "openxr_headset"))
 
     assert recording.status == "complete"
