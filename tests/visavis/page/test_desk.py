@@ -1,6 +1,7 @@
 """What is acknowledged is on the disk, and a session that broke off goes on at the same step."""
 
 import base64
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,12 @@ from visavis.running.page.server import FILES, SITE
 from visavis.running.page.spoken_digits import HOW_MANY, heard, spoken, spoken_digits
 from visavis.running.page.steps import OpenElsewhereError, PageError
 from visavis.study.careless_answers import NOT_HEARD, Careless
+
+
+def screen_for(monkeypatch: pytest.MonkeyPatch, screening: str) -> None:
+    """Have the study screen its visitors by one check."""
+    declared = study().study
+    monkeypatch.setattr(declared, "procedure", replace(declared.procedure, screening=(screening,)))
 
 
 def answers_in(path: Path) -> list[tuple[str, Any]]:
@@ -231,7 +238,7 @@ def test_response_time_runs_from_the_first_picture_that_was_presented(tmp_path: 
 def test_the_width_of_a_card_tells_how_large_a_screen_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(study().study, "screening", ("card",))
+    screen_for(monkeypatch, "card")
     with begun(tmp_path) as (page, path):
         while page.desk.told()["step"]["kind"] != "card":
             page.answer()
@@ -251,7 +258,7 @@ def test_the_width_of_a_card_tells_how_large_a_screen_is(
 def test_who_does_not_type_the_digits_that_were_said_is_flagged_and_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hears: bool
 ) -> None:
-    monkeypatch.setattr(study().study, "screening", ("sound",))
+    screen_for(monkeypatch, "sound")
     with begun(tmp_path) as (page, path):
         while page.desk.told()["step"]["kind"] != "sound":
             page.answer()

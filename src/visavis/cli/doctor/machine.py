@@ -9,7 +9,6 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from visavis.cli.doctor.drawing import measured
 from visavis.cli.doctor.findings import Finding
 from visavis.devices.libraries import LSL, Library
 from visavis.devices.registry import driver_spec, driver_specs
@@ -219,6 +218,9 @@ def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
     if lab.display.show != "headset" or clock.is_virtual:
         return ()
     try:
+        # Late: it loads what draws, which `serve` and sessions on a page do without.
+        from visavis.cli.doctor.drawing import measured
+
         return (measured(lab, clock),)
     except (ImportError, LabError) as problem:
         text = f"no frame could be measured: {problem}"
