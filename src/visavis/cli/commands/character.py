@@ -143,22 +143,24 @@ def sheet_command(
     if not 1 <= px_per_deg <= 120:
         raise UsageError("--px-per-deg goes from 1 to 120")
     folder = library or library_of(load_lab(config, only_simulates=True, with_cast=False))
-    imported = library_names(folder)
-    wanted = tuple(names or imported or (() if library else cast_names()))
-    if not wanted:
+    library_people = library_names(folder)
+    requested_names = tuple(names or library_people or (() if library else cast_names()))
+    if not requested_names:
         raise UsageError(f"nobody has been imported into {folder}; see visavis character import")
-    strangers = [n for n in wanted if n not in (*imported, *cast_names())]
+    strangers = [n for n in requested_names if n not in (*library_people, *cast_names())]
     if strangers:
-        known = ", ".join((*imported, *cast_names()))
-        raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {known}")
-    people = [load_character(folder / f"{n}.npz" if n in imported else n) for n in wanted]
+        choices = ", ".join((*library_people, *cast_names()))
+        raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {choices}")
+    people = [
+        load_character(folder / f"{n}.npz" if n in library_people else n) for n in requested_names
+    ]
     say_when_compiling()
-    drawn = (
+    sheet = (
         distance_sheet(people, distances_m, px_per_deg)
         if distances_m
         else people_sheet(SHEET_TILE_PX, people)
     )
-    drawn.save(png)
+    sheet.save(png)
     say_written(png)
     if gaze:
         _tell_gaze(people, distances_m, px_per_deg)
@@ -198,9 +200,9 @@ def import_command(
     if gender not in (None, "female", "male"):
         raise UsageError(f"--gender takes female or male, not {gender!r}")
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
-    known = cast("Literal['female', 'male'] | None", gender)
-    said = None if joint_map is None else _joints_said(joint_map)
-    _import(source, folder, known, said, as_json=as_json)
+    checked_gender = cast("Literal['female', 'male'] | None", gender)
+    joints = None if joint_map is None else _joints_said(joint_map)
+    _import(source, folder, checked_gender, joints, as_json=as_json)
 
 
 @characters.command("fetch")
@@ -229,8 +231,8 @@ def fetch_command(
             say_plainly(VALID_TOLD)
         return
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
-    with people_in(download, only) as found:
-        _import(found, folder, None, None, as_json=as_json)
+    with people_in(download, only) as people:
+        _import(people, folder, None, None, as_json=as_json)
 
 
 def _distances_m(text: str) -> tuple[float, ...]:
@@ -240,12 +242,12 @@ def _distances_m(text: str) -> tuple[float, ...]:
         UsageError: they are no numbers from 0.3 to 30.
     """
     try:
-        found = tuple(float(part) for part in text.split(",") if part.strip())
+        distances_m = tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError:
-        found = (0.0,)
-    if not all(0.3 <= d <= 30 for d in found):
+        distances_m = (0.0,)
+    if not all(0.3 <= d <= 30 for d in distances_m):
         raise UsageError(f"--at {text!r}; write metres from 0.3 to 30, such as 1,2,3.5,5,8")
-    return found
+    return distances_m
 
 
 def _joints_said(path: Path) -> dict[str, str]:
@@ -273,10 +275,10 @@ def _import(
     as_json: bool,
 ) -> None:
     rows: list[dict[str, object]] = []
-    failed = 0
+    failure_count = 0
     for result in import_characters(source, folder, gender=gender, joint_map=joint_map):
         if result.character is None:
-            failed += 1
+            failure_count += 1
             rows.append({"file": str(result.source), "problem": result.problem})
             line = f"[bold red]not imported[/]  {verbatim(result.problem)}"
         else:
@@ -292,13 +294,13 @@ def _import(
             say(line)
     if as_json:
         say_json(rows)
-    elif failed < len(rows):
+    elif failure_count < len(rows):
         say(
             f"They are in {verbatim(folder)}; name them in a scene as above. Look at them first: "
             "visavis character sheet imported.png --at 1,2,3.5,5,8 --gaze"
         )
-    if failed:
+    if failure_count:
         raise CharacterError(
-            f"{failed} of {len(rows)} files could not be imported; mend them as said above and "
-            "import them again"
+            f"{failure_count} of {len(rows)} files could not be imported; mend them as said above "
+            "and import them again"
         )

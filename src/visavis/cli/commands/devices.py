@@ -56,8 +56,8 @@ def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> No
     lab = load_lab(config, quiet=as_json)
     roles, drivers = role_states(lab), driver_states()
     if as_json:
-        found = {"roles": [asdict(r) for r in roles], "drivers": [asdict(d) for d in drivers]}
-        say_json(found)
+        report = {"roles": [asdict(r) for r in roles], "drivers": [asdict(d) for d in drivers]}
+        say_json(report)
         return
     table = Table("role", "driver", "state", box=None, pad_edge=False, title=str(lab.path))
     table.title_justify = "left"
@@ -90,14 +90,14 @@ def listen(
     """
     lab = load_lab(config, quiet=as_json)
     _check_seconds(seconds)
-    chosen = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
+    devices = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
     if as_json:
-        trials = capture(chosen, SystemClock(), seconds)
+        trials = capture(devices, SystemClock(), seconds)
         say_json([asdict(t) for t in trials])
     else:
         with console.status(f"listening for {seconds:g} s") as status:
             trials = capture(
-                chosen,
+                devices,
                 SystemClock(),
                 seconds,
                 tick=lambda done: status.update(f"listening: {done:.0f} of {seconds:g} s"),
@@ -117,10 +117,12 @@ def identify(role: RoleArgument, config: ConfigOption = None) -> None:
     bands = [name for name in lab.devices if name.startswith("armband_")]
     if role not in bands:
         hint = did_you_mean(role, bands)
-        known = ", ".join(bands) or "none: add one under devices in the configuration"
-        raise UsageError(f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {known}")
-    told = buzz(_device(lab, role), SystemClock())
-    say(told)
+        band_names = ", ".join(bands) or "none: add one under devices in the configuration"
+        raise UsageError(
+            f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {band_names}"
+        )
+    message = buzz(_device(lab, role), SystemClock())
+    say(message)
 
 
 @devices_app.command("setup")
@@ -250,8 +252,8 @@ def replay(
     def is_over() -> bool:
         return wires.playing is not None and wires.playing.is_finished
 
-    played = capture([device], clock, MAX_S, wires=wires, is_over=is_over)
-    trials = tuple(_as_recorded(trial, simulated=log.is_simulated) for trial in played)
+    raw_trials = capture([device], clock, MAX_S, wires=wires, is_over=is_over)
+    trials = tuple(_as_recorded(trial, simulated=log.is_simulated) for trial in raw_trials)
     if as_json:
         say_json([asdict(t) for t in trials])
     else:
@@ -275,8 +277,8 @@ def _device(lab: LabConfig, role: str) -> DeviceConfig:
     if role in lab.devices:
         return lab.devices[role]
     hint = did_you_mean(role, lab.devices)
-    known = ", ".join(lab.devices)
-    raise UsageError(f"{lab.path} has no role {role!r}{hint or '.'} Its roles: {known}")
+    role_names = ", ".join(lab.devices)
+    raise UsageError(f"{lab.path} has no role {role!r}{hint or '.'} Its roles: {role_names}")
 
 
 def _check_seconds(seconds: float) -> None:

@@ -92,8 +92,8 @@ def _print_line(finding: Finding, width: int) -> None:
     for number, text in enumerate(_wrapped(finding.found, console.width - len(lead) - 2)):
         start = f"{SIGNS[finding.level]} {lead[2:]}" if not number else " " * len(lead)
         faint = finding.level == "note"
-        shown = f"[dim]{escape(text)}[/]" if faint else escape(text)
-        say(f"{start}{shown}")
+        markup = f"[dim]{escape(text)}[/]" if faint else escape(text)
+        say(f"{start}{markup}")
     if finding.remedy:
         for number, text in enumerate(_wrapped(finding.remedy, console.width - len(lead) - 4)):
             arrow = "→ " if not number else "  "

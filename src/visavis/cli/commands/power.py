@@ -76,12 +76,12 @@ def power_study(
         UsageError: no such study, or it offers none.
     """
     say_when_compiling()
-    found = find_study(name, of_lab)
-    if not isinstance(found, OpenedStudy):
+    opened_study = find_study(name, of_lab)
+    if not isinstance(opened_study, OpenedStudy):
         raise UsageError(f"{name} offers no power simulation yet; studies on the kit do")
     overrides = read_parameters(list(assignments or ()))
-    found.experiment(overrides)  # so that what does not fit is said before anything begins
-    return KitPower(reference_of(found.study), tracker_of, quick_study, overrides=overrides)
+    opened_study.experiment(overrides)  # so that what does not fit is said before anything begins
+    return KitPower(reference_of(opened_study.study), tracker_of, quick_study, overrides=overrides)
 
 
 @app.command()
@@ -141,32 +141,32 @@ def power(
     Example: visavis power stare --participants 8:32:8 --replicates 200 --fast
     """
     of_lab = load_lab(config, "sim", only_simulates=True, quiet=as_json).studies
-    chosen = power_study(study, of_lab, assignments)
+    simulation = power_study(study, of_lab, assignments)
     if tests and "list" in tests:
-        for name, claim in chosen.tests.items():
+        for name, claim in simulation.tests.items():
             typer.echo(f"{name:40} {claim}")
         return
     watch = StopWatch()
     request = PowerRequest(
-        numbers=read_numbers(participants, at_least=chosen.smallest_n),
-        tests=read_tests(chosen, tests),
+        numbers=read_numbers(participants, at_least=simulation.smallest_n),
+        tests=read_tests(simulation, tests),
         replicates=replicates,
         effect=read_effect(effect),
         alpha=alpha,
         seed=seed,
     )
-    chosen.effect_meaning(request.effect, "studies")
+    simulation.effect_meaning(request.effect, "studies")
     adequacy = read_rule(rule)
-    run = _Run(chosen, request, worker_count(processes), scheduler, quiet=as_json)
+    run = _Run(simulation, request, worker_count(processes), scheduler, quiet=as_json)
     if source is None:
         run.prepare()
     people, kind, are_simulated, notes = run.people(source, fast=fast, pool=pool)
     if assignments:
         notes = (f"the study with {', '.join(assignments)}", *notes)
-    jobs = jobs_of(chosen, request, size=1 if people is None else FAST_JOB, people=people)
+    jobs = jobs_of(simulation, request, size=1 if people is None else FAST_JOB, people=people)
     done = [r for _, part in run.jobs(run_job, jobs, "replicates") for r in part]
     summary = summarise(
-        chosen,
+        simulation,
         request,
         done,
         source=kind,
@@ -175,10 +175,10 @@ def power(
         rule=adequacy,
         notes=notes,
     )
-    folder = free_folder(f"power_{chosen.name}") if output is None else output
-    written = write_power(summary, folder)
+    folder = free_folder(f"power_{simulation.name}") if output is None else output
+    paths = write_power(summary, folder)
     if as_json:
-        say_json(as_data(summary, written))
+        say_json(as_data(summary, paths))
         return
     print_power(summary)
     console.print(f"{replicates} replicates in {watch.elapsed_s():.0f} s")
@@ -250,8 +250,8 @@ class _Run:
             PoolPart(self._study, tuple(range(first, min(first + POOL_PART, pool))), effect, seed)
             for first in range(0, pool, POOL_PART)
         ]
-        made = dict(self.jobs(simulate_part, parts, f"pool of {pool}"))
-        people = pd.concat([made[i] for i in range(len(parts))], ignore_index=True)
+        tables_by_part = dict(self.jobs(simulate_part, parts, f"pool of {pool}"))
+        people = pd.concat([tables_by_part[i] for i in range(len(parts))], ignore_index=True)
         note = (
             f"drawn from one pool of {pool} simulated people: all replicates share its chance "
             "differences; whole studies (without --fast) do not"
@@ -294,28 +294,28 @@ def read_numbers(text: str, *, at_least: int) -> tuple[int, ...]:
             if len(parts) not in (2, 3):
                 raise ValueError
             first, last, step = (*parts, 1)[:3]
-            found = list(range(first, last + 1, step)) if step > 0 else []
+            numbers = list(range(first, last + 1, step)) if step > 0 else []
         else:
-            found = sorted({int(p) for p in text.split(",")})
+            numbers = sorted({int(p) for p in text.split(",")})
     except ValueError:
-        found = []
-    if not found:
+        numbers = []
+    if not numbers:
         raise UsageError(
             f"--participants takes first:last:step such as 8:48:4, or a list such as 12,16,24, "
             f"not {text!r}"
         )
-    if found[0] < at_least:
+    if numbers[0] < at_least:
         raise UsageError(
-            f"--participants begins at {found[0]}; the planned tests need at least {at_least}"
+            f"--participants begins at {numbers[0]}; the planned tests need at least {at_least}"
         )
-    return tuple(found)
+    return tuple(numbers)
 
 
 def read_effect(text: str) -> float:
     """Read the multiplier of the effect; published is 1, none 0."""
-    named = {"published": 1.0, "none": 0.0}
+    multipliers = {"published": 1.0, "none": 0.0}
     try:
-        value = named[text] if text in named else float(text)
+        value = multipliers[text] if text in multipliers else float(text)
     except ValueError:
         value = float("nan")
     if not (np.isfinite(value) and value >= 0):
@@ -366,10 +366,10 @@ def write_power(summary: PowerSummary, folder: Path) -> tuple[Path, ...]:
     table = folder / "power.csv"
     write_csv(pd.DataFrame(list(summary.rows())), table)
     words = folder / "power.txt"
-    drawn = draw_power(summary)
-    lines = [summary.sentence(), drawn.caption, *(f"Note: {note}." for note in summary.notes)]
+    figure = draw_power(summary)
+    lines = [summary.sentence(), figure.caption, *(f"Note: {note}." for note in summary.notes)]
     words.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    return (table, words, *write_figure(drawn, folder))
+    return (table, words, *write_figure(figure, folder))
 
 
 def as_data(summary: PowerSummary, written: tuple[Path, ...]) -> dict[str, Any]:

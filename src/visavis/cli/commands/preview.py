@@ -89,8 +89,8 @@ def preview(
 
     Example: visavis preview stare --trial 5 --video trial5.mp4
     """
-    asked = sum((png is not None, sheet is not None, video is not None, window))
-    if asked > 1:
+    output_count = sum((png is not None, sheet is not None, video is not None, window))
+    if output_count > 1:
         raise UsageError("choose one of --png FILE, --sheet FILE, --video FILE and --window")
     for path in (png, sheet, video):
         if path is not None:
@@ -107,18 +107,18 @@ def preview(
     on_page = here.study.study.procedure.on == "browser"
     if on_page:
         _refuse_on_page(here.study.name, view, png or sheet or video)
-    shown = who_is_shown(here, participant, seed, assignments, language)
+    plan_inputs = who_is_shown(here, participant, seed, assignments, language)
     lab = load_lab(config, "sim", only_simulates=True, quiet=True)
     following = FOLLOWING if video is not None else 0
     capture = Capture(
         here.study,
         lab,
         number=trial,
-        index=shown.index,
-        seed=shown.seed,
-        group=shown.group,
+        index=plan_inputs.index,
+        seed=plan_inputs.seed,
+        group=plan_inputs.group,
         following=following,
-        experiment=shown.experiment,
+        experiment=plan_inputs.experiment,
     )
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
@@ -186,16 +186,16 @@ class _Showing:
 
 def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
     frames = showing.frames(USUAL_AT_S if at_s is None else at_s)
-    seen = frames[-1]
-    length_s = showing.passed_s(seen)
+    frame = frames[-1]
+    length_s = showing.passed_s(frame)
     if showing.capture.is_whole and at_s is not None and at_s > length_s:
         raise UsageError(f"--at {at_s} s: the trial lasts {length_s:.1f} s")
-    if at_s is None and (has_board(seen.view) or not is_lit(seen.view) or length_s < USUAL_AT_S):
+    if at_s is None and (has_board(frame.view) or not is_lit(frame.view) or length_s < USUAL_AT_S):
         lit = [f for f in frames if is_lit(f.view) and not has_board(f.view)] or frames
-        seen = lit[len(lit) // 2]
+        frame = lit[len(lit) // 2]
     with Stills() as stills:
-        image = stills.image(*showing.at(seen), showing.size_px)
-    said_s = showing.passed_s(seen) if at_s is None else at_s
+        image = stills.image(*showing.at(frame), showing.size_px)
+    said_s = showing.passed_s(frame) if at_s is None else at_s
     labelled(image, f"{SIMULATED}  ·  {showing.label}, {said_s:.1f} s").save(path)
     say_written(path)
 
@@ -203,10 +203,10 @@ def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
 def _write_sheet(showing: _Showing, path: Path) -> None:
     frames = showing.frames()
     width, height = showing.size_px[0] // 2, showing.size_px[1] // 2
-    chosen = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
+    frame_positions = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
     tiles = []
     with Stills() as stills, Progress(console=console, transient=True) as bar:
-        for k in bar.track(chosen.round().astype(int).tolist(), description="drawing"):
+        for k in bar.track(frame_positions.round().astype(int).tolist(), description="drawing"):
             image = stills.image(*showing.at(frames[k]), (width, height))
             tiles.append(labelled(image, f"{SIMULATED}  {showing.passed_s(frames[k]):.1f} s"))
     contact_sheet(tiles, f"{showing.label}  ·  {SIMULATED}", SHEET_COLUMNS).save(path)
@@ -222,11 +222,11 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
         Progress(console=console, transient=True) as bar,
     ):
         forecast = Forecast()
-        for done, seen in enumerate(bar.track(frames, description="drawing"), start=1):
-            image: npt.NDArray[np.uint8] = renderer.image(*showing.at(seen), showing.size_px)
+        for done, frame in enumerate(bar.track(frames, description="drawing"), start=1):
+            image: npt.NDArray[np.uint8] = renderer.image(*showing.at(frame), showing.size_px)
             film.add(np.asarray(labelled(image, label)))
-            if said := forecast.told(done, len(frames)):
-                TELLING.say(said)
+            if forecast_text := forecast.told(done, len(frames)):
+                TELLING.say(forecast_text)
     say_written(path, f", {len(frames) / rate_hz:.1f} s")
 
 
@@ -255,8 +255,8 @@ def _play(showing: _Showing) -> None:
                 t_ns = frames[0].t_ns + min(passed_ns, until_ns)
                 k = max(0, bisect.bisect_right(frames, t_ns, key=lambda seen: seen.t_ns) - 1)
                 picture, camera = showing.at(replace(frames[k], t_ns=t_ns))
-                marked = replace(picture, panels=(*picture.panels, simulated_panel(camera)))
-                renderer.draw(marked, [camera], [target])
+                marked_picture = replace(picture, panels=(*picture.panels, simulated_panel(camera)))
+                renderer.draw(marked_picture, [camera], [target])
                 mirror.show(display.context, target.texture)
             target.release()
     finally:

@@ -56,10 +56,10 @@ def quality(
     streams = own_streams(recording)
     facts = stream_facts(streams)
     if GAZE in recording.stream_names or not streams:
-        found = session_quality(recording)
-        facts = (*headline_facts(found), *facts)
+        gaze_quality = session_quality(recording)
+        facts = (*headline_facts(gaze_quality), *facts)
         output.mkdir(parents=True, exist_ok=True)
-        write_session_page(found, page, streams)
+        write_session_page(gaze_quality, page, streams)
     else:
         output.mkdir(parents=True, exist_ok=True)
         write_streams_page(streams, recording.manifest.study, page)

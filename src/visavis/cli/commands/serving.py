@@ -107,21 +107,21 @@ def page_study(
         UsageError: it is not declared on the kit.
     """
     lab = load_lab(config, devices)
-    chosen = study_of_lab(study, lab)
+    opened_study = study_of_lab(study, lab)
     if devices != "sim":
         lab = lab.model_copy(update={"devices": {}})
-    here = StudyHere(lab, chosen)
-    wanted = here.wanted(seed=seed, assignments=assignments, language=language)
+    here = StudyHere(lab, opened_study)
+    requested_settings = here.wanted(seed=seed, assignments=assignments, language=language)
     require_space(lab)
-    settings = here.settled(wanted, seed_given=seed is not None)
-    note = here.require_same_design(settings, wanted)
+    settings = here.settled(requested_settings, seed_given=seed is not None)
+    note = here.require_same_design(settings, requested_settings)
     if note:
         TELLING.warn(note)
-    experiment = chosen.experiment(settings.parameters)
+    experiment = opened_study.experiment(settings.parameters)
     if not isinstance(experiment, StudyExperiment):
-        raise UsageError(f"{chosen.name} is not declared on the kit; it shows no page")
+        raise UsageError(f"{opened_study.name} is not declared on the kit; it shows no page")
     base = Request(
-        study=chosen,
+        study=opened_study,
         experiment=experiment,
         config=lab,
         person=SessionPerson("", 0),
@@ -140,8 +140,8 @@ def built_films(base: Request) -> "FilmStore":
     assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has looked
     store = film_store(experiment)
     if experiment.films:
-        with TELLING.progress("building films") as told:
-            store.build(experiment.films, told)
+        with TELLING.progress("building films") as on_progress:
+            store.build(experiment.films, on_progress)
     return store
 
 
@@ -210,18 +210,18 @@ def board(
     `visavis serve` prints the address of the same as a page. Example: visavis board ./lively.py
     """
     here = study_here(study, load_lab(config, devices, quiet=as_json))
-    made = board_of(here.ledger.list(), here.folder)
+    study_board = board_of(here.ledger.list(), here.folder)
     if as_json:
-        say_json(made.told())
+        say_json(study_board.told())
         return
-    if not made.places:
+    if not study_board.places:
         console.print(f"Nobody has come to {verbatim(here.study.name)} yet.")
         return
     mark = "SIMULATED  " if here.is_simulated else ""
     table = Table(title=f"{mark}{here.study.name}", title_justify="left", box=None)
     for name in ("participant", "where", "trials", "minutes", "group", "flags"):
         table.add_column(name, justify="right" if name in ("trials", "minutes") else "left")
-    for place in made.places:
+    for place in study_board.places:
         table.add_row(
             place.label,
             STATES.get(place.state, place.state),
@@ -231,6 +231,8 @@ def board(
             ", ".join(place.flags) or "–",
         )
     console.print(table)
-    told = ", ".join(f"{n} {STATES.get(state, state)}" for state, n in made.counts.items())
-    median = made.median_minutes
-    console.print(told + ("" if median is None else f"; median time {median:.1f} min"))
+    summary = ", ".join(
+        f"{n} {STATES.get(state, state)}" for state, n in study_board.counts.items()
+    )
+    median = study_board.median_minutes
+    console.print(summary + ("" if median is None else f"; median time {median:.1f} min"))

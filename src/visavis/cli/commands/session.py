@@ -151,15 +151,17 @@ def plan(
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     here = study_here(study, lab)
-    shown = who_is_shown(here, participant, seed, assignments, language)
+    plan_inputs = who_is_shown(here, participant, seed, assignments, language)
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
-        check_rig(devices_for(lab, shown.experiment))
-    made = shown.experiment.plan(shown.index, shown.seed, shown.group)
+        check_rig(devices_for(lab, plan_inputs.experiment))
+    session_plan = plan_inputs.experiment.plan(
+        plan_inputs.index, plan_inputs.seed, plan_inputs.group
+    )
     if as_json:
-        say_json(asdict(made))
+        say_json(asdict(session_plan))
     else:
-        _print_plan(made, shown.label, shown.note, shown.experiment.texts)
-    for problem in shown.experiment.unplayable:
+        _print_plan(session_plan, plan_inputs.label, plan_inputs.note, plan_inputs.experiment.texts)
+    for problem in plan_inputs.experiment.unplayable:
         errors.print(
             f"[yellow]{verbatim(problem)}; `visavis run` will refuse: put the file there, or name "
             "another where the study's parameters are set[/]",
@@ -192,16 +194,16 @@ def who_is_shown(
         UsageError: the study was begun with other parameters.
     """
     settings = read_settings(here.folder)
-    wanted = here.wanted(assignments=assignments, language=language)
-    if settings is not None and not may_become(here.folder, settings, wanted):
-        refuse_other(here.folder, settings, wanted)
+    requested_settings = here.wanted(assignments=assignments, language=language)
+    if settings is not None and not may_become(here.folder, settings, requested_settings):
+        refuse_other(here.folder, settings, requested_settings)
     in_force = seed if seed is not None else settings.seed if settings else DEFAULT_SEED
-    experiment = here.study.experiment(wanted.parameters)
+    experiment = here.study.experiment(requested_settings.parameters)
     label, index, group, note = _place_shown(here.ledger, participant, experiment, in_force)
     changes = changes_of_design(here.folder, experiment)
     if changes:
-        told = f"The sessions in {here.folder} had another design: {in_words(changes)}."
-        note = " ".join(filter(None, (note, told)))
+        warning = f"The sessions in {here.folder} had another design: {in_words(changes)}."
+        note = " ".join(filter(None, (note, warning)))
     return Shown(experiment, in_force, label, index, group, note)
 
 
@@ -265,16 +267,16 @@ def legends(made: SessionPlan, texts: Texts) -> Iterator[str]:
     for trial in made.trials:
         for name, level in trial.factors.items():
             levels.setdefault(name, {})[str(level)] = None
-    for name, found in levels.items():
-        told = [
+    for name, factor_levels in levels.items():
+        level_labels = [
             f"{level} {label}"
-            for level in sorted(found)
+            for level in sorted(factor_levels)
             if (label := label_of(texts, level)) != level.replace("_", " ")
         ]
-        if told:
-            called = label_of(texts, name)
-            same = called == name.replace("_", " ")
-            yield f"{name}{'' if same else f' ({called})'}: {', '.join(told)}"
+        if level_labels:
+            factor_label = label_of(texts, name)
+            same = factor_label == name.replace("_", " ")
+            yield f"{name}{'' if same else f' ({factor_label})'}: {', '.join(level_labels)}"
 
 
 @app.command()
@@ -301,21 +303,23 @@ def run(
     Example: visavis run stare --participant 07
     """
     lab = load_lab(config, devices)
-    chosen = study_of_lab(study, lab)
-    where = where_performed(chosen, on)
+    opened_study = study_of_lab(study, lab)
+    where = where_performed(opened_study, on)
     if where == "lab":
         require_picture(lab)
     elif devices != "sim":
         lab = lab.model_copy(update={"devices": {}})
-    here = StudyHere(lab, chosen)
+    here = StudyHere(lab, opened_study)
     if fast and not here.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
-    wanted = here.wanted(seed=seed, assignments=assignments, language=language)
+    requested_settings = here.wanted(seed=seed, assignments=assignments, language=language)
     if where == "lab":
-        check_rig(devices_for(lab, chosen.experiment(wanted.parameters), without or ()))
+        check_rig(
+            devices_for(lab, opened_study.experiment(requested_settings.parameters), without or ())
+        )
     require_space(lab)
-    settings = here.settled(wanted, seed_given=seed is not None)
-    note = here.require_same_design(settings, wanted)
+    settings = here.settled(requested_settings, seed_given=seed is not None)
+    note = here.require_same_design(settings, requested_settings)
     if note:
         errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
     entry = here.participant(settings, participant)
@@ -410,16 +414,16 @@ def resume(
         raise UsageError("--fast runs on a virtual clock, which people cannot; leave it out")
     use_recorded_cast(recording)
     folder = session_path.resolve().parent.parent
-    chosen, changed = study_of_folder(folder, manifest.study)
-    if changed:
-        errors.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+    opened_study, change_note = study_of_folder(folder, manifest.study)
+    if change_note:
+        errors.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     settings = read_settings(folder)
     if settings is None:
         raise UsageError(f"{folder} has no study.json; restore it from a copy")
-    spoken = overrides_of(manifest.plan).get("language", DEFAULT_LANGUAGE)
-    settings = replace(settings, parameters={**settings.parameters, "language": spoken})
+    language = overrides_of(manifest.plan).get("language", DEFAULT_LANGUAGE)
+    settings = replace(settings, parameters={**settings.parameters, "language": language})
     otherwise = changes_since(
-        design_of_session(manifest), design_of(chosen.experiment(settings.parameters))
+        design_of_session(manifest), design_of(opened_study.experiment(settings.parameters))
     )
     if otherwise:
         raise UsageError(
@@ -429,7 +433,7 @@ def resume(
     prefix = SIMULATED_PREFIX if recording.is_simulated else ""
     entry = Ledger(folder, SystemClock(), prefix=prefix).resolve(manifest.participant)
     _perform(
-        StudyHere(lab, chosen),
+        StudyHere(lab, opened_study),
         settings,
         entry,
         manifest.session,
@@ -444,18 +448,18 @@ def resume(
 def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
     kind = SIMULATED_ROOT if is_simulated(lab) else REAL_ROOT
     sessions = sorted((lab.data_root / kind).glob(f"{study}/sub-*/ses-*/manifest.json"))
-    unfinished = [
+    unfinished_paths = [
         p.parent for p in sessions if Recording(p.parent).status in ("aborted", "crashed")
     ]
-    if len(unfinished) == 1:
-        return unfinished[0]
-    if not unfinished:
+    if len(unfinished_paths) == 1:
+        return unfinished_paths[0]
+    if not unfinished_paths:
         raise UsageError(
             f"no unfinished session under {lab.data_root / kind}; a new one begins with "
             f"visavis run {'STUDY' if study == '*' else study} --participant ID"
         )
-    listed = "\n  ".join(f"visavis resume {p}" for p in unfinished)
-    raise UsageError(f"several sessions are unfinished; choose one:\n  {listed}")
+    choices = "\n  ".join(f"visavis resume {p}" for p in unfinished_paths)
+    raise UsageError(f"several sessions are unfinished; choose one:\n  {choices}")
 
 
 def _perform(
@@ -471,11 +475,11 @@ def _perform(
     on: str = "lab",
     port: int = 0,
 ) -> None:
-    simulated = here.is_simulated
+    is_rehearsal = here.is_simulated
     experiment = here.study.experiment(settings.parameters)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
-        with TELLING.progress("building films") as told:
-            film_store(experiment).build(experiment.films, told)
+        with TELLING.progress("building films") as on_progress:
+            film_store(experiment).build(experiment.films, on_progress)
     if not fast and on == "lab":
         make_ready(
             here.study, experiment, here.lab
@@ -494,13 +498,13 @@ def _perform(
         elif not fast:
             screen = TerminalOperator(
                 console,
-                is_simulated=simulated,
-                confirm_waits=not simulated,
+                is_simulated=is_rehearsal,
+                confirm_waits=not is_rehearsal,
                 incidents=here.lab.incidents,
             )
             operator = stack.enter_context(screen)
             _let_signals_end(screen)
-            if not simulated:
+            if not is_rehearsal:
                 respondent = TerminalRespondent(console, screen.suspend)
         if not fast:
             about = About(
@@ -508,7 +512,7 @@ def _perform(
                 entry.label,
                 session,
                 str(path.resolve()),
-                simulated,
+                is_rehearsal,
                 blind,
                 ACTIONS if on == "lab" else (),
                 here.lab.incidents,
@@ -603,11 +607,13 @@ def ask_body(
         ).strip()
         body = {"1": BODIES[0], "2": BODIES[1]}.get(answer, answer)
     while given is None and stature_m is None:
-        told = console.input("How tall are they with shoes, in m (Enter: not told)? > ").strip()
-        if not told:
+        stature_text = console.input(
+            "How tall are they with shoes, in m (Enter: not told)? > "
+        ).strip()
+        if not stature_text:
             break
         with suppress(ValueError):
-            metres = float(told.replace(",", "."))
+            metres = float(stature_text.replace(",", "."))
             stature_m = metres if MIN_STATURE_M <= metres <= MAX_STATURE_M else None
     here.ledger.describe_body(entry.label, OwnBody(body, stature_m))
 
@@ -617,14 +623,14 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
         return
     trials = check_session(Recording(path)).trials
     done = sum(t.status == "complete" for t in trials)
-    skipped = sum(t.status == "skipped" for t in trials)
+    skip_count = sum(t.status == "skipped" for t in trials)
     again = f"visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}"
-    spared = "".join(f" --without {role}" for role in without)
+    without_options = "".join(f" --without {role}" for role in without)
     errors.print(
         f"{done} of {len(trials)} trials are done and kept"
-        + (f", {skipped} skipped" if skipped else "")
+        + (f", {skip_count} skipped" if skip_count else "")
         + f". Go on with:\n  {again}"
-        + (f"\nor, with every trial flagged:\n  {again}{spared}" if without else ""),
+        + (f"\nor, with every trial flagged:\n  {again}{without_options}" if without else ""),
         soft_wrap=True,
         highlight=False,
     )
