@@ -176,15 +176,17 @@ def load_lab(
 
     if path is None:
         config = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, OPTION_MODELS, folder=here)
-        said = (
+        description = (
             f"the example of Visavis, everything simulated: there is no {CONFIG_NAME} here or "
             "above (visavis init writes one)"
         )
     else:
         config = load_config(path, OPTION_MODELS)
-        said = f"{config.path} ({config.lab})"
+        description = f"{config.path} ({config.lab})"
     if not quiet:
-        errors.print(f"[dim]configuration: {escape(said)}[/]", soft_wrap=True, highlight=False)
+        errors.print(
+            f"[dim]configuration: {escape(description)}[/]", soft_wrap=True, highlight=False
+        )
     if config.cast and with_cast:
         from visavis.study.cast import use_cast_of  # late: characters, where a lab has its own
 

@@ -136,11 +136,11 @@ class LazyGroup(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help from the table, as plain text: what frames it takes as long to load."""
         with self._listing():
-            styled, self.rich_markup_mode = self.rich_markup_mode, None
+            markup_mode, self.rich_markup_mode = self.rich_markup_mode, None
             try:
                 super().format_help(ctx, formatter)
             finally:
-                self.rich_markup_mode = styled
+                self.rich_markup_mode = markup_mode
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write every command's line in full."""
@@ -171,9 +171,9 @@ class LazyGroup(TyperGroup):
 def load_command(name: str) -> Any:
     """Import the module of a command and return the command it registers."""
     module = importlib.import_module(f"visavis.cli.commands.{COMMANDS[name].module}")
-    registered: Any = typer.main.get_group(module.app)  # the one application, where it registers
-    _name_arguments(registered.commands[name])
-    return registered.commands[name]
+    command_group: Any = typer.main.get_group(module.app)  # the one application, where it registers
+    _name_arguments(command_group.commands[name])
+    return command_group.commands[name]
 
 
 def _name_arguments(command: Any) -> None:

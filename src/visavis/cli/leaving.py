@@ -28,9 +28,12 @@ def require_whole(session: Path, *, accept: bool) -> None:
     Raises:
         DataError: a file is damaged, and that was not accepted.
     """
-    damaged = require_intact([session], accept=accept)
-    if damaged:
-        say(f"[yellow]{verbatim(counted_damage(damaged, 1))}:\n{verbatim(describe(damaged))}[/]")
+    damage_reports = require_intact([session], accept=accept)
+    if damage_reports:
+        say(
+            f"[yellow]{verbatim(counted_damage(damage_reports, 1))}:\n"
+            f"{verbatim(describe(damage_reports))}[/]"
+        )
 
 
 def leave(
@@ -42,14 +45,14 @@ def leave(
     tells_risk: bool = True,
 ) -> None:
     """Protect files just made of sessions of one study below `where`, and register them there."""
-    written = tuple(files)
-    protect_files(written)
+    paths = tuple(files)
+    protect_files(paths)
     study = sessions[0].resolve().parent.parent
     manifests = [read_manifest(session) for session in sessions]
     labels = sorted({manifest.participant for manifest in manifests})
     if is_study(study):
         try:
-            register_export(study, SystemClock(), what, where, labels, written)
+            register_export(study, SystemClock(), what, where, labels, paths)
         except LedgerError as error:  # an archive that only can be read
             say(f"[yellow]{verbatim(error)}[/]")
     if tells_risk and not all(manifest.is_simulated for manifest in manifests):

@@ -55,7 +55,9 @@ class AnnouncingRecorder(Recorder):
             role: [s for s in self._declared.values() if _is_of(role, device, s)]
             for role, device in devices.items()
         }
-        self._role_of = {s.name: role for role, listed in streams.items() for s in listed}
+        self._role_of = {
+            s.name: role for role, role_streams in streams.items() for s in role_streams
+        }
         self._outlets = LslOutlets(
             streams,
             scope,

@@ -34,8 +34,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if place:
             from visavis.study.study_errors import explain  # late, as below
 
-            told = f"{place}: {explain(error)}"
-            errors.print(f"[bold red]error[/]  {_escaped(told)}", highlight=False, soft_wrap=True)
+            message = f"{place}: {explain(error)}"
+            errors.print(
+                f"[bold red]error[/]  {_escaped(message)}", highlight=False, soft_wrap=True
+            )
             sys.exit(UsageError.exit_code)
         errors.print_exception(max_frames=12)
         errors.print(

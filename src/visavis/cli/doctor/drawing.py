@@ -37,13 +37,13 @@ def measured(lab: LabConfig, clock: Clock) -> Finding:
         headset = lab.devices.get("headset")
         options = {} if headset is None else headset.options
         rate_hz = float(options.get("display_rate_hz") or USUAL_RATE_HZ)
-        asked = quality_of(lab, on_processor=False)
+        quality = quality_of(lab, on_processor=False)
 
         def with_area_ms(choice: Choice) -> float:
-            with Renderer(context, quality=replace(asked, shadows="area")) as renderer:
+            with Renderer(context, quality=replace(quality, shadows="area")) as renderer:
                 return stereo_frame_ms(renderer, picture, head, USUAL_EYE_PX, choice, clock)
 
-        with Renderer(context, quality=asked) as renderer:
+        with Renderer(context, quality=quality) as renderer:
 
             def cost_ms(choice: Choice) -> float:
                 return stereo_frame_ms(renderer, picture, head, USUAL_EYE_PX, choice, clock)
@@ -65,9 +65,9 @@ def advice(
     `with_area_ms` is what frames cost with shadows of lamps with an area: asked only where it
     could be offered.
     """
-    asked = lab.display.quality
+    display_quality = lab.display.quality
     quality = quality_of(lab, on_processor=False)
-    now = Choice(quality.samples, asked.render_scale)
+    now = Choice(quality.samples, display_quality.render_scale)
     now_ms = cost_ms(now)
     text = (
         f"{card}: {now_ms:.1f} ms a stereo frame of the station's crowd with {_told(now)}; "
@@ -80,8 +80,8 @@ def advice(
                 text += f"; there is time for shadows: area ({area_ms:.1f} ms)"
         return Finding(COMPUTER, "drawing", "ok", text)
     less = [c for c in CHOICES if c.samples <= now.samples and c.render_scale <= now.render_scale]
-    chosen, chosen_ms = best_choice(cost_ms, rate_hz, [c for c in less if c != now] or CHOICES[-1:])
-    remedy = f"set under display.quality {_told(chosen)} ({chosen_ms:.1f} ms)"
+    choice, chosen_ms = best_choice(cost_ms, rate_hz, [c for c in less if c != now] or CHOICES[-1:])
+    remedy = f"set under display.quality {_told(choice)} ({chosen_ms:.1f} ms)"
     if quality.shadows == "area":
         remedy = f"set shadows: maps under display.quality and ask again, or {remedy}"
     if not fits(chosen_ms, rate_hz):

@@ -42,12 +42,12 @@ MAX_PITCH_OFF_01 = 0.02
 
 def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
     """Return what holds of this computer whatever is plugged in."""
-    found = provenance()
-    version = found.packages.get("visavis", "")
-    revision = found.code_revision.removesuffix("+changes")[:10]
-    changed = ", changed files" if found.code_revision.endswith("+changes") else ""
-    ours = f"{version}" + (f" ({revision}{changed})" if revision else "")
-    system = f"{platform.system()} {platform.release()}, Python {found.python}"
+    versions = provenance()
+    version = versions.packages.get("visavis", "")
+    revision = versions.code_revision.removesuffix("+changes")[:10]
+    changes_note = ", changed files" if versions.code_revision.endswith("+changes") else ""
+    ours = f"{version}" + (f" ({revision}{changes_note})" if revision else "")
+    system = f"{platform.system()} {platform.release()}, Python {versions.python}"
     return (
         Finding(COMPUTER, "visavis", "ok", f"{ours}; {system}"),
         _load(),
@@ -83,44 +83,50 @@ def _lsl_session(lab: LabConfig) -> tuple[Finding, ...]:
 
 def libraries(lab: LabConfig) -> tuple[Finding, ...]:
     """Return versions and licences of what drivers need; missing ones matter if a role asks."""
-    wanted = {driver_spec(d.driver).wire.library for d in lab.devices.values() if not d.simulated}
+    needed_libraries = {
+        driver_spec(d.driver).wire.library for d in lab.devices.values() if not d.simulated
+    }
     if lab.sync.lsl:
-        wanted.add(LSL)
-    known = sorted(
+        needed_libraries.add(LSL)
+    driver_libraries = sorted(
         {f.wire.library for f in driver_specs() if f.wire.library}, key=lambda k: k.distribution
     )
-    present = [k for k in known if is_installed(k)]
+    present = [k for k in driver_libraries if is_installed(k)]
     rows = [Finding(LIBRARIES, "installed", "ok", ", ".join(map(_version, present)) or "none")]
-    for library in known:
-        if library not in present and library in wanted:
+    for library in driver_libraries:
+        if library not in present and library in needed_libraries:
             text = "not installed, but a configured device needs it"
             rows.append(
                 Finding(LIBRARIES, library.distribution, "missing", text, f"run: {library.install}")
             )
-    others = [k.distribution for k in known if k not in present and k not in wanted]
+    others = [
+        k.distribution for k in driver_libraries if k not in present and k not in needed_libraries
+    ]
     if others:
         rows.append(Finding(LIBRARIES, "not needed", "note", ", ".join(others)))
-    closed = [
+    closed_licences = [
         f"{name} ({licence})"
         for k in present
         if (licence := _closed_licence(name := k.distribution))
     ]
-    if closed:
-        rows.append(Finding(LIBRARIES, "licences", "note", "vendor's own: " + ", ".join(closed)))
+    if closed_licences:
+        rows.append(
+            Finding(LIBRARIES, "licences", "note", "vendor's own: " + ", ".join(closed_licences))
+        )
     return tuple(rows)
 
 
 def licence_of(distribution: str) -> str:
     """Return the licence a distribution states, short; "not stated" where it does not."""
     try:
-        stated = metadata.metadata(distribution)
+        package_fields = metadata.metadata(distribution)
     except metadata.PackageNotFoundError:
         return "not stated"
     for key in ("License-Expression", "License"):
-        text = (stated[key] if key in stated else "").strip()
+        text = (package_fields[key] if key in package_fields else "").strip()
         if text and text.upper() != "UNKNOWN":
             return text.splitlines()[0][:40]
-    trove = [c for c in stated.get_all("Classifier") or () if c.startswith("License ::")]
+    trove = [c for c in package_fields.get_all("Classifier") or () if c.startswith("License ::")]
     return trove[0].rpartition(":: ")[2] if trove else "not stated"
 
 
@@ -192,23 +198,23 @@ def _clock(clock: Clock) -> Finding:
 
 
 def _screens(lab: LabConfig) -> Finding:
-    wanted = lab.display.show
-    shown: list[Monitor] = []
+    show_mode = lab.display.show
+    monitor_list: list[Monitor] = []
     try:
-        shown = monitors()
-        modes = [str(monitor) for monitor in shown]
+        monitor_list = monitors()
+        modes = [str(monitor) for monitor in monitor_list]
     except Exception as problem:  # the graphics library's own errors are of any kind
         modes = []
         text = f"no screen can be asked ({type(problem).__name__})"
     else:
         text = ", ".join(modes) or "no screen"
-    text += f"; display.show is {wanted}"
+    text += f"; display.show is {show_mode}"
     if shows_nothing(lab):
         return Finding(COMPUTER, "display", "missing", text, NO_PICTURE_REMEDY)
-    if wanted == "screen" and lab.display.screen is not None and shown:
+    if show_mode == "screen" and lab.display.screen is not None and monitor_list:
         text += f" on monitor {lab.display.screen.monitor}"
-        return _of_screen(lab.display.screen, shown, text)
-    if not modes and wanted in ("window", "screen"):
+        return _of_screen(lab.display.screen, monitor_list, text)
+    if not modes and show_mode in ("window", "screen"):
         remedy = "log in on a desktop, or set display.show to none or offscreen"
         return Finding(COMPUTER, "display", "missing", text, remedy)
     return Finding(COMPUTER, "display", "ok", text)
@@ -227,20 +233,20 @@ def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
 
 def _of_screen(screen: Screen, shown: Sequence["Monitor"], text: str) -> Finding:
     """Compare the monitor participants sit before with what the configuration says of it."""
-    described = "correct display.screen, or the monitor's mode in the system's settings"
+    remedy = "correct display.screen, or the monitor's mode in the system's settings"
     if screen.monitor >= len(shown):
         text += f": there is none of this number, counted from 0 to {len(shown) - 1}"
-        return Finding(COMPUTER, "display", "missing", text, described)
+        return Finding(COMPUTER, "display", "missing", text, remedy)
     monitor = shown[screen.monitor]
     if screen.fullscreen and (monitor.width_px, monitor.height_px) != (
         screen.width_px,
         screen.height_px,
     ):
         text += f": it has other pixels than {screen.width_px}×{screen.height_px}"
-        return Finding(COMPUTER, "display", "missing", text, described)
+        return Finding(COMPUTER, "display", "missing", text, remedy)
     if monitor.rate_hz and abs(monitor.rate_hz - screen.rate_hz) > MAX_RATE_OFF_HZ:
         text += f": it refreshes otherwise than display.screen.rate_hz {screen.rate_hz:g}"
-        return Finding(COMPUTER, "display", "warning", text, described)
+        return Finding(COMPUTER, "display", "warning", text, remedy)
     if not screen.fullscreen:
         text += ", in a window: sizes are wrong"
         return Finding(
@@ -282,11 +288,11 @@ def monitors() -> list[Monitor]:
         if not glfw.init():
             return []
         try:
-            found = []
+            monitor_list = []
             for monitor in glfw.get_monitors():
                 mode = glfw.get_video_mode(monitor)
-                found.append(Monitor(mode.size.width, mode.size.height, mode.refresh_rate))
-            return found
+                monitor_list.append(Monitor(mode.size.width, mode.size.height, mode.refresh_rate))
+            return monitor_list
         finally:
             # A session that draws in a window is using it.
             if glfw.get_current_context() is None:

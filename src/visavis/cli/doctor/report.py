@@ -48,11 +48,11 @@ def examine(lab: LabConfig, clock: Clock, *, self_test_s: float = 0.0) -> Report
     """Look at everything; real devices are opened for a moment, all of them with a self-test."""
     around = _surroundings(lab, clock)
     absent = {f.subject: f for f in around if f.section == RUNTIMES and f.level == "missing"}
-    chosen = [d for d in lab.devices.values() if self_test_s or not d.simulated]
-    trials = [_without_runtime(d, absent) for d in chosen]
-    there = [d for d, trial in zip(chosen, trials, strict=True) if trial is None]
-    heard = iter(capture(there, clock, self_test_s or GLANCE_S) if there else ())
-    done = tuple(trial if trial is not None else next(heard) for trial in trials)
+    devices = [d for d in lab.devices.values() if self_test_s or not d.simulated]
+    trials = [_without_runtime(d, absent) for d in devices]
+    there = [d for d, trial in zip(devices, trials, strict=True) if trial is None]
+    captured_trials = iter(capture(there, clock, self_test_s or GLANCE_S) if there else ())
+    done = tuple(trial if trial is not None else next(captured_trials) for trial in trials)
     findings = (
         _configuration(lab),
         *around,
@@ -131,16 +131,16 @@ def _configuration(lab: LabConfig) -> Finding:
 
 def _sync_test(lab: LabConfig, clock: Clock) -> Finding:
     """Say how old the lab's newest synchronisation test is, and what it found."""
-    found = newest(lab)
+    record = newest(lab)
     remedy = "run: visavis sync-test (docs/synchronisation.md)"
-    if found is None:
+    if record is None:
         return Finding(DEVICES, "sync-test", "note", "delays were never measured here", remedy)
-    days = age_days(found, clock.wall_iso())
-    offsets = ", ".join(f"{name} {ms:g}" for name, ms in found.get("offsets_ms", {}).items())
-    told = f"{days:.0f} days old: {offsets or 'nothing was answered'}"
+    days = age_days(record, clock.wall_iso())
+    offsets = ", ".join(f"{name} {ms:g}" for name, ms in record.get("offsets_ms", {}).items())
+    text = f"{days:.0f} days old: {offsets or 'nothing was answered'}"
     if days > MAX_AGE_DAYS or not offsets:
-        return Finding(DEVICES, "sync-test", "note", told, remedy)
-    return Finding(DEVICES, "sync-test", "ok", told)
+        return Finding(DEVICES, "sync-test", "note", text, remedy)
+    return Finding(DEVICES, "sync-test", "ok", text)
 
 
 def _surroundings(lab: LabConfig, clock: Clock, *, are_open: bool = False) -> tuple[Finding, ...]:
@@ -192,11 +192,11 @@ def _device(device: DeviceConfig, trial: Trial) -> Finding:
         return Finding(
             DEVICES, device.role, "missing", f"{device.driver}: {trial.error}", trial.remedy
         )
-    made = device.driver
+    description = device.driver
     if trial.info is not None:
         names = (trial.info.vendor, trial.info.model, trial.info.serial)
-        made = " ".join(n for n in names if n and n != "simulated")
-        made += f", {trial.info.transport}"
+        description = " ".join(n for n in names if n and n != "simulated")
+        description += f", {trial.info.transport}"
     rates = [
         f"{s.rate_hz:.0f} of {s.nominal_rate_hz:g} Hz"
         for s in trial.streams
@@ -206,7 +206,7 @@ def _device(device: DeviceConfig, trial: Trial) -> Finding:
     if battery is not None:
         rates.append(f"battery {battery:.0%}")
     mark = ", simulated" if device.simulated else ""
-    text = ", ".join([made, *rates[:2]]) + mark
+    text = ", ".join([description, *rates[:2]]) + mark
     if battery is not None and battery < LOW_BATTERY_01:
         return Finding(DEVICES, device.role, "warning", text, "charge it before the session")
     silent = [s.stream for s in trial.streams if s.nominal_rate_hz and not s.samples]

@@ -96,11 +96,11 @@ def lock(lab: LabConfig, clock: Clock) -> Path:
         RecordingError: nothing can be written to the data root.
     """
     path = station_path(lab)
-    found = measure(lab, clock)
+    station = measure(lab, clock)
     make_folder(path.parent, exist_ok=True)
     if path.exists():
         replace_file(_former(path), path.read_bytes())
-    text = json.dumps(asdict(found), ensure_ascii=False, indent=1) + "\n"
+    text = json.dumps(asdict(station), ensure_ascii=False, indent=1) + "\n"
     replace_file(path, text.encode())
     return path
 
@@ -113,12 +113,13 @@ def locked(lab: LabConfig) -> Station | None:
     """
     path = station_path(lab)
     try:
-        told = json.loads(path.read_text("utf-8"))
+        document = json.loads(path.read_text("utf-8"))
         figures, delays = (
-            {str(k): float(v) for k, v in told[name].items()} for name in ("figures", "delays_ms")
+            {str(k): float(v) for k, v in document[name].items()}
+            for name in ("figures", "delays_ms")
         )
-        depends = {str(k): str(v) for k, v in told["depends_on"].items()}
-        return Station(str(told["made"]), figures, delays, depends)
+        depends = {str(k): str(v) for k, v in document["depends_on"].items()}
+        return Station(str(document["made"]), figures, delays, depends)
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -133,23 +134,25 @@ def station_findings(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
     if clock.is_virtual:
         return ()
     try:
-        kept = locked(lab)
-        if kept is None:
+        locked_station = locked(lab)
+        if locked_station is None:
             text = "its timing was never locked, so nothing is compared"
             remedy = f"once sessions run well: {LOCK_AGAIN}"
             return (Finding(STATION, "timing", "note", text, remedy),)
-        return compared(kept, measure(lab, clock))
+        return compared(locked_station, measure(lab, clock))
     except (RecordingError, UsageError) as problem:
         return (Finding(STATION, "timing", "warning", str(problem)),)
 
 
 def compared(kept: Station, now: Station) -> tuple[Finding, ...]:
     """Return how a station keeps what was locked."""
-    found = [*_worse(kept, now), *_delayed(kept, now), *_changed(kept, now)]
-    if found:
-        return tuple(found)
-    told = ", ".join(_told(name, now.figures[name]) for name in LIMITS if name in now.figures)
-    return (Finding(STATION, "timing", "ok", f"as locked on {kept.made[:10]}: {told}"),)
+    findings = [*_worse(kept, now), *_delayed(kept, now), *_changed(kept, now)]
+    if findings:
+        return tuple(findings)
+    figures_text = ", ".join(
+        _told(name, now.figures[name]) for name in LIMITS if name in now.figures
+    )
+    return (Finding(STATION, "timing", "ok", f"as locked on {kept.made[:10]}: {figures_text}"),)
 
 
 def station_path(lab: LabConfig) -> Path:
@@ -162,15 +165,15 @@ def station_path(lab: LabConfig) -> Path:
 
 
 def _worse(kept: Station, now: Station) -> list[Finding]:
-    found = []
+    findings = []
     for name, limit in LIMITS.items():
         was, is_now = kept.figures.get(name), now.figures.get(name)
         if was is None or is_now is None or is_now <= was * limit.times + limit.more:
             continue
         text = f"{_told(name, is_now)}; locked on {kept.made[:10]}: {_told(name, was)}"
         remedy = "close other programs, look at the power plan and the disk; then visavis doctor"
-        found.append(Finding(STATION, "timing", "warning", text, remedy))
-    return found
+        findings.append(Finding(STATION, "timing", "warning", text, remedy))
+    return findings
 
 
 def _delayed(kept: Station, now: Station) -> list[Finding]:
@@ -203,8 +206,8 @@ def _changed(kept: Station, now: Station) -> list[Finding]:
 
 def _told(name: str, value: float) -> str:
     limit = LIMITS[name]
-    shown = f"{100 * value:.0f} %" if limit.unit == "%" else f"{value:.1f} {limit.unit}"
-    return f"{limit.words} {shown}"
+    value_text = f"{100 * value:.0f} %" if limit.unit == "%" else f"{value:.1f} {limit.unit}"
+    return f"{limit.words} {value_text}"
 
 
 def _late_ms(clock: Clock) -> list[float]:
@@ -242,11 +245,11 @@ def _monitors() -> str:
 def _former(path: Path) -> Path:
     """Return where what was locked before goes, by its date; nothing there is overwritten."""
     try:
-        made = re.sub(r"\D", "", str(json.loads(path.read_text("utf-8"))["made"])[:19])
+        date_text = re.sub(r"\D", "", str(json.loads(path.read_text("utf-8"))["made"])[:19])
     except (OSError, ValueError, KeyError, TypeError):
-        made = "damaged"
-    number, wanted = 1, path.with_name(f"{path.stem}.until_{made}.json")
-    while wanted.exists():
+        date_text = "damaged"
+    number, new_path = 1, path.with_name(f"{path.stem}.until_{date_text}.json")
+    while new_path.exists():
         number += 1
-        wanted = path.with_name(f"{path.stem}.until_{made}-{number}.json")
-    return wanted
+        new_path = path.with_name(f"{path.stem}.until_{date_text}-{number}.json")
+    return new_path

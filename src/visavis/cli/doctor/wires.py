@@ -42,20 +42,26 @@ NOBODY = ("192.0.2.1", 9)
 
 def runtimes(lab: LabConfig) -> tuple[Finding, ...]:
     """Return which headset runtimes and vendor libraries are installed."""
-    wanted = {driver_spec(d.driver).wire.runtime for d in lab.devices.values() if not d.simulated}
+    needed_runtimes = {
+        driver_spec(d.driver).wire.runtime for d in lab.devices.values() if not d.simulated
+    }
     looked_for = (
         (RUNTIME_NAMES["openvr"], "openvr", openvr_runtime(), "install and start SteamVR"),
         (RUNTIME_NAMES["openxr"], "openxr", openxr_runtime(), XR_REMEDY),
         (RUNTIME_NAMES["fove"], "fove", fove_library(lab), FOVE_REMEDY),
     )
     rows = [
-        Finding(RUNTIMES, name, "ok", found)
-        if found
+        Finding(RUNTIMES, name, "ok", location)
+        if location
         else Finding(RUNTIMES, name, "missing", "not found", remedy)
-        for name, kind, found, remedy in looked_for
-        if found or kind in wanted
+        for name, kind, location, remedy in looked_for
+        if location or kind in needed_runtimes
     ]
-    absent = [name for name, kind, found, _ in looked_for if not found and kind not in wanted]
+    absent = [
+        name
+        for name, kind, location, _ in looked_for
+        if not location and kind not in needed_runtimes
+    ]
     if absent:
         rows.append(Finding(RUNTIMES, "not needed", "note", f"{', '.join(absent)}: not found"))
     return (*rows, *_eyes(lab))
@@ -67,34 +73,36 @@ def _eyes(lab: LabConfig) -> tuple[Finding, ...]:
     Runtimes are asked only where gaze is to come from OpenXR, others than the active one only where
     that tells none: asking may start a vendor's programs.
     """
-    asked = [d for d in lab.devices.values() if d.driver == "openxr_gaze" and not d.simulated]
+    gaze_devices = [
+        d for d in lab.devices.values() if d.driver == "openxr_gaze" and not d.simulated
+    ]
     active = next((m for m in _openxr_manifests() if m.is_file()), None)
-    if not asked or active is None or not is_installed(OPENXR):
+    if not gaze_devices or active is None or not is_installed(OPENXR):
         return ()
-    found = ask(active)
-    name = _runtime_name(active) if found is None else found.runtime
-    if found is not None and found.tells_gaze:
-        how = f"each eye by {found.eyes_by}" if found.eyes_by else "one ray of both eyes"
+    offer = ask(active)
+    name = _runtime_name(active) if offer is None else offer.runtime
+    if offer is not None and offer.tells_gaze:
+        how = f"each eye by {offer.eyes_by}" if offer.eyes_by else "one ray of both eyes"
         return (Finding(RUNTIMES, EYES, "ok", f"{name} tells {how}"),)
     offers = [(m, o) for m in openxr_installed() if (o := ask(m)) is not None and o.tells_gaze]
     others = [(manifest, one) for manifest, one in offers if one.runtime != name]
     if others:
         manifest, one = others[0]
-        fails = "hides the eye tracker, whose gaze" if found else "cannot be asked for gaze, which"
+        fails = "hides the eye tracker, whose gaze" if offer else "cannot be asked for gaze, which"
         text = f"{name} {fails} {one.runtime} tells"
         remedy = f"make {one.runtime} the active OpenXR runtime in its own program ({manifest})"
         return (Finding(RUNTIMES, EYES, "missing", text, remedy),)
-    if found is not None and not found.has_headset:
+    if offer is not None and not offer.has_headset:
         text = f"{name} finds no headset, so it cannot say whether it tells gaze"
         return (Finding(RUNTIMES, EYES, "warning", text, "connect and switch on the headset"),)
-    text = f"{name} tells no gaze" if found is not None else f"{name} cannot be asked for gaze"
+    text = f"{name} tells no gaze" if offer is not None else f"{name} cannot be asked for gaze"
     return (Finding(RUNTIMES, EYES, "missing", text, driver_spec("openxr_gaze").remedy),)
 
 
 def openxr_installed() -> tuple[Path, ...]:
     """Return the manifests of every OpenXR runtime of this computer, the active one's first."""
-    found = [*_openxr_manifests(), *_openxr_elsewhere()]
-    there = {path.resolve(): path for path in reversed(found) if path.is_file()}
+    manifests = [*_openxr_manifests(), *_openxr_elsewhere()]
+    there = {path.resolve(): path for path in reversed(manifests) if path.is_file()}
     return tuple(reversed(there.values()))
 
 
@@ -117,17 +125,20 @@ def _windows_names(key: str) -> list[str]:
 
     winreg: Any = importlib.import_module("winreg")
     try:
-        with winreg.OpenKey(winreg.HKEY_LOCAL_MACHINE, key) as opened:
-            return [winreg.EnumValue(opened, i)[0] for i in range(winreg.QueryInfoKey(opened)[1])]
+        with winreg.OpenKey(winreg.HKEY_LOCAL_MACHINE, key) as registry_key:
+            return [
+                winreg.EnumValue(registry_key, i)[0]
+                for i in range(winreg.QueryInfoKey(registry_key)[1])
+            ]
     except OSError:
         return []
 
 
 def openvr_runtime() -> str:
     """Return the folder of the OpenVR runtime as its registry names it; empty without one."""
-    given = os.environ.get("VR_PATHREG_OVERRIDE")
-    if given:
-        registry = Path(given)
+    override = os.environ.get("VR_PATHREG_OVERRIDE")
+    if override:
+        registry = Path(override)
     elif sys.platform == "win32":
         registry = Path(os.environ.get("LOCALAPPDATA", "")) / "openvr" / "openvrpaths.vrpath"
     else:
@@ -150,9 +161,9 @@ def _runtime_name(manifest: Path) -> str:
 
 
 def _openxr_manifests() -> list[Path]:
-    given = os.environ.get("XR_RUNTIME_JSON")
-    if given:
-        return [Path(given)]
+    override = os.environ.get("XR_RUNTIME_JSON")
+    if override:
+        return [Path(override)]
     if sys.platform == "win32":
         return _openxr_of_windows()
     else:  # mypy takes what follows a return for dead on Windows
@@ -178,14 +189,14 @@ def _openxr_of_windows() -> list[Path]:
 
 def fove_library(lab: LabConfig) -> str:
     """Return where FoveClient lies, as configured or as the system finds it; empty without it."""
-    named = [
+    configured_paths = [
         str(d.options.get("library_path", "")) for d in lab.devices.values() if d.driver == "fove"
     ]
-    for name in [*named, "FoveClient"]:
+    for name in [*configured_paths, "FoveClient"]:
         if name and Path(name).is_file():
             return name
-        if found := ctypes.util.find_library(name):
-            return found
+        if path := ctypes.util.find_library(name):
+            return path
     return ""
 
 
@@ -295,8 +306,10 @@ def _dial(device: DeviceConfig) -> Finding:
         text = f"{address}:{port} does not answer: another network, or a firewall"
         return Finding(NETWORK, subject, "note", text)
     except OSError as problem:
-        refused = isinstance(problem, ConnectionRefusedError)
-        text = f"{address}:{port} " + ("is there, but no program listens" if refused else "is away")
+        is_refused = isinstance(problem, ConnectionRefusedError)
+        text = f"{address}:{port} " + (
+            "is there, but no program listens" if is_refused else "is away"
+        )
         return Finding(NETWORK, subject, "note", text)
     return Finding(NETWORK, subject, "ok", f"{address}:{port} answers")
 
