@@ -1,4 +1,4 @@
-"""Print what a capture found, one device after the other."""
+"""Print the results of a capture, device by device."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ FAR_FROM_NOMINAL_01 = 0.05
 
 
 def print_trials(trials: Sequence[Trial]) -> None:
-    """Print streams, clocks and troubles; what never streamed comes last."""
+    """Print streams, clocks and faults; devices that never streamed come last."""
     for trial in trials:
         if not trial.error:
             _print_streaming(trial)

@@ -1,4 +1,4 @@
-"""character import, list and sheet: the people at hand, and those of the lab's own."""
+"""character import, fetch, list and sheet: the people that scenes can show."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -169,7 +169,7 @@ def sheet_command(
 def _tell_gaze(
     people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
 ) -> None:
-    """Say for everybody how often eyes on the observer are told from eyes 10° aside."""
+    """Say for each person how often a direct gaze is told from one 10° aside."""
     for person, distance_m, right_01 in readable_at(people, distances_m, px_per_deg):
         line = f"{person.name}: gaze told at {distance_m:g} m in {right_01:.0%} of looks"
         if right_01 < LIMIT_01:
@@ -236,10 +236,10 @@ def fetch_command(
 
 
 def _distances_m(text: str) -> tuple[float, ...]:
-    """Return the distances of "1,2,3.5"; none of an empty text.
+    """Return the distances in metres of a text such as "1,2,3.5"; an empty text has none.
 
     Raises:
-        UsageError: they are no numbers from 0.3 to 30.
+        UsageError: a part is no number from 0.3 to 30.
     """
     try:
         distances_m = tuple(float(part) for part in text.split(",") if part.strip())
@@ -251,10 +251,10 @@ def _distances_m(text: str) -> tuple[float, ...]:
 
 
 def _joints_said(path: Path) -> dict[str, str]:
-    """Return the bones of a file for joints of ours.
+    """Read which bone of a character file stands for which of our joints.
 
     Raises:
-        UsageError: it is no list of names.
+        UsageError: the file is not a list of names.
         ProblemsError: a joint is given twice.
     """
     document = read_document(path)

@@ -1,4 +1,4 @@
-"""check, recover: what a session left behind."""
+"""check, recover: what is on disk after a session."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -110,7 +110,7 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
     unfinished_sessions = _unfinished(sessions)
     verdicts: dict[Path, SessionCheck] = {}
     for session in sessions if list_trials else ():
-        with suppress(RecordingError):  # told among the problems
+        with suppress(RecordingError):  # already listed among the problems
             verdicts[session] = check_session(Recording(session))
     if as_json:
         content = {"sessions": count, "problems": problems, "unfinished": list(unfinished_sessions)}
@@ -146,10 +146,10 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
 
 
 def _unfinished(sessions: Sequence[Path]) -> dict[str, tuple[str, int, int]]:
-    """Return the sessions that were not finished: status, trials finished, trials planned."""
+    """Return status, finished trials and planned trials of every unfinished session."""
     progress_by_path: dict[str, tuple[str, int, int]] = {}
     for session in sessions:
-        with suppress(RecordingError):  # told among the problems
+        with suppress(RecordingError):  # already listed among the problems
             recording = Recording(session)
             parts = recording.manifest.parts
             if not parts or parts[-1].status != "complete":

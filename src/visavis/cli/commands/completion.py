@@ -32,7 +32,7 @@ def completion(
     """
     from typer import completion as of_typer
 
-    typer_completion: Any = of_typer  # which does not say what it exports
+    typer_completion: Any = of_typer  # Any: the module does not declare what it exports
     if show:
         script = typer_completion.get_completion_script(
             prog_name="visavis", complete_var="_VISAVIS_COMPLETE", shell=str(shell or Shell.BASH)

@@ -90,7 +90,10 @@ def import_gaze_files(
 
 
 def _print_columns(title: str, columns: Mapping[str, list[Any]], across: str = "") -> None:
-    """Print a table; with `across`, one row per column of it, so that wide tables stay readable."""
+    """Print a table; with `across`, turn it by 90° so that wide tables stay readable.
+
+    `across` names the column whose values become the headings.
+    """
     table = Table(title=title, title_justify="left", box=None)
     if across:
         for name in ("", *columns[across]):
@@ -158,7 +161,7 @@ def export(
     sessions = _exported(session_path, config, participant)
     require_intact(sessions, accept=accept_damage)
     is_simulated = all(Recording(session).is_simulated for session in sessions)
-    # Of a study that is named it has been said already.
+    # Looking up a study by its name has already printed which configuration is used.
     lab = load_lab(config, only_simulates=is_simulated, quiet=not session_path.is_dir())
     recordings = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
     paths = _written(recordings, format_name, output, lab)
@@ -177,7 +180,10 @@ def export(
 def _written(
     shown: Sequence[Recording], format_name: str, output: Path, lab: LabConfig
 ) -> tuple[Path, ...]:
-    """Export recordings: one BIDS data set of all; tables of several in a folder for each."""
+    """Export recordings and return the files.
+
+    BIDS is one data set for all; Parquet tables of several sessions go to a folder each.
+    """
     if format_name == "bids":
         return export_together(shown, output, dataset_about(shown[0], lab))
     paths: list[Path] = []
@@ -193,7 +199,7 @@ def _written(
 
 
 def _exported(wanted: Path, config: Path | None, participant: str) -> list[Path]:
-    """Return the sessions meant: one by its folder, or those of a study."""
+    """Return the sessions to export: one given by its folder, or those of a study."""
     if participant or (wanted.is_dir() and not is_study(wanted)):
         return [session_of(wanted, config, participant)]
     return list(sessions_of(folder_of(wanted, config, "export")))

@@ -174,7 +174,7 @@ def install_rules(text: str, path: Path) -> None:
             f"{path} cannot be written ({problem.strerror}); run: "
             f"visavis devices rules | sudo tee {path} && sudo udevadm control --reload"
         ) from problem
-    reload = subprocess.run(  # noqa: S603 - the system's own
+    reload = subprocess.run(  # noqa: S603 - a command of the system
         [udevadm, "control", "--reload"], capture_output=True, text=True, check=False
     )
     if reload.returncode:
@@ -244,7 +244,7 @@ def replay(
     try:
         log = read_wire_log(file)
         device = device_of(file, log, driver)
-    except DataError as wrong:  # of the file that was given, not of data recorded here
+    except DataError as wrong:  # the fault is in the file the user gave, not in our recordings
         raise UsageError(str(wrong)) from wrong
     clock = SimClock()
     wires = ReplayedWires(file, clock)
@@ -264,10 +264,10 @@ def replay(
 
 
 def _as_recorded(trial: "Trial", *, simulated: bool) -> "Trial":
-    """Leave out what playing back alone brings about.
+    """Return the trial without the faults that only the playback causes.
 
-    The driver does not send the commands that closed the recorded connection, so some of what it
-    sends instead finds no answer.
+    On playback the driver does not send the commands that closed the recorded connection, so some
+    of its other commands get no answer.
     """
     faults = tuple(fault for fault in trial.faults if UNANSWERED not in fault.message)
     return replace(trial, simulated=simulated, faults=faults)

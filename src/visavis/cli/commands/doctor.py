@@ -87,7 +87,7 @@ def _print(findings: tuple[Finding, ...]) -> None:
 
 
 def _print_line(finding: Finding, width: int) -> None:
-    """Print a finding, wrapped under itself, and what to do below it."""
+    """Print a finding as an indented paragraph, with its remedy below."""
     lead = f"  {finding.subject:<{width}} "
     for number, text in enumerate(_wrapped(finding.found, console.width - len(lead) - 2)):
         start = f"{SIGNS[finding.level]} {lead[2:]}" if not number else " " * len(lead)

@@ -1,4 +1,4 @@
-"""export-web, import-web: a study on a web host that is not the lab's, and its results back."""
+"""export-web, import-web: put a study on another web host, and fetch its results."""
 
 from pathlib import Path
 from typing import Annotated
@@ -49,7 +49,7 @@ def export_web(
 
     Example: visavis export-web ./lively.py --places 60 -o lively.jzip
     """
-    # Late: aiohttp comes with visavis[browser], which whoever has no pages does without.
+    # Late: aiohttp comes with visavis[browser], which labs without pages need not install.
     from visavis.running.page.other_hosts.bundle import ARCHIVE, write_bundle
 
     check_completion(completion)

@@ -1,4 +1,4 @@
-"""film: a recorded trial as a film, by a camera that knows the place."""
+"""film: a recorded trial as a film, by a camera that knows the room."""
 
 from pathlib import Path
 from typing import Annotated
@@ -64,6 +64,7 @@ def film(
 
     Example: visavis film data/simulated/crowd/sub-S01B/ses-001 --trial T02 -o T02.mp4
     """
+    # Check every option and file name first, so that nothing is refused after minutes of drawing.
     looks = _camera_named(camera)
     overlays = _overlays_named(overlay)
     size_px = picture_size(size)
@@ -77,6 +78,7 @@ def film(
         raise UsageError(f"{decisions_path} exists already; choose another name for the film")
     if sheet is not None:
         new_file(sheet)
+    # Read the recording with the people and the study file it was made with.
     session_path = session_of(session_path, config, participant)
     require_whole(session_path, accept=accept_damage)
     recording = CachedRecording(session_path)
@@ -122,6 +124,7 @@ def film(
         if sheet is not None:
             result.sheet.write(sheet)
             console.print(f"written [b]{verbatim(sheet)}[/]", soft_wrap=True)
+    # A film is personal data: protect its files and register them, so that a withdrawal finds them.
     files = [output] if result.decisions is None else [output, decisions_path]
     files += [] if result.sheet is None or sheet is None else [sheet]
     leave("film", [session_path], output.parent, files)

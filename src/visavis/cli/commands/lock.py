@@ -1,4 +1,4 @@
-"""lock: freeze what a study plans."""
+"""lock: freeze the plan of a study."""
 
 from pathlib import Path
 from typing import Annotated

@@ -158,7 +158,7 @@ def withdraw(
 
 
 def _label_of(ledger: Ledger, participant: str) -> str:
-    """Return the label meant, also of someone whose withdrawal was begun and not finished."""
+    """Return the label of a participant, even when their withdrawal is begun but not finished."""
     open_withdrawals = [e for e in ledger.list() if e.status == "withdrawing"]
     for entry in open_withdrawals:
         if participant.upper() in (entry.label, str(entry.number)):

@@ -1,4 +1,4 @@
-"""power: how many participants a study needs, by simulation."""
+"""power: find by simulation how many participants a study needs."""
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
@@ -55,11 +55,11 @@ from visavis.study.catalogue import reference_of
 
 TESTS_PER_TABLE = 5
 WIDEST_COLUMN = 60
-"""Characters that the columns of one table share."""
+"""Characters for all columns of one table together."""
 POOL_PEOPLE = 240
 """People simulated for --fast: as many as five large studies."""
 POOL_TIMES = 5
-"""Studies drawn from fewer people than this many of them share too many."""
+"""A pool smaller than this many times the largest study makes the simulated studies too alike."""
 POOL_PART = 8
 FAST_JOB = 10
 POOL_SEED_STEP = 1_000_003
@@ -73,14 +73,14 @@ def power_study(
     """Return a study's power simulation.
 
     Raises:
-        UsageError: no such study, or it offers none.
+        UsageError: there is no such study, or it offers no simulation.
     """
     say_when_compiling()
     opened_study = find_study(name, of_lab)
     if not isinstance(opened_study, OpenedStudy):
         raise UsageError(f"{name} offers no power simulation yet; studies on the kit do")
     overrides = read_parameters(list(assignments or ()))
-    opened_study.experiment(overrides)  # so that what does not fit is said before anything begins
+    opened_study.experiment(overrides)  # refuses wrong parameters before any work begins
     return KitPower(reference_of(opened_study.study), tracker_of, quick_study, overrides=overrides)
 
 
@@ -146,6 +146,7 @@ def power(
         for name, claim in simulation.tests.items():
             typer.echo(f"{name:40} {claim}")
         return
+    # Read every option before the first simulation: a typing error must not cost an hour.
     watch = StopWatch()
     request = PowerRequest(
         numbers=read_numbers(participants, at_least=simulation.smallest_n),
@@ -163,6 +164,8 @@ def power(
     people, kind, are_simulated, notes = run.people(source, fast=fast, pool=pool)
     if assignments:
         notes = (f"the study with {', '.join(assignments)}", *notes)
+    # A replicate that simulates its own people is a job; drawing from a pool is so quick that
+    # many replicates share one.
     jobs = jobs_of(simulation, request, size=1 if people is None else FAST_JOB, people=people)
     done = [r for _, part in run.jobs(run_job, jobs, "replicates") for r in part]
     summary = summarise(
@@ -186,7 +189,7 @@ def power(
 
 
 class _Run:
-    """Where jobs go, and the progress shown meanwhile."""
+    """The jobs of one power simulation: where they run, and the progress bar meanwhile."""
 
     def __init__(
         self,
@@ -204,7 +207,7 @@ class _Run:
         self._quiet = quiet
 
     def prepare(self) -> None:
-        """Compute once, before processes begin, what takes each of them long; kept afterwards."""
+        """Compute the slow parts once before the processes start; the results are cached."""
         with counting(errors, quiet=self._quiet) as bar:
             line = bar.add_task(f"getting {self._study.name} ready", total=None)
             self._study.prepare(
@@ -228,7 +231,13 @@ class _Run:
     def people(
         self, source: Path | None, *, fast: bool, pool: int
     ) -> tuple[pd.DataFrame | None, Source, bool, tuple[str, ...]]:
-        """Return whom to draw from (None: simulate), where they come from, and what to know."""
+        """Return the people to draw from, their source, whether they are simulated, and notes.
+
+        People are None where every replicate simulates its own.
+
+        Raises:
+            UsageError: the pool is smaller than the largest study.
+        """
         effect = self._request.effect
         if source is not None:
             people, is_simulated = self._study.people_of(source, effect=effect)
@@ -283,10 +292,10 @@ def simulate_part(part: PoolPart) -> pd.DataFrame:
 
 
 def read_numbers(text: str, *, at_least: int) -> tuple[int, ...]:
-    """Read '8:48:4' (both ends belong to it), '12,16,24' or '20'.
+    """Read numbers of participants: '8:48:4' (both ends included), '12,16,24' or '20'.
 
     Raises:
-        UsageError: no such list, or numbers the study cannot be tested with.
+        UsageError: it is no such list, or a number is too small for the planned tests.
     """
     try:
         if ":" in text:
@@ -312,7 +321,11 @@ def read_numbers(text: str, *, at_least: int) -> tuple[int, ...]:
 
 
 def read_effect(text: str) -> float:
-    """Read the multiplier of the effect; published is 1, none 0."""
+    """Read the multiplier of the effect; published is 1, none is 0.
+
+    Raises:
+        UsageError: it is none of these words and no multiplier.
+    """
     multipliers = {"published": 1.0, "none": 0.0}
     try:
         value = multipliers[text] if text in multipliers else float(text)
@@ -326,7 +339,7 @@ def read_effect(text: str) -> float:
 
 
 def read_rule(text: str) -> AdequacyRule:
-    """Read which number must reach the power asked for."""
+    """Read which number must reach the target power: the lower bound or the estimate."""
     rules: dict[str, AdequacyRule] = {"bound": "lower bound", "point": "estimate"}
     if text not in rules:
         raise UsageError(f"--rule takes bound or point, not {text!r}")
@@ -334,7 +347,11 @@ def read_rule(text: str) -> AdequacyRule:
 
 
 def read_tests(study: PowerStudy, asked: list[str] | None) -> tuple[str, ...]:
-    """Return the planned tests to follow; UsageError with the nearest name for others."""
+    """Return the planned tests to simulate.
+
+    Raises:
+        UsageError: the study plans no test of this name; the message suggests the nearest.
+    """
     if not asked:
         return tuple(study.shown_tests)
     if asked == ["all"]:
@@ -351,7 +368,7 @@ def read_tests(study: PowerStudy, asked: list[str] | None) -> tuple[str, ...]:
 
 
 def free_folder(name: str) -> Path:
-    """Return a folder of this name that is not there yet: NAME, else NAME_2, NAME_3 and so on."""
+    """Return a folder that does not exist yet: NAME, else NAME_2, NAME_3 and so on."""
     folder = Path(name)
     number = 1
     while folder.exists():
@@ -440,7 +457,7 @@ def _table(summary: PowerSummary, tests: tuple[TestPower, ...]) -> Table:
         ("difference", [t.difference for t in tests]),
         ("dz", [t.standardised for t in tests]),
     ):
-        if np.isfinite(values).any():  # effects of several levels or factors have none
+        if np.isfinite(values).any():  # tests of more than two levels have no single difference
             table.add_row(label, *(number(v) if np.isfinite(v) else "–" for v in values))
     return table
 

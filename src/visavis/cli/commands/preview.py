@@ -51,7 +51,7 @@ from visavis.stimuli.scene import SceneFrame
 SHEET_COLUMNS, SHEET_ROWS = 4, 3
 USUAL_AT_S = 3.0
 FOLLOWING = 5
-"""How many trials a film goes on with when the one asked for is shorter than the film."""
+"""How many further trials a film may show when its first trial is shorter than the film."""
 
 
 @app.command()
@@ -104,10 +104,12 @@ def preview(
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
     size_px = picture_size(size)
     here = study_here(study, load_lab(config, only_simulates=True))
+    # A study on pages shows films: they have one viewpoint, and no window of ours.
     on_page = here.study.study.procedure.on == "browser"
     if on_page:
         _refuse_on_page(here.study.name, view, png or sheet or video)
     plan_inputs = who_is_shown(here, participant, seed, assignments, language)
+    # A simulated participant performs the trial of that plan; every device is simulated, too.
     lab = load_lab(config, "sim", only_simulates=True, quiet=True)
     following = FOLLOWING if video is not None else 0
     capture = Capture(
@@ -137,7 +139,11 @@ def preview(
 
 
 def _refuse_on_page(study: str, view: Viewpoint, path: Path | None) -> None:
-    """Refuse, before anything is performed, what there is not of a page."""
+    """Refuse views and windows of a study on pages before anything is performed.
+
+    Raises:
+        UsageError: a page cannot be shown like that.
+    """
     if view is not Viewpoint.EYES:
         raise UsageError(f"{study} shows its films on a page: leave --view out")
     if path is None:
@@ -149,7 +155,7 @@ def _refuse_on_page(study: str, view: Viewpoint, path: Path | None) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Showing:
-    """What is previewed, and how."""
+    """A trial to preview: how it looks, from which viewpoint and at which size."""
 
     capture: Capture
     dress: Callable[[SceneFrame], Picture]
@@ -158,21 +164,21 @@ class _Showing:
     label: str
 
     def at(self, seen: Seen) -> tuple[Picture, Camera]:
-        """Return what a frame looks like and from where."""
+        """Return the picture of a frame and the camera that sees it."""
         picture = self.dress(replace(seen.view, t_ns=seen.t_ns))
         aspect = self.size_px[0] / self.size_px[1]
         passed_s = self.passed_s(seen)
         return picture, camera_of(self.view, picture, seen.head, aspect, passed_s=passed_s)
 
     def passed_s(self, seen: Seen) -> float:
-        """Return the time from the first frame with light."""
+        """Return the time in seconds since the first lit frame."""
         return (seen.t_ns - self.capture.frames[0].t_ns) / NS_PER_S
 
     def frames(self, until_s: float | None = None) -> list[Seen]:
-        """Perform, and return the frames.
+        """Perform the trial and return its frames, up to `until_s` seconds.
 
         Raises:
-            UsageError: nothing was ever shown.
+            UsageError: the trial showed nothing.
         """
         with console.status("performing the trial"):
             frames = self.capture.perform(until_s)
@@ -264,10 +270,10 @@ def _play(showing: _Showing) -> None:
 
 
 def picture_size(text: str) -> tuple[int, int]:
-    """Return width and height of "960x600", made even.
+    """Return width and height in pixels of a text such as "960x600", rounded down to even.
 
     Raises:
-        UsageError: it is no size, or none that can be drawn.
+        UsageError: it is no size, or too small or large to draw.
     """
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal() and 64 <= int(width) <= 7680):

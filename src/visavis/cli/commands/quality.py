@@ -1,4 +1,4 @@
-"""quality: how good a session's gaze is, and what the lab's own devices recorded."""
+"""quality: a page on the quality of a session's gaze, and on streams of the lab's own devices."""
 
 from pathlib import Path
 from typing import Annotated

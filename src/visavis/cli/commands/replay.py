@@ -1,4 +1,4 @@
-"""replay: a recorded session performed again, and where the two first differ."""
+"""replay: perform a recorded session again and find the first difference."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

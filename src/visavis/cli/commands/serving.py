@@ -1,4 +1,4 @@
-"""serve, board: a study for many participants at once, and the researcher's view of it."""
+"""serve, board: a study on pages for many participants at once, and its progress."""
 
 import asyncio
 import signal
@@ -101,10 +101,10 @@ def page_study(
     assignments: list[str] | None,
     language: str | None,
 ) -> tuple[StudyHere, Request]:
-    """Return a study for pages in a lab, and the request that is completed for each person.
+    """Return a study on pages in its lab, and the request that each participant completes.
 
     Raises:
-        UsageError: it is not declared on the kit.
+        UsageError: the study is not declared on the kit.
     """
     lab = load_lab(config, devices)
     opened_study = study_of_lab(study, lab)
@@ -135,9 +135,9 @@ def page_study(
 
 
 def built_films(base: Request) -> "FilmStore":
-    """Return a study's films, built where they are not, with a bar that shows it."""
+    """Return a study's films; build the missing ones with a progress bar."""
     experiment = base.experiment
-    assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has looked
+    assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has checked it
     store = film_store(experiment)
     if experiment.films:
         with TELLING.progress("building films") as on_progress:
@@ -154,7 +154,7 @@ async def _serve(
     quota: int | None,
     completion: str,
 ) -> None:
-    # Late: aiohttp comes with visavis[browser], which the other verbs of this module do without.
+    # Late: aiohttp comes with visavis[browser], which the other commands here do not need.
     from visavis.running.page.reception import Reception, Rules
     from visavis.running.page.server import LOCAL, PageServer
 
@@ -181,7 +181,7 @@ async def _serve(
     loop = asyncio.get_running_loop()
     for name in ENDING_SIGNALS:
         if hasattr(signal, name):
-            with suppress(NotImplementedError):  # Windows has Ctrl-C alone
+            with suppress(NotImplementedError):  # Windows: only Ctrl-C works
                 loop.add_signal_handler(getattr(signal, name), until.set)
     own = f"http://{LOCAL}:{server.port}"
     address = public.rstrip("/") or own

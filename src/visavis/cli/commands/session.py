@@ -1,4 +1,4 @@
-"""plan, run, resume: one session."""
+"""plan, run, resume: plan a session, perform it, go on with it."""
 
 import shlex
 import signal
@@ -82,7 +82,7 @@ from visavis.study.texts import DEFAULT_LANGUAGE, Texts, label_of
 BODIES = ("female", "male")
 MIN_STATURE_M, MAX_STATURE_M = 1.2, 2.3
 ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-"""Ctrl-C, the system, a terminal that was closed (Windows: SIGBREAK)."""
+"""Signals of Ctrl-C, the system, and a closed terminal (Windows: SIGBREAK)."""
 
 ParticipantOption = Annotated[
     str, typer.Option("--participant", help="Identifier from the ledger, such as 07.")
@@ -171,7 +171,7 @@ def plan(
 
 @dataclass(frozen=True)
 class Shown:
-    """Whose plan is shown before anything runs, and with which parameters and seed."""
+    """What a plan is made from: the experiment, a seed, and a person's place and group."""
 
     experiment: StudyExperiment
     seed: int
@@ -188,7 +188,7 @@ def who_is_shown(
     assignments: list[str] | None,
     language: str | None,
 ) -> Shown:
-    """Return what `run` would perform for somebody, or for the next new one.
+    """Return what the plan of a participant, or of the next new one, is made from.
 
     Raises:
         UsageError: the study was begun with other parameters.
@@ -210,7 +210,7 @@ def who_is_shown(
 def _place_shown(
     ledger: Ledger, participant: str | None, experiment: Experiment, seed: int
 ) -> tuple[str, int, str, str]:
-    """Return label, place, group and a note on whether that place is allocated."""
+    """Return label, place and group, and a note where that place is not allocated yet."""
     label, person = "", "the next new participant"
     if participant is not None:
         try:
@@ -244,7 +244,7 @@ def _print_plan(made: SessionPlan, label: str, note: str, texts: Texts) -> None:
         table.title_justify = "left"
         names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
         for name in ("trial", *names):
-            table.add_column(name.replace("_", " "))  # which may be broken over two lines
+            table.add_column(name.replace("_", " "))  # a space lets the table wrap the heading
         for trial in block.trials:
             table.add_row(trial.trial_id, *(str(trial.factors.get(n, "")) for n in names))
         console.print(table)
@@ -262,7 +262,7 @@ def _print_plan(made: SessionPlan, label: str, note: str, texts: Texts) -> None:
 
 
 def legends(made: SessionPlan, texts: Texts) -> Iterator[str]:
-    """Yield what a factor and its levels are called in reports, where they are called otherwise."""
+    """Yield a line for each factor whose reports use other names for its levels."""
     levels: dict[str, dict[str, None]] = {}
     for trial in made.trials:
         for name, level in trial.factors.items():
@@ -317,12 +317,14 @@ def run(
         check_rig(
             devices_for(lab, opened_study.experiment(requested_settings.parameters), without or ())
         )
+    # From here on the study's folder is written: with its settings, then with the participant.
     require_space(lab)
     settings = here.settled(requested_settings, seed_given=seed is not None)
     note = here.require_same_design(settings, requested_settings)
     if note:
         errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
     entry = here.participant(settings, participant)
+    # A session is never overwritten: say how to go on with it, or how to run a further one.
     path = _session_dir(here, entry, session)
     if path.exists():
         others = len(list(path.parent.glob("ses-*")))
@@ -350,10 +352,10 @@ def run(
 
 
 def where_performed(study: OpenedStudy, on: str | None) -> str:
-    """Return where a session is performed: as asked, or as the study says.
+    """Return where a session is performed: lab or browser, by the option or else by the study.
 
     Raises:
-        UsageError: it is neither lab nor browser.
+        UsageError: the option is neither lab nor browser.
     """
     if on not in (None, "lab", "browser"):
         raise UsageError(f"--on takes lab or browser, not {on!r}")
@@ -389,6 +391,7 @@ def resume(
         session_path = _the_unfinished(lab)
     elif not session_path.is_dir():
         session_path = _the_unfinished(lab, study_of_lab(str(session_path), lab).name)
+    # A session goes on as it began: simulated or real, in the lab or on a page.
     require_session(session_path)
     require_space(lab.model_copy(update={"data_root": session_path}))
     recording = Recording(session_path)
@@ -412,6 +415,7 @@ def resume(
         )
     if fast and not recording.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; leave it out")
+    # The rest must have the design of the first part, or the session would mix two studies.
     use_recorded_cast(recording)
     folder = session_path.resolve().parent.parent
     opened_study, change_note = study_of_folder(folder, manifest.study)
@@ -480,16 +484,16 @@ def _perform(
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
         with TELLING.progress("building films") as on_progress:
             film_store(experiment).build(experiment.films, on_progress)
+    # Compute and compile before the operator's screen opens, which would stay empty meanwhile.
     if not fast and on == "lab":
-        make_ready(
-            here.study, experiment, here.lab
-        )  # before the operator's screen, which would stand empty meanwhile
+        make_ready(here.study, experiment, here.lab)
     station: tuple[Finding, ...] = ()
     if not fast and on == "lab":
         station = station_findings(here.lab, SystemClock())
         _tell_station(station)
     path = resume_from or _session_dir(here, entry, session)
     own = read_own_body(path.parent)
+    # Who watches: the terminal for a session in the lab; nobody for a page or a fast simulation.
     with ExitStack() as stack:
         operator: Operator = UnattendedOperator()
         respondent = None
@@ -506,6 +510,7 @@ def _perform(
             _let_signals_end(screen)
             if not is_rehearsal:
                 respondent = TerminalRespondent(console, screen.suspend)
+        # The desk, another process, finds sessions in real time by this link.
         if not fast:
             about = About(
                 here.study.name,
@@ -570,9 +575,9 @@ def _perform(
 
 @contextmanager
 def _performing(study: str) -> Iterator[Callable[[str, int, int], None]]:
-    """Show how many trials of a session are done that nobody performs: before the first is."""
+    """Show the progress of a simulated session, from before its first trial."""
     what = f"performing {study} by a simulated participant"
-    if not errors.is_terminal:  # where a bar is written when it ends
+    if not errors.is_terminal:  # without a terminal the bar appears only at its end
         errors.print(what, soft_wrap=True, highlight=False)
     with counting(errors) as bar:
         line = bar.add_task(what, total=None)
@@ -582,10 +587,10 @@ def _performing(study: str) -> Iterator[Callable[[str, int, int], None]]:
 def ask_body(
     here: StudyHere, settings: StudySettings, entry: Participant, given: str | None
 ) -> None:
-    """Ask once which body somebody sees as their own, where the study wants it, and keep it.
+    """Ask once which body a participant sees as their own, where the study needs it; save it.
 
     Raises:
-        UsageError: there is no such body, or nobody at the terminal who could be asked.
+        UsageError: there is no such body, or no terminal at which to ask.
     """
     if given is not None and given not in BODIES:
         raise UsageError(f"--body is {given!r}; {' or '.join(BODIES)}")
@@ -637,7 +642,7 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
 
 
 def _tell_station(found: tuple[Finding, ...]) -> None:
-    """Say how the computer keeps the timing that was locked; nothing where nothing was."""
+    """Print how this computer's timing compares with its locked timing, if there is one."""
     for one in found:
         if one.level == "warning":
             what = f"{one.found}\n  → {one.remedy}" if one.remedy else one.found
@@ -653,7 +658,7 @@ def _tell_address(address: str) -> None:
 
 
 def _let_signals_interrupt() -> None:
-    """End a page's session in order at the first signal, as Ctrl-C does."""
+    """End a page's session properly at the first signal, as Ctrl-C does."""
 
     def end(*_: object) -> None:
         raise KeyboardInterrupt
@@ -664,7 +669,7 @@ def _let_signals_interrupt() -> None:
 
 
 def _let_signals_end(screen: TerminalOperator) -> None:
-    """End the session in order at the first signal, at once at the second."""
+    """End the session properly at the first signal, and at once at the second."""
 
     def end(*_: object) -> None:
         if screen.abort_requested or screen.is_suspended:

@@ -1,4 +1,4 @@
-"""stats: one test of a table in a file, with table, sentences, decision path and figures."""
+"""stats: one test of a table in a file, with tables, sentences, decision path and figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -80,7 +80,7 @@ class SeveralValues(TyperCommand):
 
 
 def repeat_options(arguments: Sequence[str], several: Sequence[str]) -> list[str]:
-    """Return `--within a b` as `--within a --within b`; options end at the next option."""
+    """Return `--within a b` as `--within a --within b`; values end at the next option."""
     out: list[str] = []
     option = ""
     value_count = 0
@@ -223,6 +223,7 @@ def stats(
     Example: visavis stats trials.csv --dv accuracy --within technique direction
     --subject participant --test art
     """
+    # Every option is a field of the question; what fits together is checked by `answer`.
     question = Question(
         test=test,
         dv=dv,
@@ -253,6 +254,7 @@ def stats(
         scale=scale,
         kind=kind,
     )
+    # Rows are chosen before the test, so that its notes can say how many were left out.
     table = read_table(file)
     table = rows_where(table if all_rows else counted_rows(table), where or [])
     outcome = answer(table, question)
@@ -271,7 +273,7 @@ def stats(
 
 
 def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
-    """Read FACTOR=first,second,… texts.
+    """Read the order of levels given as FACTOR=first,second,… texts.
 
     Raises:
         UsageError: a text has another form.
@@ -287,7 +289,7 @@ def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
 
 
 def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
-    """Print an outcome for a person; `chosen` says which rows of the table it is of."""
+    """Print an outcome on the terminal; the lines of `chosen` say which rows were tested."""
     mark = "[magenta]SIMULATED[/]  " if outcome.is_simulated else ""
     of = outcome.question.dv or "the items"
     console.print(f"{mark}[b]{verbatim(outcome.title)}[/] of {verbatim(of)}")
@@ -336,7 +338,7 @@ def _print_rows(title: str, rows: Sequence[Row], columns: Sequence[str]) -> None
 
 
 def _sizes(rows: Sequence[Row]) -> str:
-    """Return which effect sizes the rows have, in brackets; empty where they have none."""
+    """Return the names of the rows' effect sizes in brackets; empty where there are none."""
     names = dict.fromkeys(str(row["effect"]) for row in rows if row.get("effect") is not None)
     return f" (effect size: {verbatim(', '.join(names))})" if names else ""
 

@@ -1,4 +1,4 @@
-"""simulate, analyse, report, demo: a whole study."""
+"""simulate, analyse, report, demo: commands for a whole study."""
 
 import webbrowser
 from functools import partial
@@ -23,7 +23,7 @@ from visavis.running.sessions.study_folder import (
 )
 
 DEMO_PARTICIPANTS = 16
-"""As many find what the study's source found; eight mostly do not."""
+"""Enough to find the effect that the study's source found; eight are mostly too few."""
 
 ProcessesOption = Annotated[
     int | None, typer.Option("--processes", help="Processes to use; one per core when left out.")
@@ -82,6 +82,7 @@ def simulate(
     """
     lab = load_lab(config, "sim", only_simulates=True)
     opened_study = study_of_lab(study, lab)
+    # The folder's name says what was simulated, so that dry runs do not mix.
     if output is None:
         name = f"{opened_study.name}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
         output = lab.data_root / DRY_RUNS / name

@@ -1,4 +1,4 @@
-"""sync-test: how late and how even picture, sound and vibration are in this room."""
+"""sync-test: measure delay and jitter of picture, sound and vibration in this room."""
 
 import json
 from collections.abc import Sequence
@@ -53,6 +53,7 @@ def sync_test(
         raise UsageError("say --sensor (the board's port, audio, role:ROLE), or --simulated")
     usual = AUDIO_CHANNELS if sensor.startswith("audio") else DEFAULT_CHANNELS
     channel_options = {"picture": light, "sound": sound, "vibration": motion}
+    # Only the channels this kind of sensor has; an option replaces its usual number.
     channels = {name: channel_options[name] or usual[name] for name in usual}
     clock = SystemClock()
     with Progress(console=console, transient=True, disable=as_json) as bar:
@@ -81,6 +82,7 @@ def sync_test(
                 repeats=repeats,
                 progress=progress,
             )
+    # The record goes to one file: the doctor reads its age, and analyse its offsets.
     record = {
         "made": clock.wall_iso(),
         "lab": lab.lab,

@@ -1,4 +1,4 @@
-"""view: a recorded session as one page for the browser."""
+"""view: show a recorded session on one page in the browser."""
 
 import webbrowser
 from pathlib import Path
@@ -28,7 +28,7 @@ from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.cast import use_recorded_cast
 
 MAX_SHOWN_S = 300.0
-"""Trials beyond this length together are left out of a page unless they are named."""
+"""Seconds of trials on one page; later trials are left out unless they are named."""
 
 
 @app.command()
@@ -69,6 +69,7 @@ def view(
         raise UsageError(f"{path} exists already; choose another name with -o")
     if not path.parent.is_dir():
         raise UsageError(f"there is no folder {path.parent}; make it first")
+    # Read with the study's own file: the scenes are made anew from the recording.
     require_whole(session_path, accept=accept_damage)
     study, change_note = study_of_folder(session_path.resolve().parent.parent, manifest.study)
     if change_note:
@@ -102,6 +103,7 @@ def view(
             f"left out in space: {left_out[0]} to {left_out[-1]}; --trial {left_out[0]} shows it",
             soft_wrap=True,
         )
+    # A page is personal data: protect and register it, so that a withdrawal finds it.
     leave("page", [session_path], path.parent, [path])
     if show:
         webbrowser.open(path.resolve().as_uri())

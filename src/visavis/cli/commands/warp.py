@@ -1,4 +1,4 @@
-"""warp: change what an observer sees of a motion, and show what became of it."""
+"""warp: change what an observer sees of a motion, and draw the result."""
 
 import json
 from dataclasses import replace
@@ -76,6 +76,7 @@ def warp(
         return
     if output.exists() and any(output.iterdir()):
         raise UsageError(f"{output} is not empty; give a new folder with --output")
+    # A published case brings motion, view and lamps; else they come from the options.
     who = load_character(character)
     if case is not None:
         stage = stage_case(case_named(case), who)
@@ -101,6 +102,7 @@ def warp(
             settings,
             progress=lambda done, of: bar.update(task, completed=done, total=of),
         )
+    # The motion twice (for other programs, and with our skeleton), two figures, one record.
     output.mkdir(parents=True, exist_ok=True)
     bvh, own, sheet, curves, record = (output / name for name in OUT_NAMES)
     write_bvh(bvh, bvh_of_clip(warped_clip.clip))

@@ -1,4 +1,4 @@
-"""Look at the computer: versions, disk, clock, load, screens. Never raises."""
+"""Examine the computer: versions, disk, clock, load, screens. Never raises."""
 
 import os
 import platform
@@ -28,20 +28,20 @@ from visavis.running.sessions.device_setup import (
 
 COMPUTER, LIBRARIES = "computer", "libraries"
 GB_PER_HOUR = 0.3
-"""A session with gaze at 120 Hz and a tracked body; eye trackers at 1 kHz take as much again."""
+"""Of a session with gaze at 120 Hz and a tracked body; an eye tracker at 1 kHz doubles it."""
 FEW_GB = 20.0
 NAPS = 20
 NAP_NS = NS_PER_MS
 LATE_NAP_MS = 2.0
 BUSY_01 = 0.7
 MAX_RATE_OFF_HZ = 1.5
-"""Systems round refresh rates to whole hertz."""
+"""More than rounding explains: systems round refresh rates to whole hertz."""
 MAX_PITCH_OFF_01 = 0.02
-"""Pixels of monitors are square; sides that say otherwise were measured wrongly."""
+"""Monitors have square pixels; if width and height disagree by more, one is wrong."""
 
 
 def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
-    """Return what holds of this computer whatever is plugged in."""
+    """Return the findings on this computer that do not depend on its devices."""
     versions = provenance()
     version = versions.packages.get("visavis", "")
     revision = versions.code_revision.removesuffix("+changes")[:10]
@@ -61,7 +61,7 @@ def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
 
 
 def _keyboards(lab: LabConfig) -> tuple[Finding, ...]:
-    """Name keyboards whose keys no window would hear."""
+    """Return a finding for each keyboard whose keys no window receives."""
     text = f"no window hears its keys: display.show is {lab.display.show}"
     return tuple(
         Finding(COMPUTER, role, "missing", text, NO_WINDOW_REMEDY)
@@ -70,7 +70,7 @@ def _keyboards(lab: LabConfig) -> tuple[Finding, ...]:
 
 
 def _lsl_session(lab: LabConfig) -> tuple[Finding, ...]:
-    """Say in which LSL session streams go out; a lab's own has to be told to other programs."""
+    """Name the LSL session of our streams; other programs must be set to it if it is the lab's."""
     own = lab.sync.session_id
     if not lab.sync.lsl:
         return ()
@@ -82,7 +82,7 @@ def _lsl_session(lab: LabConfig) -> tuple[Finding, ...]:
 
 
 def libraries(lab: LabConfig) -> tuple[Finding, ...]:
-    """Return versions and licences of what drivers need; missing ones matter if a role asks."""
+    """Return versions and licences of driver libraries; a missing one counts if a role needs it."""
     needed_libraries = {
         driver_spec(d.driver).wire.library for d in lab.devices.values() if not d.simulated
     }
@@ -117,7 +117,7 @@ def libraries(lab: LabConfig) -> tuple[Finding, ...]:
 
 
 def licence_of(distribution: str) -> str:
-    """Return the licence a distribution states, short; "not stated" where it does not."""
+    """Return the licence in a package's metadata, shortened; "not stated" where there is none."""
     try:
         package_fields = metadata.metadata(distribution)
     except metadata.PackageNotFoundError:
@@ -221,7 +221,7 @@ def _screens(lab: LabConfig) -> Finding:
 
 
 def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
-    """Say what a stereo frame costs, and what to ask of pictures, where a headset shows them."""
+    """Measure the time of a stereo frame where a headset is used; recommend a quality."""
     if lab.display.show != "headset" or clock.is_virtual:
         return ()
     try:
@@ -232,7 +232,7 @@ def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
 
 
 def _of_screen(screen: Screen, shown: Sequence["Monitor"], text: str) -> Finding:
-    """Compare the monitor participants sit before with what the configuration says of it."""
+    """Compare the participants' monitor with display.screen of the configuration."""
     remedy = "correct display.screen, or the monitor's mode in the system's settings"
     if screen.monitor >= len(shown):
         text += f": there is none of this number, counted from 0 to {len(shown) - 1}"
@@ -294,7 +294,7 @@ def monitors() -> list[Monitor]:
                 monitor_list.append(Monitor(mode.size.width, mode.size.height, mode.refresh_rate))
             return monitor_list
         finally:
-            # A session that draws in a window is using it.
+            # An open context means that a session draws in a window: leave glfw running.
             if glfw.get_current_context() is None:
                 glfw.terminate()
 

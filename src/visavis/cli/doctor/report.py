@@ -1,4 +1,4 @@
-"""Examine a lab: computer, libraries, runtimes, ports, network, devices; keep what was found."""
+"""Examine a lab (computer, libraries, runtimes, ports, network, devices) and save the report."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ NOT_YET = "not calibrated"
 
 @dataclass(frozen=True)
 class Report:
-    """Everything found; `trials` are the devices that were listened to."""
+    """All findings on a lab; `trials` are the devices that were opened and listened to."""
 
     made_wall_iso: str
     config: str
@@ -40,12 +40,12 @@ class Report:
 
     @property
     def is_stopped(self) -> bool:
-        """Tell whether something is missing without which no session can run."""
+        """True when something is missing that every session needs."""
         return worst(self.findings) == "missing"
 
 
 def examine(lab: LabConfig, clock: Clock, *, self_test_s: float = 0.0) -> Report:
-    """Look at everything; real devices are opened for a moment, all of them with a self-test."""
+    """Examine the whole lab. Real devices are opened briefly; a self-test opens all of them."""
     around = _surroundings(lab, clock)
     absent = {f.subject: f for f in around if f.section == RUNTIMES and f.level == "missing"}
     devices = [d for d in lab.devices.values() if self_test_s or not d.simulated]
@@ -70,9 +70,9 @@ def save_with_session(
     devices: Mapping[str, Device],
     station: tuple[Finding, ...] = (),
 ) -> None:
-    """Write `doctor.json` into a part of a session: surroundings, and devices as they are open.
+    """Write `doctor.json` into a part of a session: the surroundings and the open devices.
 
-    `station` is how the computer kept time just before.
+    `station` are the findings on the computer's timing just before the session.
     """
     trials = tuple(
         Trial(
@@ -104,7 +104,7 @@ def as_document(report: Report) -> dict[str, Any]:
 
 
 def verdict(report: Report) -> str:
-    """Return the last line: whether a session can run."""
+    """Return the last line of the report: whether a session can run."""
     counts = dict.fromkeys(("missing", "warning"), 0)
     for finding in report.findings:
         if finding.level in counts:
@@ -130,7 +130,7 @@ def _configuration(lab: LabConfig) -> Finding:
 
 
 def _sync_test(lab: LabConfig, clock: Clock) -> Finding:
-    """Say how old the lab's newest synchronisation test is, and what it found."""
+    """Return age and offsets of the lab's newest synchronisation test."""
     record = newest(lab)
     remedy = "run: visavis sync-test (docs/synchronisation.md)"
     if record is None:
@@ -159,7 +159,7 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
     for trial in trials:
         for fault in trial.faults:
             if NOT_YET in fault.message:
-                continue  # every session calibrates
+                continue  # no finding: every session begins with a calibration
             level = "missing" if fault.severity == "blocking" else "warning"
             rows.append(Finding(DEVICES, trial.role, level, fault.message, fault.remedy))  # type: ignore[arg-type]  # one of two levels
     rows += [
@@ -180,7 +180,7 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
 
 
 def _without_runtime(device: DeviceConfig, absent: Mapping[str, Finding]) -> Trial | None:
-    """Return the failure of a device whose runtime is missing: opening it would tell no more."""
+    """Return the error of a device whose runtime is missing; there is no use in opening it."""
     runtime = RUNTIME_NAMES.get(driver_spec(device.driver).wire.runtime, "")
     if device.simulated or runtime not in absent:
         return None

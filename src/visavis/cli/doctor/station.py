@@ -1,8 +1,8 @@
-"""How this computer keeps time, locked once it is known to be good and compared at every start.
+"""The timing of this computer: locked once it is known to be good, then compared at every start.
 
-A station's file lies under the data root, by the computer's name; one locked before is kept beside
-it with its date. What was locked is figures and what they depend on: system, monitors, and the
-delays of the newest synchronisation test.
+The file of a station lies under the data root and has the computer's name. An earlier one is kept
+beside it with its date. It holds the timing figures, the delays of the newest synchronisation
+test, and what both depend on: system, processors and monitors.
 """
 
 import json
@@ -28,17 +28,17 @@ FOLDER: Final = "stations"
 FRAME_HZ: Final = 90.0
 FRAMES: Final = 45
 LATE_FRAME_MS: Final = 2.0
-"""A frame begun so much later than its time is late: a fifth of one at 90 Hz."""
+"""A frame that begins so much after its time counts as late: a fifth of a frame at 90 Hz."""
 WRITES: Final = 10
 WRITE_BYTES: Final = 65_536
 MAX_DELAY_OFF_MS: Final = 3.0
-"""Delays of picture, sound or vibration that differ more are another chain of devices."""
+"""A delay of picture, sound or vibration that differs by more means other devices."""
 LOCK_AGAIN: Final = "visavis doctor --lock"
 
 
 @dataclass(frozen=True)
 class Limit:
-    """How much worse than locked a figure may be: so many times as large, and so much more."""
+    """How much larger than its locked value a figure may be: `times` as large, plus `more`."""
 
     words: str
     unit: str
@@ -51,12 +51,12 @@ LIMITS: Final[Mapping[str, Limit]] = {
     "late_frames_01": Limit("frames begun late", "%", 1.0, 0.05),
     "write_ms": Limit("64 kB safe on disk after (median)", "ms", 3.0, 10.0),
 }
-"""Judged so that a busier moment passes and another computer, mode or disk does not."""
+"""Wide enough for a busy moment, and narrow enough to notice another computer, mode or disk."""
 
 
 @dataclass(frozen=True)
 class Station:
-    """What was measured: figures by name, delays by modality in ms, and what they depend on."""
+    """One measurement: figures by name, delays by modality in ms, and what they depend on."""
 
     made: str
     figures: Mapping[str, float]
@@ -90,7 +90,7 @@ def measure(lab: LabConfig, clock: Clock) -> Station:
 
 
 def lock(lab: LabConfig, clock: Clock) -> Path:
-    """Measure this computer and lock what was found; return the file. One before keeps its date.
+    """Measure this computer and save it as locked; return the file. An earlier file is kept.
 
     Raises:
         RecordingError: nothing can be written to the data root.
@@ -106,7 +106,7 @@ def lock(lab: LabConfig, clock: Clock) -> Path:
 
 
 def locked(lab: LabConfig) -> Station | None:
-    """Return what was locked for this computer; None where nothing was.
+    """Return the locked station of this computer; None where none was locked.
 
     Raises:
         UsageError: the file cannot be read.
@@ -130,7 +130,7 @@ def locked(lab: LabConfig) -> Station | None:
 
 
 def station_findings(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
-    """Compare this computer with what was locked: one line where it keeps it, else one a matter."""
+    """Compare this computer with its locked station: one line in all, or one per difference."""
     if clock.is_virtual:
         return ()
     try:
@@ -145,7 +145,7 @@ def station_findings(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
 
 
 def compared(kept: Station, now: Station) -> tuple[Finding, ...]:
-    """Return how a station keeps what was locked."""
+    """Return one finding per difference from the locked station, or one that there is none."""
     findings = [*_worse(kept, now), *_delayed(kept, now), *_changed(kept, now)]
     if findings:
         return tuple(findings)
@@ -211,7 +211,7 @@ def _told(name: str, value: float) -> str:
 
 
 def _late_ms(clock: Clock) -> list[float]:
-    """Wait for the beginnings of frames; return how late each was noticed."""
+    """Wait for the beginning of each frame; return how late each wait ended, in ms."""
     begin_ns, late_ms = clock.now_ns(), []
     for k in range(1, FRAMES + 1):
         wake_ns = begin_ns + round(k * NS_PER_S / FRAME_HZ)
@@ -221,7 +221,7 @@ def _late_ms(clock: Clock) -> list[float]:
 
 
 def _write_ms(lab: LabConfig, clock: Clock) -> float:
-    """Return the median time until 64 kB are safe on the disk of the data root."""
+    """Return the median time until 64 kB are safe on the disk of the data root, in ms."""
     make_folder(lab.data_root / FOLDER, exist_ok=True)
     path = lab.data_root / FOLDER / f".write_test.{os.getpid()}"
     took_ms, content = [], bytes(WRITE_BYTES)
@@ -243,7 +243,7 @@ def _monitors() -> str:
 
 
 def _former(path: Path) -> Path:
-    """Return where what was locked before goes, by its date; nothing there is overwritten."""
+    """Return a new path for the earlier station, named by its date; nothing is overwritten."""
     try:
         date_text = re.sub(r"\D", "", str(json.loads(path.read_text("utf-8"))["made"])[:19])
     except (OSError, ValueError, KeyError, TypeError):

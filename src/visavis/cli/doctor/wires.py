@@ -1,4 +1,4 @@
-"""Look at runtimes, ports and the network; nothing of a device is opened. Never raises."""
+"""Examine runtimes, ports and the network without opening a device. Never raises."""
 
 import ctypes.util
 import json
@@ -29,12 +29,12 @@ XR_FOLDERS = (
     "~/.local/share/openxr/1",
     "~/.steam/steam/steamapps/common/SteamVR",
 )
-"""Where packages and SteamVR put the manifests of their runtimes."""
+"""Folders where packages and SteamVR put the manifests of their runtimes."""
 XR_MANIFESTS = "*xr*.json"
 XR_REMEDY = "make your headset's runtime the active one in its own program"
 FOVE_REMEDY = "install the FOVE runtime and give FoveClient's path as library_path"
 NOBODY = ("192.0.2.1", 9)
-"""An address reserved for documentation: naming it finds our own without sending anything."""
+"""An address reserved for documentation; connecting a UDP socket to it sends nothing."""
 
 
 # ---- runtimes --------------------------------------------------------------------------------
@@ -68,10 +68,10 @@ def runtimes(lab: LabConfig) -> tuple[Finding, ...]:
 
 
 def _eyes(lab: LabConfig) -> tuple[Finding, ...]:
-    """Say whether the active OpenXR runtime hides an eye tracker that another would tell of.
+    """Return whether the active OpenXR runtime offers gaze, or another one would.
 
-    Runtimes are asked only where gaze is to come from OpenXR, others than the active one only where
-    that tells none: asking may start a vendor's programs.
+    Asking may start a vendor's programs. So runtimes are asked only where a device takes gaze from
+    OpenXR, and the others only where the active one offers none.
     """
     gaze_devices = [
         d for d in lab.devices.values() if d.driver == "openxr_gaze" and not d.simulated
@@ -100,7 +100,7 @@ def _eyes(lab: LabConfig) -> tuple[Finding, ...]:
 
 
 def openxr_installed() -> tuple[Path, ...]:
-    """Return the manifests of every OpenXR runtime of this computer, the active one's first."""
+    """Return the manifests of all OpenXR runtimes of this computer, the active one first."""
     manifests = [*_openxr_manifests(), *_openxr_elsewhere()]
     there = {path.resolve(): path for path in reversed(manifests) if path.is_file()}
     return tuple(reversed(there.values()))
@@ -111,7 +111,7 @@ def _openxr_elsewhere() -> list[Path]:
         return [
             Path(name) for name in _windows_names(r"SOFTWARE\Khronos\OpenXR\1\AvailableRuntimes")
         ]
-    else:  # mypy takes what follows a return for dead on Windows
+    else:  # else: on Windows mypy calls code after the return unreachable
         return [
             path
             for folder in XR_FOLDERS
@@ -120,7 +120,7 @@ def _openxr_elsewhere() -> list[Path]:
 
 
 def _windows_names(key: str) -> list[str]:
-    """Return the names of a registry key's values; none where there is no such key."""
+    """Return the names of a registry key's values; an empty list where there is no such key."""
     import importlib
 
     winreg: Any = importlib.import_module("winreg")
@@ -135,7 +135,7 @@ def _windows_names(key: str) -> list[str]:
 
 
 def openvr_runtime() -> str:
-    """Return the folder of the OpenVR runtime as its registry names it; empty without one."""
+    """Return the folder of the OpenVR runtime from its registry file; empty without one."""
     override = os.environ.get("VR_PATHREG_OVERRIDE")
     if override:
         registry = Path(override)
@@ -166,7 +166,7 @@ def _openxr_manifests() -> list[Path]:
         return [Path(override)]
     if sys.platform == "win32":
         return _openxr_of_windows()
-    else:  # mypy takes what follows a return for dead on Windows
+    else:  # else: on Windows mypy calls code after the return unreachable
         return _openxr_of_home()
 
 
@@ -183,12 +183,12 @@ def _openxr_of_windows() -> list[Path]:
     try:
         with winreg.OpenKey(winreg.HKEY_LOCAL_MACHINE, r"SOFTWARE\Khronos\OpenXR\1") as key:
             return [Path(winreg.QueryValueEx(key, "ActiveRuntime")[0])]
-    except OSError:  # no such key: no runtime was ever made the active one
+    except OSError:  # no such key: no runtime has ever been active
         return []
 
 
 def fove_library(lab: LabConfig) -> str:
-    """Return where FoveClient lies, as configured or as the system finds it; empty without it."""
+    """Return the path of FoveClient, configured or found by the system; empty without it."""
     configured_paths = [
         str(d.options.get("library_path", "")) for d in lab.devices.values() if d.driver == "fove"
     ]
@@ -203,7 +203,7 @@ def fove_library(lab: LabConfig) -> str:
 def _json(path: Path) -> dict[str, Any]:
     try:
         read = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError):  # not there, or nothing that could be used
+    except (OSError, ValueError):  # no such file, or not JSON
         return {}
     return read if isinstance(read, dict) else {}
 
@@ -212,7 +212,7 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def ports() -> tuple[Finding, ...]:
-    """Return what is plugged in, as `vid`, `pid` and `serial_number` for lab_config.yaml."""
+    """Return the serial and HID devices that are plugged in, with values for lab_config.yaml."""
     return (*_serial_ports(), *_hid_devices())
 
 
@@ -254,9 +254,9 @@ def _hid_devices() -> list[Finding]:
 
 
 def network(lab: LabConfig, *, are_open: bool = False) -> tuple[Finding, ...]:
-    """Return our address, who answers at the configured ones, and what must be let in.
+    """Return our address, which devices answer at theirs, and what the firewall must let in.
 
-    While the devices are open, nobody else dials or binds their addresses.
+    Addresses of open devices are not tried: a device may accept only one connection.
     """
     rows = [Finding(NETWORK, "this computer", "ok", own_address() or "no network")]
     real = [d for d in lab.devices.values() if not d.simulated]
@@ -285,7 +285,7 @@ def network(lab: LabConfig, *, are_open: bool = False) -> tuple[Finding, ...]:
 
 
 def own_address() -> str:
-    """Return this computer's address on its network; empty without a route."""
+    """Return this computer's address on its network; empty without a network."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(NOBODY)
