@@ -147,10 +147,10 @@ def sheet_command(
     requested_names = tuple(names or library_people or (() if library else cast_names()))
     if not requested_names:
         raise UsageError(f"nobody has been imported into {folder}; see visavis character import")
-    strangers = [n for n in requested_names if n not in (*library_people, *cast_names())]
-    if strangers:
+    unknown_names = [n for n in requested_names if n not in (*library_people, *cast_names())]
+    if unknown_names:
         choices = ", ".join((*library_people, *cast_names()))
-        raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {choices}")
+        raise UsageError(f"there is no {', '.join(unknown_names)} in {folder}; known: {choices}")
     people = [
         load_character(folder / f"{n}.npz" if n in library_people else n) for n in requested_names
     ]

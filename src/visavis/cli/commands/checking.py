@@ -223,10 +223,10 @@ def recover(
     Example: visavis recover data/simulated/stare/sub-S07H/ses-001
     """
     if is_study(session_path):
-        done = repair_study(session_path)
-        for line in done:
+        repairs = repair_study(session_path)
+        for line in repairs:
             say_plainly(line)
-        if not done:
+        if not repairs:
             console.print("nothing needed to be put back")
         return
     require_session(session_path)

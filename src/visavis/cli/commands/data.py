@@ -189,11 +189,11 @@ def _written(
     paths: list[Path] = []
     for recording in shown:
         manifest = recording.manifest
-        own = output / f"sub-{manifest.participant}" / f"ses-{manifest.session:03d}"
+        session_folder = output / f"sub-{manifest.participant}" / f"ses-{manifest.session:03d}"
         if format_name == "pedpy":
             paths += export_walks(recording, output)
         else:
-            target = own if format_name == "parquet" and len(shown) > 1 else output
+            target = session_folder if format_name == "parquet" and len(shown) > 1 else output
             paths += export_recording(recording, format_name, target)
     return tuple(paths)
 

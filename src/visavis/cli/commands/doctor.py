@@ -64,8 +64,8 @@ def doctor(
         report = examine(lab, SystemClock(), self_test_s=seconds)
         say_json(as_document(report))
     else:
-        doing = f"listening to every device for {seconds:g} s" if self_test else "looking"
-        with console.status(doing):
+        activity = f"listening to every device for {seconds:g} s" if self_test else "looking"
+        with console.status(activity):
             report = examine(lab, SystemClock(), self_test_s=seconds)
         _print(report.findings)
         if report.trials and self_test:

@@ -121,8 +121,8 @@ def import_web(
             f"  {label}  {verbatim(str(path))}{place_note}", soft_wrap=True, highlight=False
         )
     for label, path in summary.continued.items():
-        gone_on = f"  {label}  {verbatim(str(path))}; went on since it was recorded"
-        console.print(gone_on, soft_wrap=True, highlight=False)
+        text = f"  {label}  {verbatim(str(path))}; went on since it was recorded"
+        console.print(text, soft_wrap=True, highlight=False)
     for run, label in summary.twice:
         errors.print(
             f"[yellow]run {verbatim(run[:8])} is {verbatim(label)} once more, from another browser "

@@ -65,7 +65,7 @@ def film(
     Example: visavis film data/simulated/crowd/sub-S01B/ses-001 --trial T02 -o T02.mp4
     """
     # Check every option and file name first, so that nothing is refused after minutes of drawing.
-    looks = _camera_named(camera)
+    camera_choice = _camera_named(camera)
     overlays = _overlays_named(overlay)
     size_px = picture_size(size)
     shot_size, rule = (
@@ -102,7 +102,7 @@ def film(
             recording,
             trial,
             output,
-            camera=looks,
+            camera=camera_choice,
             shot=shot_size,
             cuts=rule,
             overlays=overlays,

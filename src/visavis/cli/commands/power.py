@@ -167,11 +167,11 @@ def power(
     # A replicate that simulates its own people is a job; drawing from a pool is so quick that
     # many replicates share one.
     jobs = jobs_of(simulation, request, size=1 if people is None else FAST_JOB, people=people)
-    done = [r for _, part in run.jobs(run_job, jobs, "replicates") for r in part]
+    results = [r for _, part in run.jobs(run_job, jobs, "replicates") for r in part]
     summary = summarise(
         simulation,
         request,
-        done,
+        results,
         source=kind,
         people_are_simulated=are_simulated,
         target=target,
@@ -267,12 +267,12 @@ class _Run:
         )
         largest = max(self._request.numbers)
         if pool < POOL_TIMES * largest:
-            small = (
+            size_note = (
                 f"{pool} people are few to draw studies of {largest} from: the same ones come "
                 f"again and again, and the curve may lie far off; give --pool "
                 f"{POOL_TIMES * largest} or more, or leave --fast out"
             )
-            return people, "simulated pool", True, (small, note)
+            return people, "simulated pool", True, (size_note, note)
         return people, "simulated pool", True, (note,)
 
 

@@ -201,8 +201,8 @@ def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
         frame = lit[len(lit) // 2]
     with Stills() as stills:
         image = stills.image(*showing.at(frame), showing.size_px)
-    said_s = showing.passed_s(frame) if at_s is None else at_s
-    labelled(image, f"{SIMULATED}  ·  {showing.label}, {said_s:.1f} s").save(path)
+    time_s = showing.passed_s(frame) if at_s is None else at_s
+    labelled(image, f"{SIMULATED}  ·  {showing.label}, {time_s:.1f} s").save(path)
     say_written(path)
 
 

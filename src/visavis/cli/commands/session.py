@@ -426,12 +426,12 @@ def resume(
         raise UsageError(f"{folder} has no study.json; restore it from a copy")
     language = overrides_of(manifest.plan).get("language", DEFAULT_LANGUAGE)
     settings = replace(settings, parameters={**settings.parameters, "language": language})
-    otherwise = changes_since(
+    changes = changes_since(
         design_of_session(manifest), design_of(opened_study.experiment(settings.parameters))
     )
-    if otherwise:
+    if changes:
         raise UsageError(
-            f"{session_path} was begun with another design: {in_words(otherwise)}. Put the study "
+            f"{session_path} was begun with another design: {in_words(changes)}. Put the study "
             "file back as it was and give the same command again"
         )
     prefix = SIMULATED_PREFIX if recording.is_simulated else ""

@@ -126,8 +126,10 @@ def licence_of(distribution: str) -> str:
         text = (package_fields[key] if key in package_fields else "").strip()
         if text and text.upper() != "UNKNOWN":
             return text.splitlines()[0][:40]
-    trove = [c for c in package_fields.get_all("Classifier") or () if c.startswith("License ::")]
-    return trove[0].rpartition(":: ")[2] if trove else "not stated"
+    licence_classifiers = [
+        c for c in package_fields.get_all("Classifier") or () if c.startswith("License ::")
+    ]
+    return licence_classifiers[0].rpartition(":: ")[2] if licence_classifiers else "not stated"
 
 
 def _version(library: Library) -> str:

@@ -46,21 +46,23 @@ class Report:
 
 def examine(lab: LabConfig, clock: Clock, *, self_test_s: float = 0.0) -> Report:
     """Examine the whole lab. Real devices are opened briefly; a self-test opens all of them."""
-    around = _surroundings(lab, clock)
-    absent = {f.subject: f for f in around if f.section == RUNTIMES and f.level == "missing"}
+    surroundings = _surroundings(lab, clock)
+    absent = {f.subject: f for f in surroundings if f.section == RUNTIMES and f.level == "missing"}
     devices = [d for d in lab.devices.values() if self_test_s or not d.simulated]
     trials = [_without_runtime(d, absent) for d in devices]
-    there = [d for d, trial in zip(devices, trials, strict=True) if trial is None]
-    captured_trials = iter(capture(there, clock, self_test_s or GLANCE_S) if there else ())
-    done = tuple(trial if trial is not None else next(captured_trials) for trial in trials)
+    devices_to_open = [d for d, trial in zip(devices, trials, strict=True) if trial is None]
+    captured_trials = iter(
+        capture(devices_to_open, clock, self_test_s or GLANCE_S) if devices_to_open else ()
+    )
+    all_trials = tuple(trial if trial is not None else next(captured_trials) for trial in trials)
     findings = (
         _configuration(lab),
-        *around,
-        *_devices(lab, done),
+        *surroundings,
+        *_devices(lab, all_trials),
         _sync_test(lab, clock),
         *station_findings(lab, clock),
     )
-    return Report(clock.wall_iso(), str(lab.path), findings, done, _licences())
+    return Report(clock.wall_iso(), str(lab.path), findings, all_trials, _licences())
 
 
 def save_with_session(
@@ -173,9 +175,9 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
         for role in roles_expected(lab)
         if role not in lab.devices
     ]
-    left = [r for r in lab.devices if r not in by_role]
-    if left:
-        rows.append(Finding(DEVICES, "simulated", "note", ", ".join(left)))
+    simulated_roles = [r for r in lab.devices if r not in by_role]
+    if simulated_roles:
+        rows.append(Finding(DEVICES, "simulated", "note", ", ".join(simulated_roles)))
     return rows
 
 

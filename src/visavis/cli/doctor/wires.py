@@ -45,7 +45,7 @@ def runtimes(lab: LabConfig) -> tuple[Finding, ...]:
     needed_runtimes = {
         driver_spec(d.driver).wire.runtime for d in lab.devices.values() if not d.simulated
     }
-    looked_for = (
+    candidates = (
         (RUNTIME_NAMES["openvr"], "openvr", openvr_runtime(), "install and start SteamVR"),
         (RUNTIME_NAMES["openxr"], "openxr", openxr_runtime(), XR_REMEDY),
         (RUNTIME_NAMES["fove"], "fove", fove_library(lab), FOVE_REMEDY),
@@ -54,12 +54,12 @@ def runtimes(lab: LabConfig) -> tuple[Finding, ...]:
         Finding(RUNTIMES, name, "ok", location)
         if location
         else Finding(RUNTIMES, name, "missing", "not found", remedy)
-        for name, kind, location, remedy in looked_for
+        for name, kind, location, remedy in candidates
         if location or kind in needed_runtimes
     ]
     absent = [
         name
-        for name, kind, location, _ in looked_for
+        for name, kind, location, _ in candidates
         if not location and kind not in needed_runtimes
     ]
     if absent:
@@ -102,8 +102,8 @@ def _eyes(lab: LabConfig) -> tuple[Finding, ...]:
 def openxr_installed() -> tuple[Path, ...]:
     """Return the manifests of all OpenXR runtimes of this computer, the active one first."""
     manifests = [*_openxr_manifests(), *_openxr_elsewhere()]
-    there = {path.resolve(): path for path in reversed(manifests) if path.is_file()}
-    return tuple(reversed(there.values()))
+    path_by_target = {path.resolve(): path for path in reversed(manifests) if path.is_file()}
+    return tuple(reversed(path_by_target.values()))
 
 
 def _openxr_elsewhere() -> list[Path]:
