@@ -23,35 +23,35 @@ errors = Console(stderr=True, emoji=False)
 
 
 def verbatim(value: object) -> str:
-    """Return text of the user's (a path, a label, a column) so that markup prints it as it is."""
+    """Escape a text of the user's (a path, a label, a column) so that markup does not change it."""
     return escape(str(value))
 
 
 def say(text: str, *, style: str = "") -> None:
-    """Print text with markup; only the terminal wraps it, and nothing in it is coloured by kind."""
+    """Print text with markup, without hard line breaks and without automatic colours."""
     console.print(text, style=style, soft_wrap=True, highlight=False)
 
 
 def say_plainly(text: str, *, style: str = "") -> None:
-    """Print text as it is, brackets too."""
+    """Print text without markup, so that brackets stay as they are."""
     console.print(text, style=style, soft_wrap=True, highlight=False, markup=False)
 
 
 def say_json(found: object) -> None:
-    """Print values for other programs; sets sorted, what JSON does not know as text."""
+    """Print values as JSON: sets as sorted lists, other types that JSON lacks as text."""
     typer.echo(json.dumps(found, ensure_ascii=False, indent=1, default=as_json_value))
 
 
 def as_json_value(value: object) -> object:
-    """Return what stands in JSON for a value it does not know."""
+    """Return the JSON value for a type that JSON lacks: a sorted list for a set, else text."""
     return sorted(value) if isinstance(value, frozenset) else str(value)
 
 
 def new_file(path: Path) -> Path:
-    """Return a path to be written.
+    """Check that a new file can be written there, and return its path.
 
     Raises:
-        UsageError: it exists already, or its folder does not.
+        UsageError: the file exists already, or its folder does not.
     """
     if path.exists():
         raise UsageError(f"{path} exists already; choose another name")
@@ -61,7 +61,7 @@ def new_file(path: Path) -> Path:
 
 
 def say_written(path: Path, more: str = "") -> None:
-    """Say where something lies now."""
+    """Print where a file was written."""
     say(f"written [b]{verbatim(path)}[/]{more}")
 
 
@@ -72,7 +72,7 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    add_completion=False,  # as options of ours: typer's own would load pydantic at every start
+    add_completion=False,  # below as our own options: typer's would load pydantic at every start
 )
 completion_init()
 
@@ -112,7 +112,7 @@ def _every_command(
         ),
     ] = False,
 ) -> None:
-    """Hold what all commands share; it makes a group of even one loaded command."""
+    """Hold the options of all commands; with it typer makes a group even of one command."""
 
 
 ConfigOption = Annotated[
@@ -150,15 +150,15 @@ def load_lab(
     quiet: bool = False,
     with_cast: bool = True,
 ) -> "LabConfig":
-    """Read the configuration in force and say on stderr which one that is, unless `quiet`.
+    """Read the lab's configuration, and print on stderr which file it is unless `quiet`.
 
-    Without a path it is looked for in the current folder and those above. Where there is none, a
+    Without a path, the file is searched in the current folder and those above. If there is none, a
     command that `only_simulates` takes the example that comes with Visavis, with its folders in
-    the current one. `with_cast` lets the lab's own people play from now on.
+    the current one. `with_cast` makes the lab's own people available to scenes.
 
     Raises:
-        DesignError: somebody of the lab's cast is not there.
-        ConfigError: there is no configuration, or everything that is wrong in it.
+        DesignError: a person of the lab's cast is missing.
+        ConfigError: there is no configuration, or it has errors; all of them are listed.
         UsageError: `devices` is neither sim nor real.
     """
     if devices not in (None, "sim", "real"):
@@ -170,23 +170,26 @@ def load_lab(
             f"there is no {CONFIG_NAME} in {here} or above it; run `visavis init` to write one "
             "here, or give the path of yours with --config"
         )
-    # Late: both take pydantic along, which only commands that read a configuration need.
+    # Late: both import pydantic, which only commands that read a configuration need.
     from visavis.devices.registry import OPTION_MODELS
     from visavis.lab.config import load_config, parse_config, with_devices
 
     if path is None:
         config = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, OPTION_MODELS, folder=here)
-        said = (
+        description = (
             f"the example of Visavis, everything simulated: there is no {CONFIG_NAME} here or "
             "above (visavis init writes one)"
         )
     else:
         config = load_config(path, OPTION_MODELS)
-        said = f"{config.path} ({config.lab})"
+        description = f"{config.path} ({config.lab})"
     if not quiet:
-        errors.print(f"[dim]configuration: {escape(said)}[/]", soft_wrap=True, highlight=False)
+        errors.print(
+            f"[dim]configuration: {escape(description)}[/]", soft_wrap=True, highlight=False
+        )
     if config.cast and with_cast:
-        from visavis.study.cast import use_cast_of  # late: characters, where a lab has its own
+        # Late: only labs with people of their own need to load characters.
+        from visavis.study.cast import use_cast_of
 
         use_cast_of(config)
     if devices is None:

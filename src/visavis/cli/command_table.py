@@ -1,6 +1,7 @@
-"""Which module holds which command, so that a command starts without importing the others.
+"""The module of each command, so that a command starts without importing the others.
 
-A new command is a line here; `tests/cli/test_command_table.py` compares the lines with the modules.
+A new command is a new line here. `tests/cli/test_command_table.py` compares the lines with the
+modules.
 """
 
 import difflib
@@ -124,7 +125,7 @@ class LazyGroup(TyperGroup):
         return list(COMMANDS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command; while the help is written, one that knows its first line only."""
+        """Return a command; for the list of commands in the help, a stub with its first line."""
         if cmd_name not in COMMANDS:
             near = difflib.get_close_matches(cmd_name, COMMANDS, n=1, cutoff=0.5)
             hint = f"did you mean {near[0]!r}?" if near else "see visavis --help"
@@ -134,13 +135,13 @@ class LazyGroup(TyperGroup):
         return load_command(cmd_name)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help from the table, as plain text: what frames it takes as long to load."""
+        """Write the help from the table as plain text: the library that frames it loads slowly."""
         with self._listing():
-            styled, self.rich_markup_mode = self.rich_markup_mode, None
+            markup_mode, self.rich_markup_mode = self.rich_markup_mode, None
             try:
                 super().format_help(ctx, formatter)
             finally:
-                self.rich_markup_mode = styled
+                self.rich_markup_mode = markup_mode
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write every command's line in full."""
@@ -148,14 +149,14 @@ class LazyGroup(TyperGroup):
             formatter.write_dl([(name, entry.help) for name, entry in COMMANDS.items()])
 
     def get_help_option(self, ctx: Any) -> Any:
-        """Return --help, off by default: without a default typer loads pydantic to check it."""
+        """Return --help with the default False: without a default typer loads pydantic."""
         option = super().get_help_option(ctx)
         if option is not None:
             option.default = False
         return option
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Return the commands and options that begin like this, from the table."""
+        """Return the commands and options that begin with `incomplete`, from the table."""
         with self._listing():
             return super().shell_complete(ctx, incomplete)
 
@@ -171,13 +172,14 @@ class LazyGroup(TyperGroup):
 def load_command(name: str) -> Any:
     """Import the module of a command and return the command it registers."""
     module = importlib.import_module(f"visavis.cli.commands.{COMMANDS[name].module}")
-    registered: Any = typer.main.get_group(module.app)  # the one application, where it registers
-    _name_arguments(registered.commands[name])
-    return registered.commands[name]
+    # Every module registers its command at the one application when it is imported.
+    command_group: Any = typer.main.get_group(module.app)
+    _name_arguments(command_group.commands[name])
+    return command_group.commands[name]
 
 
 def _name_arguments(command: Any) -> None:
-    """Call a command's arguments in its help as a reader does: SESSION, not session_path."""
+    """Give a command's arguments readable names in its help: SESSION, not SESSION_PATH."""
     for below in getattr(command, "commands", {}).values():
         _name_arguments(below)
     for argument in command.params:

@@ -1,4 +1,4 @@
-"""Print what a capture found, one device after the other."""
+"""Print the results of a capture, device by device."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ FAR_FROM_NOMINAL_01 = 0.05
 
 
 def print_trials(trials: Sequence[Trial]) -> None:
-    """Print streams, clocks and troubles; what never streamed comes last."""
+    """Print streams, clocks and faults; devices that never streamed come last."""
     for trial in trials:
         if not trial.error:
             _print_streaming(trial)
@@ -31,8 +31,8 @@ def _print_streaming(trial: Trial) -> None:
     who = trial.driver
     if trial.info is not None:
         names = (trial.info.vendor, trial.info.model, trial.info.serial)
-        made = " ".join(name for name in names if name and name != "simulated")
-        who = f"{trial.driver}: {made}"
+        device_name = " ".join(name for name in names if name and name != "simulated")
+        who = f"{trial.driver}: {device_name}"
     mark = "  [magenta]simulated[/]" if trial.simulated else ""
     say(f"[b]{verbatim(trial.role)}[/]  {escape(who)}{mark}")
     for stream in trial.streams:
@@ -70,9 +70,9 @@ def _lines(s: StreamFigures) -> list[str]:
         if abs(s.rate_hz / s.nominal_rate_hz - 1) > FAR_FROM_NOMINAL_01:
             rate = f"[yellow]{rate} instead of {s.nominal_rate_hz:g}[/]"
     gaps = f"[yellow]{s.gaps} gaps[/]" if s.gaps else "no gaps"
-    lost = f", [yellow]{s.lost} lost[/]" if s.lost else ""
+    lost_text = f", [yellow]{s.lost} lost[/]" if s.lost else ""
     longest = "" if s.longest_gap_ms is None else f", longest spacing {s.longest_gap_ms:.1f} ms"
-    lines = [f"{s.samples} samples, {rate}, {gaps}{lost}{longest}"]
+    lines = [f"{s.samples} samples, {rate}, {gaps}{lost_text}{longest}"]
     if s.jitter_ms is not None and s.delay_ms is not None and s.delay_p99_ms is not None:
         sign = "" if s.delay_is_absolute else "≥ "
         lines.append(

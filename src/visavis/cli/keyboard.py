@@ -47,11 +47,11 @@ class KeyReader:
     @staticmethod
     def _windows_keys() -> str:
         msvcrt = importlib.import_module("msvcrt")
-        pressed = ""
+        keys = ""
         while msvcrt.kbhit():
             key = msvcrt.getwch()
             if key in ("\x00", "\xe0"):
                 msvcrt.getwch()
             else:
-                pressed += key
-        return pressed
+                keys += key
+        return keys

@@ -1,4 +1,4 @@
-"""What the command line lets go along with a session: LSL streams, and the doctor's note."""
+"""What the command line adds to a session: LSL streams, LabRecorder, the doctor's report."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,9 +13,10 @@ from visavis.running.sessions.session_request import Request
 
 
 class LabCompanion:
-    """Follow `sessions.perform.Companion`; `warn` hears what did not end as it should.
+    """The command line's `sessions.perform.Companion`; `warn` gets messages on a bad ending.
 
-    `station` is how the computer kept time before the session, kept with the doctor's note.
+    `station` are the findings on the computer's timing before the session; they are saved with
+    the doctor's report.
     """
 
     def __init__(
@@ -26,7 +27,7 @@ class LabCompanion:
         self._lab_recorder: LabRecorder | None = None
 
     def recorder(self, request: Request, part_dir: Path, *, is_simulated: bool) -> Recorder | None:
-        """Return one that streams to LSL too, where the lab wants that."""
+        """Return a recorder that streams to LSL, too; None where the lab does not use LSL."""
         if not request.config.sync.lsl:
             return None
         set_scope(scope_of(request.config.sync))
@@ -41,9 +42,9 @@ class LabCompanion:
         *,
         is_simulated: bool,
     ) -> None:
-        """Announce the open devices' streams, and keep what the doctor says of them."""
+        """Announce the open devices' streams, start LabRecorder, and save the doctor's report."""
         if request.config.sync.lsl:
-            assert isinstance(recorder, AnnouncingRecorder)  # noqa: S101 - made above, for this
+            assert isinstance(recorder, AnnouncingRecorder)  # noqa: S101 - `recorder` made it
             recorder.announce(
                 devices,
                 scope_of(request.config.sync),
@@ -63,7 +64,7 @@ class LabCompanion:
         save_with_session(part_dir, request.config, request.clock, devices, self._station)
 
     def closed(self) -> None:
-        """End LabRecorder's file after ours: it has what we recorded last."""
+        """End LabRecorder's file after ours, so that it contains our last samples."""
         if self._lab_recorder is not None and (trouble := self._lab_recorder.stop()):
             self._warn(trouble)
         self._lab_recorder = None

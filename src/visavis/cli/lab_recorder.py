@@ -1,7 +1,7 @@
-"""Start and stop LabRecorder with a session, by the remote control it offers (EnableRCS).
+"""Start and stop LabRecorder with a session, by its remote control (EnableRCS).
 
-One command is a line; each is answered `OK`, whatever it did (App-LabRecorder,
-`src/tcpinterface.cpp`), so what is told here is that the program is there and has heard.
+A command is one line. LabRecorder answers each with `OK`, whatever it did (App-LabRecorder,
+`src/tcpinterface.cpp`). So an answer only shows that the program runs and got the command.
 """
 
 import socket
@@ -10,9 +10,9 @@ from typing import Final
 from visavis.lab.errors import DeviceError, DeviceNotFound
 
 PORT: Final = 22345
-"""LabRecorder's own, unless its configuration says otherwise (`RCSPort`)."""
+"""LabRecorder's default; its configuration may set another (`RCSPort`)."""
 PATIENCE_S: Final = 10.0
-"""It looks for streams for a second at `update`, and answers after it."""
+"""More than LabRecorder takes: at `update` it looks for streams for a second, then answers."""
 ROLE: Final = "lab_recorder"
 REMEDY: Final = (
     "start LabRecorder and tick EnableRCS, or take lab_recorder out of sync in lab_config.yaml"
@@ -20,7 +20,7 @@ REMEDY: Final = (
 
 
 class LabRecorder:
-    """Own the line to a LabRecorder; `address` is HOST or HOST:PORT.
+    """The connection to a LabRecorder; `address` is HOST or HOST:PORT.
 
     Raises:
         DeviceNotFound: nothing answers there.
@@ -40,10 +40,10 @@ class LabRecorder:
         self._is_recording = False
 
     def start(self, *, study: str, participant: str, session: int, part: int) -> None:
-        """Let it record every stream it finds, into a file named for the session.
+        """Record every stream that LabRecorder finds, into a file named after the session.
 
         Raises:
-            DeviceError: it went away.
+            DeviceError: the connection was lost.
         """
         for command in (
             "update",
@@ -55,7 +55,7 @@ class LabRecorder:
         self._is_recording = True
 
     def stop(self) -> str:
-        """Let it end its file; return what went wrong, mostly ""."""
+        """End LabRecorder's file; return what went wrong, "" if nothing."""
         trouble = ""
         try:
             if self._is_recording:
@@ -68,7 +68,7 @@ class LabRecorder:
         return trouble
 
     def _ask(self, command: str) -> None:
-        """Send a line and wait for its answer."""
+        """Send a command and wait for its answer."""
         try:
             self._line.sendall(command.encode() + b"\n")
             answer = b""

@@ -1,7 +1,7 @@
-"""What a command makes of recorded sessions: of whole recordings, for its owner alone, registered.
+"""Rules for films, pages and pictures of recorded sessions: check before, protect after.
 
-A film, a page or a picture of a session is a copy of a person's data as any export is: a withdrawal
-finds it by the study's register.
+They are copies of a person's data, as exports are. So they are made from intact recordings, only
+their owner can read them, and the study's register lets a withdrawal find them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,14 +23,17 @@ RISK = (
 
 
 def require_whole(session: Path, *, accept: bool) -> None:
-    """Verify every file of a session before something is made of it; say what is missing.
+    """Verify every file of a session before it is used; print what is missing.
 
     Raises:
-        DataError: a file is damaged, and that was not accepted.
+        DataError: a file is damaged, and damage is not accepted.
     """
-    damaged = require_intact([session], accept=accept)
-    if damaged:
-        say(f"[yellow]{verbatim(counted_damage(damaged, 1))}:\n{verbatim(describe(damaged))}[/]")
+    damage_reports = require_intact([session], accept=accept)
+    if damage_reports:
+        say(
+            f"[yellow]{verbatim(counted_damage(damage_reports, 1))}:\n"
+            f"{verbatim(describe(damage_reports))}[/]"
+        )
 
 
 def leave(
@@ -41,16 +44,19 @@ def leave(
     *,
     tells_risk: bool = True,
 ) -> None:
-    """Protect files just made of sessions of one study below `where`, and register them there."""
-    written = tuple(files)
-    protect_files(written)
+    """Protect new files made from sessions of one study, and register them with the study.
+
+    The register names the kind of copy (`what`) and the folder that holds the files (`where`).
+    """
+    paths = tuple(files)
+    protect_files(paths)
     study = sessions[0].resolve().parent.parent
     manifests = [read_manifest(session) for session in sessions]
     labels = sorted({manifest.participant for manifest in manifests})
     if is_study(study):
         try:
-            register_export(study, SystemClock(), what, where, labels, written)
-        except LedgerError as error:  # an archive that only can be read
+            register_export(study, SystemClock(), what, where, labels, paths)
+        except LedgerError as error:  # an archive that can only be read
             say(f"[yellow]{verbatim(error)}[/]")
     if tells_risk and not all(manifest.is_simulated for manifest in manifests):
         say(f"[yellow]{RISK}[/]")

@@ -1,4 +1,4 @@
-"""Send what a session records to Lab Streaming Layer as well, where the lab's `sync` says so."""
+"""Send what a session records to Lab Streaming Layer (LSL), too, if the lab's `sync` says so."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,10 +18,10 @@ OWN_NAMES = ("name", "t_ns")
 
 
 class AnnouncingRecorder(Recorder):
-    """A recorder whose devices' streams, events and trials also leave through LSL.
+    """A recorder that also sends its devices' streams, events and trials through LSL.
 
-    LSL hears of a sample after the recording has it, and never keeps the recording from anything:
-    the outlets hold no queue of ours. Give `announce` the streams once the devices are open.
+    LSL gets a sample after it is recorded, and cannot delay the recording: the outlets hold no
+    queue of ours. Call `announce` once the devices are open.
     """
 
     def __init__(self, part_dir: Path, clock: Clock, *, is_simulated: bool) -> None:
@@ -46,7 +46,7 @@ class AnnouncingRecorder(Recorder):
         is_simulated: bool,
         lsl: Any = None,
     ) -> None:
-        """Announce the devices' declared streams; `lsl` is the library, given in tests.
+        """Announce the devices' declared streams; `lsl` replaces the library in tests.
 
         Raises:
             DeviceNotFound: LSL's library is not installed.
@@ -55,7 +55,9 @@ class AnnouncingRecorder(Recorder):
             role: [s for s in self._declared.values() if _is_of(role, device, s)]
             for role, device in devices.items()
         }
-        self._role_of = {s.name: role for role, listed in streams.items() for s in listed}
+        self._role_of = {
+            s.name: role for role, role_streams in streams.items() for s in role_streams
+        }
         self._outlets = LslOutlets(
             streams,
             scope,
@@ -67,7 +69,7 @@ class AnnouncingRecorder(Recorder):
         )
 
     def declare(self, schema: StreamSchema) -> None:
-        """Create the file of a stream, and keep its shape for the announcement."""
+        """Create the file of a stream, and keep its schema for the announcement."""
         super().declare(schema)
         self._declared[schema.name] = schema
 
@@ -79,7 +81,7 @@ class AnnouncingRecorder(Recorder):
             self._outlets.take(role, batch)
 
     def event(self, name: str, t_ns: int, /, **payload: Any) -> None:
-        """Record an event, then send it; a detail named like LSL's own fields gets a dash below."""
+        """Record an event, then send it; a detail named like an LSL field gets an underscore."""
         super().event(name, t_ns, **payload)
         if self._outlets is not None:
             self._outlets.event(name, int(t_ns), **_told(payload))
@@ -99,7 +101,7 @@ class AnnouncingRecorder(Recorder):
 
 
 class _Offsets:
-    """Host-minus-device offsets by role, fitted anew when a device has exchanged times again."""
+    """Host-minus-device clock offsets by role, fitted again after each new exchange of times."""
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
         self._devices = devices
@@ -115,12 +117,12 @@ class _Offsets:
 
 
 def scope_of(sync: Sync) -> LslScope:
-    """Return who may meet: LSL's default session, which LabRecorder sees, or the lab's own."""
+    """Return the LSL session to use: the default one, which LabRecorder sees, or the lab's own."""
     return LslScope(sync.session_id, machine_only=sync.this_computer_only)
 
 
 def set_scope(scope: LslScope) -> None:
-    """Tell LSL's library its scope before any device uses it: it listens once per process.
+    """Set the scope of LSL's library; it reads it once, before the first device uses it.
 
     Raises:
         DeviceNotFound: the library is not installed.

@@ -15,11 +15,11 @@ EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1
 AGAIN_S = 0.02
 OURS = "visavis"
-"""The first part of the names of all modules of ours."""
+"""The first part of the names of all our modules."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command; errors of ours become one message and their exit code."""
+    """Run a command; one of our errors becomes a message and its exit code."""
     signal.signal(signal.SIGTERM, _terminate)
     sys.unraisablehook = interrupting_again(sys.unraisablehook)
     try:
@@ -34,8 +34,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if place:
             from visavis.study.study_errors import explain  # late, as below
 
-            told = f"{place}: {explain(error)}"
-            errors.print(f"[bold red]error[/]  {_escaped(told)}", highlight=False, soft_wrap=True)
+            message = f"{place}: {explain(error)}"
+            errors.print(
+                f"[bold red]error[/]  {_escaped(message)}", highlight=False, soft_wrap=True
+            )
             sys.exit(UsageError.exit_code)
         errors.print_exception(max_frames=12)
         errors.print(
@@ -53,12 +55,12 @@ def _say_interrupted() -> NoReturn:
 
 
 def in_study_file(error: BaseException) -> str:
-    """Return file, line and function of a study file in which an error arose, "" elsewhere.
+    """Return file, line and function if an error arose in a study file, else "".
 
-    It is the study's when nothing of ours lies deeper: errors of NumPy and pandas come from what
-    the study called.
+    The error is the study's if none of our functions was called later: errors inside NumPy or
+    pandas come from what the study called.
     """
-    from visavis.study.study_errors import MODULE_OF_STUDY  # late: help needs none of it
+    from visavis.study.study_errors import MODULE_OF_STUDY  # late: the help does not need it
 
     place, trace = "", error.__traceback__
     while trace is not None:
@@ -73,7 +75,7 @@ def in_study_file(error: BaseException) -> str:
 
 
 def _was_interrupted(error: BaseException) -> bool:
-    """Tell whether an error comes of an interruption inside compiled code, which wraps it."""
+    """True for an interruption inside compiled code, which wraps it in a SystemError."""
     cause = error.__cause__ if isinstance(error, SystemError) else None
     return isinstance(cause, KeyboardInterrupt)
 
@@ -83,10 +85,10 @@ def _terminate(signum: int, frame: FrameType | None) -> None:
 
 
 def interrupting_again(otherwise: Callable[[Any], Any]) -> Callable[[Any], None]:
-    """Return a hook for exceptions that nobody can catch; others than interruptions go on.
+    """Return a hook for exceptions that nobody can catch; `otherwise` gets all but interruptions.
 
-    A signal that arrives while a library calls back into Python (numba does as it loads compiled
-    code) raises where the exception is dropped: then the signal is sent anew a little later.
+    When a signal arrives while a library calls back into Python (numba does while it loads
+    compiled code), its exception is dropped. Then the signal is sent again a little later.
     """
 
     def hook(unraisable: Any) -> None:
@@ -99,7 +101,7 @@ def interrupting_again(otherwise: Callable[[Any], Any]) -> Callable[[Any], None]
 
 
 def _interrupt_main() -> None:
-    if hasattr(signal, "pthread_kill"):  # which wakes what waits, too
+    if hasattr(signal, "pthread_kill"):  # this also wakes a waiting main thread
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
     else:
         _thread.interrupt_main(signal.SIGTERM)

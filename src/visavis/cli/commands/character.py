@@ -1,4 +1,4 @@
-"""character import, list and sheet: the people at hand, and those of the lab's own."""
+"""character import, fetch, list and sheet: the people that scenes can show."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -143,22 +143,24 @@ def sheet_command(
     if not 1 <= px_per_deg <= 120:
         raise UsageError("--px-per-deg goes from 1 to 120")
     folder = library or library_of(load_lab(config, only_simulates=True, with_cast=False))
-    imported = library_names(folder)
-    wanted = tuple(names or imported or (() if library else cast_names()))
-    if not wanted:
+    library_people = library_names(folder)
+    requested_names = tuple(names or library_people or (() if library else cast_names()))
+    if not requested_names:
         raise UsageError(f"nobody has been imported into {folder}; see visavis character import")
-    strangers = [n for n in wanted if n not in (*imported, *cast_names())]
-    if strangers:
-        known = ", ".join((*imported, *cast_names()))
-        raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {known}")
-    people = [load_character(folder / f"{n}.npz" if n in imported else n) for n in wanted]
+    unknown_names = [n for n in requested_names if n not in (*library_people, *cast_names())]
+    if unknown_names:
+        choices = ", ".join((*library_people, *cast_names()))
+        raise UsageError(f"there is no {', '.join(unknown_names)} in {folder}; known: {choices}")
+    people = [
+        load_character(folder / f"{n}.npz" if n in library_people else n) for n in requested_names
+    ]
     say_when_compiling()
-    drawn = (
+    sheet = (
         distance_sheet(people, distances_m, px_per_deg)
         if distances_m
         else people_sheet(SHEET_TILE_PX, people)
     )
-    drawn.save(png)
+    sheet.save(png)
     say_written(png)
     if gaze:
         _tell_gaze(people, distances_m, px_per_deg)
@@ -167,7 +169,7 @@ def sheet_command(
 def _tell_gaze(
     people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
 ) -> None:
-    """Say for everybody how often eyes on the observer are told from eyes 10° aside."""
+    """Say for each person how often a direct gaze is told from one 10° aside."""
     for person, distance_m, right_01 in readable_at(people, distances_m, px_per_deg):
         line = f"{person.name}: gaze told at {distance_m:g} m in {right_01:.0%} of looks"
         if right_01 < LIMIT_01:
@@ -198,9 +200,9 @@ def import_command(
     if gender not in (None, "female", "male"):
         raise UsageError(f"--gender takes female or male, not {gender!r}")
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
-    known = cast("Literal['female', 'male'] | None", gender)
-    said = None if joint_map is None else _joints_said(joint_map)
-    _import(source, folder, known, said, as_json=as_json)
+    checked_gender = cast("Literal['female', 'male'] | None", gender)
+    joints = None if joint_map is None else _joints_said(joint_map)
+    _import(source, folder, checked_gender, joints, as_json=as_json)
 
 
 @characters.command("fetch")
@@ -229,30 +231,30 @@ def fetch_command(
             say_plainly(VALID_TOLD)
         return
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
-    with people_in(download, only) as found:
-        _import(found, folder, None, None, as_json=as_json)
+    with people_in(download, only) as people:
+        _import(people, folder, None, None, as_json=as_json)
 
 
 def _distances_m(text: str) -> tuple[float, ...]:
-    """Return the distances of "1,2,3.5"; none of an empty text.
+    """Return the distances in metres of a text such as "1,2,3.5"; an empty text has none.
 
     Raises:
-        UsageError: they are no numbers from 0.3 to 30.
+        UsageError: a part is no number from 0.3 to 30.
     """
     try:
-        found = tuple(float(part) for part in text.split(",") if part.strip())
+        distances_m = tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError:
-        found = (0.0,)
-    if not all(0.3 <= d <= 30 for d in found):
+        distances_m = (0.0,)
+    if not all(0.3 <= d <= 30 for d in distances_m):
         raise UsageError(f"--at {text!r}; write metres from 0.3 to 30, such as 1,2,3.5,5,8")
-    return found
+    return distances_m
 
 
 def _joints_said(path: Path) -> dict[str, str]:
-    """Return the bones of a file for joints of ours.
+    """Read which bone of a character file stands for which of our joints.
 
     Raises:
-        UsageError: it is no list of names.
+        UsageError: the file is not a list of names.
         ProblemsError: a joint is given twice.
     """
     document = read_document(path)
@@ -273,10 +275,10 @@ def _import(
     as_json: bool,
 ) -> None:
     rows: list[dict[str, object]] = []
-    failed = 0
+    failure_count = 0
     for result in import_characters(source, folder, gender=gender, joint_map=joint_map):
         if result.character is None:
-            failed += 1
+            failure_count += 1
             rows.append({"file": str(result.source), "problem": result.problem})
             line = f"[bold red]not imported[/]  {verbatim(result.problem)}"
         else:
@@ -292,13 +294,13 @@ def _import(
             say(line)
     if as_json:
         say_json(rows)
-    elif failed < len(rows):
+    elif failure_count < len(rows):
         say(
             f"They are in {verbatim(folder)}; name them in a scene as above. Look at them first: "
             "visavis character sheet imported.png --at 1,2,3.5,5,8 --gaze"
         )
-    if failed:
+    if failure_count:
         raise CharacterError(
-            f"{failed} of {len(rows)} files could not be imported; mend them as said above and "
-            "import them again"
+            f"{failure_count} of {len(rows)} files could not be imported; mend them as said above "
+            "and import them again"
         )

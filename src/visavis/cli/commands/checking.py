@@ -1,4 +1,4 @@
-"""check, recover: what a session left behind."""
+"""check, recover: what is on disk after a session."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -107,13 +107,13 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
     problems = study_problems(folder)
     sessions = session_folders(folder)
     count = len(sessions)
-    unfinished = _unfinished(sessions)
+    unfinished_sessions = _unfinished(sessions)
     verdicts: dict[Path, SessionCheck] = {}
     for session in sessions if list_trials else ():
-        with suppress(RecordingError):  # told among the problems
+        with suppress(RecordingError):  # already listed among the problems
             verdicts[session] = check_session(Recording(session))
     if as_json:
-        content = {"sessions": count, "problems": problems, "unfinished": list(unfinished)}
+        content = {"sessions": count, "problems": problems, "unfinished": list(unfinished_sessions)}
         if list_trials:
             content["trials"] = {
                 str(s.relative_to(folder)): [asdict(t) for t in verdict.trials]
@@ -132,10 +132,11 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
     else:
         console.print(f"[green]{count_of(count, 'session')}, every file verified[/]")
     if not as_json:
-        for path, (status, done, planned) in unfinished.items():
+        for path, (status, done, trial_count) in unfinished_sessions.items():
             way_on = "it goes on now" if status == "running" else f"visavis resume {path}"
             say_plainly(
-                f"{MARK[Level.AMBER]} not finished: {path}, {done} of {planned} trials; {way_on}",
+                f"{MARK[Level.AMBER]} not finished: {path}, {done} of {trial_count} trials; "
+                f"{way_on}",
                 style="yellow",
             )
         for session, verdict in verdicts.items():
@@ -145,17 +146,17 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
 
 
 def _unfinished(sessions: Sequence[Path]) -> dict[str, tuple[str, int, int]]:
-    """Return the sessions that were not finished: status, trials finished, trials planned."""
-    found: dict[str, tuple[str, int, int]] = {}
+    """Return status, finished trials and planned trials of every unfinished session."""
+    progress_by_path: dict[str, tuple[str, int, int]] = {}
     for session in sessions:
-        with suppress(RecordingError):  # told among the problems
+        with suppress(RecordingError):  # already listed among the problems
             recording = Recording(session)
             parts = recording.manifest.parts
             if not parts or parts[-1].status != "complete":
                 trials = check_session(recording).trials
                 done = sum(t.status == "complete" for t in trials)
-                found[str(session)] = (recording.status, done, len(trials))
-    return found
+                progress_by_path[str(session)] = (recording.status, done, len(trials))
+    return progress_by_path
 
 
 def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False) -> None:
@@ -222,10 +223,10 @@ def recover(
     Example: visavis recover data/simulated/stare/sub-S07H/ses-001
     """
     if is_study(session_path):
-        done = repair_study(session_path)
-        for line in done:
+        repairs = repair_study(session_path)
+        for line in repairs:
             say_plainly(line)
-        if not done:
+        if not repairs:
             console.print("nothing needed to be put back")
         return
     require_session(session_path)

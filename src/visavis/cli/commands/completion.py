@@ -32,15 +32,15 @@ def completion(
     """
     from typer import completion as of_typer
 
-    made: Any = of_typer  # which does not say what it exports
+    typer_completion: Any = of_typer  # Any: the module does not declare what it exports
     if show:
-        script = made.get_completion_script(
+        script = typer_completion.get_completion_script(
             prog_name="visavis", complete_var="_VISAVIS_COMPLETE", shell=str(shell or Shell.BASH)
         )
         console.print(script, markup=False, highlight=False, soft_wrap=True)
         return
     try:
-        found, path = made.install(
+        shell_name, path = typer_completion.install(
             shell=None if shell is None else str(shell),
             prog_name="visavis",
             complete_var="_VISAVIS_COMPLETE",
@@ -49,4 +49,7 @@ def completion(
         raise UsageError(
             "this shell is not known; name one with --shell, or print it with --show"
         ) from error
-    say(f"completion for {found} is installed in [b]{verbatim(str(path))}[/]; open a new terminal")
+    say(
+        f"completion for {shell_name} is installed in [b]{verbatim(str(path))}[/]; open a new "
+        "terminal"
+    )

@@ -90,7 +90,10 @@ def import_gaze_files(
 
 
 def _print_columns(title: str, columns: Mapping[str, list[Any]], across: str = "") -> None:
-    """Print a table; with `across`, one row per column of it, so that wide tables stay readable."""
+    """Print a table; with `across`, turn it by 90° so that wide tables stay readable.
+
+    `across` names the column whose values become the headings.
+    """
     table = Table(title=title, title_justify="left", box=None)
     if across:
         for name in ("", *columns[across]):
@@ -99,10 +102,10 @@ def _print_columns(title: str, columns: Mapping[str, list[Any]], across: str = "
             if name not in (across, "recording"):
                 table.add_row(name, *(_shown(v) for v in values))
     else:
-        kept = {k: v for k, v in columns.items() if k != "recording"}
-        for name in kept:
+        data_columns = {k: v for k, v in columns.items() if k != "recording"}
+        for name in data_columns:
             table.add_column(name)
-        for row in zip(*kept.values(), strict=True):
+        for row in zip(*data_columns.values(), strict=True):
             table.add_row(*(_shown(v) for v in row))
     console.print(table)
 
@@ -158,42 +161,45 @@ def export(
     sessions = _exported(session_path, config, participant)
     require_intact(sessions, accept=accept_damage)
     is_simulated = all(Recording(session).is_simulated for session in sessions)
-    # Of a study that is named it has been said already.
+    # Looking up a study by its name has already printed which configuration is used.
     lab = load_lab(config, only_simulates=is_simulated, quiet=not session_path.is_dir())
-    shown = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
-    written = _written(shown, format_name, output, lab)
+    recordings = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
+    paths = _written(recordings, format_name, output, lab)
     if tier == "public":
-        lost = losses(shown, lab)
+        loss_table = losses(recordings, lab)
         note = output / ("README.md" if format_name == "bids" else LOSS_NAME)
-        before = f"{note.read_text('utf-8')}\n" if note in written else ""
-        note.write_text(before + loss_page(lost), "utf-8")
-        written = (*dict.fromkeys((*written, note)),)
-        _print_columns("what measures lose by the blur", _columns(lost))
+        before = f"{note.read_text('utf-8')}\n" if note in paths else ""
+        note.write_text(before + loss_page(loss_table), "utf-8")
+        paths = (*dict.fromkeys((*paths, note)),)
+        _print_columns("what measures lose by the blur", _columns(loss_table))
         say(f"[yellow]{BLURRED_RISK}[/]")
-    say(f"{len(written)} files of {count_of(len(sessions), 'session')} in [b]{verbatim(output)}[/]")
-    leave(format_name, sessions, output, written, tells_risk=tier != "public")
+    say(f"{len(paths)} files of {count_of(len(sessions), 'session')} in [b]{verbatim(output)}[/]")
+    leave(format_name, sessions, output, paths, tells_risk=tier != "public")
 
 
 def _written(
     shown: Sequence[Recording], format_name: str, output: Path, lab: LabConfig
 ) -> tuple[Path, ...]:
-    """Export recordings: one BIDS data set of all; tables of several in a folder for each."""
+    """Export recordings and return the files.
+
+    BIDS is one data set for all; Parquet tables of several sessions go to a folder each.
+    """
     if format_name == "bids":
         return export_together(shown, output, dataset_about(shown[0], lab))
-    written: list[Path] = []
+    paths: list[Path] = []
     for recording in shown:
         manifest = recording.manifest
-        own = output / f"sub-{manifest.participant}" / f"ses-{manifest.session:03d}"
+        session_folder = output / f"sub-{manifest.participant}" / f"ses-{manifest.session:03d}"
         if format_name == "pedpy":
-            written += export_walks(recording, output)
+            paths += export_walks(recording, output)
         else:
-            target = own if format_name == "parquet" and len(shown) > 1 else output
-            written += export_recording(recording, format_name, target)
-    return tuple(written)
+            target = session_folder if format_name == "parquet" and len(shown) > 1 else output
+            paths += export_recording(recording, format_name, target)
+    return tuple(paths)
 
 
 def _exported(wanted: Path, config: Path | None, participant: str) -> list[Path]:
-    """Return the sessions meant: one by its folder, or those of a study."""
+    """Return the sessions to export: one given by its folder, or those of a study."""
     if participant or (wanted.is_dir() and not is_study(wanted)):
         return [session_of(wanted, config, participant)]
     return list(sessions_of(folder_of(wanted, config, "export")))

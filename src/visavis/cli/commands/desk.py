@@ -42,7 +42,7 @@ def desk(
     """
     lab = load_lab(config, devices)
     server = _desk_server()(lab)
-    with contextlib.suppress(KeyboardInterrupt):  # which is how a desk is closed
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is how a desk is closed
         asyncio.run(_serve(server, lab, port, show=show, api=api, rcs=rcs))
 
 
@@ -68,7 +68,11 @@ async def _serve(
 
 
 def _write_api(path: Path, address: str, key: str) -> None:
-    """Write how the desk is asked, for this account's eyes alone."""
+    """Write the desk's address and key to a file that only this account can read.
+
+    Raises:
+        UsageError: the file cannot be written.
+    """
     try:
         path.unlink(missing_ok=True)
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -81,10 +85,10 @@ def _write_api(path: Path, address: str, key: str) -> None:
 
 
 def _desk_server() -> Any:
-    """Return what serves the desk, which not every lab needs.
+    """Return the class of the desk's server, imported late: not every lab installs its libraries.
 
     Raises:
-        ConfigError: its libraries are not installed.
+        ConfigError: the libraries are not installed.
     """
     try:
         return importlib.import_module("visavis.cli.desk.server").DeskServer

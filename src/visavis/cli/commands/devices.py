@@ -56,8 +56,8 @@ def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> No
     lab = load_lab(config, quiet=as_json)
     roles, drivers = role_states(lab), driver_states()
     if as_json:
-        found = {"roles": [asdict(r) for r in roles], "drivers": [asdict(d) for d in drivers]}
-        say_json(found)
+        report = {"roles": [asdict(r) for r in roles], "drivers": [asdict(d) for d in drivers]}
+        say_json(report)
         return
     table = Table("role", "driver", "state", box=None, pad_edge=False, title=str(lab.path))
     table.title_justify = "left"
@@ -90,14 +90,14 @@ def listen(
     """
     lab = load_lab(config, quiet=as_json)
     _check_seconds(seconds)
-    chosen = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
+    devices = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
     if as_json:
-        trials = capture(chosen, SystemClock(), seconds)
+        trials = capture(devices, SystemClock(), seconds)
         say_json([asdict(t) for t in trials])
     else:
         with console.status(f"listening for {seconds:g} s") as status:
             trials = capture(
-                chosen,
+                devices,
                 SystemClock(),
                 seconds,
                 tick=lambda done: status.update(f"listening: {done:.0f} of {seconds:g} s"),
@@ -117,10 +117,12 @@ def identify(role: RoleArgument, config: ConfigOption = None) -> None:
     bands = [name for name in lab.devices if name.startswith("armband_")]
     if role not in bands:
         hint = did_you_mean(role, bands)
-        known = ", ".join(bands) or "none: add one under devices in the configuration"
-        raise UsageError(f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {known}")
-    told = buzz(_device(lab, role), SystemClock())
-    say(told)
+        band_names = ", ".join(bands) or "none: add one under devices in the configuration"
+        raise UsageError(
+            f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {band_names}"
+        )
+    message = buzz(_device(lab, role), SystemClock())
+    say(message)
 
 
 @devices_app.command("setup")
@@ -172,7 +174,7 @@ def install_rules(text: str, path: Path) -> None:
             f"{path} cannot be written ({problem.strerror}); run: "
             f"visavis devices rules | sudo tee {path} && sudo udevadm control --reload"
         ) from problem
-    reload = subprocess.run(  # noqa: S603 - the system's own
+    reload = subprocess.run(  # noqa: S603 - a command of the system
         [udevadm, "control", "--reload"], capture_output=True, text=True, check=False
     )
     if reload.returncode:
@@ -242,7 +244,7 @@ def replay(
     try:
         log = read_wire_log(file)
         device = device_of(file, log, driver)
-    except DataError as wrong:  # of the file that was given, not of data recorded here
+    except DataError as wrong:  # the fault is in the file the user gave, not in our recordings
         raise UsageError(str(wrong)) from wrong
     clock = SimClock()
     wires = ReplayedWires(file, clock)
@@ -250,8 +252,8 @@ def replay(
     def is_over() -> bool:
         return wires.playing is not None and wires.playing.is_finished
 
-    played = capture([device], clock, MAX_S, wires=wires, is_over=is_over)
-    trials = tuple(_as_recorded(trial, simulated=log.is_simulated) for trial in played)
+    raw_trials = capture([device], clock, MAX_S, wires=wires, is_over=is_over)
+    trials = tuple(_as_recorded(trial, simulated=log.is_simulated) for trial in raw_trials)
     if as_json:
         say_json([asdict(t) for t in trials])
     else:
@@ -262,10 +264,10 @@ def replay(
 
 
 def _as_recorded(trial: "Trial", *, simulated: bool) -> "Trial":
-    """Leave out what playing back alone brings about.
+    """Return the trial without the faults that only the playback causes.
 
-    The driver does not send the commands that closed the recorded connection, so some of what it
-    sends instead finds no answer.
+    On playback the driver does not send the commands that closed the recorded connection, so some
+    of its other commands get no answer.
     """
     faults = tuple(fault for fault in trial.faults if UNANSWERED not in fault.message)
     return replace(trial, simulated=simulated, faults=faults)
@@ -275,8 +277,8 @@ def _device(lab: LabConfig, role: str) -> DeviceConfig:
     if role in lab.devices:
         return lab.devices[role]
     hint = did_you_mean(role, lab.devices)
-    known = ", ".join(lab.devices)
-    raise UsageError(f"{lab.path} has no role {role!r}{hint or '.'} Its roles: {known}")
+    role_names = ", ".join(lab.devices)
+    raise UsageError(f"{lab.path} has no role {role!r}{hint or '.'} Its roles: {role_names}")
 
 
 def _check_seconds(seconds: float) -> None:

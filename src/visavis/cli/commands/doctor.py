@@ -64,8 +64,8 @@ def doctor(
         report = examine(lab, SystemClock(), self_test_s=seconds)
         say_json(as_document(report))
     else:
-        doing = f"listening to every device for {seconds:g} s" if self_test else "looking"
-        with console.status(doing):
+        activity = f"listening to every device for {seconds:g} s" if self_test else "looking"
+        with console.status(activity):
             report = examine(lab, SystemClock(), self_test_s=seconds)
         _print(report.findings)
         if report.trials and self_test:
@@ -87,13 +87,13 @@ def _print(findings: tuple[Finding, ...]) -> None:
 
 
 def _print_line(finding: Finding, width: int) -> None:
-    """Print a finding, wrapped under itself, and what to do below it."""
+    """Print a finding as an indented paragraph, with its remedy below."""
     lead = f"  {finding.subject:<{width}} "
     for number, text in enumerate(_wrapped(finding.found, console.width - len(lead) - 2)):
         start = f"{SIGNS[finding.level]} {lead[2:]}" if not number else " " * len(lead)
         faint = finding.level == "note"
-        shown = f"[dim]{escape(text)}[/]" if faint else escape(text)
-        say(f"{start}{shown}")
+        markup = f"[dim]{escape(text)}[/]" if faint else escape(text)
+        say(f"{start}{markup}")
     if finding.remedy:
         for number, text in enumerate(_wrapped(finding.remedy, console.width - len(lead) - 4)):
             arrow = "→ " if not number else "  "

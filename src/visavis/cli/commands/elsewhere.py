@@ -1,4 +1,4 @@
-"""export-web, import-web: a study on a web host that is not the lab's, and its results back."""
+"""export-web, import-web: put a study on another web host, and fetch its results."""
 
 from pathlib import Path
 from typing import Annotated
@@ -49,7 +49,7 @@ def export_web(
 
     Example: visavis export-web ./lively.py --places 60 -o lively.jzip
     """
-    # Late: aiohttp comes with visavis[browser], which whoever has no pages does without.
+    # Late: aiohttp comes with visavis[browser], which labs without pages need not install.
     from visavis.running.page.other_hosts.bundle import ARCHIVE, write_bundle
 
     check_completion(completion)
@@ -57,14 +57,14 @@ def export_web(
     if results and (parts.scheme not in ("http", "https") or not parts.hostname):
         raise UsageError(f"--results takes an address, https://…, not {results!r}")
     here, base = page_study(study, devices, config, seed, assignments, language)
-    made = write_bundle(
+    bundle = write_bundle(
         base, built_films(base), output, places=places, completion=completion, results=results
     )
     mark = "[magenta]REHEARSAL[/]  " if here.is_simulated else ""
-    films = f" and {made.films} films" if made.films else ""
+    films = f" and {bundle.films} films" if bundle.films else ""
     console.print(
-        f"{mark}{made.places} places{films}, {made.size_bytes / 1e6:.1f} MB: "
-        f"[b]{verbatim(str(made.path))}[/]",
+        f"{mark}{bundle.places} places{films}, {bundle.size_bytes / 1e6:.1f} MB: "
+        f"[b]{verbatim(str(bundle.path))}[/]",
         soft_wrap=True,
     )
     if output.suffix == ARCHIVE:
@@ -102,7 +102,7 @@ def import_web(
     here, base = page_study(study, devices, config, seed, assignments, language)
     runs, unreadable = read_runs(files)
     key_file = None if here.is_simulated else here.key_file
-    made = import_runs(
+    summary = import_runs(
         base,
         built_films(base),
         here.ledger,
@@ -112,22 +112,26 @@ def import_web(
         unfinished_too=unfinished,
     )
     mark = "[magenta]SIMULATED[/]  " if here.is_simulated else ""
-    console.print(f"{mark}{len(made.sessions)} recorded, {made.known} were recorded already")
-    for label, path in made.sessions.items():
-        moved = "; the place was somebody else's, the next one counts" * (label in made.moved)
-        console.print(f"  {label}  {verbatim(str(path))}{moved}", soft_wrap=True, highlight=False)
-    for label, path in made.continued.items():
-        gone_on = f"  {label}  {verbatim(str(path))}; went on since it was recorded"
-        console.print(gone_on, soft_wrap=True, highlight=False)
-    for run, label in made.twice:
+    console.print(f"{mark}{len(summary.sessions)} recorded, {summary.known} were recorded already")
+    for label, path in summary.sessions.items():
+        place_note = "; the place was somebody else's, the next one counts" * (
+            label in summary.moved
+        )
+        console.print(
+            f"  {label}  {verbatim(str(path))}{place_note}", soft_wrap=True, highlight=False
+        )
+    for label, path in summary.continued.items():
+        text = f"  {label}  {verbatim(str(path))}; went on since it was recorded"
+        console.print(text, soft_wrap=True, highlight=False)
+    for run, label in summary.twice:
         errors.print(
             f"[yellow]run {verbatim(run[:8])} is {verbatim(label)} once more, from another browser "
             "or link: it was not recorded[/]",
             soft_wrap=True,
         )
-    if made.unfinished:
-        console.print(f"{made.unfinished} are not at their end; --unfinished records them, too")
-    for run in made.withdrawn:
+    if summary.unfinished:
+        console.print(f"{summary.unfinished} are not at their end; --unfinished records them, too")
+    for run in summary.withdrawn:
         errors.print(
             f"[yellow]run {verbatim(run[:8])} wanted everything deleted: nothing was recorded; "
             "delete it from your files and from the host, too[/]",
@@ -135,7 +139,7 @@ def import_web(
         )
     if unreadable:
         errors.print(f"[yellow]{unreadable} lines are not results of a bundle, or were cut[/]")
-    for why in made.refused:
+    for why in summary.refused:
         errors.print(f"[red]left out: {verbatim(why)}[/]", soft_wrap=True)
-    if made.refused:
+    if summary.refused:
         raise typer.Exit(DataError.exit_code)

@@ -1,4 +1,4 @@
-"""examples: ready studies and scripts, to run and to change."""
+"""examples: write ready studies and scripts, to run and to change."""
 
 import shlex
 from pathlib import Path

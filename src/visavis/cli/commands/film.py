@@ -1,4 +1,4 @@
-"""film: a recorded trial as a film, by a camera that knows the place."""
+"""film: a recorded trial as a film, by a camera that knows the room."""
 
 from pathlib import Path
 from typing import Annotated
@@ -64,41 +64,45 @@ def film(
 
     Example: visavis film data/simulated/crowd/sub-S01B/ses-001 --trial T02 -o T02.mp4
     """
-    looks = _camera_named(camera)
+    # Check every option and file name first, so that nothing is refused after minutes of drawing.
+    camera_choice = _camera_named(camera)
     overlays = _overlays_named(overlay)
     size_px = picture_size(size)
     shot_size, rule = (
         ShotSize(_one_of("--shot", shot, [*ShotSize])),
         Cuts(_one_of("--cuts", cuts, [*Cuts])),
     )
-    decided = output.with_suffix(".json")
+    decisions_path = output.with_suffix(".json")
     new_file(output)
-    if decided.exists() and camera in ("auto", "topology"):
-        raise UsageError(f"{decided} exists already; choose another name for the film")
+    if decisions_path.exists() and camera in ("auto", "topology"):
+        raise UsageError(f"{decisions_path} exists already; choose another name for the film")
     if sheet is not None:
         new_file(sheet)
+    # Read the recording with the people and the study file it was made with.
     session_path = session_of(session_path, config, participant)
     require_whole(session_path, accept=accept_damage)
     recording = CachedRecording(session_path)
     use_recorded_cast(recording)
-    study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
-    if changed:
-        console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+    study, change_note = study_of_folder(
+        session_path.resolve().parent.parent, recording.manifest.study
+    )
+    if change_note:
+        console.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     forecast = Forecast()
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("drawing", total=None)
 
         def told(done: int, of: int) -> None:
             bar.update(line, completed=done, total=of)
-            if said := forecast.told(done, of):
-                TELLING.say(said.removesuffix(", --png draws one"))
+            if forecast_text := forecast.told(done, of):
+                TELLING.say(forecast_text.removesuffix(", --png draws one"))
 
-        made = write_film(
+        result = write_film(
             study,
             recording,
             trial,
             output,
-            camera=looks,
+            camera=camera_choice,
             shot=shot_size,
             cuts=rule,
             overlays=overlays,
@@ -108,20 +112,21 @@ def film(
             seconds=seconds,
             on_frame=told,
         )
-    written = f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s"
-    if camera == "auto" and made.camera is CameraKind.ORBIT:
-        written += "; no place for the topology camera in this room, so filmed by --camera orbit"
-    console.print(written, soft_wrap=True)
-    if made.decisions is not None:
-        made.decisions.write(decided)
-        console.print(f"written [b]{verbatim(decided)}[/]", soft_wrap=True)
-    if made.sheet is not None:
-        console.print(made.sheet.sentence(), soft_wrap=True)
+    summary = f"written [b]{verbatim(output)}[/], {result.pictures / rate:.1f} s"
+    if camera == "auto" and result.camera is CameraKind.ORBIT:
+        summary += "; no place for the topology camera in this room, so filmed by --camera orbit"
+    console.print(summary, soft_wrap=True)
+    if result.decisions is not None:
+        result.decisions.write(decisions_path)
+        console.print(f"written [b]{verbatim(decisions_path)}[/]", soft_wrap=True)
+    if result.sheet is not None:
+        console.print(result.sheet.sentence(), soft_wrap=True)
         if sheet is not None:
-            made.sheet.write(sheet)
+            result.sheet.write(sheet)
             console.print(f"written [b]{verbatim(sheet)}[/]", soft_wrap=True)
-    files = [output] if made.decisions is None else [output, decided]
-    files += [] if made.sheet is None or sheet is None else [sheet]
+    # A film is personal data: protect its files and register them, so that a withdrawal finds them.
+    files = [output] if result.decisions is None else [output, decisions_path]
+    files += [] if result.sheet is None or sheet is None else [sheet]
     leave("film", [session_path], output.parent, files)
 
 

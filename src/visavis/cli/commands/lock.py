@@ -1,4 +1,4 @@
-"""lock: freeze what a study plans."""
+"""lock: freeze the plan of a study."""
 
 from pathlib import Path
 from typing import Annotated
@@ -56,12 +56,12 @@ def lock(
     if output is not None:
         lab = lab.model_copy(update={"data_root": output.resolve()})
     here = study_here(study, lab)
-    wanted = here.wanted(seed=seed, assignments=assignments, language=language)
-    experiment = here.study.experiment(wanted.parameters)
-    settings = here.settled(wanted, seed_given=seed is not None)
+    requested_settings = here.wanted(seed=seed, assignments=assignments, language=language)
+    experiment = here.study.experiment(requested_settings.parameters)
+    settings = here.settled(requested_settings, seed_given=seed is not None)
     folder = here.folder
     before = len(session_folders(folder))
-    made = lock_plan(
+    locked_plan = lock_plan(
         folder,
         here.study,
         experiment,
@@ -74,6 +74,6 @@ def lock(
     )
     for name in (LOCK_NAME, PAGE_NAME):
         say(f"wrote [b]{verbatim(folder / name)}[/]")
-    console.print(f"SHA-256 {made.sha256}", highlight=False)
+    console.print(f"SHA-256 {locked_plan.sha256}", highlight=False)
     if before:
         say(f"[yellow]{before} sessions were recorded before; the plan says so[/]")

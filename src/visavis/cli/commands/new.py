@@ -1,4 +1,4 @@
-"""new: the files of a study to begin with."""
+"""new: write the files of a new study."""
 
 import shlex
 from pathlib import Path

@@ -54,8 +54,8 @@ def add(
     """
     lab = load_lab(config, devices)
     here = study_here(study, lab)
-    wanted = here.wanted(seed=seed, assignments=assignments)
-    settings = here.settled(wanted, seed_given=seed is not None)
+    requested_settings = here.wanted(seed=seed, assignments=assignments)
+    settings = here.settled(requested_settings, seed_given=seed is not None)
     entry = here.ledger.add(
         None if number is None else here.ledger.number_of(number),
         group=here.group_of(settings),
@@ -149,8 +149,8 @@ def withdraw(
         console.print(f"[yellow]could not be read, look yourself: {verbatim(path)}[/]")
     for line in removal.unreached:
         say(f"[yellow]not reached: {verbatim(line)}[/]")
-    given = [e for e in registered_exports(folder) if label in e.labels]
-    for export in given:
+    exports = [e for e in registered_exports(folder) if label in e.labels]
+    for export in exports:
         console.print(f"exported as {export.what} on {export.at[:10]} to {verbatim(export.where)}")
     console.print(
         "copies that were sent to others, backups and what was printed cannot be reached from here"
@@ -158,9 +158,9 @@ def withdraw(
 
 
 def _label_of(ledger: Ledger, participant: str) -> str:
-    """Return the label meant, also of someone whose withdrawal was begun and not finished."""
-    begun = [e for e in ledger.list() if e.status == "withdrawing"]
-    for entry in begun:
+    """Return the label of a participant, even when their withdrawal is begun but not finished."""
+    open_withdrawals = [e for e in ledger.list() if e.status == "withdrawing"]
+    for entry in open_withdrawals:
         if participant.upper() in (entry.label, str(entry.number)):
             return entry.label
     return ledger.resolve(participant).label

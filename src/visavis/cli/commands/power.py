@@ -1,4 +1,4 @@
-"""power: how many participants a study needs, by simulation."""
+"""power: find by simulation how many participants a study needs."""
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
@@ -55,11 +55,11 @@ from visavis.study.catalogue import reference_of
 
 TESTS_PER_TABLE = 5
 WIDEST_COLUMN = 60
-"""Characters that the columns of one table share."""
+"""Characters for all columns of one table together."""
 POOL_PEOPLE = 240
 """People simulated for --fast: as many as five large studies."""
 POOL_TIMES = 5
-"""Studies drawn from fewer people than this many of them share too many."""
+"""A pool smaller than this many times the largest study makes the simulated studies too alike."""
 POOL_PART = 8
 FAST_JOB = 10
 POOL_SEED_STEP = 1_000_003
@@ -73,15 +73,15 @@ def power_study(
     """Return a study's power simulation.
 
     Raises:
-        UsageError: no such study, or it offers none.
+        UsageError: there is no such study, or it offers no simulation.
     """
     say_when_compiling()
-    found = find_study(name, of_lab)
-    if not isinstance(found, OpenedStudy):
+    opened_study = find_study(name, of_lab)
+    if not isinstance(opened_study, OpenedStudy):
         raise UsageError(f"{name} offers no power simulation yet; studies on the kit do")
     overrides = read_parameters(list(assignments or ()))
-    found.experiment(overrides)  # so that what does not fit is said before anything begins
-    return KitPower(reference_of(found.study), tracker_of, quick_study, overrides=overrides)
+    opened_study.experiment(overrides)  # refuses wrong parameters before any work begins
+    return KitPower(reference_of(opened_study.study), tracker_of, quick_study, overrides=overrides)
 
 
 @app.command()
@@ -141,44 +141,47 @@ def power(
     Example: visavis power stare --participants 8:32:8 --replicates 200 --fast
     """
     of_lab = load_lab(config, "sim", only_simulates=True, quiet=as_json).studies
-    chosen = power_study(study, of_lab, assignments)
+    simulation = power_study(study, of_lab, assignments)
     if tests and "list" in tests:
-        for name, claim in chosen.tests.items():
+        for name, claim in simulation.tests.items():
             typer.echo(f"{name:40} {claim}")
         return
+    # Read every option before the first simulation: a typing error must not cost an hour.
     watch = StopWatch()
     request = PowerRequest(
-        numbers=read_numbers(participants, at_least=chosen.smallest_n),
-        tests=read_tests(chosen, tests),
+        numbers=read_numbers(participants, at_least=simulation.smallest_n),
+        tests=read_tests(simulation, tests),
         replicates=replicates,
         effect=read_effect(effect),
         alpha=alpha,
         seed=seed,
     )
-    chosen.effect_meaning(request.effect, "studies")
+    simulation.effect_meaning(request.effect, "studies")
     adequacy = read_rule(rule)
-    run = _Run(chosen, request, worker_count(processes), scheduler, quiet=as_json)
+    run = _Run(simulation, request, worker_count(processes), scheduler, quiet=as_json)
     if source is None:
         run.prepare()
     people, kind, are_simulated, notes = run.people(source, fast=fast, pool=pool)
     if assignments:
         notes = (f"the study with {', '.join(assignments)}", *notes)
-    jobs = jobs_of(chosen, request, size=1 if people is None else FAST_JOB, people=people)
-    done = [r for _, part in run.jobs(run_job, jobs, "replicates") for r in part]
+    # A replicate that simulates its own people is a job; drawing from a pool is so quick that
+    # many replicates share one.
+    jobs = jobs_of(simulation, request, size=1 if people is None else FAST_JOB, people=people)
+    results = [r for _, part in run.jobs(run_job, jobs, "replicates") for r in part]
     summary = summarise(
-        chosen,
+        simulation,
         request,
-        done,
+        results,
         source=kind,
         people_are_simulated=are_simulated,
         target=target,
         rule=adequacy,
         notes=notes,
     )
-    folder = free_folder(f"power_{chosen.name}") if output is None else output
-    written = write_power(summary, folder)
+    folder = free_folder(f"power_{simulation.name}") if output is None else output
+    paths = write_power(summary, folder)
     if as_json:
-        say_json(as_data(summary, written))
+        say_json(as_data(summary, paths))
         return
     print_power(summary)
     console.print(f"{replicates} replicates in {watch.elapsed_s():.0f} s")
@@ -186,7 +189,7 @@ def power(
 
 
 class _Run:
-    """Where jobs go, and the progress shown meanwhile."""
+    """The jobs of one power simulation: where they run, and the progress bar meanwhile."""
 
     def __init__(
         self,
@@ -204,7 +207,7 @@ class _Run:
         self._quiet = quiet
 
     def prepare(self) -> None:
-        """Compute once, before processes begin, what takes each of them long; kept afterwards."""
+        """Compute the slow parts once before the processes start; the results are cached."""
         with counting(errors, quiet=self._quiet) as bar:
             line = bar.add_task(f"getting {self._study.name} ready", total=None)
             self._study.prepare(
@@ -228,7 +231,13 @@ class _Run:
     def people(
         self, source: Path | None, *, fast: bool, pool: int
     ) -> tuple[pd.DataFrame | None, Source, bool, tuple[str, ...]]:
-        """Return whom to draw from (None: simulate), where they come from, and what to know."""
+        """Return the people to draw from, their source, whether they are simulated, and notes.
+
+        People are None where every replicate simulates its own.
+
+        Raises:
+            UsageError: the pool is smaller than the largest study.
+        """
         effect = self._request.effect
         if source is not None:
             people, is_simulated = self._study.people_of(source, effect=effect)
@@ -250,20 +259,20 @@ class _Run:
             PoolPart(self._study, tuple(range(first, min(first + POOL_PART, pool))), effect, seed)
             for first in range(0, pool, POOL_PART)
         ]
-        made = dict(self.jobs(simulate_part, parts, f"pool of {pool}"))
-        people = pd.concat([made[i] for i in range(len(parts))], ignore_index=True)
+        tables_by_part = dict(self.jobs(simulate_part, parts, f"pool of {pool}"))
+        people = pd.concat([tables_by_part[i] for i in range(len(parts))], ignore_index=True)
         note = (
             f"drawn from one pool of {pool} simulated people: all replicates share its chance "
             "differences; whole studies (without --fast) do not"
         )
         largest = max(self._request.numbers)
         if pool < POOL_TIMES * largest:
-            small = (
+            size_note = (
                 f"{pool} people are few to draw studies of {largest} from: the same ones come "
                 f"again and again, and the curve may lie far off; give --pool "
                 f"{POOL_TIMES * largest} or more, or leave --fast out"
             )
-            return people, "simulated pool", True, (small, note)
+            return people, "simulated pool", True, (size_note, note)
         return people, "simulated pool", True, (note,)
 
 
@@ -283,10 +292,10 @@ def simulate_part(part: PoolPart) -> pd.DataFrame:
 
 
 def read_numbers(text: str, *, at_least: int) -> tuple[int, ...]:
-    """Read '8:48:4' (both ends belong to it), '12,16,24' or '20'.
+    """Read numbers of participants: '8:48:4' (both ends included), '12,16,24' or '20'.
 
     Raises:
-        UsageError: no such list, or numbers the study cannot be tested with.
+        UsageError: it is no such list, or a number is too small for the planned tests.
     """
     try:
         if ":" in text:
@@ -294,28 +303,32 @@ def read_numbers(text: str, *, at_least: int) -> tuple[int, ...]:
             if len(parts) not in (2, 3):
                 raise ValueError
             first, last, step = (*parts, 1)[:3]
-            found = list(range(first, last + 1, step)) if step > 0 else []
+            numbers = list(range(first, last + 1, step)) if step > 0 else []
         else:
-            found = sorted({int(p) for p in text.split(",")})
+            numbers = sorted({int(p) for p in text.split(",")})
     except ValueError:
-        found = []
-    if not found:
+        numbers = []
+    if not numbers:
         raise UsageError(
             f"--participants takes first:last:step such as 8:48:4, or a list such as 12,16,24, "
             f"not {text!r}"
         )
-    if found[0] < at_least:
+    if numbers[0] < at_least:
         raise UsageError(
-            f"--participants begins at {found[0]}; the planned tests need at least {at_least}"
+            f"--participants begins at {numbers[0]}; the planned tests need at least {at_least}"
         )
-    return tuple(found)
+    return tuple(numbers)
 
 
 def read_effect(text: str) -> float:
-    """Read the multiplier of the effect; published is 1, none 0."""
-    named = {"published": 1.0, "none": 0.0}
+    """Read the multiplier of the effect; published is 1, none is 0.
+
+    Raises:
+        UsageError: it is none of these words and no multiplier.
+    """
+    multipliers = {"published": 1.0, "none": 0.0}
     try:
-        value = named[text] if text in named else float(text)
+        value = multipliers[text] if text in multipliers else float(text)
     except ValueError:
         value = float("nan")
     if not (np.isfinite(value) and value >= 0):
@@ -326,7 +339,7 @@ def read_effect(text: str) -> float:
 
 
 def read_rule(text: str) -> AdequacyRule:
-    """Read which number must reach the power asked for."""
+    """Read which number must reach the target power: the lower bound or the estimate."""
     rules: dict[str, AdequacyRule] = {"bound": "lower bound", "point": "estimate"}
     if text not in rules:
         raise UsageError(f"--rule takes bound or point, not {text!r}")
@@ -334,7 +347,11 @@ def read_rule(text: str) -> AdequacyRule:
 
 
 def read_tests(study: PowerStudy, asked: list[str] | None) -> tuple[str, ...]:
-    """Return the planned tests to follow; UsageError with the nearest name for others."""
+    """Return the planned tests to simulate.
+
+    Raises:
+        UsageError: the study plans no test of this name; the message suggests the nearest.
+    """
     if not asked:
         return tuple(study.shown_tests)
     if asked == ["all"]:
@@ -351,7 +368,7 @@ def read_tests(study: PowerStudy, asked: list[str] | None) -> tuple[str, ...]:
 
 
 def free_folder(name: str) -> Path:
-    """Return a folder of this name that is not there yet: NAME, else NAME_2, NAME_3 and so on."""
+    """Return a folder that does not exist yet: NAME, else NAME_2, NAME_3 and so on."""
     folder = Path(name)
     number = 1
     while folder.exists():
@@ -366,10 +383,10 @@ def write_power(summary: PowerSummary, folder: Path) -> tuple[Path, ...]:
     table = folder / "power.csv"
     write_csv(pd.DataFrame(list(summary.rows())), table)
     words = folder / "power.txt"
-    drawn = draw_power(summary)
-    lines = [summary.sentence(), drawn.caption, *(f"Note: {note}." for note in summary.notes)]
+    figure = draw_power(summary)
+    lines = [summary.sentence(), figure.caption, *(f"Note: {note}." for note in summary.notes)]
     words.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    return (table, words, *write_figure(drawn, folder))
+    return (table, words, *write_figure(figure, folder))
 
 
 def as_data(summary: PowerSummary, written: tuple[Path, ...]) -> dict[str, Any]:
@@ -440,7 +457,7 @@ def _table(summary: PowerSummary, tests: tuple[TestPower, ...]) -> Table:
         ("difference", [t.difference for t in tests]),
         ("dz", [t.standardised for t in tests]),
     ):
-        if np.isfinite(values).any():  # effects of several levels or factors have none
+        if np.isfinite(values).any():  # tests of more than two levels have no single difference
             table.add_row(label, *(number(v) if np.isfinite(v) else "–" for v in values))
     return table
 

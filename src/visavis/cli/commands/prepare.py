@@ -1,4 +1,4 @@
-"""prepare: what a study computes before its first trial, done beforehand."""
+"""prepare: compute in advance what a study needs before its first trial."""
 
 from visavis.cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
 from visavis.cli.commands.session import SetOption

@@ -51,7 +51,7 @@ from visavis.stimuli.scene import SceneFrame
 SHEET_COLUMNS, SHEET_ROWS = 4, 3
 USUAL_AT_S = 3.0
 FOLLOWING = 5
-"""How many trials a film goes on with when the one asked for is shorter than the film."""
+"""How many further trials a film may show when its first trial is shorter than the film."""
 
 
 @app.command()
@@ -89,8 +89,8 @@ def preview(
 
     Example: visavis preview stare --trial 5 --video trial5.mp4
     """
-    asked = sum((png is not None, sheet is not None, video is not None, window))
-    if asked > 1:
+    output_count = sum((png is not None, sheet is not None, video is not None, window))
+    if output_count > 1:
         raise UsageError("choose one of --png FILE, --sheet FILE, --video FILE and --window")
     for path in (png, sheet, video):
         if path is not None:
@@ -104,21 +104,23 @@ def preview(
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
     size_px = picture_size(size)
     here = study_here(study, load_lab(config, only_simulates=True))
+    # A study on pages shows films: they have one viewpoint, and no window of ours.
     on_page = here.study.study.procedure.on == "browser"
     if on_page:
         _refuse_on_page(here.study.name, view, png or sheet or video)
-    shown = who_is_shown(here, participant, seed, assignments, language)
+    plan_inputs = who_is_shown(here, participant, seed, assignments, language)
+    # A simulated participant performs the trial of that plan; every device is simulated, too.
     lab = load_lab(config, "sim", only_simulates=True, quiet=True)
     following = FOLLOWING if video is not None else 0
     capture = Capture(
         here.study,
         lab,
         number=trial,
-        index=shown.index,
-        seed=shown.seed,
-        group=shown.group,
+        index=plan_inputs.index,
+        seed=plan_inputs.seed,
+        group=plan_inputs.group,
         following=following,
-        experiment=shown.experiment,
+        experiment=plan_inputs.experiment,
     )
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
@@ -137,7 +139,11 @@ def preview(
 
 
 def _refuse_on_page(study: str, view: Viewpoint, path: Path | None) -> None:
-    """Refuse, before anything is performed, what there is not of a page."""
+    """Refuse views and windows of a study on pages before anything is performed.
+
+    Raises:
+        UsageError: a page cannot be shown like that.
+    """
     if view is not Viewpoint.EYES:
         raise UsageError(f"{study} shows its films on a page: leave --view out")
     if path is None:
@@ -149,7 +155,7 @@ def _refuse_on_page(study: str, view: Viewpoint, path: Path | None) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Showing:
-    """What is previewed, and how."""
+    """A trial to preview: how it looks, from which viewpoint and at which size."""
 
     capture: Capture
     dress: Callable[[SceneFrame], Picture]
@@ -158,21 +164,21 @@ class _Showing:
     label: str
 
     def at(self, seen: Seen) -> tuple[Picture, Camera]:
-        """Return what a frame looks like and from where."""
+        """Return the picture of a frame and the camera that sees it."""
         picture = self.dress(replace(seen.view, t_ns=seen.t_ns))
         aspect = self.size_px[0] / self.size_px[1]
         passed_s = self.passed_s(seen)
         return picture, camera_of(self.view, picture, seen.head, aspect, passed_s=passed_s)
 
     def passed_s(self, seen: Seen) -> float:
-        """Return the time from the first frame with light."""
+        """Return the time in seconds since the first lit frame."""
         return (seen.t_ns - self.capture.frames[0].t_ns) / NS_PER_S
 
     def frames(self, until_s: float | None = None) -> list[Seen]:
-        """Perform, and return the frames.
+        """Perform the trial and return its frames, up to `until_s` seconds.
 
         Raises:
-            UsageError: nothing was ever shown.
+            UsageError: the trial showed nothing.
         """
         with console.status("performing the trial"):
             frames = self.capture.perform(until_s)
@@ -186,27 +192,27 @@ class _Showing:
 
 def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
     frames = showing.frames(USUAL_AT_S if at_s is None else at_s)
-    seen = frames[-1]
-    length_s = showing.passed_s(seen)
+    frame = frames[-1]
+    length_s = showing.passed_s(frame)
     if showing.capture.is_whole and at_s is not None and at_s > length_s:
         raise UsageError(f"--at {at_s} s: the trial lasts {length_s:.1f} s")
-    if at_s is None and (has_board(seen.view) or not is_lit(seen.view) or length_s < USUAL_AT_S):
+    if at_s is None and (has_board(frame.view) or not is_lit(frame.view) or length_s < USUAL_AT_S):
         lit = [f for f in frames if is_lit(f.view) and not has_board(f.view)] or frames
-        seen = lit[len(lit) // 2]
+        frame = lit[len(lit) // 2]
     with Stills() as stills:
-        image = stills.image(*showing.at(seen), showing.size_px)
-    said_s = showing.passed_s(seen) if at_s is None else at_s
-    labelled(image, f"{SIMULATED}  ·  {showing.label}, {said_s:.1f} s").save(path)
+        image = stills.image(*showing.at(frame), showing.size_px)
+    time_s = showing.passed_s(frame) if at_s is None else at_s
+    labelled(image, f"{SIMULATED}  ·  {showing.label}, {time_s:.1f} s").save(path)
     say_written(path)
 
 
 def _write_sheet(showing: _Showing, path: Path) -> None:
     frames = showing.frames()
     width, height = showing.size_px[0] // 2, showing.size_px[1] // 2
-    chosen = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
+    frame_positions = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
     tiles = []
     with Stills() as stills, Progress(console=console, transient=True) as bar:
-        for k in bar.track(chosen.round().astype(int).tolist(), description="drawing"):
+        for k in bar.track(frame_positions.round().astype(int).tolist(), description="drawing"):
             image = stills.image(*showing.at(frames[k]), (width, height))
             tiles.append(labelled(image, f"{SIMULATED}  {showing.passed_s(frames[k]):.1f} s"))
     contact_sheet(tiles, f"{showing.label}  ·  {SIMULATED}", SHEET_COLUMNS).save(path)
@@ -222,11 +228,11 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
         Progress(console=console, transient=True) as bar,
     ):
         forecast = Forecast()
-        for done, seen in enumerate(bar.track(frames, description="drawing"), start=1):
-            image: npt.NDArray[np.uint8] = renderer.image(*showing.at(seen), showing.size_px)
+        for done, frame in enumerate(bar.track(frames, description="drawing"), start=1):
+            image: npt.NDArray[np.uint8] = renderer.image(*showing.at(frame), showing.size_px)
             film.add(np.asarray(labelled(image, label)))
-            if said := forecast.told(done, len(frames)):
-                TELLING.say(said)
+            if forecast_text := forecast.told(done, len(frames)):
+                TELLING.say(forecast_text)
     say_written(path, f", {len(frames) / rate_hz:.1f} s")
 
 
@@ -255,8 +261,8 @@ def _play(showing: _Showing) -> None:
                 t_ns = frames[0].t_ns + min(passed_ns, until_ns)
                 k = max(0, bisect.bisect_right(frames, t_ns, key=lambda seen: seen.t_ns) - 1)
                 picture, camera = showing.at(replace(frames[k], t_ns=t_ns))
-                marked = replace(picture, panels=(*picture.panels, simulated_panel(camera)))
-                renderer.draw(marked, [camera], [target])
+                marked_picture = replace(picture, panels=(*picture.panels, simulated_panel(camera)))
+                renderer.draw(marked_picture, [camera], [target])
                 mirror.show(display.context, target.texture)
             target.release()
     finally:
@@ -264,10 +270,10 @@ def _play(showing: _Showing) -> None:
 
 
 def picture_size(text: str) -> tuple[int, int]:
-    """Return width and height of "960x600", made even.
+    """Return width and height in pixels of a text such as "960x600", rounded down to even.
 
     Raises:
-        UsageError: it is no size, or none that can be drawn.
+        UsageError: it is no size, or too small or large to draw.
     """
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal() and 64 <= int(width) <= 7680):

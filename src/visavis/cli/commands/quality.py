@@ -1,4 +1,4 @@
-"""quality: how good a session's gaze is, and what the lab's own devices recorded."""
+"""quality: a page on the quality of a session's gaze, and on streams of the lab's own devices."""
 
 from pathlib import Path
 from typing import Annotated
@@ -56,10 +56,10 @@ def quality(
     streams = own_streams(recording)
     facts = stream_facts(streams)
     if GAZE in recording.stream_names or not streams:
-        found = session_quality(recording)
-        facts = (*headline_facts(found), *facts)
+        gaze_quality = session_quality(recording)
+        facts = (*headline_facts(gaze_quality), *facts)
         output.mkdir(parents=True, exist_ok=True)
-        write_session_page(found, page, streams)
+        write_session_page(gaze_quality, page, streams)
     else:
         output.mkdir(parents=True, exist_ok=True)
         write_streams_page(streams, recording.manifest.study, page)

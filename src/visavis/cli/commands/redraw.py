@@ -1,4 +1,4 @@
-"""redraw: a recorded frame drawn again, from the recording alone."""
+"""redraw: draw a recorded frame again, from the recording alone."""
 
 from pathlib import Path
 from typing import Annotated

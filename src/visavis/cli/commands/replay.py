@@ -1,4 +1,4 @@
-"""replay: a recorded session performed again, and where the two first differ."""
+"""replay: perform a recorded session again and find the first difference."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -53,9 +53,11 @@ def replay(
     session_path = session_of(session_path, config, participant)
     recording = CachedRecording(session_path)
     use_recorded_cast(recording)
-    study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
-    if changed:
-        say(f"[yellow]{verbatim(changed)}[/]")
+    study, change_note = study_of_folder(
+        session_path.resolve().parent.parent, recording.manifest.study
+    )
+    if change_note:
+        say(f"[yellow]{verbatim(change_note)}[/]")
     _verify(recording, study, config)
 
 
@@ -73,7 +75,7 @@ def _verify(recording: CachedRecording, study: OpenedStudy, config: Path | None)
     ):
         verdict = verify(recording, study, lab, Path(scratch))
     rows = sum(verdict.compared.values())
-    drawn = f"; not compared: {', '.join(verdict.left_out)}" if verdict.left_out else ""
+    left_out_note = f"; not compared: {', '.join(verdict.left_out)}" if verdict.left_out else ""
     for number in verdict.ended_early:
         say(f"part {number} was cut off; what is there of it was compared")
     if verdict.first is None and verdict.is_fed:
@@ -86,7 +88,7 @@ def _verify(recording: CachedRecording, study: OpenedStudy, config: Path | None)
     if verdict.first is None:
         say(
             f"[green]the same, bit for bit[/]: {rows} rows of {len(verdict.compared)} streams, "
-            f"events and trial rows{drawn}"
+            f"events and trial rows{left_out_note}"
         )
         return
     say(f"[red]differs[/], first {verbatim(verdict.first.told())}")

@@ -1,4 +1,4 @@
-"""serve, board: a study for many participants at once, and the researcher's view of it."""
+"""serve, board: a study on pages for many participants at once, and its progress."""
 
 import asyncio
 import signal
@@ -101,27 +101,27 @@ def page_study(
     assignments: list[str] | None,
     language: str | None,
 ) -> tuple[StudyHere, Request]:
-    """Return a study for pages in a lab, and the request that is completed for each person.
+    """Return a study on pages in its lab, and the request that each participant completes.
 
     Raises:
-        UsageError: it is not declared on the kit.
+        UsageError: the study is not declared on the kit.
     """
     lab = load_lab(config, devices)
-    chosen = study_of_lab(study, lab)
+    opened_study = study_of_lab(study, lab)
     if devices != "sim":
         lab = lab.model_copy(update={"devices": {}})
-    here = StudyHere(lab, chosen)
-    wanted = here.wanted(seed=seed, assignments=assignments, language=language)
+    here = StudyHere(lab, opened_study)
+    requested_settings = here.wanted(seed=seed, assignments=assignments, language=language)
     require_space(lab)
-    settings = here.settled(wanted, seed_given=seed is not None)
-    note = here.require_same_design(settings, wanted)
+    settings = here.settled(requested_settings, seed_given=seed is not None)
+    note = here.require_same_design(settings, requested_settings)
     if note:
         TELLING.warn(note)
-    experiment = chosen.experiment(settings.parameters)
+    experiment = opened_study.experiment(settings.parameters)
     if not isinstance(experiment, StudyExperiment):
-        raise UsageError(f"{chosen.name} is not declared on the kit; it shows no page")
+        raise UsageError(f"{opened_study.name} is not declared on the kit; it shows no page")
     base = Request(
-        study=chosen,
+        study=opened_study,
         experiment=experiment,
         config=lab,
         person=SessionPerson("", 0),
@@ -135,13 +135,13 @@ def page_study(
 
 
 def built_films(base: Request) -> "FilmStore":
-    """Return a study's films, built where they are not, with a bar that shows it."""
+    """Return a study's films; build the missing ones with a progress bar."""
     experiment = base.experiment
-    assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has looked
+    assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has checked it
     store = film_store(experiment)
     if experiment.films:
-        with TELLING.progress("building films") as told:
-            store.build(experiment.films, told)
+        with TELLING.progress("building films") as on_progress:
+            store.build(experiment.films, on_progress)
     return store
 
 
@@ -154,7 +154,7 @@ async def _serve(
     quota: int | None,
     completion: str,
 ) -> None:
-    # Late: aiohttp comes with visavis[browser], which the other verbs of this module do without.
+    # Late: aiohttp comes with visavis[browser], which the other commands here do not need.
     from visavis.running.page.reception import Reception, Rules
     from visavis.running.page.server import LOCAL, PageServer
 
@@ -181,7 +181,7 @@ async def _serve(
     loop = asyncio.get_running_loop()
     for name in ENDING_SIGNALS:
         if hasattr(signal, name):
-            with suppress(NotImplementedError):  # Windows has Ctrl-C alone
+            with suppress(NotImplementedError):  # Windows: only Ctrl-C works
                 loop.add_signal_handler(getattr(signal, name), until.set)
     own = f"http://{LOCAL}:{server.port}"
     address = public.rstrip("/") or own
@@ -210,18 +210,18 @@ def board(
     `visavis serve` prints the address of the same as a page. Example: visavis board ./lively.py
     """
     here = study_here(study, load_lab(config, devices, quiet=as_json))
-    made = board_of(here.ledger.list(), here.folder)
+    study_board = board_of(here.ledger.list(), here.folder)
     if as_json:
-        say_json(made.told())
+        say_json(study_board.told())
         return
-    if not made.places:
+    if not study_board.places:
         console.print(f"Nobody has come to {verbatim(here.study.name)} yet.")
         return
     mark = "SIMULATED  " if here.is_simulated else ""
     table = Table(title=f"{mark}{here.study.name}", title_justify="left", box=None)
     for name in ("participant", "where", "trials", "minutes", "group", "flags"):
         table.add_column(name, justify="right" if name in ("trials", "minutes") else "left")
-    for place in made.places:
+    for place in study_board.places:
         table.add_row(
             place.label,
             STATES.get(place.state, place.state),
@@ -231,6 +231,8 @@ def board(
             ", ".join(place.flags) or "–",
         )
     console.print(table)
-    told = ", ".join(f"{n} {STATES.get(state, state)}" for state, n in made.counts.items())
-    median = made.median_minutes
-    console.print(told + ("" if median is None else f"; median time {median:.1f} min"))
+    summary = ", ".join(
+        f"{n} {STATES.get(state, state)}" for state, n in study_board.counts.items()
+    )
+    median = study_board.median_minutes
+    console.print(summary + ("" if median is None else f"; median time {median:.1f} min"))

@@ -1,4 +1,4 @@
-"""plan, run, resume: one session."""
+"""plan, run, resume: plan a session, perform it, go on with it."""
 
 import shlex
 import signal
@@ -82,7 +82,7 @@ from visavis.study.texts import DEFAULT_LANGUAGE, Texts, label_of
 BODIES = ("female", "male")
 MIN_STATURE_M, MAX_STATURE_M = 1.2, 2.3
 ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-"""Ctrl-C, the system, a terminal that was closed (Windows: SIGBREAK)."""
+"""Signals of Ctrl-C, the system, and a closed terminal (Windows: SIGBREAK)."""
 
 ParticipantOption = Annotated[
     str, typer.Option("--participant", help="Identifier from the ledger, such as 07.")
@@ -151,15 +151,17 @@ def plan(
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     here = study_here(study, lab)
-    shown = who_is_shown(here, participant, seed, assignments, language)
+    plan_inputs = who_is_shown(here, participant, seed, assignments, language)
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
-        check_rig(devices_for(lab, shown.experiment))
-    made = shown.experiment.plan(shown.index, shown.seed, shown.group)
+        check_rig(devices_for(lab, plan_inputs.experiment))
+    session_plan = plan_inputs.experiment.plan(
+        plan_inputs.index, plan_inputs.seed, plan_inputs.group
+    )
     if as_json:
-        say_json(asdict(made))
+        say_json(asdict(session_plan))
     else:
-        _print_plan(made, shown.label, shown.note, shown.experiment.texts)
-    for problem in shown.experiment.unplayable:
+        _print_plan(session_plan, plan_inputs.label, plan_inputs.note, plan_inputs.experiment.texts)
+    for problem in plan_inputs.experiment.unplayable:
         errors.print(
             f"[yellow]{verbatim(problem)}; `visavis run` will refuse: put the file there, or name "
             "another where the study's parameters are set[/]",
@@ -169,7 +171,7 @@ def plan(
 
 @dataclass(frozen=True)
 class Shown:
-    """Whose plan is shown before anything runs, and with which parameters and seed."""
+    """What a plan is made from: the experiment, a seed, and a person's place and group."""
 
     experiment: StudyExperiment
     seed: int
@@ -186,29 +188,29 @@ def who_is_shown(
     assignments: list[str] | None,
     language: str | None,
 ) -> Shown:
-    """Return what `run` would perform for somebody, or for the next new one.
+    """Return what the plan of a participant, or of the next new one, is made from.
 
     Raises:
         UsageError: the study was begun with other parameters.
     """
     settings = read_settings(here.folder)
-    wanted = here.wanted(assignments=assignments, language=language)
-    if settings is not None and not may_become(here.folder, settings, wanted):
-        refuse_other(here.folder, settings, wanted)
+    requested_settings = here.wanted(assignments=assignments, language=language)
+    if settings is not None and not may_become(here.folder, settings, requested_settings):
+        refuse_other(here.folder, settings, requested_settings)
     in_force = seed if seed is not None else settings.seed if settings else DEFAULT_SEED
-    experiment = here.study.experiment(wanted.parameters)
+    experiment = here.study.experiment(requested_settings.parameters)
     label, index, group, note = _place_shown(here.ledger, participant, experiment, in_force)
     changes = changes_of_design(here.folder, experiment)
     if changes:
-        told = f"The sessions in {here.folder} had another design: {in_words(changes)}."
-        note = " ".join(filter(None, (note, told)))
+        warning = f"The sessions in {here.folder} had another design: {in_words(changes)}."
+        note = " ".join(filter(None, (note, warning)))
     return Shown(experiment, in_force, label, index, group, note)
 
 
 def _place_shown(
     ledger: Ledger, participant: str | None, experiment: Experiment, seed: int
 ) -> tuple[str, int, str, str]:
-    """Return label, place, group and a note on whether that place is allocated."""
+    """Return label, place and group, and a note where that place is not allocated yet."""
     label, person = "", "the next new participant"
     if participant is not None:
         try:
@@ -242,7 +244,7 @@ def _print_plan(made: SessionPlan, label: str, note: str, texts: Texts) -> None:
         table.title_justify = "left"
         names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
         for name in ("trial", *names):
-            table.add_column(name.replace("_", " "))  # which may be broken over two lines
+            table.add_column(name.replace("_", " "))  # a space lets the table wrap the heading
         for trial in block.trials:
             table.add_row(trial.trial_id, *(str(trial.factors.get(n, "")) for n in names))
         console.print(table)
@@ -260,21 +262,21 @@ def _print_plan(made: SessionPlan, label: str, note: str, texts: Texts) -> None:
 
 
 def legends(made: SessionPlan, texts: Texts) -> Iterator[str]:
-    """Yield what a factor and its levels are called in reports, where they are called otherwise."""
+    """Yield a line for each factor whose reports use other names for its levels."""
     levels: dict[str, dict[str, None]] = {}
     for trial in made.trials:
         for name, level in trial.factors.items():
             levels.setdefault(name, {})[str(level)] = None
-    for name, found in levels.items():
-        told = [
+    for name, factor_levels in levels.items():
+        level_labels = [
             f"{level} {label}"
-            for level in sorted(found)
+            for level in sorted(factor_levels)
             if (label := label_of(texts, level)) != level.replace("_", " ")
         ]
-        if told:
-            called = label_of(texts, name)
-            same = called == name.replace("_", " ")
-            yield f"{name}{'' if same else f' ({called})'}: {', '.join(told)}"
+        if level_labels:
+            factor_label = label_of(texts, name)
+            same = factor_label == name.replace("_", " ")
+            yield f"{name}{'' if same else f' ({factor_label})'}: {', '.join(level_labels)}"
 
 
 @app.command()
@@ -301,24 +303,28 @@ def run(
     Example: visavis run stare --participant 07
     """
     lab = load_lab(config, devices)
-    chosen = study_of_lab(study, lab)
-    where = where_performed(chosen, on)
+    opened_study = study_of_lab(study, lab)
+    where = where_performed(opened_study, on)
     if where == "lab":
         require_picture(lab)
     elif devices != "sim":
         lab = lab.model_copy(update={"devices": {}})
-    here = StudyHere(lab, chosen)
+    here = StudyHere(lab, opened_study)
     if fast and not here.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
-    wanted = here.wanted(seed=seed, assignments=assignments, language=language)
+    requested_settings = here.wanted(seed=seed, assignments=assignments, language=language)
     if where == "lab":
-        check_rig(devices_for(lab, chosen.experiment(wanted.parameters), without or ()))
+        check_rig(
+            devices_for(lab, opened_study.experiment(requested_settings.parameters), without or ())
+        )
+    # From here on the study's folder is written: with its settings, then with the participant.
     require_space(lab)
-    settings = here.settled(wanted, seed_given=seed is not None)
-    note = here.require_same_design(settings, wanted)
+    settings = here.settled(requested_settings, seed_given=seed is not None)
+    note = here.require_same_design(settings, requested_settings)
     if note:
         errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
     entry = here.participant(settings, participant)
+    # A session is never overwritten: say how to go on with it, or how to run a further one.
     path = _session_dir(here, entry, session)
     if path.exists():
         others = len(list(path.parent.glob("ses-*")))
@@ -346,10 +352,10 @@ def run(
 
 
 def where_performed(study: OpenedStudy, on: str | None) -> str:
-    """Return where a session is performed: as asked, or as the study says.
+    """Return where a session is performed: lab or browser, by the option or else by the study.
 
     Raises:
-        UsageError: it is neither lab nor browser.
+        UsageError: the option is neither lab nor browser.
     """
     if on not in (None, "lab", "browser"):
         raise UsageError(f"--on takes lab or browser, not {on!r}")
@@ -385,6 +391,7 @@ def resume(
         session_path = _the_unfinished(lab)
     elif not session_path.is_dir():
         session_path = _the_unfinished(lab, study_of_lab(str(session_path), lab).name)
+    # A session goes on as it began: simulated or real, in the lab or on a page.
     require_session(session_path)
     require_space(lab.model_copy(update={"data_root": session_path}))
     recording = Recording(session_path)
@@ -408,28 +415,29 @@ def resume(
         )
     if fast and not recording.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; leave it out")
+    # The rest must have the design of the first part, or the session would mix two studies.
     use_recorded_cast(recording)
     folder = session_path.resolve().parent.parent
-    chosen, changed = study_of_folder(folder, manifest.study)
-    if changed:
-        errors.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+    opened_study, change_note = study_of_folder(folder, manifest.study)
+    if change_note:
+        errors.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     settings = read_settings(folder)
     if settings is None:
         raise UsageError(f"{folder} has no study.json; restore it from a copy")
-    spoken = overrides_of(manifest.plan).get("language", DEFAULT_LANGUAGE)
-    settings = replace(settings, parameters={**settings.parameters, "language": spoken})
-    otherwise = changes_since(
-        design_of_session(manifest), design_of(chosen.experiment(settings.parameters))
+    language = overrides_of(manifest.plan).get("language", DEFAULT_LANGUAGE)
+    settings = replace(settings, parameters={**settings.parameters, "language": language})
+    changes = changes_since(
+        design_of_session(manifest), design_of(opened_study.experiment(settings.parameters))
     )
-    if otherwise:
+    if changes:
         raise UsageError(
-            f"{session_path} was begun with another design: {in_words(otherwise)}. Put the study "
+            f"{session_path} was begun with another design: {in_words(changes)}. Put the study "
             "file back as it was and give the same command again"
         )
     prefix = SIMULATED_PREFIX if recording.is_simulated else ""
     entry = Ledger(folder, SystemClock(), prefix=prefix).resolve(manifest.participant)
     _perform(
-        StudyHere(lab, chosen),
+        StudyHere(lab, opened_study),
         settings,
         entry,
         manifest.session,
@@ -444,18 +452,18 @@ def resume(
 def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
     kind = SIMULATED_ROOT if is_simulated(lab) else REAL_ROOT
     sessions = sorted((lab.data_root / kind).glob(f"{study}/sub-*/ses-*/manifest.json"))
-    unfinished = [
+    unfinished_paths = [
         p.parent for p in sessions if Recording(p.parent).status in ("aborted", "crashed")
     ]
-    if len(unfinished) == 1:
-        return unfinished[0]
-    if not unfinished:
+    if len(unfinished_paths) == 1:
+        return unfinished_paths[0]
+    if not unfinished_paths:
         raise UsageError(
             f"no unfinished session under {lab.data_root / kind}; a new one begins with "
             f"visavis run {'STUDY' if study == '*' else study} --participant ID"
         )
-    listed = "\n  ".join(f"visavis resume {p}" for p in unfinished)
-    raise UsageError(f"several sessions are unfinished; choose one:\n  {listed}")
+    choices = "\n  ".join(f"visavis resume {p}" for p in unfinished_paths)
+    raise UsageError(f"several sessions are unfinished; choose one:\n  {choices}")
 
 
 def _perform(
@@ -471,21 +479,21 @@ def _perform(
     on: str = "lab",
     port: int = 0,
 ) -> None:
-    simulated = here.is_simulated
+    is_rehearsal = here.is_simulated
     experiment = here.study.experiment(settings.parameters)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
-        with TELLING.progress("building films") as told:
-            film_store(experiment).build(experiment.films, told)
+        with TELLING.progress("building films") as on_progress:
+            film_store(experiment).build(experiment.films, on_progress)
+    # Compute and compile before the operator's screen opens, which would stay empty meanwhile.
     if not fast and on == "lab":
-        make_ready(
-            here.study, experiment, here.lab
-        )  # before the operator's screen, which would stand empty meanwhile
+        make_ready(here.study, experiment, here.lab)
     station: tuple[Finding, ...] = ()
     if not fast and on == "lab":
         station = station_findings(here.lab, SystemClock())
         _tell_station(station)
     path = resume_from or _session_dir(here, entry, session)
     own = read_own_body(path.parent)
+    # Who watches: the terminal for a session in the lab; nobody for a page or a fast simulation.
     with ExitStack() as stack:
         operator: Operator = UnattendedOperator()
         respondent = None
@@ -494,21 +502,22 @@ def _perform(
         elif not fast:
             screen = TerminalOperator(
                 console,
-                is_simulated=simulated,
-                confirm_waits=not simulated,
+                is_simulated=is_rehearsal,
+                confirm_waits=not is_rehearsal,
                 incidents=here.lab.incidents,
             )
             operator = stack.enter_context(screen)
             _let_signals_end(screen)
-            if not simulated:
+            if not is_rehearsal:
                 respondent = TerminalRespondent(console, screen.suspend)
+        # The desk, another process, finds sessions in real time by this link.
         if not fast:
             about = About(
                 here.study.name,
                 entry.label,
                 session,
                 str(path.resolve()),
-                simulated,
+                is_rehearsal,
                 blind,
                 ACTIONS if on == "lab" else (),
                 here.lab.incidents,
@@ -566,9 +575,9 @@ def _perform(
 
 @contextmanager
 def _performing(study: str) -> Iterator[Callable[[str, int, int], None]]:
-    """Show how many trials of a session are done that nobody performs: before the first is."""
+    """Show the progress of a simulated session, from before its first trial."""
     what = f"performing {study} by a simulated participant"
-    if not errors.is_terminal:  # where a bar is written when it ends
+    if not errors.is_terminal:  # without a terminal the bar appears only at its end
         errors.print(what, soft_wrap=True, highlight=False)
     with counting(errors) as bar:
         line = bar.add_task(what, total=None)
@@ -578,10 +587,10 @@ def _performing(study: str) -> Iterator[Callable[[str, int, int], None]]:
 def ask_body(
     here: StudyHere, settings: StudySettings, entry: Participant, given: str | None
 ) -> None:
-    """Ask once which body somebody sees as their own, where the study wants it, and keep it.
+    """Ask once which body a participant sees as their own, where the study needs it; save it.
 
     Raises:
-        UsageError: there is no such body, or nobody at the terminal who could be asked.
+        UsageError: there is no such body, or no terminal at which to ask.
     """
     if given is not None and given not in BODIES:
         raise UsageError(f"--body is {given!r}; {' or '.join(BODIES)}")
@@ -603,11 +612,13 @@ def ask_body(
         ).strip()
         body = {"1": BODIES[0], "2": BODIES[1]}.get(answer, answer)
     while given is None and stature_m is None:
-        told = console.input("How tall are they with shoes, in m (Enter: not told)? > ").strip()
-        if not told:
+        stature_text = console.input(
+            "How tall are they with shoes, in m (Enter: not told)? > "
+        ).strip()
+        if not stature_text:
             break
         with suppress(ValueError):
-            metres = float(told.replace(",", "."))
+            metres = float(stature_text.replace(",", "."))
             stature_m = metres if MIN_STATURE_M <= metres <= MAX_STATURE_M else None
     here.ledger.describe_body(entry.label, OwnBody(body, stature_m))
 
@@ -617,21 +628,21 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
         return
     trials = check_session(Recording(path)).trials
     done = sum(t.status == "complete" for t in trials)
-    skipped = sum(t.status == "skipped" for t in trials)
+    skip_count = sum(t.status == "skipped" for t in trials)
     again = f"visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}"
-    spared = "".join(f" --without {role}" for role in without)
+    without_options = "".join(f" --without {role}" for role in without)
     errors.print(
         f"{done} of {len(trials)} trials are done and kept"
-        + (f", {skipped} skipped" if skipped else "")
+        + (f", {skip_count} skipped" if skip_count else "")
         + f". Go on with:\n  {again}"
-        + (f"\nor, with every trial flagged:\n  {again}{spared}" if without else ""),
+        + (f"\nor, with every trial flagged:\n  {again}{without_options}" if without else ""),
         soft_wrap=True,
         highlight=False,
     )
 
 
 def _tell_station(found: tuple[Finding, ...]) -> None:
-    """Say how the computer keeps the timing that was locked; nothing where nothing was."""
+    """Print how this computer's timing compares with its locked timing, if there is one."""
     for one in found:
         if one.level == "warning":
             what = f"{one.found}\n  → {one.remedy}" if one.remedy else one.found
@@ -647,7 +658,7 @@ def _tell_address(address: str) -> None:
 
 
 def _let_signals_interrupt() -> None:
-    """End a page's session in order at the first signal, as Ctrl-C does."""
+    """End a page's session properly at the first signal, as Ctrl-C does."""
 
     def end(*_: object) -> None:
         raise KeyboardInterrupt
@@ -658,7 +669,7 @@ def _let_signals_interrupt() -> None:
 
 
 def _let_signals_end(screen: TerminalOperator) -> None:
-    """End the session in order at the first signal, at once at the second."""
+    """End the session properly at the first signal, and at once at the second."""
 
     def end(*_: object) -> None:
         if screen.abort_requested or screen.is_suspended:

@@ -1,4 +1,4 @@
-"""stats: one test of a table in a file, with table, sentences, decision path and figures."""
+"""stats: one test of a table in a file, with tables, sentences, decision path and figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -80,19 +80,19 @@ class SeveralValues(TyperCommand):
 
 
 def repeat_options(arguments: Sequence[str], several: Sequence[str]) -> list[str]:
-    """Return `--within a b` as `--within a --within b`; options end at the next option."""
+    """Return `--within a b` as `--within a --within b`; values end at the next option."""
     out: list[str] = []
     option = ""
-    taken = 0
+    value_count = 0
     for i, argument in enumerate(arguments):
         if argument == "--":
             return [*out, *arguments[i:]]
         if argument.startswith("--"):
-            option, taken = (argument if argument in several else ""), 0
+            option, value_count = (argument if argument in several else ""), 0
         elif option and not argument.startswith("-"):
-            if taken:
+            if value_count:
                 out.append(option)
-            taken += 1
+            value_count += 1
         else:
             option = ""
         out.append(argument)
@@ -223,6 +223,7 @@ def stats(
     Example: visavis stats trials.csv --dv accuracy --within technique direction
     --subject participant --test art
     """
+    # Every option is a field of the question; what fits together is checked by `answer`.
     question = Question(
         test=test,
         dv=dv,
@@ -253,6 +254,7 @@ def stats(
         scale=scale,
         kind=kind,
     )
+    # Rows are chosen before the test, so that its notes can say how many were left out.
     table = read_table(file)
     table = rows_where(table if all_rows else counted_rows(table), where or [])
     outcome = answer(table, question)
@@ -271,23 +273,23 @@ def stats(
 
 
 def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
-    """Read FACTOR=first,second,… texts.
+    """Read the order of levels given as FACTOR=first,second,… texts.
 
     Raises:
         UsageError: a text has another form.
     """
     read: dict[str, list[str]] = {}
     for text in texts:
-        name, sign, listed = text.partition("=")
-        found = [v.strip() for v in listed.split(",") if v.strip()]
-        if not sign or not name.strip() or len(found) < 2:
+        name, sign, level_text = text.partition("=")
+        levels = [v.strip() for v in level_text.split(",") if v.strip()]
+        if not sign or not name.strip() or len(levels) < 2:
             raise UsageError(f"--levels takes FACTOR=first,second,…, not {text!r}")
-        read[name.strip()] = found
+        read[name.strip()] = levels
     return read
 
 
 def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
-    """Print an outcome for a person; `chosen` says which rows of the table it is of."""
+    """Print an outcome on the terminal; the lines of `chosen` say which rows were tested."""
     mark = "[magenta]SIMULATED[/]  " if outcome.is_simulated else ""
     of = outcome.question.dv or "the items"
     console.print(f"{mark}[b]{verbatim(outcome.title)}[/] of {verbatim(of)}")
@@ -301,8 +303,8 @@ def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
         names = [n for n in outcome.rows[0] if n not in OF_PROVENANCE]
         _print_rows("", outcome.rows, tuple(names[:10]))
     _print_lines("", outcome.sentences)
-    numbered = [f"{i}. {line}" for i, line in enumerate(outcome.path, 1)]
-    _print_lines("How it was decided", numbered)
+    steps = [f"{i}. {line}" for i, line in enumerate(outcome.path, 1)]
+    _print_lines("How it was decided", steps)
     for family in dict.fromkeys(str(row["family"]) for row in outcome.contrasts):
         rows = [row for row in outcome.contrasts if row["family"] == family]
         title = f"\n[b]Contrasts of {verbatim(family)}[/]{_sizes(rows)}"
@@ -321,9 +323,9 @@ def _print_lines(heading: str, lines: Sequence[str]) -> None:
 
 
 def _print_rows(title: str, rows: Sequence[Row], columns: Sequence[str]) -> None:
-    shown = [c for c in columns if any(row.get(c) is not None for row in rows)]
+    filled_columns = [c for c in columns if any(row.get(c) is not None for row in rows)]
     table = Table(title=title or None, title_justify="left", box=None, pad_edge=not title)
-    for column in shown:
+    for column in filled_columns:
         is_text = any(isinstance(row.get(column), str) for row in rows)
         table.add_column(
             HEADINGS.get(column, verbatim(column)),
@@ -331,12 +333,12 @@ def _print_rows(title: str, rows: Sequence[Row], columns: Sequence[str]) -> None
             no_wrap=column == "contrast",
         )
     for row in rows:
-        table.add_row(*(_cell(column, row.get(column)) for column in shown))
+        table.add_row(*(_cell(column, row.get(column)) for column in filled_columns))
     console.print(table)
 
 
 def _sizes(rows: Sequence[Row]) -> str:
-    """Return which effect sizes the rows have, in brackets; empty where they have none."""
+    """Return the names of the rows' effect sizes in brackets; empty where there are none."""
     names = dict.fromkeys(str(row["effect"]) for row in rows if row.get("effect") is not None)
     return f" (effect size: {verbatim(', '.join(names))})" if names else ""
 

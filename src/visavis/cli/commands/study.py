@@ -1,4 +1,4 @@
-"""simulate, analyse, report, demo: a whole study."""
+"""simulate, analyse, report, demo: commands for a whole study."""
 
 import webbrowser
 from functools import partial
@@ -23,7 +23,7 @@ from visavis.running.sessions.study_folder import (
 )
 
 DEMO_PARTICIPANTS = 16
-"""As many find what the study's source found; eight mostly do not."""
+"""Enough to find the effect that the study's source found; eight are mostly too few."""
 
 ProcessesOption = Annotated[
     int | None, typer.Option("--processes", help="Processes to use; one per core when left out.")
@@ -81,14 +81,15 @@ def simulate(
     Example: visavis simulate stare --participants 30 --seed 1 --output out/dry_run
     """
     lab = load_lab(config, "sim", only_simulates=True)
-    chosen = study_of_lab(study, lab)
+    opened_study = study_of_lab(study, lab)
+    # The folder's name says what was simulated, so that dry runs do not mix.
     if output is None:
-        name = f"{chosen.name}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
+        name = f"{opened_study.name}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
         output = lab.data_root / DRY_RUNS / name
         require_space(lab)
-    wanted = wanted_settings(
-        output.resolve() / SIMULATED_ROOT / chosen.name,
-        chosen,
+    requested_settings = wanted_settings(
+        output.resolve() / SIMULATED_ROOT / opened_study.name,
+        opened_study,
         is_simulated=True,
         seed=seed,
         assignments=parameters,
@@ -98,8 +99,8 @@ def simulate(
     )
     folder = simulate_study(
         lab,
-        chosen,
-        wanted,
+        opened_study,
+        requested_settings,
         participants,
         output,
         processes=processes,
@@ -216,10 +217,10 @@ def demo(
         f"participant{'s' if participants > 1 else ''}, 72 trials each, through the session "
         "engine, drivers, recorder and analysis."
     )
-    wanted = StudySettings("stare", DEFAULT_SEED, is_simulated=True)
-    chosen = study_of_lab("stare", lab)
+    settings = StudySettings("stare", DEFAULT_SEED, is_simulated=True)
+    opened_study = study_of_lab("stare", lab)
     folder = simulate_study(
-        lab, chosen, wanted, participants, output, processes=processes, telling=TELLING
+        lab, opened_study, settings, participants, output, processes=processes, telling=TELLING
     )
     path = analyse_study(folder, processes=processes, telling=TELLING)
     console.print(f"done in {watch.elapsed_s():.0f} s; everything is marked [magenta]SIMULATED[/]")

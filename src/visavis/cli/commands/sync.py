@@ -1,4 +1,4 @@
-"""sync-test: how late and how even picture, sound and vibration are in this room."""
+"""sync-test: measure delay and jitter of picture, sound and vibration in this room."""
 
 import json
 from collections.abc import Sequence
@@ -52,8 +52,9 @@ def sync_test(
     if simulated == bool(sensor):
         raise UsageError("say --sensor (the board's port, audio, role:ROLE), or --simulated")
     usual = AUDIO_CHANNELS if sensor.startswith("audio") else DEFAULT_CHANNELS
-    given = {"picture": light, "sound": sound, "vibration": motion}
-    channels = {name: given[name] or usual[name] for name in usual}
+    channel_options = {"picture": light, "sound": sound, "vibration": motion}
+    # Only the channels this kind of sensor has; an option replaces its usual number.
+    channels = {name: channel_options[name] or usual[name] for name in usual}
     clock = SystemClock()
     with Progress(console=console, transient=True, disable=as_json) as bar:
         task = bar.add_task("flash, click, buzz", total=repeats)
@@ -62,7 +63,7 @@ def sync_test(
             bar.update(task, completed=done)
 
         if simulated:
-            found, asked, listened, _ = perform_simulated(
+            delays, stimuli, sensor_device, _ = perform_simulated(
                 seed=seed,
                 repeats=repeats,
                 picture=Planted(*SIMULATED_PICTURE),
@@ -71,7 +72,7 @@ def sync_test(
                 progress=progress,
             )
         else:
-            found, asked, listened = perform_real(
+            delays, stimuli, sensor_device = perform_real(
                 lab,
                 clock,
                 sensor_name=sensor,
@@ -81,23 +82,24 @@ def sync_test(
                 repeats=repeats,
                 progress=progress,
             )
+    # The record goes to one file: the doctor reads its age, and analyse its offsets.
     record = {
         "made": clock.wall_iso(),
         "lab": lab.lab,
         "is_simulated": simulated,
-        "sensor": listened.told_as,
-        "samples_lost": listened.lost(),
-        "frames": asked.frames,
-        "frames_dropped": asked.dropped,
-        "frame_ms": asked.frame_ns / 1e6,
-        "offsets_ms": offsets_ms(found),
-        "delays": [one.as_record() for one in found],
+        "sensor": sensor_device.told_as,
+        "samples_lost": sensor_device.lost(),
+        "frames": stimuli.frames,
+        "frames_dropped": stimuli.dropped,
+        "frame_ms": stimuli.frame_ns / 1e6,
+        "offsets_ms": offsets_ms(delays),
+        "delays": [one.as_record() for one in delays],
     }
-    path = _keep(lab, record, found)
+    path = _keep(lab, record, delays)
     if as_json:
         say_json(record | {"path": str(path)})
         return
-    _tell(record, found, path)
+    _tell(record, delays, path)
 
 
 def _keep(lab: LabConfig, record: dict[str, Any], found: Sequence["Delays"]) -> Path:
@@ -122,12 +124,12 @@ def _keep(lab: LabConfig, record: dict[str, Any], found: Sequence["Delays"]) -> 
 def _draw(path: Path, found: Sequence["Delays"], *, is_simulated: bool) -> None:
     from matplotlib.figure import Figure
 
-    shown = [one for one in found if one.answered]
-    if not shown:
+    plotted_delays = [one for one in found if one.answered]
+    if not plotted_delays:
         return
-    figure = Figure(figsize=(7, 2.2 * len(shown)), layout="constrained")
-    axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1, 1.6))
-    for (left, right), one in zip(axes, shown, strict=True):
+    figure = Figure(figsize=(7, 2.2 * len(plotted_delays)), layout="constrained")
+    axes = figure.subplots(len(plotted_delays), 2, squeeze=False, width_ratios=(1, 1.6))
+    for (left, right), one in zip(axes, plotted_delays, strict=True):
         left.hist(one.delays_ms, bins=20, color="0.35")
         left.axvline(one.median_ms, color="tab:red", linewidth=1)
         left.set(xlabel="delay (ms)", ylabel="stimuli", title=f"{one.modality}, {one.source}")
@@ -163,10 +165,10 @@ def _tell(record: dict[str, Any], found: Sequence["Delays"], path: Path) -> None
     )
     for name, delay_ms in record["offsets_ms"].items():
         console.print(f"  {verbatim(name)}: {delay_ms:g}")
-    missed = [one.modality for one in found if not one.is_sound]
-    if missed:
+    missing_modalities = [one.modality for one in found if not one.is_sound]
+    if missing_modalities:
         console.print(
-            f"[yellow]No offset for {', '.join(missed)}: fewer than 80 % were answered. Put the "
-            "sensor nearer, turn the volume or its gain up, darken the room.[/]"
+            f"[yellow]No offset for {', '.join(missing_modalities)}: fewer than 80 % were "
+            "answered. Put the sensor nearer, turn the volume or its gain up, darken the room.[/]"
         )
     console.print(f"kept as {verbatim(path)} and .png")

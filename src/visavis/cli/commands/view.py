@@ -1,4 +1,4 @@
-"""view: a recorded session as one page for the browser."""
+"""view: show a recorded session on one page in the browser."""
 
 import webbrowser
 from pathlib import Path
@@ -28,7 +28,7 @@ from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.cast import use_recorded_cast
 
 MAX_SHOWN_S = 300.0
-"""Trials beyond this length together are left out of a page unless they are named."""
+"""Seconds of trials on one page; later trials are left out unless they are named."""
 
 
 @app.command()
@@ -69,36 +69,41 @@ def view(
         raise UsageError(f"{path} exists already; choose another name with -o")
     if not path.parent.is_dir():
         raise UsageError(f"there is no folder {path.parent}; make it first")
+    # Read with the study's own file: the scenes are made anew from the recording.
     require_whole(session_path, accept=accept_damage)
-    study, changed = study_of_folder(session_path.resolve().parent.parent, manifest.study)
-    if changed:
-        console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+    study, change_note = study_of_folder(session_path.resolve().parent.parent, manifest.study)
+    if change_note:
+        console.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     lengths = trial_lengths_ns(recording)
-    wanted, left_out = (trial, []) if trial else _first_of(lengths)
+    trial_names, left_out = (trial, []) if trial else _first_of(lengths)
     with Progress(console=console, transient=True) as bar:
-        line = bar.add_task("looking at trials", total=len(wanted))
+        line = bar.add_task("looking at trials", total=len(trial_names))
         if rerun is not None:
             write_rerun(
                 study,
                 recording,
-                wanted,
+                trial_names,
                 path,
                 lambda done, of: bar.update(line, completed=done, total=of),
             )
             console.print(f"written [b]{verbatim(path)}[/]; rerun {verbatim(path)} shows it")
             return
         header, bundle = page_content(
-            study, recording, wanted, lambda done, of: bar.update(line, completed=done, total=of)
+            study,
+            recording,
+            trial_names,
+            lambda done, of: bar.update(line, completed=done, total=of),
         )
     path.write_text(page_of(header, bundle), encoding="utf-8")
     size_mb = path.stat().st_size / 1e6
-    told = f"{len(wanted)} of {len(lengths)} trials in space, {size_mb:.1f} MB"
-    console.print(f"written [b]{verbatim(path)}[/], {told}", soft_wrap=True)
+    summary = f"{len(trial_names)} of {len(lengths)} trials in space, {size_mb:.1f} MB"
+    console.print(f"written [b]{verbatim(path)}[/], {summary}", soft_wrap=True)
     if left_out:
         console.print(
             f"left out in space: {left_out[0]} to {left_out[-1]}; --trial {left_out[0]} shows it",
             soft_wrap=True,
         )
+    # A page is personal data: protect and register it, so that a withdrawal finds it.
     leave("page", [session_path], path.parent, [path])
     if show:
         webbrowser.open(path.resolve().as_uri())
@@ -106,11 +111,11 @@ def view(
 
 def _first_of(lengths_ns: dict[str, int]) -> tuple[list[str], list[str]]:
     """Return the trials that fit into a page, and those that do not."""
-    shown: list[str] = []
+    names: list[str] = []
     passed_ns = 0
     for name, length_ns in lengths_ns.items():
         passed_ns += length_ns
-        if shown and passed_ns > MAX_SHOWN_S * NS_PER_S:
+        if names and passed_ns > MAX_SHOWN_S * NS_PER_S:
             break
-        shown.append(name)
-    return shown, list(lengths_ns)[len(shown) :]
+        names.append(name)
+    return names, list(lengths_ns)[len(names) :]

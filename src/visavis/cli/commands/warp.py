@@ -1,4 +1,4 @@
-"""warp: change what an observer sees of a motion, and show what became of it."""
+"""warp: change what an observer sees of a motion, and draw the result."""
 
 import json
 from dataclasses import replace
@@ -69,64 +69,68 @@ def warp(
     --units right_arm,spine,neck_head -o out
     """
     if cases:
-        for known in CASES.values():
-            console.print(f"[b]{known.name:<13}[/] {verbatim(known.about)}", highlight=False)
+        for published_case in CASES.values():
+            console.print(
+                f"[b]{published_case.name:<13}[/] {verbatim(published_case.about)}", highlight=False
+            )
         return
     if output.exists() and any(output.iterdir()):
         raise UsageError(f"{output} is not empty; give a new folder with --output")
+    # A published case brings motion, view and lamps; else they come from the options.
     who = load_character(character)
     if case is not None:
         stage = stage_case(case_named(case), who)
         motion, body, view = stage.clip, stage.body, stage.view
-        targets, allowed, things = stage.case.targets, stage.units, stage.case.things()
+        targets, movable_units, things = stage.case.targets, stage.units, stage.case.things()
         lamps, settings = stage.case.lamps(), stage.case.settings
     else:
         if observer is None or not feature:
             raise UsageError("give --observer X,Y,Z and at least one --feature, or a --case")
         targets = tuple(parse_feature(text) for text in feature)
-        allowed = units_named(tuple(name.strip() for name in units.split(",")))
+        movable_units = units_named(tuple(name.strip() for name in units.split(",")))
         motion, body, view = _posed(clip, who, _point(observer), seconds, unit_m)
         things, lamps, settings = (), (), SEARCHED
     settings = replace(settings, threads=threads)
     with Progress(console=console, transient=True, disable=as_json) as bar:
         task = bar.add_task("warping", total=None)
-        warped = warp_clip(
+        warped_clip = warp_clip(
             motion,
             body,
             view,
             targets,
-            allowed,
+            movable_units,
             settings,
             progress=lambda done, of: bar.update(task, completed=done, total=of),
         )
+    # The motion twice (for other programs, and with our skeleton), two figures, one record.
     output.mkdir(parents=True, exist_ok=True)
     bvh, own, sheet, curves, record = (output / name for name in OUT_NAMES)
-    write_bvh(bvh, bvh_of_clip(warped.clip))
-    write_clip(own, warped.clip)
-    drawn = write_sheet(sheet, who, motion, warped.clip, body, view, things, lamps)
-    write_curves(curves, warped)
+    write_bvh(bvh, bvh_of_clip(warped_clip.clip))
+    write_clip(own, warped_clip.clip)
+    shows_people = write_sheet(sheet, who, motion, warped_clip.clip, body, view, things, lamps)
+    write_curves(curves, warped_clip)
     summary = {
         "clip": clip if case is None else f"case {case}",
         "character": character,
         "observer_m": view.camera.pose.position_m.tolist(),
         "size_px": list(view.size_px),
         "features": [f"{t.kind}:{','.join(t.parts)}:{t.change:+g}" for t in targets],
-        "units": [unit.name for unit in allowed],
+        "units": [unit.name for unit in movable_units],
         "settings": vars(settings),
-        "original": warped.original.mean(axis=0).tolist(),
-        "wanted": warped.goal.mean(axis=0).tolist(),
-        "reached": warped.final.mean(axis=0).tolist(),
-        "reached_share_01": float(warped.is_reached.mean()),
-        "pose_reached_share_01": float(warped.pose_reached.mean()),
-        "frame_s": warped.frame_s.tolist(),
-        "frame_is_reached": warped.is_reached.tolist(),
+        "original": warped_clip.original.mean(axis=0).tolist(),
+        "wanted": warped_clip.goal.mean(axis=0).tolist(),
+        "reached": warped_clip.final.mean(axis=0).tolist(),
+        "reached_share_01": float(warped_clip.is_reached.mean()),
+        "pose_reached_share_01": float(warped_clip.pose_reached.mean()),
+        "frame_s": warped_clip.frame_s.tolist(),
+        "frame_is_reached": warped_clip.is_reached.tolist(),
     }
     record.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     if as_json:
         console.print_json(data=summary)
         return
-    say(warped.summary)
-    if not drawn:
+    say(warped_clip.summary)
+    if not shows_people:
         console.print("[yellow]no OpenGL here: the sheet shows body parts instead of people[/]")
     say(f"written to [b]{verbatim(output)}[/]: {', '.join(OUT_NAMES)}")
 

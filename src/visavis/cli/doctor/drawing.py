@@ -1,4 +1,4 @@
-"""Measure a stereo frame on the graphics card, and say what to ask of pictures."""
+"""Measure the time of a stereo frame, and recommend a drawing quality that fits in time."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,10 +22,10 @@ USUAL_RATE_HZ = 90.0
 
 
 def measured(lab: LabConfig, clock: Clock) -> Finding:
-    """Return what the station's crowd costs for both eyes at a headset's usual size.
+    """Measure how long the station's crowd takes to draw for both eyes at a headset's usual size.
 
     Raises:
-        StageError: nothing here can draw.
+        StageError: no graphics context can be opened.
     """
     context = offscreen_context()
     try:
@@ -37,13 +37,13 @@ def measured(lab: LabConfig, clock: Clock) -> Finding:
         headset = lab.devices.get("headset")
         options = {} if headset is None else headset.options
         rate_hz = float(options.get("display_rate_hz") or USUAL_RATE_HZ)
-        asked = quality_of(lab, on_processor=False)
+        quality = quality_of(lab, on_processor=False)
 
         def with_area_ms(choice: Choice) -> float:
-            with Renderer(context, quality=replace(asked, shadows="area")) as renderer:
+            with Renderer(context, quality=replace(quality, shadows="area")) as renderer:
                 return stereo_frame_ms(renderer, picture, head, USUAL_EYE_PX, choice, clock)
 
-        with Renderer(context, quality=asked) as renderer:
+        with Renderer(context, quality=quality) as renderer:
 
             def cost_ms(choice: Choice) -> float:
                 return stereo_frame_ms(renderer, picture, head, USUAL_EYE_PX, choice, clock)
@@ -60,14 +60,14 @@ def advice(
     cost_ms: Callable[[Choice], float],
     with_area_ms: Callable[[Choice], float],
 ) -> Finding:
-    """Return whether what the lab asks of pictures is drawn in time, else what it should ask.
+    """Return whether the lab's drawing quality fits in a frame, else a quality that does.
 
-    `with_area_ms` is what frames cost with shadows of lamps with an area: asked only where it
-    could be offered.
+    `cost_ms` measures a frame with a choice. `with_area_ms` does so with shadows of lamps that
+    have an area; it is called only where there may be time for them.
     """
-    asked = lab.display.quality
+    display_quality = lab.display.quality
     quality = quality_of(lab, on_processor=False)
-    now = Choice(quality.samples, asked.render_scale)
+    now = Choice(quality.samples, display_quality.render_scale)
     now_ms = cost_ms(now)
     text = (
         f"{card}: {now_ms:.1f} ms a stereo frame of the station's crowd with {_told(now)}; "
@@ -80,8 +80,8 @@ def advice(
                 text += f"; there is time for shadows: area ({area_ms:.1f} ms)"
         return Finding(COMPUTER, "drawing", "ok", text)
     less = [c for c in CHOICES if c.samples <= now.samples and c.render_scale <= now.render_scale]
-    chosen, chosen_ms = best_choice(cost_ms, rate_hz, [c for c in less if c != now] or CHOICES[-1:])
-    remedy = f"set under display.quality {_told(chosen)} ({chosen_ms:.1f} ms)"
+    choice, chosen_ms = best_choice(cost_ms, rate_hz, [c for c in less if c != now] or CHOICES[-1:])
+    remedy = f"set under display.quality {_told(choice)} ({chosen_ms:.1f} ms)"
     if quality.shadows == "area":
         remedy = f"set shadows: maps under display.quality and ask again, or {remedy}"
     if not fits(chosen_ms, rate_hz):
@@ -94,7 +94,7 @@ def _told(choice: Choice) -> str:
 
 
 def _crowd() -> tuple[Picture, Pose]:
-    """Return the fullest scene of the shipped studies, and where participants stand in it."""
+    """Return the slowest scene of our own studies, and the head of a participant in it."""
     scene = station_crowd.CrowdScene("station", (), crowd=station_crowd.station_crowd(1))
     frame = station_crowd.CrowdFrame(
         scene, 0, np.zeros((0, 3)), np.zeros(0), crowd_t_ns=3_000_000_000, track=None

@@ -1,4 +1,4 @@
-"""What `visavis doctor` says: findings by section, with what to do where something is amiss."""
+"""Findings of `visavis doctor`, by section, each with a remedy where something is wrong."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,7 +8,10 @@ Level = Literal["ok", "note", "warning", "missing"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One line. `note` is worth knowing, `warning` may spoil a session, `missing` stops it."""
+    """One line of the report.
+
+    `note` is worth knowing, `warning` may spoil a session, `missing` stops it.
+    """
 
     section: str
     subject: str
@@ -18,6 +21,6 @@ class Finding:
 
 
 def worst(findings: tuple[Finding, ...]) -> Level:
-    """Return the gravest level among findings."""
+    """Return the most serious level among findings; ok where there are none."""
     order: tuple[Level, ...] = ("ok", "note", "warning", "missing")
     return max((f.level for f in findings), key=order.index, default="ok")

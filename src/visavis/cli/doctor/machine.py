@@ -1,4 +1,4 @@
-"""Look at the computer: versions, disk, clock, load, screens. Never raises."""
+"""Examine the computer: versions, disk, clock, load, screens. Never raises."""
 
 import os
 import platform
@@ -27,26 +27,26 @@ from visavis.running.sessions.device_setup import (
 
 COMPUTER, LIBRARIES = "computer", "libraries"
 GB_PER_HOUR = 0.3
-"""A session with gaze at 120 Hz and a tracked body; eye trackers at 1 kHz take as much again."""
+"""Of a session with gaze at 120 Hz and a tracked body; an eye tracker at 1 kHz doubles it."""
 FEW_GB = 20.0
 NAPS = 20
 NAP_NS = NS_PER_MS
 LATE_NAP_MS = 2.0
 BUSY_01 = 0.7
 MAX_RATE_OFF_HZ = 1.5
-"""Systems round refresh rates to whole hertz."""
+"""More than rounding explains: systems round refresh rates to whole hertz."""
 MAX_PITCH_OFF_01 = 0.02
-"""Pixels of monitors are square; sides that say otherwise were measured wrongly."""
+"""Monitors have square pixels; if width and height disagree by more, one is wrong."""
 
 
 def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
-    """Return what holds of this computer whatever is plugged in."""
-    found = provenance()
-    version = found.packages.get("visavis", "")
-    revision = found.code_revision.removesuffix("+changes")[:10]
-    changed = ", changed files" if found.code_revision.endswith("+changes") else ""
-    ours = f"{version}" + (f" ({revision}{changed})" if revision else "")
-    system = f"{platform.system()} {platform.release()}, Python {found.python}"
+    """Return the findings on this computer that do not depend on its devices."""
+    versions = provenance()
+    version = versions.packages.get("visavis", "")
+    revision = versions.code_revision.removesuffix("+changes")[:10]
+    changes_note = ", changed files" if versions.code_revision.endswith("+changes") else ""
+    ours = f"{version}" + (f" ({revision}{changes_note})" if revision else "")
+    system = f"{platform.system()} {platform.release()}, Python {versions.python}"
     return (
         Finding(COMPUTER, "visavis", "ok", f"{ours}; {system}"),
         _load(),
@@ -60,7 +60,7 @@ def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
 
 
 def _keyboards(lab: LabConfig) -> tuple[Finding, ...]:
-    """Name keyboards whose keys no window would hear."""
+    """Return a finding for each keyboard whose keys no window receives."""
     text = f"no window hears its keys: display.show is {lab.display.show}"
     return tuple(
         Finding(COMPUTER, role, "missing", text, NO_WINDOW_REMEDY)
@@ -69,7 +69,7 @@ def _keyboards(lab: LabConfig) -> tuple[Finding, ...]:
 
 
 def _lsl_session(lab: LabConfig) -> tuple[Finding, ...]:
-    """Say in which LSL session streams go out; a lab's own has to be told to other programs."""
+    """Name the LSL session of our streams; other programs must be set to it if it is the lab's."""
     own = lab.sync.session_id
     if not lab.sync.lsl:
         return ()
@@ -81,46 +81,54 @@ def _lsl_session(lab: LabConfig) -> tuple[Finding, ...]:
 
 
 def libraries(lab: LabConfig) -> tuple[Finding, ...]:
-    """Return versions and licences of what drivers need; missing ones matter if a role asks."""
-    wanted = {driver_spec(d.driver).wire.library for d in lab.devices.values() if not d.simulated}
+    """Return versions and licences of driver libraries; a missing one counts if a role needs it."""
+    needed_libraries = {
+        driver_spec(d.driver).wire.library for d in lab.devices.values() if not d.simulated
+    }
     if lab.sync.lsl:
-        wanted.add(LSL)
-    known = sorted(
+        needed_libraries.add(LSL)
+    driver_libraries = sorted(
         {f.wire.library for f in driver_specs() if f.wire.library}, key=lambda k: k.distribution
     )
-    present = [k for k in known if is_installed(k)]
+    present = [k for k in driver_libraries if is_installed(k)]
     rows = [Finding(LIBRARIES, "installed", "ok", ", ".join(map(_version, present)) or "none")]
-    for library in known:
-        if library not in present and library in wanted:
+    for library in driver_libraries:
+        if library not in present and library in needed_libraries:
             text = "not installed, but a configured device needs it"
             rows.append(
                 Finding(LIBRARIES, library.distribution, "missing", text, f"run: {library.install}")
             )
-    others = [k.distribution for k in known if k not in present and k not in wanted]
+    others = [
+        k.distribution for k in driver_libraries if k not in present and k not in needed_libraries
+    ]
     if others:
         rows.append(Finding(LIBRARIES, "not needed", "note", ", ".join(others)))
-    closed = [
+    closed_licences = [
         f"{name} ({licence})"
         for k in present
         if (licence := _closed_licence(name := k.distribution))
     ]
-    if closed:
-        rows.append(Finding(LIBRARIES, "licences", "note", "vendor's own: " + ", ".join(closed)))
+    if closed_licences:
+        rows.append(
+            Finding(LIBRARIES, "licences", "note", "vendor's own: " + ", ".join(closed_licences))
+        )
     return tuple(rows)
 
 
 def licence_of(distribution: str) -> str:
-    """Return the licence a distribution states, short; "not stated" where it does not."""
+    """Return the licence in a package's metadata, shortened; "not stated" where there is none."""
     try:
-        stated = metadata.metadata(distribution)
+        package_fields = metadata.metadata(distribution)
     except metadata.PackageNotFoundError:
         return "not stated"
     for key in ("License-Expression", "License"):
-        text = (stated[key] if key in stated else "").strip()
+        text = (package_fields[key] if key in package_fields else "").strip()
         if text and text.upper() != "UNKNOWN":
             return text.splitlines()[0][:40]
-    trove = [c for c in stated.get_all("Classifier") or () if c.startswith("License ::")]
-    return trove[0].rpartition(":: ")[2] if trove else "not stated"
+    licence_classifiers = [
+        c for c in package_fields.get_all("Classifier") or () if c.startswith("License ::")
+    ]
+    return licence_classifiers[0].rpartition(":: ")[2] if licence_classifiers else "not stated"
 
 
 def _version(library: Library) -> str:
@@ -191,30 +199,30 @@ def _clock(clock: Clock) -> Finding:
 
 
 def _screens(lab: LabConfig) -> Finding:
-    wanted = lab.display.show
-    shown: list[Monitor] = []
+    show_mode = lab.display.show
+    monitor_list: list[Monitor] = []
     try:
-        shown = monitors()
-        modes = [str(monitor) for monitor in shown]
+        monitor_list = monitors()
+        modes = [str(monitor) for monitor in monitor_list]
     except Exception as problem:  # the graphics library's own errors are of any kind
         modes = []
         text = f"no screen can be asked ({type(problem).__name__})"
     else:
         text = ", ".join(modes) or "no screen"
-    text += f"; display.show is {wanted}"
+    text += f"; display.show is {show_mode}"
     if shows_nothing(lab):
         return Finding(COMPUTER, "display", "missing", text, NO_PICTURE_REMEDY)
-    if wanted == "screen" and lab.display.screen is not None and shown:
+    if show_mode == "screen" and lab.display.screen is not None and monitor_list:
         text += f" on monitor {lab.display.screen.monitor}"
-        return _of_screen(lab.display.screen, shown, text)
-    if not modes and wanted in ("window", "screen"):
+        return _of_screen(lab.display.screen, monitor_list, text)
+    if not modes and show_mode in ("window", "screen"):
         remedy = "log in on a desktop, or set display.show to none or offscreen"
         return Finding(COMPUTER, "display", "missing", text, remedy)
     return Finding(COMPUTER, "display", "ok", text)
 
 
 def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
-    """Say what a stereo frame costs, and what to ask of pictures, where a headset shows them."""
+    """Measure the time of a stereo frame where a headset is used; recommend a quality."""
     if lab.display.show != "headset" or clock.is_virtual:
         return ()
     try:
@@ -228,21 +236,21 @@ def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
 
 
 def _of_screen(screen: Screen, shown: Sequence["Monitor"], text: str) -> Finding:
-    """Compare the monitor participants sit before with what the configuration says of it."""
-    described = "correct display.screen, or the monitor's mode in the system's settings"
+    """Compare the participants' monitor with display.screen of the configuration."""
+    remedy = "correct display.screen, or the monitor's mode in the system's settings"
     if screen.monitor >= len(shown):
         text += f": there is none of this number, counted from 0 to {len(shown) - 1}"
-        return Finding(COMPUTER, "display", "missing", text, described)
+        return Finding(COMPUTER, "display", "missing", text, remedy)
     monitor = shown[screen.monitor]
     if screen.fullscreen and (monitor.width_px, monitor.height_px) != (
         screen.width_px,
         screen.height_px,
     ):
         text += f": it has other pixels than {screen.width_px}×{screen.height_px}"
-        return Finding(COMPUTER, "display", "missing", text, described)
+        return Finding(COMPUTER, "display", "missing", text, remedy)
     if monitor.rate_hz and abs(monitor.rate_hz - screen.rate_hz) > MAX_RATE_OFF_HZ:
         text += f": it refreshes otherwise than display.screen.rate_hz {screen.rate_hz:g}"
-        return Finding(COMPUTER, "display", "warning", text, described)
+        return Finding(COMPUTER, "display", "warning", text, remedy)
     if not screen.fullscreen:
         text += ", in a window: sizes are wrong"
         return Finding(
@@ -284,13 +292,13 @@ def monitors() -> list[Monitor]:
         if not glfw.init():
             return []
         try:
-            found = []
+            monitor_list = []
             for monitor in glfw.get_monitors():
                 mode = glfw.get_video_mode(monitor)
-                found.append(Monitor(mode.size.width, mode.size.height, mode.refresh_rate))
-            return found
+                monitor_list.append(Monitor(mode.size.width, mode.size.height, mode.refresh_rate))
+            return monitor_list
         finally:
-            # A session that draws in a window is using it.
+            # An open context means that a session draws in a window: leave glfw running.
             if glfw.get_current_context() is None:
                 glfw.terminate()
 

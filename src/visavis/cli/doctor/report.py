@@ -1,4 +1,4 @@
-"""Examine a lab: computer, libraries, runtimes, ports, network, devices; keep what was found."""
+"""Examine a lab (computer, libraries, runtimes, ports, network, devices) and save the report."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ NOT_YET = "not calibrated"
 
 @dataclass(frozen=True)
 class Report:
-    """Everything found; `trials` are the devices that were listened to."""
+    """All findings on a lab; `trials` are the devices that were opened and listened to."""
 
     made_wall_iso: str
     config: str
@@ -40,27 +40,29 @@ class Report:
 
     @property
     def is_stopped(self) -> bool:
-        """Tell whether something is missing without which no session can run."""
+        """True when something is missing that every session needs."""
         return worst(self.findings) == "missing"
 
 
 def examine(lab: LabConfig, clock: Clock, *, self_test_s: float = 0.0) -> Report:
-    """Look at everything; real devices are opened for a moment, all of them with a self-test."""
-    around = _surroundings(lab, clock)
-    absent = {f.subject: f for f in around if f.section == RUNTIMES and f.level == "missing"}
-    chosen = [d for d in lab.devices.values() if self_test_s or not d.simulated]
-    trials = [_without_runtime(d, absent) for d in chosen]
-    there = [d for d, trial in zip(chosen, trials, strict=True) if trial is None]
-    heard = iter(capture(there, clock, self_test_s or GLANCE_S) if there else ())
-    done = tuple(trial if trial is not None else next(heard) for trial in trials)
+    """Examine the whole lab. Real devices are opened briefly; a self-test opens all of them."""
+    surroundings = _surroundings(lab, clock)
+    absent = {f.subject: f for f in surroundings if f.section == RUNTIMES and f.level == "missing"}
+    devices = [d for d in lab.devices.values() if self_test_s or not d.simulated]
+    trials = [_without_runtime(d, absent) for d in devices]
+    devices_to_open = [d for d, trial in zip(devices, trials, strict=True) if trial is None]
+    captured_trials = iter(
+        capture(devices_to_open, clock, self_test_s or GLANCE_S) if devices_to_open else ()
+    )
+    all_trials = tuple(trial if trial is not None else next(captured_trials) for trial in trials)
     findings = (
         _configuration(lab),
-        *around,
-        *_devices(lab, done),
+        *surroundings,
+        *_devices(lab, all_trials),
         _sync_test(lab, clock),
         *station_findings(lab, clock),
     )
-    return Report(clock.wall_iso(), str(lab.path), findings, done, _licences())
+    return Report(clock.wall_iso(), str(lab.path), findings, all_trials, _licences())
 
 
 def save_with_session(
@@ -70,9 +72,9 @@ def save_with_session(
     devices: Mapping[str, Device],
     station: tuple[Finding, ...] = (),
 ) -> None:
-    """Write `doctor.json` into a part of a session: surroundings, and devices as they are open.
+    """Write `doctor.json` into a part of a session: the surroundings and the open devices.
 
-    `station` is how the computer kept time just before.
+    `station` are the findings on the computer's timing just before the session.
     """
     trials = tuple(
         Trial(
@@ -104,7 +106,7 @@ def as_document(report: Report) -> dict[str, Any]:
 
 
 def verdict(report: Report) -> str:
-    """Return the last line: whether a session can run."""
+    """Return the last line of the report: whether a session can run."""
     counts = dict.fromkeys(("missing", "warning"), 0)
     for finding in report.findings:
         if finding.level in counts:
@@ -130,17 +132,17 @@ def _configuration(lab: LabConfig) -> Finding:
 
 
 def _sync_test(lab: LabConfig, clock: Clock) -> Finding:
-    """Say how old the lab's newest synchronisation test is, and what it found."""
-    found = newest(lab)
+    """Return age and offsets of the lab's newest synchronisation test."""
+    record = newest(lab)
     remedy = "run: visavis sync-test (docs/synchronisation.md)"
-    if found is None:
+    if record is None:
         return Finding(DEVICES, "sync-test", "note", "delays were never measured here", remedy)
-    days = age_days(found, clock.wall_iso())
-    offsets = ", ".join(f"{name} {ms:g}" for name, ms in found.get("offsets_ms", {}).items())
-    told = f"{days:.0f} days old: {offsets or 'nothing was answered'}"
+    days = age_days(record, clock.wall_iso())
+    offsets = ", ".join(f"{name} {ms:g}" for name, ms in record.get("offsets_ms", {}).items())
+    text = f"{days:.0f} days old: {offsets or 'nothing was answered'}"
     if days > MAX_AGE_DAYS or not offsets:
-        return Finding(DEVICES, "sync-test", "note", told, remedy)
-    return Finding(DEVICES, "sync-test", "ok", told)
+        return Finding(DEVICES, "sync-test", "note", text, remedy)
+    return Finding(DEVICES, "sync-test", "ok", text)
 
 
 def _surroundings(lab: LabConfig, clock: Clock, *, are_open: bool = False) -> tuple[Finding, ...]:
@@ -159,7 +161,7 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
     for trial in trials:
         for fault in trial.faults:
             if NOT_YET in fault.message:
-                continue  # every session calibrates
+                continue  # no finding: every session begins with a calibration
             level = "missing" if fault.severity == "blocking" else "warning"
             rows.append(Finding(DEVICES, trial.role, level, fault.message, fault.remedy))  # type: ignore[arg-type]  # one of two levels
     rows += [
@@ -173,14 +175,14 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
         for role in roles_expected(lab)
         if role not in lab.devices
     ]
-    left = [r for r in lab.devices if r not in by_role]
-    if left:
-        rows.append(Finding(DEVICES, "simulated", "note", ", ".join(left)))
+    simulated_roles = [r for r in lab.devices if r not in by_role]
+    if simulated_roles:
+        rows.append(Finding(DEVICES, "simulated", "note", ", ".join(simulated_roles)))
     return rows
 
 
 def _without_runtime(device: DeviceConfig, absent: Mapping[str, Finding]) -> Trial | None:
-    """Return the failure of a device whose runtime is missing: opening it would tell no more."""
+    """Return the error of a device whose runtime is missing; there is no use in opening it."""
     runtime = RUNTIME_NAMES.get(driver_spec(device.driver).wire.runtime, "")
     if device.simulated or runtime not in absent:
         return None
@@ -192,11 +194,11 @@ def _device(device: DeviceConfig, trial: Trial) -> Finding:
         return Finding(
             DEVICES, device.role, "missing", f"{device.driver}: {trial.error}", trial.remedy
         )
-    made = device.driver
+    description = device.driver
     if trial.info is not None:
         names = (trial.info.vendor, trial.info.model, trial.info.serial)
-        made = " ".join(n for n in names if n and n != "simulated")
-        made += f", {trial.info.transport}"
+        description = " ".join(n for n in names if n and n != "simulated")
+        description += f", {trial.info.transport}"
     rates = [
         f"{s.rate_hz:.0f} of {s.nominal_rate_hz:g} Hz"
         for s in trial.streams
@@ -206,7 +208,7 @@ def _device(device: DeviceConfig, trial: Trial) -> Finding:
     if battery is not None:
         rates.append(f"battery {battery:.0%}")
     mark = ", simulated" if device.simulated else ""
-    text = ", ".join([made, *rates[:2]]) + mark
+    text = ", ".join([description, *rates[:2]]) + mark
     if battery is not None and battery < LOW_BATTERY_01:
         return Finding(DEVICES, device.role, "warning", text, "charge it before the session")
     silent = [s.stream for s in trial.streams if s.nominal_rate_hz and not s.samples]

@@ -1,8 +1,8 @@
-"""How this computer keeps time, locked once it is known to be good and compared at every start.
+"""The timing of this computer: locked once it is known to be good, then compared at every start.
 
-A station's file lies under the data root, by the computer's name; one locked before is kept beside
-it with its date. What was locked is figures and what they depend on: system, monitors, and the
-delays of the newest synchronisation test.
+The file of a station lies under the data root and has the computer's name. An earlier one is kept
+beside it with its date. It holds the timing figures, the delays of the newest synchronisation
+test, and what both depend on: system, processors and monitors.
 """
 
 import json
@@ -28,17 +28,17 @@ FOLDER: Final = "stations"
 FRAME_HZ: Final = 90.0
 FRAMES: Final = 45
 LATE_FRAME_MS: Final = 2.0
-"""A frame begun so much later than its time is late: a fifth of one at 90 Hz."""
+"""A frame that begins so much after its time counts as late: a fifth of a frame at 90 Hz."""
 WRITES: Final = 10
 WRITE_BYTES: Final = 65_536
 MAX_DELAY_OFF_MS: Final = 3.0
-"""Delays of picture, sound or vibration that differ more are another chain of devices."""
+"""A delay of picture, sound or vibration that differs by more means other devices."""
 LOCK_AGAIN: Final = "visavis doctor --lock"
 
 
 @dataclass(frozen=True)
 class Limit:
-    """How much worse than locked a figure may be: so many times as large, and so much more."""
+    """How much larger than its locked value a figure may be: `times` as large, plus `more`."""
 
     words: str
     unit: str
@@ -51,12 +51,12 @@ LIMITS: Final[Mapping[str, Limit]] = {
     "late_frames_01": Limit("frames begun late", "%", 1.0, 0.05),
     "write_ms": Limit("64 kB safe on disk after (median)", "ms", 3.0, 10.0),
 }
-"""Judged so that a busier moment passes and another computer, mode or disk does not."""
+"""Wide enough for a busy moment, and narrow enough to notice another computer, mode or disk."""
 
 
 @dataclass(frozen=True)
 class Station:
-    """What was measured: figures by name, delays by modality in ms, and what they depend on."""
+    """One measurement: figures by name, delays by modality in ms, and what they depend on."""
 
     made: str
     figures: Mapping[str, float]
@@ -90,35 +90,36 @@ def measure(lab: LabConfig, clock: Clock) -> Station:
 
 
 def lock(lab: LabConfig, clock: Clock) -> Path:
-    """Measure this computer and lock what was found; return the file. One before keeps its date.
+    """Measure this computer and save it as locked; return the file. An earlier file is kept.
 
     Raises:
         RecordingError: nothing can be written to the data root.
     """
     path = station_path(lab)
-    found = measure(lab, clock)
+    station = measure(lab, clock)
     make_folder(path.parent, exist_ok=True)
     if path.exists():
         replace_file(_former(path), path.read_bytes())
-    text = json.dumps(asdict(found), ensure_ascii=False, indent=1) + "\n"
+    text = json.dumps(asdict(station), ensure_ascii=False, indent=1) + "\n"
     replace_file(path, text.encode())
     return path
 
 
 def locked(lab: LabConfig) -> Station | None:
-    """Return what was locked for this computer; None where nothing was.
+    """Return the locked station of this computer; None where none was locked.
 
     Raises:
         UsageError: the file cannot be read.
     """
     path = station_path(lab)
     try:
-        told = json.loads(path.read_text("utf-8"))
+        document = json.loads(path.read_text("utf-8"))
         figures, delays = (
-            {str(k): float(v) for k, v in told[name].items()} for name in ("figures", "delays_ms")
+            {str(k): float(v) for k, v in document[name].items()}
+            for name in ("figures", "delays_ms")
         )
-        depends = {str(k): str(v) for k, v in told["depends_on"].items()}
-        return Station(str(told["made"]), figures, delays, depends)
+        depends = {str(k): str(v) for k, v in document["depends_on"].items()}
+        return Station(str(document["made"]), figures, delays, depends)
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -129,27 +130,29 @@ def locked(lab: LabConfig) -> Station | None:
 
 
 def station_findings(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
-    """Compare this computer with what was locked: one line where it keeps it, else one a matter."""
+    """Compare this computer with its locked station: one line in all, or one per difference."""
     if clock.is_virtual:
         return ()
     try:
-        kept = locked(lab)
-        if kept is None:
+        locked_station = locked(lab)
+        if locked_station is None:
             text = "its timing was never locked, so nothing is compared"
             remedy = f"once sessions run well: {LOCK_AGAIN}"
             return (Finding(STATION, "timing", "note", text, remedy),)
-        return compared(kept, measure(lab, clock))
+        return compared(locked_station, measure(lab, clock))
     except (RecordingError, UsageError) as problem:
         return (Finding(STATION, "timing", "warning", str(problem)),)
 
 
 def compared(kept: Station, now: Station) -> tuple[Finding, ...]:
-    """Return how a station keeps what was locked."""
-    found = [*_worse(kept, now), *_delayed(kept, now), *_changed(kept, now)]
-    if found:
-        return tuple(found)
-    told = ", ".join(_told(name, now.figures[name]) for name in LIMITS if name in now.figures)
-    return (Finding(STATION, "timing", "ok", f"as locked on {kept.made[:10]}: {told}"),)
+    """Return one finding per difference from the locked station, or one that there is none."""
+    findings = [*_worse(kept, now), *_delayed(kept, now), *_changed(kept, now)]
+    if findings:
+        return tuple(findings)
+    figures_text = ", ".join(
+        _told(name, now.figures[name]) for name in LIMITS if name in now.figures
+    )
+    return (Finding(STATION, "timing", "ok", f"as locked on {kept.made[:10]}: {figures_text}"),)
 
 
 def station_path(lab: LabConfig) -> Path:
@@ -162,15 +165,15 @@ def station_path(lab: LabConfig) -> Path:
 
 
 def _worse(kept: Station, now: Station) -> list[Finding]:
-    found = []
+    findings = []
     for name, limit in LIMITS.items():
         was, is_now = kept.figures.get(name), now.figures.get(name)
         if was is None or is_now is None or is_now <= was * limit.times + limit.more:
             continue
         text = f"{_told(name, is_now)}; locked on {kept.made[:10]}: {_told(name, was)}"
         remedy = "close other programs, look at the power plan and the disk; then visavis doctor"
-        found.append(Finding(STATION, "timing", "warning", text, remedy))
-    return found
+        findings.append(Finding(STATION, "timing", "warning", text, remedy))
+    return findings
 
 
 def _delayed(kept: Station, now: Station) -> list[Finding]:
@@ -203,12 +206,12 @@ def _changed(kept: Station, now: Station) -> list[Finding]:
 
 def _told(name: str, value: float) -> str:
     limit = LIMITS[name]
-    shown = f"{100 * value:.0f} %" if limit.unit == "%" else f"{value:.1f} {limit.unit}"
-    return f"{limit.words} {shown}"
+    value_text = f"{100 * value:.0f} %" if limit.unit == "%" else f"{value:.1f} {limit.unit}"
+    return f"{limit.words} {value_text}"
 
 
 def _late_ms(clock: Clock) -> list[float]:
-    """Wait for the beginnings of frames; return how late each was noticed."""
+    """Wait for the beginning of each frame; return how late each wait ended, in ms."""
     begin_ns, late_ms = clock.now_ns(), []
     for k in range(1, FRAMES + 1):
         wake_ns = begin_ns + round(k * NS_PER_S / FRAME_HZ)
@@ -218,7 +221,7 @@ def _late_ms(clock: Clock) -> list[float]:
 
 
 def _write_ms(lab: LabConfig, clock: Clock) -> float:
-    """Return the median time until 64 kB are safe on the disk of the data root."""
+    """Return the median time until 64 kB are safe on the disk of the data root, in ms."""
     make_folder(lab.data_root / FOLDER, exist_ok=True)
     path = lab.data_root / FOLDER / f".write_test.{os.getpid()}"
     took_ms, content = [], bytes(WRITE_BYTES)
@@ -240,13 +243,13 @@ def _monitors() -> str:
 
 
 def _former(path: Path) -> Path:
-    """Return where what was locked before goes, by its date; nothing there is overwritten."""
+    """Return a new path for the earlier station, named by its date; nothing is overwritten."""
     try:
-        made = re.sub(r"\D", "", str(json.loads(path.read_text("utf-8"))["made"])[:19])
+        date_text = re.sub(r"\D", "", str(json.loads(path.read_text("utf-8"))["made"])[:19])
     except (OSError, ValueError, KeyError, TypeError):
-        made = "damaged"
-    number, wanted = 1, path.with_name(f"{path.stem}.until_{made}.json")
-    while wanted.exists():
+        date_text = "damaged"
+    number, new_path = 1, path.with_name(f"{path.stem}.until_{date_text}.json")
+    while new_path.exists():
         number += 1
-        wanted = path.with_name(f"{path.stem}.until_{made}-{number}.json")
-    return wanted
+        new_path = path.with_name(f"{path.stem}.until_{date_text}-{number}.json")
+    return new_path

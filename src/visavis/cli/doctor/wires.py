@@ -1,4 +1,4 @@
-"""Look at runtimes, ports and the network; nothing of a device is opened. Never raises."""
+"""Examine runtimes, ports and the network without opening a device. Never raises."""
 
 import ctypes.util
 import json
@@ -29,12 +29,12 @@ XR_FOLDERS = (
     "~/.local/share/openxr/1",
     "~/.steam/steam/steamapps/common/SteamVR",
 )
-"""Where packages and SteamVR put the manifests of their runtimes."""
+"""Folders where packages and SteamVR put the manifests of their runtimes."""
 XR_MANIFESTS = "*xr*.json"
 XR_REMEDY = "make your headset's runtime the active one in its own program"
 FOVE_REMEDY = "install the FOVE runtime and give FoveClient's path as library_path"
 NOBODY = ("192.0.2.1", 9)
-"""An address reserved for documentation: naming it finds our own without sending anything."""
+"""An address reserved for documentation; connecting a UDP socket to it sends nothing."""
 
 
 # ---- runtimes --------------------------------------------------------------------------------
@@ -42,60 +42,68 @@ NOBODY = ("192.0.2.1", 9)
 
 def runtimes(lab: LabConfig) -> tuple[Finding, ...]:
     """Return which headset runtimes and vendor libraries are installed."""
-    wanted = {driver_spec(d.driver).wire.runtime for d in lab.devices.values() if not d.simulated}
-    looked_for = (
+    needed_runtimes = {
+        driver_spec(d.driver).wire.runtime for d in lab.devices.values() if not d.simulated
+    }
+    candidates = (
         (RUNTIME_NAMES["openvr"], "openvr", openvr_runtime(), "install and start SteamVR"),
         (RUNTIME_NAMES["openxr"], "openxr", openxr_runtime(), XR_REMEDY),
         (RUNTIME_NAMES["fove"], "fove", fove_library(lab), FOVE_REMEDY),
     )
     rows = [
-        Finding(RUNTIMES, name, "ok", found)
-        if found
+        Finding(RUNTIMES, name, "ok", location)
+        if location
         else Finding(RUNTIMES, name, "missing", "not found", remedy)
-        for name, kind, found, remedy in looked_for
-        if found or kind in wanted
+        for name, kind, location, remedy in candidates
+        if location or kind in needed_runtimes
     ]
-    absent = [name for name, kind, found, _ in looked_for if not found and kind not in wanted]
+    absent = [
+        name
+        for name, kind, location, _ in candidates
+        if not location and kind not in needed_runtimes
+    ]
     if absent:
         rows.append(Finding(RUNTIMES, "not needed", "note", f"{', '.join(absent)}: not found"))
     return (*rows, *_eyes(lab))
 
 
 def _eyes(lab: LabConfig) -> tuple[Finding, ...]:
-    """Say whether the active OpenXR runtime hides an eye tracker that another would tell of.
+    """Return whether the active OpenXR runtime offers gaze, or another one would.
 
-    Runtimes are asked only where gaze is to come from OpenXR, others than the active one only where
-    that tells none: asking may start a vendor's programs.
+    Asking may start a vendor's programs. So runtimes are asked only where a device takes gaze from
+    OpenXR, and the others only where the active one offers none.
     """
-    asked = [d for d in lab.devices.values() if d.driver == "openxr_gaze" and not d.simulated]
+    gaze_devices = [
+        d for d in lab.devices.values() if d.driver == "openxr_gaze" and not d.simulated
+    ]
     active = next((m for m in _openxr_manifests() if m.is_file()), None)
-    if not asked or active is None or not is_installed(OPENXR):
+    if not gaze_devices or active is None or not is_installed(OPENXR):
         return ()
-    found = ask(active)
-    name = _runtime_name(active) if found is None else found.runtime
-    if found is not None and found.tells_gaze:
-        how = f"each eye by {found.eyes_by}" if found.eyes_by else "one ray of both eyes"
+    offer = ask(active)
+    name = _runtime_name(active) if offer is None else offer.runtime
+    if offer is not None and offer.tells_gaze:
+        how = f"each eye by {offer.eyes_by}" if offer.eyes_by else "one ray of both eyes"
         return (Finding(RUNTIMES, EYES, "ok", f"{name} tells {how}"),)
     offers = [(m, o) for m in openxr_installed() if (o := ask(m)) is not None and o.tells_gaze]
     others = [(manifest, one) for manifest, one in offers if one.runtime != name]
     if others:
         manifest, one = others[0]
-        fails = "hides the eye tracker, whose gaze" if found else "cannot be asked for gaze, which"
+        fails = "hides the eye tracker, whose gaze" if offer else "cannot be asked for gaze, which"
         text = f"{name} {fails} {one.runtime} tells"
         remedy = f"make {one.runtime} the active OpenXR runtime in its own program ({manifest})"
         return (Finding(RUNTIMES, EYES, "missing", text, remedy),)
-    if found is not None and not found.has_headset:
+    if offer is not None and not offer.has_headset:
         text = f"{name} finds no headset, so it cannot say whether it tells gaze"
         return (Finding(RUNTIMES, EYES, "warning", text, "connect and switch on the headset"),)
-    text = f"{name} tells no gaze" if found is not None else f"{name} cannot be asked for gaze"
+    text = f"{name} tells no gaze" if offer is not None else f"{name} cannot be asked for gaze"
     return (Finding(RUNTIMES, EYES, "missing", text, driver_spec("openxr_gaze").remedy),)
 
 
 def openxr_installed() -> tuple[Path, ...]:
-    """Return the manifests of every OpenXR runtime of this computer, the active one's first."""
-    found = [*_openxr_manifests(), *_openxr_elsewhere()]
-    there = {path.resolve(): path for path in reversed(found) if path.is_file()}
-    return tuple(reversed(there.values()))
+    """Return the manifests of all OpenXR runtimes of this computer, the active one first."""
+    manifests = [*_openxr_manifests(), *_openxr_elsewhere()]
+    path_by_target = {path.resolve(): path for path in reversed(manifests) if path.is_file()}
+    return tuple(reversed(path_by_target.values()))
 
 
 def _openxr_elsewhere() -> list[Path]:
@@ -103,7 +111,7 @@ def _openxr_elsewhere() -> list[Path]:
         return [
             Path(name) for name in _windows_names(r"SOFTWARE\Khronos\OpenXR\1\AvailableRuntimes")
         ]
-    else:  # mypy takes what follows a return for dead on Windows
+    else:  # else: on Windows mypy calls code after the return unreachable
         return [
             path
             for folder in XR_FOLDERS
@@ -112,22 +120,25 @@ def _openxr_elsewhere() -> list[Path]:
 
 
 def _windows_names(key: str) -> list[str]:
-    """Return the names of a registry key's values; none where there is no such key."""
+    """Return the names of a registry key's values; an empty list where there is no such key."""
     import importlib
 
     winreg: Any = importlib.import_module("winreg")
     try:
-        with winreg.OpenKey(winreg.HKEY_LOCAL_MACHINE, key) as opened:
-            return [winreg.EnumValue(opened, i)[0] for i in range(winreg.QueryInfoKey(opened)[1])]
+        with winreg.OpenKey(winreg.HKEY_LOCAL_MACHINE, key) as registry_key:
+            return [
+                winreg.EnumValue(registry_key, i)[0]
+                for i in range(winreg.QueryInfoKey(registry_key)[1])
+            ]
     except OSError:
         return []
 
 
 def openvr_runtime() -> str:
-    """Return the folder of the OpenVR runtime as its registry names it; empty without one."""
-    given = os.environ.get("VR_PATHREG_OVERRIDE")
-    if given:
-        registry = Path(given)
+    """Return the folder of the OpenVR runtime from its registry file; empty without one."""
+    override = os.environ.get("VR_PATHREG_OVERRIDE")
+    if override:
+        registry = Path(override)
     elif sys.platform == "win32":
         registry = Path(os.environ.get("LOCALAPPDATA", "")) / "openvr" / "openvrpaths.vrpath"
     else:
@@ -150,12 +161,12 @@ def _runtime_name(manifest: Path) -> str:
 
 
 def _openxr_manifests() -> list[Path]:
-    given = os.environ.get("XR_RUNTIME_JSON")
-    if given:
-        return [Path(given)]
+    override = os.environ.get("XR_RUNTIME_JSON")
+    if override:
+        return [Path(override)]
     if sys.platform == "win32":
         return _openxr_of_windows()
-    else:  # mypy takes what follows a return for dead on Windows
+    else:  # else: on Windows mypy calls code after the return unreachable
         return _openxr_of_home()
 
 
@@ -172,27 +183,27 @@ def _openxr_of_windows() -> list[Path]:
     try:
         with winreg.OpenKey(winreg.HKEY_LOCAL_MACHINE, r"SOFTWARE\Khronos\OpenXR\1") as key:
             return [Path(winreg.QueryValueEx(key, "ActiveRuntime")[0])]
-    except OSError:  # no such key: no runtime was ever made the active one
+    except OSError:  # no such key: no runtime has ever been active
         return []
 
 
 def fove_library(lab: LabConfig) -> str:
-    """Return where FoveClient lies, as configured or as the system finds it; empty without it."""
-    named = [
+    """Return the path of FoveClient, configured or found by the system; empty without it."""
+    configured_paths = [
         str(d.options.get("library_path", "")) for d in lab.devices.values() if d.driver == "fove"
     ]
-    for name in [*named, "FoveClient"]:
+    for name in [*configured_paths, "FoveClient"]:
         if name and Path(name).is_file():
             return name
-        if found := ctypes.util.find_library(name):
-            return found
+        if path := ctypes.util.find_library(name):
+            return path
     return ""
 
 
 def _json(path: Path) -> dict[str, Any]:
     try:
         read = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError):  # not there, or nothing that could be used
+    except (OSError, ValueError):  # no such file, or not JSON
         return {}
     return read if isinstance(read, dict) else {}
 
@@ -201,7 +212,7 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def ports() -> tuple[Finding, ...]:
-    """Return what is plugged in, as `vid`, `pid` and `serial_number` for lab_config.yaml."""
+    """Return the serial and HID devices that are plugged in, with values for lab_config.yaml."""
     return (*_serial_ports(), *_hid_devices())
 
 
@@ -243,9 +254,9 @@ def _hid_devices() -> list[Finding]:
 
 
 def network(lab: LabConfig, *, are_open: bool = False) -> tuple[Finding, ...]:
-    """Return our address, who answers at the configured ones, and what must be let in.
+    """Return our address, which devices answer at theirs, and what the firewall must let in.
 
-    While the devices are open, nobody else dials or binds their addresses.
+    Addresses of open devices are not tried: a device may accept only one connection.
     """
     rows = [Finding(NETWORK, "this computer", "ok", own_address() or "no network")]
     real = [d for d in lab.devices.values() if not d.simulated]
@@ -274,7 +285,7 @@ def network(lab: LabConfig, *, are_open: bool = False) -> tuple[Finding, ...]:
 
 
 def own_address() -> str:
-    """Return this computer's address on its network; empty without a route."""
+    """Return this computer's address on its network; empty without a network."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(NOBODY)
@@ -295,8 +306,10 @@ def _dial(device: DeviceConfig) -> Finding:
         text = f"{address}:{port} does not answer: another network, or a firewall"
         return Finding(NETWORK, subject, "note", text)
     except OSError as problem:
-        refused = isinstance(problem, ConnectionRefusedError)
-        text = f"{address}:{port} " + ("is there, but no program listens" if refused else "is away")
+        is_refused = isinstance(problem, ConnectionRefusedError)
+        text = f"{address}:{port} " + (
+            "is there, but no program listens" if is_refused else "is away"
+        )
         return Finding(NETWORK, subject, "note", text)
     return Finding(NETWORK, subject, "ok", f"{address}:{port} answers")
 
