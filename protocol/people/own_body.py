@@ -32,10 +32,10 @@ def read_own_body(person: Path) -> OwnBody:
     if not path.exists() and not copy_path(path).exists():
         return OwnBody()
     try:
-        found = read_sealed(path)
-        if not found.is_sealed:
+        sealed_file = read_sealed(path)
+        if not sealed_file.is_sealed:
             raise ValueError("it lost its checksum")
-        content = found.content
+        content = sealed_file.content
         if content["participant"] != _label_of(person):
             raise ValueError(f"it is of {content['participant']}")
         body, stature_m = content["body"], content["stature_m"]
@@ -57,10 +57,10 @@ def write_own_body(person: Path, own: OwnBody) -> None:
 
 def remove_own_body(person: Path) -> tuple[Path, ...]:
     """Remove what the folder of a person keeps; return the files that were there."""
-    found = tuple(path for name in FILE_NAMES if (path := person / name).exists())
-    for path in found:
+    paths = tuple(path for name in FILE_NAMES if (path := person / name).exists())
+    for path in paths:
         path.unlink()
-    return found
+    return paths
 
 
 def _label_of(person: Path) -> str:

@@ -80,8 +80,8 @@ def no_such(name: str, known: Collection[str]) -> str:
 
 def known_of(kind: type[P], parameters: Mapping[str, Any]) -> P:
     """Return a dataclass from parameters by name; it ignores names that are not its own."""
-    known = {f.name for f in fields(kind)}  # type: ignore[arg-type]  # a dataclass, as said
-    return kind(**{k: v for k, v in parameters.items() if k in known})
+    names = {f.name for f in fields(kind)}  # type: ignore[arg-type]  # a dataclass, as said
+    return kind(**{k: v for k, v in parameters.items() if k in names})
 
 
 def parameters_from(kind: type[P], overrides: Mapping[str, Any], study: str) -> P:
@@ -91,19 +91,19 @@ def parameters_from(kind: type[P], overrides: Mapping[str, Any], study: str) -> 
         ConfigError: listing every name that does not exist and every value that is none.
     """
     hints = get_type_hints(kind)
-    known = tuple(f.name for f in fields(kind))  # type: ignore[arg-type]  # a dataclass, as said
+    names = tuple(f.name for f in fields(kind))  # type: ignore[arg-type]  # a dataclass, as said
     problems: list[str] = []
     read: dict[str, Any] = {}
     for name, value in overrides.items():
-        if name not in known:
-            problems.append(no_such(name, known))
+        if name not in names:
+            problems.append(no_such(name, names))
             continue
         try:
             read[name] = read_as(hints[name], value)
         except ValueError as problem:
             problems.append(f"{name} is {_shown(value)}: {problem}")
-    if any(name not in known for name in overrides):
-        problems.append(f"parameters: {', '.join(known)}")
+    if any(name not in names for name in overrides):
+        problems.append(f"parameters: {', '.join(names)}")
     if problems:
         raise ConfigError(f"{study} cannot be set so: {'; '.join(problems)}")
     return kind(**read)

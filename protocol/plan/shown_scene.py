@@ -88,15 +88,15 @@ class Shown:
         Raises:
             DataError: none had, or the plan does not have it.
         """
-        begun = self.latest("trial_start")
-        if begun is None:
+        start = self.latest("trial_start")
+        if start is None:
             raise DataError(f"{self.recording.path}: no trial had begun at {self.t_ns} ns")
         for block in self.recording.manifest.plan["blocks"]:
-            for planned in block["trials"]:
-                if planned["trial_id"] == begun[1]["trial_id"]:
-                    return Trial(**planned)
+            for trial_fields in block["trials"]:
+                if trial_fields["trial_id"] == start[1]["trial_id"]:
+                    return Trial(**trial_fields)
         raise DataError(
-            f"{self.recording.path}: trial {begun[1]['trial_id']} is not in the session's plan"
+            f"{self.recording.path}: trial {start[1]['trial_id']} is not in the session's plan"
         )
 
 

@@ -116,12 +116,12 @@ class GazeDwell:
         for i in range(gaze.t_ns.shape[0]):
             if gaze.t_ns[i] < since_ns:
                 continue
-            met = None
+            gaze_choice = None
             if gaze.valid[i]:
-                met = choice_met(panel, gaze.origin_world_m[i], gaze.direction_world[i])
-            chosen = self.take(met, int(gaze.t_ns[i]))
-            if chosen is not None:
-                return chosen
+                gaze_choice = choice_met(panel, gaze.origin_world_m[i], gaze.direction_world[i])
+            dwell_choice = self.take(gaze_choice, int(gaze.t_ns[i]))
+            if dwell_choice is not None:
+                return dwell_choice
         return None
 
 
@@ -138,31 +138,31 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
     until_ns = asked_ns + round(ways.limit_s * NS_PER_S)
     ray: Ray | None = None
     dwell = None if ways.dwell is None else GazeDwell(ways.dwell)
-    stepped: int | None = None
+    key_choice: int | None = None
     # What was pressed up to this frame was pressed before the board was there.
     view = view._replace(pressed=(), pressed_ns=())
     while view.t_ns < until_ns:
         ray = newer_ray(ray, view, ways)
-        pointed, pose = _pointed(ray, view, panel, ways)
+        ray_choice, pose = _pointed(ray, view, panel, ways)
         by_hand = ray is not None and ray.is_hand
-        gaze_counts = pointed is None if ways.gaze_beside_hand else not by_hand
-        looked = None if dwell is None else dwell.look(panel, view, asked_ns)
+        gaze_counts = ray_choice is None if ways.gaze_beside_hand else not by_hand
+        gaze_choice = None if dwell is None else dwell.look(panel, view, asked_ns)
         at_gaze = dwell.choice if dwell is not None and gaze_counts else None
-        lit = pointed if at_gaze is None else at_gaze
+        lit = ray_choice if at_gaze is None else at_gaze
         for control in view.pressed:
-            stepped = _step(stepped, control, len(panel.choices))
-            if control in CONFIRM and stepped is not None:
-                return Chosen(stepped, "keys", asked_ns, view)
+            key_choice = _step(key_choice, control, len(panel.choices))
+            if control in CONFIRM and key_choice is not None:
+                return Chosen(key_choice, "keys", asked_ns, view)
             if control in CONFIRM and lit is not None:
                 by = "ray" if at_gaze is None else "gaze and button"
                 return Chosen(lit, by, asked_ns, view, pose if at_gaze is None else None)
             digit = _of_digit(control, len(panel.choices), ways.can_leave_out)
             if digit is not None:
                 return Chosen(digit, "keys", asked_ns, view)
-        if stepped is not None:
-            lit = stepped
-        elif looked is not None and gaze_counts:
-            return Chosen(looked, "gaze", asked_ns, view)
+        if key_choice is not None:
+            lit = key_choice
+        elif gaze_choice is not None and gaze_counts:
+            return Chosen(gaze_choice, "gaze", asked_ns, view)
         yield from shown(show(view, replace(panel, highlighted=lit)))
         view = yield from frame()
     return Chosen(None, "nothing in time", asked_ns, view)
@@ -204,9 +204,9 @@ def _pointed(
     """Return the choice pointed at and what points: the first controller that meets one."""
     poses = view.pointers or (() if ray is None else (ray.pose,))
     for pose in poses:
-        met = chosen_by(pose, panel, ways.beside_01)
-        if met is not None:
-            return met, pose
+        choice = chosen_by(pose, panel, ways.beside_01)
+        if choice is not None:
+            return choice, pose
     return None, None
 
 

@@ -228,7 +228,7 @@ class FrameLoop:
         else:
             self._take_pose(self._head_now(), frame.t_ns)
         self._rig.hear_from(self.head)
-        pressed, pressed_ns = self._take_presses() if self._press_inbox else ((), ())
+        controls, pressed_ns = self._take_presses() if self._press_inbox else ((), ())
         gaze: GazeView
         if is_put_off or self._waiting:
             late = self.observer.wait(frame.index, frame.t_ns, self.catch_up)
@@ -245,7 +245,7 @@ class FrameLoop:
             self.head,
             self.head_valid,
             gaze,
-            pressed,
+            controls,
             self._take_body() if self._body_inbox else None,
             tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
             head_points=self.screen is None,
@@ -362,7 +362,7 @@ class FrameLoop:
 
     def _take_presses(self) -> tuple[tuple[str, ...], tuple[int, ...]]:
         """Return what was pressed since the frame before, and when it was heard."""
-        pressed: list[str] = []
+        controls: list[str] = []
         pressed_ns: list[int] = []
         while self._press_inbox:
             batch = self._press_inbox.popleft()
@@ -377,9 +377,9 @@ class FrameLoop:
                 self._levels_01[control] = level
                 # An axis presses once when it passes the middle; a button may tell presses alone.
                 if level > 0.5 and (before <= 0.5 or level == before):
-                    pressed.append(self._controls[control])
+                    controls.append(self._controls[control])
                     pressed_ns.append(t_ns)
-        return tuple(pressed), tuple(pressed_ns)
+        return tuple(controls), tuple(pressed_ns)
 
     def _take_rays(self, batch: SampleBatch) -> None:
         for row in batch.values:
@@ -397,16 +397,16 @@ class FrameLoop:
                 self._sounded.append(Sounded(key, int(row["t_sounding_ns"])))
 
     def _told_sounds(self) -> tuple[Sounded, ...]:
-        sounded, self._sounded = tuple(self._sounded), []
-        return sounded
+        sounds, self._sounded = tuple(self._sounded), []
+        return sounds
 
     def _take_body(self) -> BodyView:
         batches = []
         while self._body_inbox:
             batches.append(self._body_inbox.popleft())
-        answered = self._answered
-        if answered is not None and len(batches) == 1 and answered[0] is batches[0]:
-            return answered[1]
+        batch_and_view = self._answered
+        if batch_and_view is not None and len(batches) == 1 and batch_and_view[0] is batches[0]:
+            return batch_and_view[1]
         return self._body_view(batches)
 
     def _body_view(self, batches: Sequence[SampleBatch]) -> BodyView:
@@ -437,9 +437,11 @@ class FrameLoop:
             self._logged_view = view
             return
         self._logged_view = view
-        shown = view.gaze_direction.shape[0]
-        if shown > self._agent_count:
-            raise ValueError(f"a scene holds {shown} agents, and the study's have room for fewer")
+        agent_count = view.gaze_direction.shape[0]
+        if agent_count > self._agent_count:
+            raise ValueError(
+                f"a scene holds {agent_count} agents, and the study's have room for fewer"
+            )
         i = self._scene_states.room(1)
         columns = self._scene_states.columns
         columns["scene"][i] = self._scene_number
@@ -449,10 +451,10 @@ class FrameLoop:
             ("gaze_distance_m", view.gaze_distance_m),
         ):
             row = columns[name][i]
-            if values is None or shown < self._agent_count:
+            if values is None or agent_count < self._agent_count:
                 row[...] = np.nan
             if values is not None:
-                row[:shown] = values
+                row[:agent_count] = values
         self._scene_states.commit(1, self.t_ns)
 
     def _describe(self, scene: Scene) -> dict[str, object]:

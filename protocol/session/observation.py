@@ -58,7 +58,7 @@ def _gaze_in_world(
     direction: npt.NDArray[np.float64],
     origin: npt.NDArray[np.float64],
 ) -> None:
-    kept = pose_t_ns.shape[0]
+    capacity = pose_t_ns.shape[0]
     k_frame = 0
     for i in range(t_ns.shape[0]):
         while i >= frames[k_frame, 0]:
@@ -66,10 +66,10 @@ def _gaze_in_world(
         b = frames[k_frame, 2]
         count = frames[k_frame, 3]
         steps = 1
-        while steps < count and pose_t_ns[(b - 1 + kept) % kept] > t_ns[i]:
-            b = (b - 1 + kept) % kept
+        while steps < count and pose_t_ns[(b - 1 + capacity) % capacity] > t_ns[i]:
+            b = (b - 1 + capacity) % capacity
             steps += 1
-        a = (b - 1 + kept) % kept if steps < count else b
+        a = (b - 1 + capacity) % capacity if steps < count else b
         f = 0.0
         span = pose_t_ns[b] - pose_t_ns[a]
         if span > 0:
@@ -263,10 +263,10 @@ class GazeObserver:
         self._columns = tuple(targets.columns[name] for name in RECORDED)
         self._inbox: deque[SampleBatch] = deque()
         self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
-        kept = POSES_KEPT + MAX_WAITING
-        self._pose_t_ns = np.zeros(kept, dtype=np.int64)
-        self._pose_p = np.zeros((kept, 3))
-        self._pose_q = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (kept, 1))
+        capacity = POSES_KEPT + MAX_WAITING
+        self._pose_t_ns = np.zeros(capacity, dtype=np.int64)
+        self._pose_p = np.zeros((capacity, 3))
+        self._pose_q = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (capacity, 1))
         self._waiting: list[_Waiting] = []
         self._newest = -1
         self._poses = 0
@@ -358,8 +358,8 @@ class GazeObserver:
         for one, end in zip(waiting, ends.tolist(), strict=True):
             one.gaze.found(gaze, first, end)
             first = end
-        found: list[int] = counts.tolist()
-        return found
+        sample_counts: list[int] = counts.tolist()
+        return sample_counts
 
     def _evaluated(
         self, batch: SampleBatch, geometry: SceneGeometry, frames: npt.NDArray[np.int64]
@@ -374,7 +374,7 @@ class GazeObserver:
         t_ns = np.empty(n, np.int64)
         valid = np.empty(n, np.bool_)
         rays = np.empty((2, n, 3))
-        seen = np.empty((3, n, geometry.heads.shape[0]))
+        per_head = np.empty((3, n, geometry.heads.shape[0]))
         hit = np.empty(n, np.int16)
         valid_count = _evaluate(
             np.frombuffer(batch.values.tobytes(), np.uint8),
@@ -391,14 +391,14 @@ class GazeObserver:
             t_ns,
             valid,
             rays,
-            seen,
+            per_head,
             hit,
             at,
             *self._columns,
         )
         self.received += n
         self.valid += valid_count
-        return GazeView(t_ns, valid, rays[0], rays[1], seen[0], seen[1], seen[2], hit)
+        return GazeView(t_ns, valid, rays[0], rays[1], per_head[0], per_head[1], per_head[2], hit)
 
     def drain(self) -> list[SampleBatch]:
         """Return what arrived without evaluating it."""

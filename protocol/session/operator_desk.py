@@ -196,7 +196,7 @@ class OperatorDesk:
         if action in self._pending:
             self._pending.discard(action)
             done = LATER.get(action)
-            self._messages = [said for said in self._messages if said[1] != done]
+            self._messages = [message for message in self._messages if message[1] != done]
             return True
         return False
 
@@ -245,8 +245,8 @@ class OperatorDesk:
 
     def take_advance(self) -> bool:
         """Tell whether the operator asked to go on, and forget it."""
-        asked, self._advance = self._advance, False
-        return asked
+        advance, self._advance = self._advance, False
+        return advance
 
     @property
     def blocking_since_ns(self) -> int:
@@ -272,9 +272,9 @@ class OperatorDesk:
         return self.interrupt_reason
 
     def _look_for_faults(self) -> None:
-        shown = self._loop.display_fault
-        told = (f for f in self._rig.faults() if not self._is_idle_uncalibrated(f))
-        faults = (*told, *(() if shown is None else (shown,)))
+        display_fault = self._loop.display_fault
+        rig_faults = (f for f in self._rig.faults() if not self._is_idle_uncalibrated(f))
+        faults = (*rig_faults, *(() if display_fault is None else (display_fault,)))
         self._faults.look(faults, self._loop.t_ns, is_set_up=self._is_set_up)
         for fault in faults if self._in_trial else ():
             is_idle = fault.role in self._idle_roles and fault.severity == "warning"

@@ -39,11 +39,11 @@ class Questioning:
                 self._ask_questionnaire(questionnaire, questionnaire.name)
 
     def _left_after(self, block: Block) -> list[Questionnaire]:
-        answered = self._setup.progress.answered
+        answered_names = self._setup.progress.answered
         return [
             q
             for q in self._setup.questionnaires
-            if q.name in block.questionnaires and asked_after(q.name, block) not in answered
+            if q.name in block.questionnaires and asked_after(q.name, block) not in answered_names
         ]
 
     def _ask_questionnaire(self, questionnaire: Questionnaire, name: str) -> None:
@@ -51,9 +51,9 @@ class Questioning:
             if (name, question.question_id) in self._setup.progress.answers:
                 continue
             answer = self._ask(question)
-            said = {}
+            wording_fields = {}
             if questionnaire.wording:
-                said = {"said": answer, "language": questionnaire.language}
+                wording_fields = {"said": answer, "language": questionnaire.language}
                 if question.options and answer is not None:  # which only this wording knows
                     answer = str(read_answer(question, answer))
             self._recorder.event(
@@ -62,7 +62,7 @@ class Questioning:
                 questionnaire=name,
                 question=question.question_id,
                 answer=answer,
-                **said,
+                **wording_fields,
             )
         self._recorder.event("questionnaire_complete", self._loop.t_ns, questionnaire=name)
         self._recorder.checkpoint(timeout_s=5.0)

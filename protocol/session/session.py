@@ -106,13 +106,13 @@ class Session:
         return is_there and any(block.calibrate for block in self._setup.plan.blocks)
 
     def _end_early(self, error: LabError) -> None:
-        aborted = isinstance(error, SessionAborted)
+        is_abort = isinstance(error, SessionAborted)
         if not isinstance(error, RecordingError):  # which takes nothing any more
             self._loop.flush()
             self._runner.record_exchanges()
-            name = "session_aborted" if aborted else "session_failed"
+            name = "session_aborted" if is_abort else "session_failed"
             self._recorder.event(name, self._loop.t_ns, message=str(error))
-        self._states.move(SessionState.ABORTED if aborted else SessionState.FAILED)
+        self._states.move(SessionState.ABORTED if is_abort else SessionState.FAILED)
 
     def _asking(self) -> Respondent:
         """Return who answers questionnaires: on boards in the scene, where the stage does that."""
@@ -166,18 +166,18 @@ class Session:
         if self._participant is not None:
             self._participant.wear(0)
             self._participant.prepare(0, self._loop.t_ns)
-        begun = False
+        has_begun = False
         for block in setup.plan.blocks:
             trials = left_of(block, setup.progress)
             if trials:
-                if begun:
+                if has_begun:
                     self._take_break(block)
-                begun = True
+                has_begun = True
                 self._perform_block(block, trials)
             if self._questioning.is_due(block):
                 self._begin_questions(block.index)
                 self._questioning.ask_after(block)
-        if begun:
+        if has_begun:
             self._validate_at_end()
         elif not setup.progress.validated_at_end:
             # The tracker was started anew: what it shows now says nothing of the trials before.
@@ -282,12 +282,14 @@ class Session:
     def _wait_for_device(self) -> bool:
         """Wait until no device is missing; tell whether it was away long enough to recalibrate."""
         desk, loop = self._desk, self._loop
-        lost = desk.blocking_fault()
-        if lost is None:
+        first_fault = desk.blocking_fault()
+        if first_fault is None:
             return False
         since_ns = desk.blocking_since_ns
         self._states.move(SessionState.PAUSED)
-        self._recorder.event("device_lost", loop.t_ns, role=lost.role, message=lost.message)
+        self._recorder.event(
+            "device_lost", loop.t_ns, role=first_fault.role, message=first_fault.message
+        )
         self._recorder.checkpoint(timeout_s=5.0)
         limit_s = self._setup.lost_device_s
         spare = spare_roles_of(self._setup.experiment)
@@ -314,13 +316,13 @@ class Session:
                 self._owes_calibration |= fault.role == "eye_tracker"
                 self._recorder.event("device_done_without", loop.t_ns, role=fault.role)
         desk.waiting, desk.may_do_without = "", False
-        if lost.role in desk.done_without:
+        if first_fault.role in desk.done_without:
             return False
         away_ns = loop.t_ns - since_ns
         self._recorder.event(
-            "device_back", loop.t_ns, role=lost.role, away_s=round(away_ns / NS_PER_S, 3)
+            "device_back", loop.t_ns, role=first_fault.role, away_s=round(away_ns / NS_PER_S, 3)
         )
-        desk.say(f"{lost.role} is back after {away_ns / NS_PER_S:.1f} s")
+        desk.say(f"{first_fault.role} is back after {away_ns / NS_PER_S:.1f} s")
         return away_ns >= LOST_STREAM_NS
 
     # ---- calibration -------------------------------------------------------------------------
@@ -354,11 +356,11 @@ class Session:
             self._store_head_fit(block.index, attempt)
             if self._desk.device_lost():
                 continue
-            measured = self._validate(block.index, attempt, moment="block_start")
-            if best is None or _error(measured) < _error(best):
-                best = measured
-            if measured.verdict.accepted and outcome.succeeded:
-                best = measured
+            calibration = self._validate(block.index, attempt, moment="block_start")
+            if best is None or _error(calibration) < _error(best):
+                best = calibration
+            if calibration.verdict.accepted and outcome.succeeded:
+                best = calibration
                 break
             self._desk.say(f"calibration {attempt} of {MAX_CALIBRATIONS} not good enough: again")
         if not self._calibrates:
@@ -410,7 +412,7 @@ class Session:
         verdict = self._setup.judge_validation(points, self._gaze_rate_hz)
         self._calibrations += 1
         calibration = CalibrationInForce(f"C{self._calibrations:02d}", self._loop.t_ns, verdict)
-        found = {
+        fields = {
             "moment": moment,
             "block": block,
             "attempt": attempt,
@@ -423,11 +425,11 @@ class Session:
             "lost_01": verdict.lost_01,
         }
         self._recorder.event(
-            "validation", self._loop.t_ns, **found, points=[dict(row) for row in verdict.rows]
+            "validation", self._loop.t_ns, **fields, points=[dict(row) for row in verdict.rows]
         )
         if self._setup.listeners.on_validation is not None:
             self._setup.listeners.on_validation(
-                {"part": self._setup.name.part, "t_ns": self._loop.t_ns, **found}
+                {"part": self._setup.name.part, "t_ns": self._loop.t_ns, **fields}
             )
         return calibration
 

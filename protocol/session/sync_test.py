@@ -102,17 +102,17 @@ def perform(
     A flash's time is when its first frame's light should leave by the display's own prediction,
     which is what sessions record; a click's and a buzz's is the moment of the command.
     """
-    asked = Asked(frame_ns=patch.frame_ns, flash_ns=FLASH_FRAMES * patch.frame_ns)
+    commands = Asked(frame_ns=patch.frame_ns, flash_ns=FLASH_FRAMES * patch.frame_ns)
 
     def frame(*, lit: bool) -> FrameInfo:
-        shown = patch.show(lit=lit)
-        asked.frames += 1
-        asked.dropped += shown.dropped
+        frame_info = patch.show(lit=lit)
+        commands.frames += 1
+        commands.dropped += frame_info.dropped
         if band is not None:
             band.keep_alive()
             band.poll(0.0)
         sensor.poll()
-        return shown
+        return frame_info
 
     def wait(ns: int) -> None:
         until_ns = clock.now_ns() + ns
@@ -124,21 +124,21 @@ def perform(
 
     wait(SETTLE_NS)
     for repeat in range(repeats):
-        asked.picture_ns.append(frame(lit=True).predicted_display_ns)
+        commands.picture_ns.append(frame(lit=True).predicted_display_ns)
         for _ in range(FLASH_FRAMES - 1):
             frame(lit=True)
         apart()
         if speaker is not None:
-            asked.sound_ns.append(clock.now_ns())
+            commands.sound_ns.append(clock.now_ns())
             speaker.click()
             apart()
         if band is not None:
-            asked.vibration_ns.append(clock.now_ns())
+            commands.vibration_ns.append(clock.now_ns())
             band.set_amplitudes((1.0,) * band.motor_count, BUZZ_MS)
             apart()
         progress(repeat + 1)
     wait(SETTLE_NS)
-    return asked
+    return commands
 
 
 class SeenHeadset:

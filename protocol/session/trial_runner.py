@@ -114,13 +114,13 @@ class TrialRunner:
         loop.gaze_tap = []
         if skip_reason is None:
             desk.enter(SessionState.TRIAL)
-            row, interrupted = self._perform(setup.experiment.run_trial(trial), interruptible=True)
-            interrupted = interrupted or desk.lost_at_end()
+            row, interruption = self._perform(setup.experiment.run_trial(trial), interruptible=True)
+            interruption = interruption or desk.lost_at_end()
         else:
-            row, interrupted = {}, None
+            row, interruption = {}, None
             desk.skip_reason = skip_reason
         self._rig.hush()
-        outcome = self._outcome(interrupted)
+        outcome = self._outcome(interruption)
         self._rig.mark(f"trial_end {trial.trial_id} {attempt} {outcome.status}", loop.t_ns)
         loop.trial_number = -1
         seen_01, loop.gaze_tap = _eyes_seen_01(loop.gaze_tap or ()), None
@@ -181,7 +181,7 @@ class TrialRunner:
     def _perform(self, plan: Plan, *, interruptible: bool) -> tuple[Row, str | None]:
         desk = self._desk
         reply: FrameView | Answered | None = None
-        interrupted: str | None = None
+        interruption: str | None = None
         with self._loop.leaving_gaze():
             try:
                 step = next(plan)
@@ -190,14 +190,14 @@ class TrialRunner:
                     if kind is NextFrame:
                         reply = desk.next_frame()
                         if interruptible and desk.interrupt_reason is not None:
-                            interrupted = desk.interrupt_reason
-                            self._unwind(plan, interrupted)
-                            return {}, interrupted
+                            interruption = desk.interrupt_reason
+                            self._unwind(plan, interruption)
+                            return {}, interruption
                     else:
                         reply = self._do(step)
                     step = plan.send(reply)
             except StopIteration as end:
-                return (end.value or {}), interrupted
+                return (end.value or {}), interruption
 
     def _unwind(self, plan: Plan, reason: str) -> None:
         try:
@@ -291,16 +291,16 @@ class TrialRunner:
         )
 
     def _delivered(self, before: tuple[int, int, int, int], start_ns: int) -> dict[str, int]:
-        frames, dropped, received, valid = (
+        frames, dropped_frames, received_samples, valid_samples = (
             now - then for now, then in zip(self._counts(), before, strict=True)
         )
-        expected = round((self._loop.t_ns - start_ns) / NS_PER_S * self._gaze_rate_hz)
+        expected_samples = round((self._loop.t_ns - start_ns) / NS_PER_S * self._gaze_rate_hz)
         return {
             "frames": frames,
-            "frames_dropped": dropped,
-            "gaze_expected": expected,
-            "gaze_received": received,
-            "gaze_valid": valid,
+            "frames_dropped": dropped_frames,
+            "gaze_expected": expected_samples,
+            "gaze_received": received_samples,
+            "gaze_valid": valid_samples,
         }
 
 

@@ -51,13 +51,13 @@ def _paired(recording: Recording, part: int) -> Iterator[Lane]:
         at_ns = int(payload.get(f"t_{what}_ns", event["t_ns"]))
         lane = lanes.setdefault(name, Lane(name, "contact", role, []))
         if name in open_at:
-            begin_ns, told = open_at.pop(name)
-            lane.spans.append((begin_ns, at_ns, told))
+            begin_ns, text = open_at.pop(name)
+            lane.spans.append((begin_ns, at_ns, text))
         if kind == "begin":
-            kept = {k: v for k, v in payload.items() if not k.endswith("_ns")}
-            open_at[name] = at_ns, json.dumps(kept, ensure_ascii=False, default=str)
-    for name, (begin_ns, told) in open_at.items():
-        lanes[name].spans.append((begin_ns, begin_ns, told))
+            details = {k: v for k, v in payload.items() if not k.endswith("_ns")}
+            open_at[name] = at_ns, json.dumps(details, ensure_ascii=False, default=str)
+    for name, (begin_ns, text) in open_at.items():
+        lanes[name].spans.append((begin_ns, begin_ns, text))
     yield from (lanes[name] for name in sorted(lanes))
 
 
@@ -79,8 +79,8 @@ def _vibrations(recording: Recording, part: int) -> Iterator[Lane]:
                 continue
             end_ns = begins[k] + int(rows["duration_ms"][i]) * NS_PER_MS
             end_ns = min([end_ns, *begins[k + 1 : k + 2]])
-            lost = "" if rows["acknowledged"][i] else ", not acknowledged"
-            spans.append((begins[k], end_ns, f"{100 * strength:.0f} %{lost}"))
+            note = "" if rows["acknowledged"][i] else ", not acknowledged"
+            spans.append((begins[k], end_ns, f"{100 * strength:.0f} %{note}"))
         role = stream.removeprefix("haptics_")
         yield Lane(_name(f"vibration {role}"), "vibration", role, spans)
 

@@ -163,16 +163,16 @@ def check_wording(lab: LabConfig) -> None:
     if not set(lab.wording) - set(available()):
         return
     plain = lab.model_copy(update={"wording": {}})
-    asked = {
+    names_in_studies = {
         questionnaire.name
         for name in (*SHIPPED, *lab.studies)
         for questionnaire in find_study(name, lab.studies).questionnaires(plain)
     }
-    known = {*available(), *asked}
+    names = {*available(), *names_in_studies}
     problems = [
-        f"no questionnaire {name!r}{did_you_mean(name, known)}"
+        f"no questionnaire {name!r}{did_you_mean(name, names)}"
         for name in lab.wording
-        if name not in known
+        if name not in names
     ]
     if problems:
         raise ConfigError(f"{lab.path}, wording: {'; '.join(problems)}")
@@ -210,14 +210,14 @@ def _data_of(name: str, lab: LabConfig) -> list[Path]:
 
 def _no_data(name: str, wanted: Path, lab: LabConfig, verb: str) -> str:
     """Return why nobody's data were found, with the simulated studies that may be meant."""
-    simulated = sorted(
+    folders = sorted(
         (lab.data_root / DRY_RUNS).glob(f"*/{SIMULATED_ROOT}/{name}"),
         key=lambda folder: folder.stat().st_mtime_ns,
         reverse=True,
     )
     nothing = f"there are no sessions of {name} under {lab.data_root}"
-    if simulated:
-        lines = "\n  ".join(f"visavis {verb} {shlex.quote(str(f))}" for f in simulated[:6])
+    if folders:
+        lines = "\n  ".join(f"visavis {verb} {shlex.quote(str(f))}" for f in folders[:6])
         return f"{nothing}; of a simulated study, type\n  {lines}"
     return (
         f"{nothing}; begin with one: visavis run {wanted} --participant 1, or simulate the whole "
@@ -241,8 +241,8 @@ def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path
     if participant:
         mine = [s for s in sessions if participant.upper() in _names(s)]
         if not mine:
-            known = ", ".join(dict.fromkeys(s.parent.name.removeprefix("sub-") for s in sessions))
-            raise UsageError(f"{participant} has no session there; there are {known}")
+            labels = ", ".join(dict.fromkeys(s.parent.name.removeprefix("sub-") for s in sessions))
+            raise UsageError(f"{participant} has no session there; there are {labels}")
         return mine[-1]
     return max(sessions, key=lambda s: read_manifest(s).created_wall_iso)
 

@@ -100,7 +100,7 @@ def analysed(
     band_role: str,
 ) -> list[Delays]:
     """Return the delays of all that was asked for; UsageError for an unknown channel."""
-    found = []
+    results = []
     stimuli: tuple[tuple[Modality, list[int], str], ...] = (
         ("picture", asked.picture_ns, display_role),
         ("sound", asked.sound_ns, "speaker"),
@@ -115,7 +115,7 @@ def analysed(
                 f"the sensor has no channel {channel!r} for {modality}; it has {', '.join(traces)}"
             )
         trace = traces[channel]
-        found.append(
+        results.append(
             delays(
                 modality,
                 source,
@@ -126,7 +126,7 @@ def analysed(
                 frame_ns=asked.frame_ns,
             )
         )
-    return found
+    return results
 
 
 def perform_real(
@@ -181,7 +181,7 @@ def perform_real(
         stack.callback(patch.release)
         stack.callback(sensor.close)
         sensor.open()
-        asked = perform(
+        commands = perform(
             sensor,
             clock,
             np.random.default_rng(),
@@ -191,8 +191,8 @@ def perform_real(
             repeats=repeats,
             progress=progress,
         )
-        found = analysed(asked, sensor.traces(), channels, patch.role, band_role)
-        return found, asked, sensor
+        results = analysed(commands, sensor.traces(), channels, patch.role, band_role)
+        return results, commands, sensor
 
 
 def _while_open(window: "Window", progress: Callable[[int], None]) -> Callable[[int], None]:
@@ -245,7 +245,7 @@ def perform_simulated(
         sensor.open()
         patch = Patch(cast("Headset", headset), context)
         stack.callback(patch.release)
-        asked = perform(
+        commands = perform(
             sensor,
             clock,
             order_rng,
@@ -255,14 +255,14 @@ def perform_simulated(
             repeats=repeats,
             progress=progress,
         )
-        found = analysed(asked, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
-    commanded = {
-        "picture": asked.picture_ns,
-        "sound": asked.sound_ns,
-        "vibration": asked.vibration_ns,
+        results = analysed(commands, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
+    command_times_ns = {
+        "picture": commands.picture_ns,
+        "sound": commands.sound_ns,
+        "vibration": commands.vibration_ns,
     }
     true_ms = {
         name: (np.array(room.happened[name]) - np.array(asked_ns)) / NS_PER_MS
-        for name, asked_ns in commanded.items()
+        for name, asked_ns in command_times_ns.items()
     }
-    return found, asked, sensor, true_ms
+    return results, commands, sensor, true_ms

@@ -81,8 +81,8 @@ def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "Lab
     # Late: verbs that run no session load neither devices nor pumps.
     from visavis.running.sessions.perform import get_ready
 
-    with TELLING.progress(f"getting {experiment.name} ready") as told:
-        trouble = get_ready(study, experiment, config, told)
+    with TELLING.progress(f"getting {experiment.name} ready") as on_progress:
+        trouble = get_ready(study, experiment, config, on_progress)
     if trouble:
         TELLING.warn(trouble)
 

@@ -127,10 +127,10 @@ class SessionLink:
         own = self._operator.poll()
         if not self._commands:
             return own
-        asked = [*own]
+        commands = [*own]
         while self._commands:
-            asked.append(self._commands.popleft())
-        return asked
+            commands.append(self._commands.popleft())
+        return commands
 
     def show(self, status: SessionStatus) -> None:
         """Keep the status for the desk, and show it at the terminal as often as that wants."""
@@ -174,8 +174,8 @@ class SessionLink:
         assert own is not None  # noqa: S101 - it runs in one
         self._desks[own] = writer
         try:
-            said = await asyncio.wait_for(reader.readline(), PATIENCE_S)
-            if not hmac.compare_digest(said.strip(), self._token.encode()):
+            first_line = await asyncio.wait_for(reader.readline(), PATIENCE_S)
+            if not hmac.compare_digest(first_line.strip(), self._token.encode()):
                 return
             writer.write(line_of(asdict(self._about)))
             sending = asyncio.create_task(self._send(writer))
@@ -192,17 +192,17 @@ class SessionLink:
             writer.close()
 
     async def _send(self, writer: asyncio.StreamWriter) -> None:
-        sent = sent_seen = 0
+        sent_number = sent_seen = 0
         while True:
             latest = self._latest
-            if latest is not None and latest[0] != sent:
-                sent = latest[0]
+            if latest is not None and latest[0] != sent_number:
+                sent_number = latest[0]
                 writer.write(line_of(told(*latest)))
                 await writer.drain()
-            seen = self._seen
-            if seen is not None and seen[0] != sent_seen:
-                sent_seen = seen[0]
-                writer.write(line_of({"seen": from_head(*seen[1:])}))
+            latest_view = self._seen
+            if latest_view is not None and latest_view[0] != sent_seen:
+                sent_seen = latest_view[0]
+                writer.write(line_of({"seen": from_head(*latest_view[1:])}))
                 await writer.drain()
             await asyncio.sleep(PERIOD_S)
 
@@ -217,9 +217,9 @@ def command_of(
 ) -> Command | None:
     """Return the command in a desk's message; None where it is none that may be given."""
     try:
-        asked = json.loads(line)
-        action, text = Action(asked["action"]), asked.get("text", "")
-        code = asked.get("code", "")
+        message = json.loads(line)
+        action, text = Action(message["action"]), message.get("text", "")
+        code = message.get("code", "")
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
     if action not in allowed or not isinstance(text, str) or not isinstance(code, str):

@@ -46,14 +46,14 @@ class SessionWatch:
     @property
     def about(self) -> Mapping[str, Any] | None:
         """What the session met first says of itself; None while none goes on."""
-        found = self.of()
-        return None if found is None else found.about
+        session = self.of()
+        return None if session is None else session.about
 
     @property
     def status(self) -> Mapping[str, Any] | None:
         """How the session met first is."""
-        found = self.of()
-        return None if found is None else found.status
+        session = self.of()
+        return None if session is None else session.status
 
     def of(self, which: str = "") -> Live | None:
         """Return a session by its name, the first where it has ended or none is named."""
@@ -94,13 +94,13 @@ class SessionWatch:
 
         One that has ended meanwhile takes none, and no other does in its place.
         """
-        found = self.live.get(which) if which else self.of()
-        if found is None:
+        session = self.live.get(which) if which else self.of()
+        if session is None:
             return False
         try:
-            asked = {"action": command.action, "text": command.text, "code": command.code}
-            found.writer.write(line_of(asked))
-            await found.writer.drain()
+            message = {"action": command.action, "text": command.text, "code": command.code}
+            session.writer.write(line_of(message))
+            await session.writer.drain()
         except OSError:
             return False
         return True
@@ -117,21 +117,21 @@ class SessionWatch:
         except (OSError, ValueError, KeyError, TypeError):
             meeting.unlink(missing_ok=True)  # of a process that was killed
             return
-        found: Live | None = None
+        session: Live | None = None
         try:
             writer.write(str(how["token"]).encode() + b"\n")
             about = _about(await asyncio.wait_for(reader.readline(), HELLO_S))
             if about is None:
                 meeting.unlink(missing_ok=True)  # another program has that port now
                 return
-            found = self.live[meeting.stem] = Live(about, writer)
+            session = self.live[meeting.stem] = Live(about, writer)
             await self.wake()
             while line := await reader.readline():
-                said = json.loads(line)
-                if "seen" in said:
-                    found.seen = said["seen"]
+                message = json.loads(line)
+                if "seen" in message:
+                    session.seen = message["seen"]
                 else:
-                    found.status = said
+                    session.status = message
                 await self.wake()
         except TimeoutError:
             return  # a busy session, or another program that waits to be spoken to
@@ -139,16 +139,16 @@ class SessionWatch:
             return  # it has ended, or is no session
         finally:
             writer.close()
-            if found is not None:
+            if session is not None:
                 del self.live[meeting.stem]
-                self.ended = found.about
+                self.ended = session.about
                 await self.wake()
 
 
 def _about(line: bytes) -> Mapping[str, Any] | None:
     """Return what a session says of itself first; None from whoever is no session."""
     try:
-        found = json.loads(line)
+        message = json.loads(line)
     except ValueError:
         return None
-    return found if isinstance(found, Mapping) else None
+    return message if isinstance(message, Mapping) else None

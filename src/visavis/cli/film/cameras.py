@@ -150,7 +150,7 @@ class ByTopology:
     def decisions(self) -> Decisions:
         """Return what was decided so far."""
         cuts = [] if self._director is None else self._director.cuts
-        told = [
+        cut_rows = [
             {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(cut).items()}
             for cut in cuts
         ]
@@ -162,7 +162,7 @@ class ByTopology:
             rule,
             self._seed,
             self._style.fov_v_deg,
-            [{k: _known(v) for k, v in cut.items()} for cut in told],
+            [{k: _known(v) for k, v in cut.items()} for cut in cut_rows],
             self._views,
             self._seen,
         )
@@ -212,9 +212,9 @@ class AsDecided:
 
     def __init__(self, path: Path, aspect: float) -> None:
         try:
-            told = json.loads(path.read_text(encoding="utf-8"))
-            self._views = np.array(told["views"], np.float64).reshape(-1, 7)
-            self._fov_v_deg = float(told["fov_v_deg"])
+            content = json.loads(path.read_text(encoding="utf-8"))
+            self._views = np.array(content["views"], np.float64).reshape(-1, 7)
+            self._fov_v_deg = float(content["fov_v_deg"])
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise UsageError(
                 f"{path} does not hold the decisions of a film ({error}); give a file that "
