@@ -191,7 +191,7 @@ class Ledger:
         return read_own_body(self._folder_of(label))
 
     def describe_body(self, text: str, own: OwnBody) -> None:
-        """Keep it in the participant's folder; the ledger says only that they were asked."""
+        """Store it in the participant's folder; the ledger notes only that they were asked."""
         with self._held():
             person = self.resolve(text)
             write_own_body(self._folder_of(person.label), own)
@@ -336,7 +336,7 @@ class Ledger:
         return leaver
 
     def number_of(self, text: str) -> int:
-        """Return the number meant by a number or a label, whoever is registered.
+        """Return the number meant by a number or a label, registered or not.
 
         Raises:
             LedgerError: it is neither, or its check letter is wrong.
@@ -428,7 +428,7 @@ class Ledger:
 
 
 def _first_free(entries: Sequence[Participant], group: Callable[[int], str] | None = None) -> int:
-    """Return the first free place; that of a group that lost people, where there are such."""
+    """Return the first free place, or the first of a group that lost people if there is one."""
     group_by_place = {p.index: p.group for p in entries if not p.has_freed_place}
     first = next(index for index in count() if index not in group_by_place)
     replaced_labels = {p.replaces for p in entries}

@@ -16,14 +16,16 @@ FILE_NAMES = (OWN_BODY_NAME, copy_path(Path(OWN_BODY_NAME)).name)
 
 @dataclass(frozen=True)
 class OwnBody:
-    """`body` is "female" or "male", `stature_m` with shoes, as told; empty and None until asked."""
+    """`body` is "female" or "male", `stature_m` with shoes, as reported; empty and None until
+    asked.
+    """
 
     body: str = ""
     stature_m: float | None = None
 
 
 def read_own_body(person: Path) -> OwnBody:
-    """Return what the folder of a person keeps.
+    """Return the body and stature stored in a person's folder.
 
     Raises:
         LedgerError: the file is damaged.
@@ -50,13 +52,13 @@ def read_own_body(person: Path) -> OwnBody:
 
 
 def write_own_body(person: Path, own: OwnBody) -> None:
-    """Keep it in the folder of a person; what was there is replaced."""
+    """Store body and stature in a person's folder; replaces what was there."""
     make_folder(person, exist_ok=True)
     write_sealed(person / OWN_BODY_NAME, {"participant": _label_of(person), **asdict(own)})
 
 
 def remove_own_body(person: Path) -> tuple[Path, ...]:
-    """Remove what the folder of a person keeps; return the files that were there."""
+    """Remove body and stature from a person's folder; return the files that were there."""
     paths = tuple(path for name in FILE_NAMES if (path := person / name).exists())
     for path in paths:
         path.unlink()

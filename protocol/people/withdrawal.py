@@ -89,7 +89,7 @@ def remove_participant(
 
 
 def may_have_data(study: str, label: str, data_roots: Sequence[Path]) -> bool:
-    """Tell whether a participant has anything recorded; of a root that is not there, it may be."""
+    """Tell whether a participant may have recorded data; a missing root counts as yes."""
     if not all(root.is_dir() for root in data_roots):
         return True
     own = [f for root in data_roots for f in _own_folders(study, label, root, Removal())]
@@ -208,7 +208,7 @@ def _clean_derived(names: Sequence[str], root: Path, removal: Removal) -> None:
 
 
 def _named(names: Sequence[str]) -> re.Pattern[str]:
-    """Return what finds one of these names in a path."""
+    """Return the pattern that finds one of these names in a path."""
     any_name = "|".join(map(re.escape, names))
     return re.compile(rf"(?<![A-Za-z0-9])(sub-)?({any_name})(?![A-Za-z0-9])", re.IGNORECASE)
 

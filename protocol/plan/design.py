@@ -35,7 +35,7 @@ _ORDER, _TRIAL, _PRACTICE, _GROUP, _STREAM = range(5)
 class Factor:
     """A factor and its levels; `between` factors have one level per participant.
 
-    `practice_only` are levels that are met in practice alone and never count.
+    `practice_only` are levels that appear in practice only and are never counted.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Design:
 
     @property
     def between(self) -> tuple[Factor, ...]:
-        """Factors of which a participant meets one level."""
+        """Factors with one level per participant."""
         return tuple(f for f in self.factors if f.between)
 
     @property
@@ -125,7 +125,7 @@ def combinations_of(factors: Sequence[Factor]) -> list[Cell]:
 def trial_seed(
     study_seed: int, participant_index: int, number: int, *, practice: bool = False
 ) -> int:
-    """Return the seed of a trial, 0 <= seed < 2**63, whatever was run before it."""
+    """Return the seed of a trial, 0 <= seed < 2**63; trials run before it do not change it."""
     key = (participant_index, _PRACTICE if practice else _TRIAL, number)
     return int(_sequence(study_seed, key).generate_state(1, np.uint64)[0] >> np.uint64(1))
 

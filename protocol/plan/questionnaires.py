@@ -91,7 +91,7 @@ class Questionnaire(_Part):
     items: list[Item] = Field(min_length=1)
     scores: dict[str, Score] = Field(default_factory=dict)
     wording: str = Field(default="", exclude=True)
-    """The file whose texts it has in place of its own; empty for its own."""
+    """Name of the file whose texts replace its own; empty when none does."""
 
     def questions(self) -> Iterator[Question]:
         """Yield every question in the order of asking."""
@@ -134,9 +134,9 @@ def load_questionnaire(
 ) -> Questionnaire:
     """Read a questionnaire: a name that comes with Visavis, or a file.
 
-    In another `language` than its own it has the texts of the file NAME.LANGUAGE.yaml beside it,
-    where there is one; its `language` says which it is in. `wording` is a lab's file that replaces
-    texts (a translation, a licensed wording) and leaves structure and scoring alone.
+    For a `language` other than its own, texts come from the file NAME.LANGUAGE.yaml next to it,
+    where there is one; the `language` of the result says which was used. `wording` is a lab's file
+    that replaces texts (a translation, a licensed wording) and leaves structure and scoring alone.
 
     Raises:
         ConfigError: every problem with its line.

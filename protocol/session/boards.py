@@ -24,7 +24,7 @@ ON: Final = ("right", "down")
 LEAVE_OUT_KEY: Final = "0"
 HAND: Final = "right_hand"
 ALONG_FINGERS: Final = np.array([1.0, 0.0, 0.0])
-"""Of a right hand in the frame that trackers of bodies use: with the arm held out, to the right."""
+"""Direction of a right hand in the frame of body trackers: to the right, with the arm held out."""
 AHEAD: Final = np.array([0.0, 0.0, -1.0])
 NEXT: Final = NextFrame()
 Showing: TypeAlias = Callable[[FrameView, Panel], Show | None]
@@ -43,12 +43,12 @@ class DwellRule:
 class Ways:
     """How questions are answered on boards.
 
-    `limit_s` after the board appeared nothing was chosen. A choice looked at for as long as
-    `dwell` says is taken, and before that by a button; not while a hand or controller points
-    anywhere, or, with `gaze_beside_hand`, at a choice. Controllers always point, a tracked hand
-    and the head where `hand_points` and `head_points` say so; `beside_01` above or below a button,
-    of the board's height, still counts. With `can_leave_out` the digit 0 stands for the last
-    choice.
+    Without a choice within `limit_s` the question is left unanswered. A choice is taken after a
+    look as long as `dwell` says, or earlier by a button. Gaze does not count while a hand or
+    controller points anywhere or, with `gaze_beside_hand`, at a choice. Controllers always point; a
+    tracked hand and the head do where `hand_points` and `head_points` say so; `beside_01` above or
+    below a button, of the board's height, still counts. With `can_leave_out` the digit 0 stands for
+    the last choice.
     """
 
     limit_s: float = 30.0
@@ -68,7 +68,7 @@ QUESTIONNAIRE: Final = Ways(
 
 @dataclass(frozen=True, eq=False)
 class Ray:
-    """From where and along which −z somebody points; `is_hand` says whether with a hand."""
+    """A ray along −z of the pose that points; `is_hand` says whether it is a hand's."""
 
     pose: Pose
     is_hand: bool
@@ -76,7 +76,7 @@ class Ray:
 
 @dataclass(frozen=True)
 class Chosen:
-    """What was chosen on a board, None where nothing was in time.
+    """A choice on a board, None where nothing was chosen in time.
 
     `by` is "keys", "ray", "gaze" or "gaze and button"; `pose` what pointed. `asked_ns` is the
     first frame that showed the board, `view` the frame of the answer.
@@ -139,7 +139,7 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
     ray: Ray | None = None
     dwell = None if ways.dwell is None else GazeDwell(ways.dwell)
     key_choice: int | None = None
-    # What was pressed up to this frame was pressed before the board was there.
+    # Presses up to this frame were made before the board was there.
     view = view._replace(pressed=(), pressed_ns=())
     while view.t_ns < until_ns:
         ray = newer_ray(ray, view, ways)
@@ -238,6 +238,6 @@ def frame() -> Generator[Step, FrameView | Answered | None, FrameView]:
 
 
 def shown(step: Show | None) -> Generator[Step, FrameView | Answered | None, None]:
-    """Show what there is to show."""
+    """Show the given step, if there is one."""
     if step is not None:
         yield step

@@ -41,7 +41,7 @@ from visavis.stimuli.motion.rotations import quat_between
 
 TARGET_DISTANCE_M = 2.0
 VERDICT_WITHIN_S = 10.0
-"""How long a calibration's result is waited for."""
+"""How long to wait for the result of a calibration."""
 
 DIAGONAL_15 = 10.65
 """Yaw and pitch (degrees) of a target 15° from the centre on a diagonal."""
@@ -110,7 +110,7 @@ class HeadFit:
 
 
 class GazeSetup:
-    """Show targets and collect what the eye tracker says meanwhile."""
+    """Show targets and collect the eye tracker's samples meanwhile."""
 
     def __init__(
         self,
@@ -129,7 +129,7 @@ class GazeSetup:
         self._timing = timing
         self._targets = targets_on(loop.screen)
         self.head_fit: HeadFit | None = None
-        """How the camera was last found to sit on the head, of a tracker that has one there."""
+        """The last fit of the camera to the head, for trackers with a camera on the head."""
 
     def calibrate(self) -> CalibrationOutcome:
         """Run one calibration; raises DeviceError when the tracker is gone.
@@ -159,7 +159,7 @@ class GazeSetup:
         return outcome
 
     def _fit_to_head(self, tracker: CameraOnHead) -> CalibrationOutcome:
-        """Find how the camera sits on the head, and turn gaze by it."""
+        """Fit the rotation of the camera on the head, and rotate gaze by it."""
         points = [p for p in self.validate() if np.isfinite(p.combined_head).all(axis=1).any()]
         if len(points) < MIN_POINTS_OF_FIT:
             return CalibrationOutcome(False, "too little gaze to find how the camera sits")
@@ -214,7 +214,7 @@ class GazeSetup:
     def _gaze_for(self, duration_ms: int) -> "_Seen":
         """Let frames pass; return the gaze they brought with the head of the frame of each sample.
 
-        Where gaze was left for later, a sample's frame is the first after its arrival.
+        Where gaze was deferred, a sample's frame is the first after its arrival.
         """
         end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
         t_ns: list[int] = []

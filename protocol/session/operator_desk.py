@@ -38,7 +38,7 @@ EYE_SEEN_AT_LEAST_01 = 0.7
 """A trial that saw an eye in less of its samples is flagged."""
 
 MESSAGE_SHOWN_NS = 30 * NS_PER_S
-"""For so long a message stands on the operator's screen; what waits, until it is done."""
+"""How long a message stays on the operator's screen; a pending request stays until it is done."""
 
 LATER = {
     Action.PAUSE: "pausing before the next trial",
@@ -48,7 +48,7 @@ LATER = {
 
 
 class OperatorDesk:
-    """Deliver frames, and with them whatever the operator or a device wants."""
+    """Deliver frames, and act on requests of the operator and faults of devices."""
 
     def __init__(
         self,
@@ -284,14 +284,14 @@ class OperatorDesk:
             self._interrupt_if_lost(LOST_STREAM_NS)
 
     def _is_idle_uncalibrated(self, fault: Fault) -> bool:
-        """Tell the fault that a device is not calibrated which nothing of the study rests on."""
+        """Tell whether a fault is a missing calibration of a device the study does not need."""
         return fault.is_uncalibrated and fault.role in self._idle_roles
 
     def _interrupt_if_lost(self, longest_ns: int) -> None:
-        """Interrupt the trial for a device that is away so long.
+        """Interrupt the trial for a device that has been away this long.
 
-        A band costs a trial no data: it counts after `LOST_STREAM_NS` alone, and where it was
-        wanted in this trial.
+        A missing band costs no data: it counts only after `LOST_STREAM_NS`, and only if this trial
+        used it.
         """
         for fault in self._faults.blocking():
             patience_ns = longest_ns
@@ -304,7 +304,7 @@ class OperatorDesk:
                 return
 
     def expect_pause(self) -> None:
-        """Let the time to the coming frame be no stall: a question was asked."""
+        """Do not count the time to the next frame as a stall: a question was asked."""
         self._stalls.allow(1)
 
     def _note_stall(self, stood_ns: int) -> None:
@@ -391,7 +391,7 @@ class OperatorDesk:
             self.say(f"{self._last_trial.trial_id} comes again at the end of the block")
 
     def _silence(self) -> None:
-        """Stop all vibration, in a trial for the rest of it: the next contact is a moment away."""
+        """Stop all vibration, in a trial until its end, because the next contact follows soon."""
         armbands = [r for r, d in self._setup.rig.by_role().items() if isinstance(d, Armband)]
         self._rig.is_muted = self._in_trial and bool(armbands)
         self._rig.silence()

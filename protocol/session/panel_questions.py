@@ -28,8 +28,8 @@ class PanelRespondent:
 
     `participant` answers as it would at the terminal and looks at its choice; a person is given
     the board. `take_keys` returns the digits the operator pressed since the last call. Without
-    an answer after `limit_s` the question goes to `otherwise`. `leave_out` is what the choice is
-    called with which a question is left out.
+    an answer after `limit_s` the question goes to `otherwise`. `leave_out` is the label of the
+    choice that leaves a question out.
     """
 
     def __init__(

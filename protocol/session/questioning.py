@@ -8,11 +8,11 @@ from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.protocol.session.session_setup import SessionSetup
 
 MAX_ASKED = 3
-"""How often a question is put when the answer is none of the possible ones."""
+"""How often a question is asked when the answer is not one of the possible ones."""
 
 
 class Questioning:
-    """Put what has not been answered before an interruption to a respondent; record answers."""
+    """Ask a respondent what was not answered before an interruption; record the answers."""
 
     def __init__(self, setup: SessionSetup, loop: FrameLoop, respondent: Respondent) -> None:
         self._setup = setup
@@ -54,7 +54,7 @@ class Questioning:
             wording_fields = {}
             if questionnaire.wording:
                 wording_fields = {"said": answer, "language": questionnaire.language}
-                if question.options and answer is not None:  # which only this wording knows
+                if question.options and answer is not None:  # a label of this wording only
                     answer = str(read_answer(question, answer))
             self._recorder.event(
                 "answer",

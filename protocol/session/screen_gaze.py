@@ -1,4 +1,4 @@
-"""What somebody before a screen looks at: gaze that meets the screen, as seen behind its pixels."""
+"""Gaze at a screen: where it meets the pixels, as a ray into the scene behind them."""
 
 from dataclasses import replace
 

@@ -22,7 +22,7 @@ from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.trial_runner import Outcome, TrialRunner
 
 MAX_CALIBRATIONS = 3
-"""Attempts before the session goes on with the best it got and says so."""
+"""Calibration attempts before the session goes on with the best one and says so."""
 
 STRETCH_CALIBRATION = 200_000
 STRETCH_QUESTIONS = 300_000
@@ -94,7 +94,7 @@ class Session:
                 self._end_early(error)
                 raise
             except BaseException:
-                # Ended from the keyboard, by the system or by a defect: what is held is kept, too.
+                # Ended from the keyboard, by the system or by a defect: keep buffered rows, too.
                 loop.flush()
                 raise
             finally:
@@ -107,7 +107,7 @@ class Session:
 
     def _end_early(self, error: LabError) -> None:
         is_abort = isinstance(error, SessionAborted)
-        if not isinstance(error, RecordingError):  # which takes nothing any more
+        if not isinstance(error, RecordingError):  # a failed recording takes no more data
             self._loop.flush()
             self._runner.record_exchanges()
             name = "session_aborted" if is_abort else "session_failed"
@@ -180,7 +180,7 @@ class Session:
         if has_begun:
             self._validate_at_end()
         elif not setup.progress.validated_at_end:
-            # The tracker was started anew: what it shows now says nothing of the trials before.
+            # The tracker was restarted, so a validation now says nothing about earlier trials.
             self._recorder.event("end_validation_missed", self._loop.t_ns)
         self._begin_questions(len(setup.plan.blocks))
         self._questioning.ask_at_end()
@@ -188,13 +188,13 @@ class Session:
         self._recorder.event("session_end", self._loop.t_ns)
 
     def _foresee(self, trial: Trial) -> None:
-        """Let the stage make ready what the trial shows first; on a virtual clock nobody waits."""
+        """Let the stage prepare what the trial shows first; a virtual clock does not need it."""
         experiment = self._setup.experiment
         if isinstance(experiment, Foreseeing) and not self._setup.clock.is_virtual:
             self._setup.stage.foresee(lambda: experiment.first_lit(trial))
 
     def _begin_questions(self, after: int) -> None:
-        """Answers do not hang on whether the session was resumed before they were given."""
+        """Begin the questions; answers do not depend on a resumption before them."""
         self._states.move(SessionState.QUESTIONNAIRE)
         if self._participant is not None:
             self._participant.prepare(STRETCH_QUESTIONS + after, self._loop.t_ns)
@@ -246,7 +246,7 @@ class Session:
         self._runner.align()
         stretch = trial.number + (STRETCH_PRACTICE if trial.is_practice else 0)
         if self._participant is not None:
-            # As recorded: what is learned does not hang on the time between trials, or on breaks.
+            # As recorded: what is learned does not depend on time between trials or on breaks.
             if self._runner.memory and isinstance(self._participant, Learner):
                 self._participant.remember(self._runner.memory)
             self._participant.prepare(stretch, self._loop.t_ns)
@@ -265,7 +265,7 @@ class Session:
                 self._queue.append(trial)
 
     def _hold_if_needed(self, block: Block) -> None:
-        """Wait for devices that are away and for the operator; calibrate where that asks for it."""
+        """Wait for devices that are away and for the operator; then calibrate if that is needed."""
         calibrate = self._desk.take(Action.RECALIBRATE)
         if self._desk.device_lost():
             calibrate = self._wait_for_device() or calibrate
@@ -357,6 +357,7 @@ class Session:
             if self._desk.device_lost():
                 continue
             calibration = self._validate(block.index, attempt, moment="block_start")
+            # The best attempt counts if none is accepted; an accepted one ends the attempts.
             if best is None or _error(calibration) < _error(best):
                 best = calibration
             if calibration.verdict.accepted and outcome.succeeded:
@@ -371,6 +372,7 @@ class Session:
                 role="eye_tracker",
                 remedy="look at it and its program; then continue with `visavis resume`",
             )
+        # Gaze that is mirrored or rotated is a mistake of the setup, which no attempt corrects.
         if best.verdict.is_turned:
             raise DeviceError(
                 f"{best.verdict.reason}. Nothing is recorded with it",
@@ -391,7 +393,7 @@ class Session:
         self._desk.calibration = best
 
     def _store_head_fit(self, block: int, attempt: int) -> None:
-        """Keep how the camera was found to sit on the head, of a tracker that has one there."""
+        """Record the fit of the camera to the head, for trackers with a camera on the head."""
         fit, self._gaze_setup.head_fit = self._gaze_setup.head_fit, None
         if fit is not None:
             self._recorder.event(
@@ -406,7 +408,7 @@ class Session:
 
     def _validate(self, block: int, attempt: int, *, moment: str) -> CalibrationInForce:
         self._states.move(SessionState.VALIDATING)
-        # Anew, because how long the tracker took to calibrate is never the same.
+        # Prepared again, because calibrating never takes the same time.
         self._prepare(100 * block + STRETCH_VALIDATION + attempt)
         points = self._gaze_setup.validate()
         verdict = self._setup.judge_validation(points, self._gaze_rate_hz)

@@ -1,7 +1,7 @@
 """Perform a synchronisation test: flash a corner, play a click, buzz a band, again and again.
 
-What was asked and when is returned; what a sensor made of it is analysed by
-`visavis.analysis.sync_test`.
+The times of the commands are returned; `visavis.analysis.sync_test` analyses what a sensor
+measured.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ FLASH_FRAMES = 5
 BUZZ_MS = 120
 SETTLE_NS = 500 * NS_PER_MS
 MIN_APART_NS, MAX_APART_NS = 430 * NS_PER_MS, 530 * NS_PER_MS
-"""Stimuli follow each other after a drawn time: nothing periodic falls in step with them."""
+"""Stimuli follow each other after a random time, so that nothing periodic falls in step."""
 
 
 class Speaker(Protocol):
@@ -75,7 +75,7 @@ class Patch:
 
 @dataclass
 class Asked:
-    """When things were asked for, session time in ns, and what frames were dropped."""
+    """When stimuli were asked for, in ns of session time, and how many frames were dropped."""
 
     picture_ns: list[int] = field(default_factory=list)
     sound_ns: list[int] = field(default_factory=list)
@@ -97,7 +97,7 @@ def perform(
     repeats: int = 60,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Asked:
-    """Flash, click and buzz `repeats` times each and return when; without speaker or band, less.
+    """Flash, click and buzz `repeats` times each and return when; skip what is missing.
 
     A flash's time is when its first frame's light should leave by the display's own prediction,
     which is what sessions record; a click's and a buzz's is the moment of the command.

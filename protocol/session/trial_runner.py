@@ -82,9 +82,8 @@ class TrialRunner:
 
         Displays and trackers repeat their phases every tenth of a second, what keeps an idle band
         alive every fifth.
-        A repeated stretch is then sampled at the same phases, so a trial performed again after
-        an interruption gives the same data. People need no such thing, and nothing waits for
-        them.
+        A repeated stretch is then sampled at the same phases, so a trial performed again after an
+        interruption gives the same data. Sessions with people do not wait.
         """
         if self._setup.participant is not None:
             while self._loop.t_ns % self._grid_ns > ALIGNED_WITHIN_NS:
@@ -95,6 +94,7 @@ class TrialRunner:
         setup, loop, desk = self._setup, self._loop, self._desk
         desk.announce(trial)
         self._align_gaze()  # a tracker that went away may have come back with another clock
+        # The time before the trial is not part of it: a skip or a pause takes effect at its end.
         self._perform(setup.experiment.intertrial(trial), interruptible=False)
         skip_reason = desk.skip_reason
         if skip_reason is None and desk.must_hold():
@@ -109,6 +109,7 @@ class TrialRunner:
         )
         self._rig.mark(f"trial_start {trial.trial_id} {attempt}", loop.t_ns)
         start_ns = loop.t_ns
+        # What is delivered from here to the end of the plan counts for this trial.
         before = self._counts()
         desk.begin_trial(trial, start_ns + int(setup.experiment.trial_s * NS_PER_S))
         loop.gaze_tap = []
@@ -119,6 +120,7 @@ class TrialRunner:
         else:
             row, interruption = {}, None
             desk.skip_reason = skip_reason
+        # However the plan ended, sounds stop before the end of the trial is marked.
         self._rig.hush()
         outcome = self._outcome(interruption)
         self._rig.mark(f"trial_end {trial.trial_id} {attempt} {outcome.status}", loop.t_ns)
@@ -131,6 +133,7 @@ class TrialRunner:
             self._skipped.discard(trial.trial_id)
             if outcome.status == "skipped":
                 self._skipped.add(trial.trial_id)
+        # Memory and row are recorded last, so that a resumed session repeats a trial without a row.
         self._note_memory(trial)
         setup.recorder.trial(
             {
@@ -164,7 +167,7 @@ class TrialRunner:
 
     @property
     def finished(self) -> int:
-        """How many trials need no other: performed or skipped."""
+        """Number of trials that need no repetition: performed or skipped."""
         return len(self._finished)
 
     def _tell_desk(self) -> None:
@@ -269,7 +272,7 @@ class TrialRunner:
                 )
 
     def _align_gaze(self) -> None:
-        """Let gaze be dated by what is known now of the tracker's clock."""
+        """Date gaze by the present estimate of the tracker's clock offset."""
         pairs = self._exchanges()[-RECENT_EXCHANGES:]
         observer = self._loop.observer
         if pairs:

@@ -93,7 +93,7 @@ def recorded_trial(recording: Recording, trial_id: str) -> RecordedTrial:
 
 
 def _in_order(gaze: dict[str, Any]) -> dict[str, Any]:
-    """Return gaze whose samples are no later than they arrived, as a clock's slip says."""
+    """Return gaze whose samples are no later than they arrived, despite slips of a clock."""
     return {**gaze, "t_sample_ns": np.minimum(gaze["t_sample_ns"], gaze["t_host_ns"])}
 
 

@@ -256,7 +256,7 @@ def _asked_then(recording: Recording, part: int, t_ns: int) -> Iterator[dict[str
 
 
 def _answer_soon(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> int | None:
-    """Return which choice of a trial's question is taken within a moment, None for none."""
+    """Return the choice of a trial's question that is taken within a moment, or None."""
     for answer in _asked_then(recording, part, t_ns):
         response = _experiment(recording, study).responses.get(answer["question"])
         if response is not None and answer["answered_ns"] - t_ns <= MARKED_NS:
@@ -279,8 +279,8 @@ def _experiment(recording: Recording, study: OpenedStudy) -> StudyExperiment:
 
 
 def _bodies(recording: Recording, part: int, drawn_ns: int) -> tuple[OwnBody, ...]:
-    """Return what participants may have seen as their own: of either sex, of a size measured in one
-    of the first samples, as in one of the last before the frame.
+    """Return the own bodies that participants may have seen: of either sex, sized by one of the
+    first samples, posed as in one of the last before the frame.
     """
     schema = recording.stream_schema("body") if "body" in recording.stream_names else None
     if schema is None:

@@ -13,7 +13,7 @@ from visavis.recording.reader import Recording
 SET, PATTERN, SILENCE = 0, 1, 2
 """Commands of a band that begin or end a vibration."""
 MIN_SHOWN_NS: Final = 80 * NS_PER_MS
-"""What is shorter is shown for so long."""
+"""Shorter contacts and vibrations are shown for this long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ def lanes_of(recording: Recording, part: int) -> list[Lane]:
 
 
 def _paired(recording: Recording, part: int) -> Iterator[Lane]:
-    """Yield what began and ended, as events `…_begin` and `…_end` of one role tell."""
+    """Yield what began and ended, by the events `…_begin` and `…_end` of one role."""
     lanes: dict[str, Lane] = {}
     open_at: dict[str, tuple[int, str]] = {}
     for event in recording.events().to_dict("records"):

@@ -85,7 +85,7 @@ def loss_page(table: pd.DataFrame) -> str:
 
 
 def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:
-    """Return what a data set of a study says of itself: the lab's publication section, the study.
+    """Return the description of a data set: the lab's publication section and the study.
 
     The study's words are left out where it cannot be found any more.
     """
@@ -103,7 +103,7 @@ def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:
 
 
 def _texts_of(study: str, lab: LabConfig) -> tuple[TextRule, frozenset[str]]:
-    """Return which answers and columns of a study are free text; of one not found, every answer."""
+    """Return which answers and columns are free text; all answers of a study not found."""
     try:
         opened_study = find_study(study, lab.studies)
         text_questions = {

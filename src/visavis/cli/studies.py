@@ -39,7 +39,7 @@ def study_of_lab(wanted: str, lab: LabConfig) -> OpenedStudy:
 
     Raises:
         UsageError: there is none, with the nearest name.
-        ConfigError: the lab words a questionnaire that no study it knows asks.
+        ConfigError: the lab's wording names a questionnaire that none of its studies asks.
     """
     check_wording(lab)
     say_when_compiling()
@@ -71,7 +71,7 @@ class StudyHere:
 
     @property
     def key_file(self) -> KeyFile:
-        """Who is who, apart from the data."""
+        """The key file: who is who, stored apart from the data."""
         return KeyFile(self.lab.key_root, self.study.name, [self.lab.data_root])
 
     def wanted(
@@ -153,12 +153,12 @@ def study_here(wanted: str, lab: LabConfig) -> StudyHere:
 
 
 def check_wording(lab: LabConfig) -> None:
-    """Refuse a wording of a questionnaire that there is not.
+    """Refuse a wording of a questionnaire that does not exist.
 
-    Known are those that come with Visavis, and those of the studies it comes with and of the lab.
+    Questionnaires are those of Visavis, of the studies it comes with, and of the lab's studies.
 
     Raises:
-        ConfigError: naming the nearest.
+        ConfigError: names the nearest questionnaire.
     """
     if not set(lab.wording) - set(available()):
         return
@@ -209,7 +209,7 @@ def _data_of(name: str, lab: LabConfig) -> list[Path]:
 
 
 def _no_data(name: str, wanted: Path, lab: LabConfig, verb: str) -> str:
-    """Return why nobody's data were found, with the simulated studies that may be meant."""
+    """Return a message that no data were found, with the simulated studies that may be meant."""
     folders = sorted(
         (lab.data_root / DRY_RUNS).glob(f"*/{SIMULATED_ROOT}/{name}"),
         key=lambda folder: folder.stat().st_mtime_ns,

@@ -99,7 +99,7 @@ def analysed(
     display_role: str,
     band_role: str,
 ) -> list[Delays]:
-    """Return the delays of all that was asked for; UsageError for an unknown channel."""
+    """Return the delays of all stimuli; raises UsageError for an unknown channel."""
     results = []
     stimuli: tuple[tuple[Modality, list[int], str], ...] = (
         ("picture", asked.picture_ns, display_role),
@@ -162,6 +162,7 @@ def perform_real(
         band = _real_device(lab, band_role, clock, stack) if band_role else None
         if band is not None and not isinstance(band, Armband):
             raise UsageError(f"{band_role} is no armband; leave --band out, or name one's role")
+        # A window has its own OpenGL context; a headset is given pictures drawn off the screen.
         display = screen_display(lab, clock)
         if screen is not None and display is not None:
             window = open_on_monitor(screen, display, clock, "Visavis: synchronisation test")
@@ -177,6 +178,7 @@ def perform_real(
         if band is not None:
             opened(stack, band)
         speaker = real_speaker(speaker_name, stack) if speaker_name else None
+        # The sensor opens last, when everything that it measures runs.
         patch = Patch(headset, context)
         stack.callback(patch.release)
         stack.callback(sensor.close)
@@ -196,7 +198,7 @@ def perform_real(
 
 
 def _while_open(window: "Window", progress: Callable[[int], None]) -> Callable[[int], None]:
-    """Return what tells progress, and ends the test once somebody has closed the window."""
+    """Return a progress function that ends the test once the window has been closed."""
 
     def told(done: int) -> None:
         if window.closed:

@@ -102,7 +102,7 @@ def _picture(room: Room, who: Character, clip: Clip, body: SeenBody, t_s: float)
 
 
 def _held(body: SeenBody, pose: Frames) -> tuple[Prop, ...]:
-    """Return what the body holds where it is in a pose."""
+    """Return the object that the body holds, where it is in a pose."""
     is_held = body.labels % BOTH_SIDES == PART_INDEX["held_object"]
     if not is_held.any():
         return ()

@@ -1,4 +1,4 @@
-"""The session's side of the desk: say how it goes, take commands; both beside the frame loop."""
+"""The session's side of the desk: say how it goes, take commands; both outside the frame loop."""
 
 import asyncio
 import contextlib
@@ -41,7 +41,7 @@ ACTIONS: Final = tuple(action for action in Action if action is not Action.ANSWE
 
 @dataclass(frozen=True)
 class About:
-    """What a desk is told once of a session.
+    """What a session tells a desk about itself, once.
 
     `path` is its folder, `commands` what it takes, `pad_deg` by how much areas of interest are
     wider than heads. While it `is_blind` no picture of what the participant sees leaves it.
@@ -60,21 +60,21 @@ class About:
 
 
 def meeting_folder() -> Path:
-    """Return where sessions of this user say how they are reached."""
+    """Return the folder in which sessions of this user write how to reach them."""
     return platformdirs.user_cache_path("visavis", appauthor=False) / "sessions"
 
 
 def meeting_name(data_root: Path) -> str:
-    """Return how files of sessions that record under a data root begin."""
+    """Return the prefix of the files of sessions that record under a data root."""
     return hashlib.sha256(str(data_root.resolve()).encode()).hexdigest()[:16]
 
 
 class SessionLink:
     """An operator who is also reached from the desk; whoever sits at the terminal stays in charge.
 
-    It follows `visavis.protocol.session.operator.Operator`. Nothing is done for a desk in the frame
-    loop but to keep the newest status; a thread of its own sends it. Where nothing can listen, the
-    session goes on without a desk.
+    It follows `visavis.protocol.session.operator.Operator`. In the frame loop it only keeps the
+    newest status; a thread of its own sends it to the desk. Where nothing can listen, the session
+    goes on without a desk.
     """
 
     def __init__(self, operator: Operator, about: About, data_root: Path) -> None:
@@ -215,7 +215,7 @@ def line_of(content: Mapping[str, Any]) -> bytes:
 def command_of(
     line: bytes, allowed: Sequence[str], incidents: Mapping[str, str] = INCIDENTS
 ) -> Command | None:
-    """Return the command in a desk's message; None where it is none that may be given."""
+    """Return the command in a desk's message; None where it is not allowed."""
     try:
         message = json.loads(line)
         action, text = Action(message["action"]), message.get("text", "")
@@ -231,7 +231,7 @@ def command_of(
 
 
 def told(number: int, status: SessionStatus, looking: Looking) -> dict[str, Any]:
-    """Return what a desk is told of a status; NaN and what is not known are None."""
+    """Return a status as a message to a desk; NaN and unknown values are None."""
     return {
         "number": number,
         "state": status.state.value,
@@ -277,7 +277,7 @@ def _stream(role: str, health: Health) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """Return a value with None in the place of what JSON has no number for."""
+    """Return a value with None in place of numbers that JSON does not have."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
@@ -297,7 +297,7 @@ def _write_meeting(name: str, content: Mapping[str, Any]) -> Path:
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         json.dump(content, file)
     now_s = path.stat().st_mtime
-    for left in folder.glob("*.json"):  # by sessions that were killed, and that no desk looked for
+    for left in folder.glob("*.json"):  # left by killed sessions that no desk looked for
         with contextlib.suppress(OSError):
             if now_s - left.stat().st_mtime > FORGOTTEN_S:
                 left.unlink()

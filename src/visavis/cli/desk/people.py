@@ -23,7 +23,7 @@ from visavis.study.catalogue import SHIPPED
 
 
 class Verdicts:
-    """What became of sessions, read once for each state of a session's files."""
+    """Status and verdict of sessions, read once for each state of a session's files."""
 
     def __init__(self) -> None:
         self._kept: dict[Path, tuple[int, PartStatus, SessionCheck]] = {}
@@ -31,8 +31,8 @@ class Verdicts:
     def of(self, session: Path) -> tuple[PartStatus, SessionCheck]:
         """Return a session's status and the verdict on it.
 
-        Both read every file of it. One that a process holds is read anew each time: its manifest
-        does not change as that process dies.
+        Both read every file of it. A running session is read anew each time, because its manifest
+        does not change when its process dies.
 
         Raises:
             LabError: the session cannot be read.
@@ -51,8 +51,8 @@ def people_today(
 ) -> list[dict[str, Any]]:
     """Return per study who was here today, who is still to come or to go on, and how many are done.
 
-    `running` are the folders of sessions that go on: no other is judged meanwhile, as that takes
-    the computer's time.
+    `running` are the folders of sessions that go on. No other session is checked meanwhile, because
+    that takes computing time.
     """
     root = lab.data_root / (SIMULATED_ROOT if is_simulated(lab) else REAL_ROOT)
     prefix = SIMULATED_PREFIX if is_simulated(lab) else ""
@@ -94,7 +94,7 @@ def verdict_of(verdict: SessionCheck) -> dict[str, Any]:
 def _person(
     folder: Path, study: str, entry: Participant, verdicts: Verdicts, running: Collection[str]
 ) -> dict[str, Any] | None:
-    """Return how somebody is today; None for who was here on other days and is done."""
+    """Return a person's state today; None for people who were done on an earlier day."""
     sessions = sorted(
         path.parent for path in (folder / f"sub-{entry.label}").glob("ses-*/manifest.json")
     )
@@ -130,8 +130,8 @@ def _person(
 def _is_today(changed_s: float) -> bool:
     """Tell whether a session was begun, gone on with or ended on this day of the lab's calendar.
 
-    The manifest changes at each of these; its own dates tell of the beginning alone, and on the
-    virtual clock of no day at all.
+    The manifest file changes at each of these. The dates in it give only the beginning, and on the
+    virtual clock no day at all.
     """
     now = datetime.datetime.fromisoformat(SystemClock().wall_iso()).astimezone()
     changed_at = datetime.datetime.fromtimestamp(changed_s, datetime.UTC).astimezone()

@@ -17,13 +17,13 @@ from visavis.stimuli.picture import Camera, Panel
 from visavis.stimuli.scene import Scene
 
 GAZE_KEPT: Final = 3
-"""How many statuses the last gaze is shown for where none came since: a blink, not a loss."""
+"""Number of statuses for which the last gaze stays without a new one: a blink, not a loss."""
 VIEW: Final = (-1.0, 1.0, -0.75, 0.75)
-"""Tangents left, right, bottom, top of a view of which no picture is drawn."""
+"""Tangents left, right, bottom, top of a view without a picture."""
 NEAREST_M: Final = 0.05
 WIDEST_DEG: Final = 80.0
 HEAD_M: Final = 0.12
-"""Radius of the head of somebody whose head the scene does not tell."""
+"""Radius of heads for which the scene gives none."""
 STANDING_HEAD_M: Final = 1.58
 ABOVE_HIPS_M: Final = 0.62
 JPEG_QUALITY: Final = 65
@@ -54,7 +54,7 @@ class Areas:
 
 @dataclass(frozen=True, eq=False)
 class Looking:
-    """What is kept of gaze between statuses, each of which may have brought none."""
+    """The last gaze, kept between statuses that may bring none."""
 
     ray: Ray | None = None
     ray_age: int = 0
@@ -107,8 +107,8 @@ def from_head(
     """Return what is before the participant, in tangents to the right and up of straight ahead.
 
     `heads` have name, x, y and radius, the farthest first, `areas` x, y and radius, `boards` four
-    corners each; `hit` is the place in `heads` of whom gaze meets. With a glance, all of it lies
-    where it does in that picture, which comes along as JPEG in base64.
+    corners each; `hit` is the place in `heads` of the person that gaze meets. With a glance, all
+    places are those in its picture, which is included as JPEG in base64.
     """
     frame, scene_frame = status.frame, status.shown
     if frame is None or scene_frame is None or not (frame.head_valid or glance):

@@ -28,7 +28,7 @@ SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {"/": "desk.html", "/desk.js": "desk.js", "/desk.css": "desk.css"}
 MAX_WAIT_S: Final = 5.0
 REMOTE: Final = {b"start": Action.ADVANCE, b"stop": Action.ABORT}
-"""What LabRecorder's remote commands do to a session; its others are heard and change nothing."""
+"""Effects of LabRecorder's remote commands on a session; its other commands change nothing."""
 
 
 class DeskServer:
@@ -61,8 +61,8 @@ class DeskServer:
     async def listen_as_lab_recorder(self, port: int) -> int:
         """Take LabRecorder's remote commands on this computer; return the port.
 
-        `start` goes on where the first session waits, `stop` ends it, resumable. That protocol
-        knows no key: whoever is on this computer may speak.
+        `start` goes on where the first session waits, `stop` ends it, resumable. The protocol has
+        no key, so every program on this computer may send commands.
 
         Raises:
             DeviceError: the port is taken.
@@ -178,7 +178,7 @@ class DeskServer:
     async def _told_remotely(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        """Hear a program that speaks LabRecorder's protocol; every line is answered as there."""
+        """Serve a program that speaks LabRecorder's protocol; answer lines as LabRecorder does."""
         try:
             while line := await reader.readline():
                 action = REMOTE.get(line.strip())
@@ -201,7 +201,7 @@ class DeskServer:
 
 
 def _listed(watch: SessionWatch) -> list[dict[str, Any]]:
-    """Return the sessions that go on, as a page lets them be chosen."""
+    """Return the sessions that go on, as choices for a page."""
     return [
         {"which": name, **{k: one.about[k] for k in ("study", "participant", "session")}}
         for name, one in watch.live.items()

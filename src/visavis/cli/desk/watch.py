@@ -13,13 +13,13 @@ from visavis.protocol.session.operator import Command
 
 LOOK_AGAIN_S: Final = 0.5
 HELLO_S: Final = 5.0
-"""For so long a session may keep silent before it is looked for again."""
+"""How long a session may be silent before it is looked for again."""
 MAX_LINE_BYTES: Final = 1 << 20
 
 
 @dataclass(eq=False)
 class Live:
-    """A session that goes on: what it said of itself, how it is, and the line to it."""
+    """A session that goes on: its description of itself, its status, and the connection."""
 
     about: Mapping[str, Any]
     writer: asyncio.StreamWriter
@@ -45,13 +45,13 @@ class SessionWatch:
 
     @property
     def about(self) -> Mapping[str, Any] | None:
-        """What the session met first says of itself; None while none goes on."""
+        """Description of the first session met; None while none goes on."""
         session = self.of()
         return None if session is None else session.about
 
     @property
     def status(self) -> Mapping[str, Any] | None:
-        """How the session met first is."""
+        """Status of the first session met; None while none goes on."""
         session = self.of()
         return None if session is None else session.status
 
@@ -76,7 +76,7 @@ class SessionWatch:
             await asyncio.gather(*following_all, return_exceptions=True)
 
     async def wait(self, number: int, timeout_s: float) -> None:
-        """Wait until something has changed since `number`, but no longer than so long."""
+        """Wait until something has changed since `number`, or until the timeout."""
         async with self._changed:
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(
@@ -92,7 +92,7 @@ class SessionWatch:
     async def tell(self, command: Command, which: str = "") -> bool:
         """Send a command to a session (the first, where none is named); tell whether it was there.
 
-        One that has ended meanwhile takes none, and no other does in its place.
+        A session that has ended takes no command, and no other takes it instead.
         """
         session = self.live.get(which) if which else self.of()
         if session is None:
@@ -106,7 +106,7 @@ class SessionWatch:
         return True
 
     async def _follow(self, meeting: Path) -> None:
-        """Hear a session to its end; one that is no longer there is forgotten."""
+        """Read a session's messages to its end; forget one that is no longer there."""
         try:
             how = json.loads(meeting.read_text("utf-8"))
             reader, writer = await asyncio.open_connection(
@@ -146,7 +146,7 @@ class SessionWatch:
 
 
 def _about(line: bytes) -> Mapping[str, Any] | None:
-    """Return what a session says of itself first; None from whoever is no session."""
+    """Return a session's description of itself; None from other programs."""
     try:
         message = json.loads(line)
     except ValueError:

@@ -1,4 +1,4 @@
-"""From where a film looks, moment by moment; every camera is asked for rising times."""
+"""Cameras of films; each is asked for its view at rising times."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -36,7 +36,7 @@ PEOPLE_EVERY_NS: Final = NS_PER_S // 5
 class CameraKind(StrEnum):
     """Cameras that films know by name; any other is the file of a film's decisions.
 
-    Of itself a film takes the topology camera, or orbit where that finds no place to stand.
+    By default a film takes the topology camera, or orbit where that finds no place to stand.
     """
 
     AUTO = "auto"
@@ -48,7 +48,7 @@ class CameraKind(StrEnum):
 
 
 class Cuts(StrEnum):
-    """When the topology camera cuts: of itself, never, or of itself between cameras that rest."""
+    """When the topology camera cuts: by itself, never, or by itself between static cameras."""
 
     AUTO = "auto"
     NONE = "none"
@@ -65,7 +65,7 @@ class FilmCamera(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class FromViewpoint:
-    """The participant's eyes, or from above, or round about."""
+    """A camera at the participant's eyes, above the scene, or around it."""
 
     view: Viewpoint
     aspect: float
@@ -148,7 +148,7 @@ class ByTopology:
         return camera_of_view(view, self._style.fov_v_deg, self._aspect)
 
     def decisions(self) -> Decisions:
-        """Return what was decided so far."""
+        """Return the decisions so far."""
         cuts = [] if self._director is None else self._director.cuts
         cut_rows = [
             {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(cut).items()}
@@ -177,7 +177,7 @@ class ByTopology:
 
 
 def _known(value: Any) -> Any:
-    """Return what JSON can hold; numbers that are none become None."""
+    """Return a value that JSON can hold; NaN becomes None."""
     if isinstance(value, list):
         return [_known(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
@@ -208,7 +208,7 @@ def _place_of(room: Room) -> FilmedPlace:
 
 
 class AsDecided:
-    """A film's camera once more, from the file of its decisions."""
+    """The camera of an earlier film, from the file of its decisions."""
 
     def __init__(self, path: Path, aspect: float) -> None:
         try:

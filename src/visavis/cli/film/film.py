@@ -77,8 +77,8 @@ ALL_OVERLAYS: Final = tuple(Overlay)
 
 @dataclass(frozen=True, eq=False)
 class Filmed:
-    """What was made: the number of pictures, by which camera, the decisions of one that takes any,
-    and the film's objective sheet; none of a page, which no camera films.
+    """A film as it was made: the number of pictures, the camera, its decisions if it takes any, and
+    the film's objective sheet. For a page, which has no camera, all but `pictures` are None.
     """
 
     pictures: int
@@ -103,9 +103,9 @@ def write_film(
     seconds: float | None = None,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> Filmed:
-    """Write the film of a trial; of one on a page, the page as it was, by no camera.
+    """Write the film of a trial; a trial on a page is filmed as the page was, without a camera.
 
-    A question asked in the dark is seen from the participant's eyes, by whatever camera.
+    A question asked in the dark is seen from the participant's eyes, whatever the camera.
 
     Raises:
         UsageError: the session has no such trial, no rate of a film, no file of decisions, or no
@@ -139,6 +139,7 @@ def write_film(
     aspect = size_px[0] / size_px[1]
 
     shown_at = pictures_of(study, trial)
+    # The camera that knows the place needs room to stand in every scene of the trial.
     if camera is CameraKind.AUTO:
         scenes = recording.events_named("scene", trial.part)["t_ns"]
         lit = [start_ns, *(int(t) for t in scenes if start_ns < t <= end_ns)]
@@ -227,7 +228,7 @@ class FilmedTrial:
             return
         self._looked_ns = t_ns
         person_at_px = self._identity.views(picture, [camera], LOOK_PX, level=1).person
-        share = float((person_at_px == len(picture.cast)).mean())  # who stands in comes last
+        share = float((person_at_px == len(picture.cast)).mean())  # the stand-in is the last person
         self._log.visibility.append((t_ns, share >= SEEN_FROM_01))
 
     def pictures(

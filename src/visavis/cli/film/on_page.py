@@ -24,7 +24,7 @@ Pixels = npt.NDArray[np.uint8]
 FILM_SHARE: Final = 0.68
 """Height of films as a share of the picture's, at most."""
 QUESTION_SHARE: Final = 0.125
-"""What a question with its options takes of it."""
+"""Share of the height that a question with its options takes."""
 BACK, INK, QUIET, CHOSEN = (250, 250, 248), (30, 30, 32), (120, 122, 126), (38, 104, 173)
 TYPED: Final = "…"
 
@@ -110,7 +110,7 @@ def write_page_film(
 
 
 def page_label(recording: Recording, trial_id: str) -> str:
-    """Return what stands under pictures of a trial."""
+    """Return the label under pictures of a trial."""
     row = trial_row(recording, trial_id)
     factors = ", ".join(str(row[name]) for name in factors_of(recording, trial_id))
     label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
@@ -124,8 +124,8 @@ def page_pictures(
     times_of: Callable[[int, int], Sequence[int]],
     size_px: tuple[int, int],
 ) -> Iterator[tuple[float, Pixels, int]]:
-    """Yield what a trial's page showed, seconds from its begin, picture, and how many there will
-    be, at the session times that `times_of` chooses between its begin and end.
+    """Yield seconds since a trial's begin, the page's picture then, and the number of pictures, for
+    the session times that `times_of` chooses between the trial's begin and end.
 
     Raises:
         UsageError: the session has no such trial.
@@ -198,7 +198,7 @@ def _asked(
 
 
 MARK_NS: Final = NS_PER_S // 2
-"""A page goes on with the answer: it is marked this much before, so that it can be seen."""
+"""A page goes on with the answer, so the answer is marked this much earlier to be visible."""
 
 
 def _fitting(pen: ImageDraw.ImageDraw, labels: Sequence[str], width: int, font: Any) -> Any:

@@ -110,7 +110,7 @@ class StandIn:
 
 
 def _not_in(picture: Picture) -> Character:
-    """Return somebody who plays no other part in a picture."""
+    """Return a character who plays no other part in a picture."""
     playing = {character.name for character in picture.cast}
     candidates = (default_casting(part) for part in PARTS_TRIED)
     first = default_casting(PARTS_TRIED[0])

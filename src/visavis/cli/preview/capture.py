@@ -47,7 +47,7 @@ def has_board(view: SceneFrame) -> bool:
 
 
 class _EnoughError(Exception):
-    """Ends a performance of which nothing more is wanted."""
+    """Ends a performance when enough frames are there."""
 
 
 class _Watching(GeometryStage):
@@ -182,7 +182,7 @@ class Capture:
         )
 
     def leave(self) -> None:
-        """Perform no further; for another thread than the one that performs."""
+        """Stop the performance; called from another thread than the one that performs."""
         self._left.set()
 
 

@@ -37,7 +37,7 @@ HEAD_TURN_DEG, SHIFT_M = 4.0, 0.01
 def readable_at(
     people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
 ) -> Iterator[tuple[Character, float, float]]:
-    """Draw everybody at every distance and return the share of looks told rightly, one by one."""
+    """Draw everybody at every distance and return the share of correct looks, one by one."""
     renderer = Renderer(quality=Quality(samples=4))
     try:
         for character in people:

@@ -44,7 +44,7 @@ MAX_ROWS_OF_WIDE: Final = 12_000
 WIDE: Final = 60
 """Streams of more columns than this are thinned more; the page says which rows it has."""
 AROUND_NS: Final = NS_PER_S
-"""Around a shown trial every row is there, too."""
+"""Margin around a shown trial within which every row is kept."""
 MAX_TEXT: Final = 400
 
 
@@ -220,7 +220,7 @@ def _stream(
     times: Times,
     trials: Sequence[RecordedTrial],
 ) -> dict[str, Any]:
-    """Take a stream in: all of it, or every so many rows and all of those in the shown trials."""
+    """Pack a stream: all rows, or every n-th row and all rows of the shown trials."""
     arrays = recording.stream_arrays(name)
     schema = recording.stream_schema(name)
     fields = () if schema is None else schema.fields
@@ -229,7 +229,7 @@ def _stream(
     every = max(1, -(-n // (MAX_ROWS_OF_WIDE if width > WIDE else MAX_ROWS)))
     is_kept = np.arange(n) % every == 0
     when_ns = arrays.get("t_host_ns", np.zeros(n))
-    if name == "gaze_targets":  # no later than it arrived, as a slip of a tracker's clock says
+    if name == "gaze_targets":  # no later than it arrived, even if a tracker's clock slips
         when_ns = np.minimum(arrays["t_sample_ns"], when_ns)
     for trial in trials if every > 1 else ():
         start_ns, end_ns = trial.span_ns
@@ -271,7 +271,7 @@ def _stream(
 
 
 def _since_arrival_ms(values: npt.NDArray[Any], host_ns: npt.NDArray[Any]) -> Vector:
-    """Return times of a row as milliseconds after it arrived; those unknown are NaN."""
+    """Return times of a row as milliseconds after it arrived; unknown times are NaN."""
     is_known = (values != NO_DEVICE_TIME) & (values >= 0)
     apart: Vector = np.where(is_known, (values - host_ns) / NS_PER_MS, np.nan)
     return apart
@@ -330,6 +330,7 @@ def _scene(
 ) -> dict[str, Any]:
     first = samples[0].picture
     n = len(samples)
+    # Samples come first in these arrays (samples, people, ...); tracks of keys want people first.
     root = np.array([s.picture.people.root_m for s in samples])
     turns = one_way_round(np.array([s.picture.people.orientation_wxyz for s in samples]))
     morphs = np.array([s.picture.people.morphs_01 for s in samples])
@@ -356,6 +357,7 @@ def _scene(
         "topology": _topology(trial, samples, bundle),
         "light": bundle.quantised(np.array([[s.picture.brightness_01] for s in samples])),
         "mark": None if first.mark_m is None else [float(x) for x in first.mark_m],
+        # Taken from the first sample: `_runs` cuts where things, boards or agents change.
         "moving": [
             {
                 "mesh": models.thing(m.prop),

@@ -1,6 +1,6 @@
 """A session for the Rerun viewer: the same times, people, gaze, body and columns as on the page.
 
-People stand there as the bones that move them; meshes that bones move, Rerun does not draw.
+People stand there as the bones that move them; Rerun does not draw meshes that bones move.
 """
 
 from collections.abc import Callable, Sequence
