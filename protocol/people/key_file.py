@@ -1,4 +1,4 @@
-"""The key file of a study: who is behind a label, and the study's salt, apart from the data."""
+"""The key file of a study, apart from the data: who is behind a label, and the study's salt."""
 
 import hashlib
 import hmac
@@ -50,7 +50,7 @@ class KeyFile:
     def page_key(self, label: str, session: int) -> str:
         """Return the secret in the address of a session's page, the same whenever it is asked."""
         salt = bytes.fromhex(self._read()["salt"])
-        # a label has letters and digits alone, so that no pseudonym is made of the same text
+        # labels hold letters and digits only, so no pseudonym is made from the same text
         message = f"page/{label}/{session}".encode()
         return hmac.new(salt, message, hashlib.sha256).hexdigest()
 

@@ -62,7 +62,7 @@ class Participant:
 
 
 class UnknownParticipant(LedgerError):
-    """No participant has this number; `number` for whoever wants to add it."""
+    """No participant has this number; `number` is there for a caller that wants to add it."""
 
     def __init__(self, message: str, number: int) -> None:
         super().__init__(message)
@@ -200,7 +200,7 @@ class Ledger:
     def begin_withdrawal(
         self, text: str, data_roots: Sequence[Path], *, reason: str = ""
     ) -> Participant:
-        """Note that somebody withdraws, so that whoever serves their page ends it and deletes it.
+        """Note that somebody withdraws, so that the server of their page ends and deletes it.
 
         Nothing is removed yet; `withdraw` goes on from here.
         """

@@ -1,6 +1,6 @@
 """Which body somebody sees as their own, and how tall they say they are.
 
-It is kept in the person's folder, not in the ledger, which only grows: a withdrawal removes it.
+It is kept in the person's folder, so that a withdrawal removes it; the ledger only grows.
 """
 
 from dataclasses import asdict, dataclass

@@ -112,7 +112,7 @@ def _clean_export(label: str, names: Sequence[str], export: Export, removal: Rem
     if not export.where.is_dir():
         return
     if set(export.labels) != {label}:
-        # Its own files alone: the folder may be a desk on which other studies lie.
+        # Only its own files: the folder may hold exports of other studies.
         name_pattern, rest = _named(names), []
         for name in export.files:
             path = export.where / name

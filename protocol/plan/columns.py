@@ -73,4 +73,4 @@ DELIVERED: Final = (
 )
 """The last columns of every trial row: what was delivered while the trial ran."""
 ENGINE_COLUMNS: Final = (*IDENTITY, *DELIVERED)
-"""Every column the session writes, whatever the study."""
+"""Every column that the session writes in any study."""

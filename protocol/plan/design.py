@@ -1,8 +1,8 @@
 """Factorial designs: from factors, blocks and an explicit seed to the plan of one session.
 
-Everything random in a plan depends on the study seed and the participant's index alone, through
-`numpy.random.SeedSequence` keys, so no participant's plan and no trial's seed depends on what
-was drawn before it.
+Everything random in a plan depends on the study seed and the participant's index only, through
+`numpy.random.SeedSequence` keys, so no participant's plan and no trial's seed depends on what was
+drawn before it.
 """
 
 from collections.abc import Mapping, Sequence

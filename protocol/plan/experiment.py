@@ -136,9 +136,9 @@ class ValidationPoint:
     """Gaze samples taken while one target was shown.
 
     `target` (3,) and `combined`, `left`, `right` (n, 3) are unit vectors in the head's frame when
-    the target appeared, NaN where lost; `t_ns` (n,). `aim_head` (n, 3) is the way to the target and
-    `combined_head` (n, 3) the gaze in the head's frame at each sample: what a tracker that sits
-    turned on the head turns.
+    the target appeared, NaN where lost; `t_ns` (n,). At each sample, in the head's frame,
+    `aim_head` (n, 3) is the direction to the target and `combined_head` (n, 3) the gaze; a tracker
+    that sits turned on the head turns the latter.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""A study's parameters from names and values that somebody typed."""
+"""A study's parameters from names and values typed by the user."""
 
 import difflib
 import math

@@ -60,8 +60,8 @@ class Shown:
         )
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what `make` returns, made once where the recording is kept: for what is the same
-        in many frames, and dear.
+        """Return what `make` returns, made once where the recording is kept; for costly things that
+        many frames share.
         """
         if isinstance(self.recording, CachedRecording):
             return self.recording.once((self.part, key), make)

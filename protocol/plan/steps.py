@@ -150,7 +150,7 @@ class BodyView(NamedTuple):
 
 
 class Sounded(NamedTuple):
-    """That a sound began: its first sample left the card at `on_ns`; None where nobody heard it."""
+    """The start of a sound: its first sample left the card at `on_ns`; None where unheard."""
 
     key: str
     on_ns: int | None

@@ -1,6 +1,6 @@
-"""Ask on a board in the headset: pointed at and confirmed, looked at for long, or by a digit.
+"""Ask on a board in the headset; answers come by pointing and confirming, dwelling, or a digit.
 
-One generator asks, whoever drives it: a trial that yields its steps to the session, or the session
+One generator asks for both callers: a trial that yields its steps to the session, and the session
 itself between trials. What may answer is data (`Ways`).
 """
 
@@ -33,7 +33,7 @@ Steps: TypeAlias = Generator[Step, FrameView | Answered | None, "Chosen"]
 
 @dataclass(frozen=True)
 class DwellRule:
-    """How long a choice must be looked at; gaze lost or elsewhere for `gap_ms` begins anew."""
+    """How long a choice must be looked at; gaze lost or elsewhere for `gap_ms` starts again."""
 
     dwell_ms: int = 1200
     gap_ms: int = 150

@@ -120,7 +120,7 @@ class OperatorDesk:
         return view
 
     def prompt(self, text: str) -> bool:
-        """Show what a trial waits for, or nothing; tell whether nobody is there to go on."""
+        """Show what a trial waits for, or nothing; return whether there is no operator to go on."""
         self._advance = False
         goes_on = bool(text) and not self._operator.waits_for_advance(text)
         self._prompt = "" if goes_on else text

@@ -1,7 +1,7 @@
 """Ask questions on a board in the headset: looked at, pointed at, or answered by a key.
 
 The answer is the label of an option, the same as typed at the terminal; questions without
-options, or with too many for one board, go to whoever answers there.
+options, or with too many for one board, go to the respondent there.
 """
 
 from collections.abc import Callable, Sequence

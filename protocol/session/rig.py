@@ -267,7 +267,7 @@ class RunningRig:
             pump.tap = tap
 
     def step_body(self) -> None:
-        """Let the body tracker alone deliver what has arrived."""
+        """Let only the body tracker deliver what has arrived."""
         self._pumps["body_tracker"].step()
 
     @property

@@ -237,7 +237,7 @@ class Session:
         self._recorder.event("block_end", self._loop.t_ns, block=block.index)
 
     def _is_uncalibrated(self, block: Block) -> bool:
-        """Tell whether a resumed session has opened the tracker anew since it was calibrated."""
+        """Tell whether a resumed session has reopened the tracker since it was calibrated."""
         before = (b for b in self._setup.plan.blocks if b.index < block.index)
         return self._calibration is None and any(b.calibrate for b in before)
 

@@ -43,7 +43,7 @@ class SessionSetup:
     plan: SessionPlan
     """What the participant will do."""
     name: SessionName
-    """Which part of whose session it is."""
+    """Participant, session and part."""
     rig: Rig
     """The devices."""
     stage: Stage
@@ -61,7 +61,7 @@ class SessionSetup:
     questionnaires: tuple[Questionnaire, ...] = ()
     """The questionnaires that blocks and the plan name."""
     participant: SimulatedParticipant | None = None
-    """Who is simulated; None where somebody is there."""
+    """The simulated participant; None with a real one."""
     progress: Progress = field(default_factory=Progress)
     """What earlier parts of the session did."""
     blind: bool = False

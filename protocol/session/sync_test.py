@@ -37,7 +37,7 @@ class Speaker(Protocol):
 
 
 class Patch:
-    """A white or black corner of both eyes' pictures, on whatever paces and shows frames."""
+    """A white or black corner of both eyes' pictures, on the display that paces the frames."""
 
     def __init__(self, headset: Headset, context: moderngl.Context) -> None:
         self._headset = headset

@@ -1,4 +1,4 @@
-"""Draw a frame of a recording again, from what the recording alone says."""
+"""Draw a frame of a recording again, from the recording alone."""
 
 import bisect
 from collections.abc import Callable, Iterator
@@ -34,7 +34,7 @@ from visavis.study.trial import TrialScript, is_on_board
 
 UNDRAWN_PX: Final = (720, 800)
 MARKED_NS: Final = NS_PER_S // 2
-"""How long before it was given a film marks an answer, so that it can be seen."""
+"""A film marks an answer this long before it was given, so that the mark can be seen."""
 FIRST_SAMPLES, LAST_SAMPLES = 3, 3
 """How many samples of a tracker may have been the first that was taken, and the last."""
 

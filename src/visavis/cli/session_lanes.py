@@ -19,7 +19,7 @@ MIN_SHOWN_NS: Final = 80 * NS_PER_MS
 @dataclass(frozen=True, eq=False)
 class Lane:
     """What happened to one part of the body: `spans` of begin and end (ns of the part's session
-    time) and what is told of each.
+    time) with a text about each.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The studies the command line works with, and whose data a folder holds."""
+"""The studies that the command line works with, and the study that a data folder belongs to."""
 
 import shlex
 from collections.abc import Callable
@@ -126,10 +126,10 @@ class StudyHere:
         return lambda index: experiment.plan(index, settings.seed).group
 
     def participant(self, settings: StudySettings, wanted: str) -> Participant:
-        """Return somebody of the ledger; simulated people are added to it when they first come.
+        """Return a participant of the ledger; simulated ones are added when they first come.
 
         Raises:
-            LedgerError: nobody is meant, or somebody real who is not registered.
+            LedgerError: no participant is named, or a real one who is not registered.
         """
         try:
             return self.ledger.resolve(wanted)

@@ -12,7 +12,7 @@ MAX_AGE_DAYS = 90
 
 
 def newest(lab: LabConfig) -> dict[str, Any] | None:
-    """Return the newest real test of this lab; None when there is none."""
+    """Return the newest real test of this lab, or None."""
     for path in sorted((lab.data_root / FOLDER).glob("sync-*.json"), reverse=True):
         try:
             record: dict[str, Any] = parse_json(read_plain(path))

@@ -70,7 +70,7 @@ def meeting_name(data_root: Path) -> str:
 
 
 class SessionLink:
-    """An operator who is also reached from the desk; whoever sits at the terminal stays in charge.
+    """An operator who is also reached from the desk; the person at the terminal stays in charge.
 
     It follows `visavis.protocol.session.operator.Operator`. In the frame loop it only keeps the
     newest status; a thread of its own sends it to the desk. Where nothing can listen, the session
@@ -147,7 +147,7 @@ class SessionLink:
         """Wait where the operator at the terminal does."""
         return self._operator.waits_for_advance(prompt)
 
-    # ---- beside the session ------------------------------------------------------------------
+    # ---- outside the frame loop --------------------------------------------------------------
 
     def _listen(self) -> None:
         with contextlib.suppress(OSError):  # then there is no desk
@@ -288,7 +288,7 @@ def _finite(value: Any) -> Any:
 
 
 def _write_meeting(name: str, content: Mapping[str, Any]) -> Path:
-    """Write how the session is reached, for its owner's eyes alone; return the file."""
+    """Write how the session is reached, readable only for its owner; return the file."""
     folder = meeting_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = folder / f"{name}-{os.getpid()}-{content['port']}.json"

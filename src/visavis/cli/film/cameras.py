@@ -30,7 +30,7 @@ FOLLOW_UP_M: Final = 0.4
 FOLLOW_TANGENT: Final = 0.6
 HEAD_ABOVE_EYES: Final = 1 / 0.936
 PEOPLE_EVERY_NS: Final = NS_PER_S // 5
-"""How often people who may hide the subject are looked at anew."""
+"""How often people who may hide the subject are looked at again."""
 
 
 class CameraKind(StrEnum):

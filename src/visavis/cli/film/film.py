@@ -60,7 +60,7 @@ LOOK_EVERY_NS: Final = NS_PER_S // 4
 LOOK_PX: Final = (256, 144)
 """How often, and in how large a picture, the participant is looked for."""
 GAZE_AT_M: Final = 2.5
-"""How far gaze is drawn where nobody's head was hit: seen from outside, without a ring."""
+"""Length of the drawn gaze where it hit no head: seen from outside, without a ring."""
 COLOURS: Final = {"contact": (255, 107, 94), "vibration": (94, 200, 255)}
 
 

@@ -78,7 +78,7 @@ class _FewTrials(StudyExperiment):
     trial_ids: frozenset[str] = frozenset()
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return the plan with those trials alone."""
+        """Return the plan with those trials only."""
         plan = super().plan(participant_index, seed, group)
         blocks = tuple(
             replace(

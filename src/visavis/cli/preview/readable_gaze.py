@@ -1,4 +1,4 @@
-"""How well direct gaze is told from gaze averted by 10°, from the pixels a headset shows.
+"""How well pixels of a headset distinguish direct gaze from gaze averted by 10°.
 
 Faces are drawn eyes to the camera or 10° to its left or right, heads turned and shifted by a little
 each time. A simulated observer is shown half of the pictures to learn from and tells the rest
@@ -55,7 +55,7 @@ def seen_eyes(
     px_per_deg: float,
     rng: np.random.Generator,
 ) -> Vector:
-    """Return the luminance, 0 to 1, about the eyes of one picture of somebody, flattened."""
+    """Return the luminance, 0 to 1, around the eyes of one picture of a character, flattened."""
     turn_deg = float(rng.uniform(-HEAD_TURN_DEG, HEAD_TURN_DEG))
     person = Person(
         build_of(character),

@@ -17,7 +17,7 @@ from visavis.study.cast import use_recorded_cast
 def write_views(folder: Path, out_dir: Path, striking: Sequence[Striking]) -> None:
     """Write one page for every session of a study's `folder` with trials to look at.
 
-    Trials that never began have nothing to show; a page made before is made anew.
+    Trials that never began have nothing to show; a page made before is replaced.
     """
     of_session = groupby(sorted(striking, key=_session), key=_session)
     trials_by_session = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}

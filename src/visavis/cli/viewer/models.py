@@ -62,7 +62,7 @@ class Models:
 
     def _number(self, thing: object, into: list[dict[str, Any]], made: Any) -> int:
         if id(thing) not in self._known:
-            self._kept_alive.append(thing)  # whose id another thing must not get
+            self._kept_alive.append(thing)  # keeps its id from being reused
             into.append(made())
             self._known[id(thing)] = len(into) - 1
         return self._known[id(thing)]

@@ -1,6 +1,6 @@
-"""What the viewer holds of trials on a page: films as small pictures, questions, answers.
+"""Trials on a page as the viewer holds them: films as small pictures, questions, answers.
 
-Small pictures are kept beside the films of the user's cache, under the hash of what they show.
+Small pictures are kept next to the films in the user's cache, under the hash of their content.
 """
 
 import io
