@@ -78,15 +78,15 @@ def registered_exports(study_root: Path) -> tuple[Export, ...]:
     """
     path = study_root / REGISTER_NAME
     try:
-        found = read_lines(path)
+        register = read_lines(path)
     except OSError as error:
         raise LedgerError(
             f"{path} cannot be read: {error.strerror}; check its rights and the disk"
         ) from error
-    if found.damaged_line is not None:
+    if register.damaged_line is not None:
         raise LedgerError(
-            f"{path}:{found.damaged_line[0]}: the register is damaged, the line "
-            f"{found.damaged_line[1]}; `visavis recover {study_root}` puts its copy in its place"
+            f"{path}:{register.damaged_line[0]}: the register is damaged, the line "
+            f"{register.damaged_line[1]}; `visavis recover {study_root}` puts its copy in its place"
         )
     try:
         return tuple(
@@ -97,7 +97,7 @@ def registered_exports(study_root: Path) -> tuple[Export, ...]:
                 tuple(map(str, r["labels"])),
                 {str(k): str(v) for k, v in r["files"].items()},
             )
-            for r in found.records
+            for r in register.records
         )
     except (KeyError, TypeError, AttributeError) as error:
         raise LedgerError(

@@ -1,4 +1,4 @@
-"""The key file of a study: who is behind a label, and the study's salt, apart from the data."""
+"""The key file of a study, apart from the data: who is behind a label, and the study's salt."""
 
 import hashlib
 import hmac
@@ -50,9 +50,9 @@ class KeyFile:
     def page_key(self, label: str, session: int) -> str:
         """Return the secret in the address of a session's page, the same whenever it is asked."""
         salt = bytes.fromhex(self._read()["salt"])
-        # a label has letters and digits alone, so that no pseudonym is made of the same text
-        told = f"page/{label}/{session}".encode()
-        return hmac.new(salt, told, hashlib.sha256).hexdigest()
+        # labels hold letters and digits only, so no pseudonym is made from the same text
+        message = f"page/{label}/{session}".encode()
+        return hmac.new(salt, message, hashlib.sha256).hexdigest()
 
     def identify(self, label: str, identity: Mapping[str, str]) -> None:
         """Store who is behind a label (name, contact); replaces what was stored."""
@@ -63,8 +63,8 @@ class KeyFile:
 
     def identity(self, label: str) -> Mapping[str, str] | None:
         """Return who is behind a label; None when nobody was stored."""
-        found: Mapping[str, str] | None = self._read()["identities"].get(label)
-        return found
+        person: Mapping[str, str] | None = self._read()["identities"].get(label)
+        return person
 
     def forget(self, label: str) -> bool:
         """Remove who is behind a label; tells whether anybody was stored."""
@@ -78,9 +78,9 @@ class KeyFile:
     def _read(self) -> dict[str, Any]:
         try:
             mode = stat.S_IMODE(self.path.stat().st_mode)
-            found = read_sealed(self.path)
-            content = found.content
-            if not found.is_sealed and content.get("format", 1) != 1:
+            sealed_file = read_sealed(self.path)
+            content = sealed_file.content
+            if not sealed_file.is_sealed and content.get("format", 1) != 1:
                 raise ValueError("it lost its checksum")
         except (OSError, ValueError) as error:
             raise LedgerError(

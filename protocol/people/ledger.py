@@ -62,7 +62,7 @@ class Participant:
 
 
 class UnknownParticipant(LedgerError):
-    """No participant has this number; `number` for whoever wants to add it."""
+    """No participant has this number; `number` is there for a caller that wants to add it."""
 
     def __init__(self, message: str, number: int) -> None:
         super().__init__(message)
@@ -106,35 +106,37 @@ class Ledger:
         """
         with self._held():
             entries = self._read()
-            chosen = 1 + max((p.number for p in entries), default=0) if number is None else number
-            self._check_number(chosen, entries)
+            new_number = (
+                1 + max((p.number for p in entries), default=0) if number is None else number
+            )
+            self._check_number(new_number, entries)
             if replaces is not None:
-                gone = self._replaceable(replaces, entries)
-                place, own_group, replaced = gone.index, gone.group, gone.label
+                leaver = self._replaceable(replaces, entries)
+                place, own_group, replaced_label = leaver.index, leaver.group, leaver.label
             else:
                 place = self._place(index, entries, group)
                 own_group = group if isinstance(group, str) else group(place)
-                replaced = ""
-            added = Participant(
-                label=make_label(chosen, self.prefix),
-                number=chosen,
+                replaced_label = ""
+            person = Participant(
+                label=make_label(new_number, self.prefix),
+                number=new_number,
                 index=place,
                 group=own_group,
                 consent_version=consent_version,
                 added_at=self._clock.wall_iso(),
-                replaces=replaced,
+                replaces=replaced_label,
             )
             self._append(
                 "added",
-                label=added.label,
-                at=added.added_at,
-                number=added.number,
-                index=added.index,
-                group=added.group,
-                consent_version=added.consent_version,
-                replaces=added.replaces,
+                label=person.label,
+                at=person.added_at,
+                number=person.number,
+                index=person.index,
+                group=person.group,
+                consent_version=person.consent_version,
+                replaces=person.replaces,
             )
-        return added
+        return person
 
     def next_place(self, group: Callable[[int], str] | None = None) -> int:
         """Return the index that `add` would give now; nothing is registered.
@@ -153,19 +155,19 @@ class Ledger:
         Raises UnknownParticipant, WithdrawnParticipant, or LedgerError for a label whose check
         letter is wrong, with the labels probably meant.
         """
-        found = self._find(text, self._read())
-        if found.status == "withdrawing":
+        person = self._find(text, self._read())
+        if person.status == "withdrawing":
             raise WithdrawnParticipant(
-                f"participant {found.label} of {self.study} is being withdrawn and the removal is "
-                f"not finished; repeat: visavis participant withdraw {self.study} {found.label}"
+                f"participant {person.label} of {self.study} is being withdrawn and the removal is "
+                f"not finished; repeat: visavis participant withdraw {self.study} {person.label}"
             )
-        if found.status == "withdrawn":
+        if person.status == "withdrawn":
             raise WithdrawnParticipant(
-                f"participant {found.label} of {self.study} withdrew on {found.withdrawn_at}; the "
-                "identifier is never used again, add a new participant: "
+                f"participant {person.label} of {self.study} withdrew on {person.withdrawn_at}; "
+                "the identifier is never used again, add a new participant: "
                 f"visavis participant add {self.study}"
             )
-        return found
+        return person
 
     def list(self) -> tuple[Participant, ...]:
         """Return every entry in order of entry, tombstones included."""
@@ -174,50 +176,50 @@ class Ledger:
     def consent(self, text: str, version: str) -> Participant:
         """Record that a participant agreed to another version of the consent form."""
         with self._held():
-            found = self.resolve(text)
-            if found.consent_version != version:
+            person = self.resolve(text)
+            if person.consent_version != version:
                 self._append(
                     "consented",
-                    label=found.label,
+                    label=person.label,
                     at=self._clock.wall_iso(),
                     consent_version=version,
                 )
-        return replace(found, consent_version=version)
+        return replace(person, consent_version=version)
 
     def own_body(self, label: str) -> OwnBody:
         """Return which body a participant sees as their own, and how tall they said they are."""
         return read_own_body(self._folder_of(label))
 
     def describe_body(self, text: str, own: OwnBody) -> None:
-        """Keep it in the participant's folder; the ledger says only that they were asked."""
+        """Store it in the participant's folder; the ledger notes only that they were asked."""
         with self._held():
-            found = self.resolve(text)
-            write_own_body(self._folder_of(found.label), own)
-            self._append("body", label=found.label, at=self._clock.wall_iso())
+            person = self.resolve(text)
+            write_own_body(self._folder_of(person.label), own)
+            self._append("body", label=person.label, at=self._clock.wall_iso())
 
     def begin_withdrawal(
         self, text: str, data_roots: Sequence[Path], *, reason: str = ""
     ) -> Participant:
-        """Note that somebody withdraws, so that whoever serves their page ends it and deletes it.
+        """Note that somebody withdraws, so that the server of their page ends and deletes it.
 
         Nothing is removed yet; `withdraw` goes on from here.
         """
         with self._held():
-            found = self._find(text, self._read())
-            if found.status == "withdrawn":
+            person = self._find(text, self._read())
+            if person.status == "withdrawn":
                 raise WithdrawnParticipant(
-                    f"participant {found.label} of {self.study} has withdrawn already, on "
-                    f"{found.withdrawn_at}; nothing is left to remove"
+                    f"participant {person.label} of {self.study} has withdrawn already, on "
+                    f"{person.withdrawn_at}; nothing is left to remove"
                 )
-            if found.status == "active":
+            if person.status == "active":
                 self._append(
                     "withdrawing",
-                    label=found.label,
+                    label=person.label,
                     at=self._clock.wall_iso(),
                     reason=reason,
-                    had_data=may_have_data(self.study, found.label, data_roots),
+                    had_data=may_have_data(self.study, person.label, data_roots),
                 )
-        return found
+        return person
 
     def withdraw(
         self,
@@ -237,13 +239,13 @@ class Ledger:
         a LedgerError; the ledger then says "withdrawing" and the call can be repeated. What was
         done, and what could not be reached, is kept in the ledger.
         """
-        found = self.begin_withdrawal(text, data_roots, reason=reason)
+        person = self.begin_withdrawal(text, data_roots, reason=reason)
         # not under the lock: removing hours of recordings must not stop other rooms
         default = self._derived_folders()
-        aliases = () if key_file is None else (key_file.pseudonym(found.label),)
+        aliases = () if key_file is None else (key_file.pseudonym(person.label),)
         removal = remove_participant(
             self.study,
-            found.label,
+            person.label,
             data_roots,
             default if derived_roots is None else derived_roots,
             required_derived=derived_roots is not None,
@@ -252,23 +254,23 @@ class Ledger:
         )
         failures = builtins.list(removal.failures)
         try:  # where the folder of the study lies in none of the data roots
-            removal.removed += remove_own_body(self._folder_of(found.label))
+            removal.removed += remove_own_body(self._folder_of(person.label))
         except OSError as error:
             failures.append(f"{error.filename}: {error.strerror}")
         if key_file is not None and not failures:
             try:
-                key_file.forget(found.label)
+                key_file.forget(person.label)
             except (LedgerError, OSError) as error:
                 failures.append(str(error))
         if failures:
             raise LedgerError(
-                f"the withdrawal of {found.label} is not finished, the ledger keeps it as "
+                f"the withdrawal of {person.label} is not finished, the ledger keeps it as "
                 "withdrawing; correct this and repeat the command:\n  " + "\n  ".join(failures)
             )
         with self._held():
-            if self._find(found.label, self._read()).status != "withdrawn":
+            if self._find(person.label, self._read()).status != "withdrawn":
                 done = removal.record()
-                self._append("withdrawn", label=found.label, at=self._clock.wall_iso(), done=done)
+                self._append("withdrawn", label=person.label, at=self._clock.wall_iso(), done=done)
         return removal
 
     def _folder_of(self, label: str) -> Path:
@@ -317,24 +319,24 @@ class Ledger:
         return index
 
     def _replaceable(self, text: str, entries: Sequence[Participant]) -> Participant:
-        gone = self._find(text, entries)
-        if gone.status == "active":
+        leaver = self._find(text, entries)
+        if leaver.status == "active":
             raise LedgerError(
-                f"participant {gone.label} of {self.study} has not withdrawn and cannot be "
+                f"participant {leaver.label} of {self.study} has not withdrawn and cannot be "
                 "replaced; withdraw first, or add without replacing"
             )
         for entry in entries:
-            if entry.replaces == gone.label:
-                raise LedgerError(f"{gone.label} has been replaced already, by {entry.label}")
-            if entry.index == gone.index and not entry.has_freed_place and entry is not gone:
+            if entry.replaces == leaver.label:
+                raise LedgerError(f"{leaver.label} has been replaced already, by {entry.label}")
+            if entry.index == leaver.index and not entry.has_freed_place and entry is not leaver:
                 raise LedgerError(
-                    f"the place of {gone.label}, who withdrew before anything was recorded, was "
+                    f"the place of {leaver.label}, who withdrew before anything was recorded, was "
                     f"given to {entry.label}; nobody is missing, add without replacing"
                 )
-        return gone
+        return leaver
 
     def number_of(self, text: str) -> int:
-        """Return the number meant by a number or a label, whoever is registered.
+        """Return the number meant by a number or a label, registered or not.
 
         Raises:
             LedgerError: it is neither, or its check letter is wrong.
@@ -353,18 +355,18 @@ class Ledger:
         )
 
     def _number(self, text: str, entries: Sequence[Participant]) -> int:
-        typed = text.strip().upper()
-        number = int(typed) if typed.isascii() and typed.isdigit() else None
+        label_text = text.strip().upper()
+        number = int(label_text) if label_text.isascii() and label_text.isdigit() else None
         if number is None:
-            number = read_label(typed, self.prefix) or read_label(typed)
+            number = read_label(label_text, self.prefix) or read_label(label_text)
         elif not 1 <= number <= MAX_NUMBER:
             raise LedgerError(
                 f"there is no participant {text.strip()}: numbers go from 1 to {MAX_NUMBER}"
             )
         if number is None:
-            near = [p.label for p in entries if is_one_slip_apart(typed, p.label)]
+            near = [p.label for p in entries if is_one_slip_apart(label_text, p.label)]
             if not near:
-                digits = typed.removeprefix(self.prefix)[:-1]
+                digits = label_text.removeprefix(self.prefix)[:-1]
                 near = [p.label for p in entries if digits.isdecimal() and p.number == int(digits)]
             hint = (
                 f"did you mean {' or '.join(near[:3])}?"
@@ -393,15 +395,15 @@ class Ledger:
 
     def _records(self) -> builtins.list[tuple[int, dict[str, Any]]]:
         try:
-            found = read_lines(self.path)
+            lines = read_lines(self.path)
         except OSError as error:
             raise LedgerError(
                 f"{self.path} cannot be read: {error.strerror}; check its rights and the disk"
             ) from error
-        if found.damaged_line is not None:
-            line_number, what = found.damaged_line
+        if lines.damaged_line is not None:
+            line_number, what = lines.damaged_line
             raise self._damaged(line_number, what)
-        return builtins.list(enumerate(found.records, start=1))
+        return builtins.list(enumerate(lines.records, start=1))
 
     def _damaged(self, line_number: int, what: str) -> LedgerError:
         return LedgerError(
@@ -426,25 +428,27 @@ class Ledger:
 
 
 def _first_free(entries: Sequence[Participant], group: Callable[[int], str] | None = None) -> int:
-    """Return the first free place; that of a group that lost people, where there are such."""
-    taken = {p.index: p.group for p in entries if not p.has_freed_place}
-    first = next(index for index in count() if index not in taken)
-    replaced = {p.replaces for p in entries}
-    lost = Counter(
+    """Return the first free place, or the first of a group that lost people if there is one."""
+    group_by_place = {p.index: p.group for p in entries if not p.has_freed_place}
+    first = next(index for index in count() if index not in group_by_place)
+    replaced_labels = {p.replaces for p in entries}
+    losses = Counter(
         p.group
         for p in entries
-        if p.status != "active" and not p.has_freed_place and p.label not in replaced
+        if p.status != "active" and not p.has_freed_place and p.label not in replaced_labels
     )
-    if group is None or not lost:
+    if group is None or not losses:
         return first
-    lost.subtract(name for index, name in taken.items() if index > first)  # made up for already
-    missing = max(lost.values())
+    losses.subtract(
+        name for index, name in group_by_place.items() if index > first
+    )  # made up for already
+    missing = max(losses.values())
     groups = len({p.group for p in entries})
     if missing <= 0 or groups < 2:
         return first
-    free = (index for index in count(first) if index not in taken)
+    free = (index for index in count(first) if index not in group_by_place)
     for index in islice(free, MAX_RUNS_AHEAD * groups):
-        if lost[group(index)] == missing:
+        if losses[group(index)] == missing:
             return index
     return first
 

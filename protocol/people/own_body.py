@@ -1,6 +1,6 @@
 """Which body somebody sees as their own, and how tall they say they are.
 
-It is kept in the person's folder, not in the ledger, which only grows: a withdrawal removes it.
+It is kept in the person's folder, so that a withdrawal removes it; the ledger only grows.
 """
 
 from dataclasses import asdict, dataclass
@@ -16,14 +16,16 @@ FILE_NAMES = (OWN_BODY_NAME, copy_path(Path(OWN_BODY_NAME)).name)
 
 @dataclass(frozen=True)
 class OwnBody:
-    """`body` is "female" or "male", `stature_m` with shoes, as told; empty and None until asked."""
+    """`body` is "female" or "male", `stature_m` with shoes, as reported; empty and None until
+    asked.
+    """
 
     body: str = ""
     stature_m: float | None = None
 
 
 def read_own_body(person: Path) -> OwnBody:
-    """Return what the folder of a person keeps.
+    """Return the body and stature stored in a person's folder.
 
     Raises:
         LedgerError: the file is damaged.
@@ -32,10 +34,10 @@ def read_own_body(person: Path) -> OwnBody:
     if not path.exists() and not copy_path(path).exists():
         return OwnBody()
     try:
-        found = read_sealed(path)
-        if not found.is_sealed:
+        sealed_file = read_sealed(path)
+        if not sealed_file.is_sealed:
             raise ValueError("it lost its checksum")
-        content = found.content
+        content = sealed_file.content
         if content["participant"] != _label_of(person):
             raise ValueError(f"it is of {content['participant']}")
         body, stature_m = content["body"], content["stature_m"]
@@ -50,17 +52,17 @@ def read_own_body(person: Path) -> OwnBody:
 
 
 def write_own_body(person: Path, own: OwnBody) -> None:
-    """Keep it in the folder of a person; what was there is replaced."""
+    """Store body and stature in a person's folder; replaces what was there."""
     make_folder(person, exist_ok=True)
     write_sealed(person / OWN_BODY_NAME, {"participant": _label_of(person), **asdict(own)})
 
 
 def remove_own_body(person: Path) -> tuple[Path, ...]:
-    """Remove what the folder of a person keeps; return the files that were there."""
-    found = tuple(path for name in FILE_NAMES if (path := person / name).exists())
-    for path in found:
+    """Remove body and stature from a person's folder; return the files that were there."""
+    paths = tuple(path for name in FILE_NAMES if (path := person / name).exists())
+    for path in paths:
         path.unlink()
-    return found
+    return paths
 
 
 def _label_of(person: Path) -> str:

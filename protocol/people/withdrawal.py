@@ -81,15 +81,15 @@ def remove_participant(
             _clean_derived(names, root, removal)
         elif required_derived:
             removal.failures.append(f"{root}: the folder of derived data is not there")
-    cleaned = {root.resolve() for root in derived_roots}
+    clean_roots = {root.resolve() for root in derived_roots}
     for export in exports:
-        if label in export.labels and export.where not in cleaned:
+        if label in export.labels and export.where not in clean_roots:
             _clean_export(label, names, export, removal)
     return removal
 
 
 def may_have_data(study: str, label: str, data_roots: Sequence[Path]) -> bool:
-    """Tell whether a participant has anything recorded; of a root that is not there, it may be."""
+    """Tell whether a participant may have recorded data; a missing root counts as yes."""
     if not all(root.is_dir() for root in data_roots):
         return True
     own = [f for root in data_roots for f in _own_folders(study, label, root, Removal())]
@@ -112,11 +112,11 @@ def _clean_export(label: str, names: Sequence[str], export: Export, removal: Rem
     if not export.where.is_dir():
         return
     if set(export.labels) != {label}:
-        # Its own files alone: the folder may be a desk on which other studies lie.
-        named, rest = _named(names), []
+        # Only its own files: the folder may hold exports of other studies.
+        name_pattern, rest = _named(names), []
         for name in export.files:
             path = export.where / name
-            if path.is_file() and named.search(name):
+            if path.is_file() and name_pattern.search(name):
                 _remove(path, removal)
             elif path.is_file():
                 rest.append(path)
@@ -138,12 +138,12 @@ def _remove_emptied(export: Export) -> None:
 def _own_folders(study: str, label: str, root: Path, removal: Removal) -> list[Path]:
     """Return the participant's folders: by the name the recorder gives, and by manifest."""
     own_name = f"sub-{label}".lower()
-    found: list[Path] = []
+    own_folders: list[Path] = []
     for folder, folders, files in os.walk(root.resolve()):
         here = Path(folder)
         for name in list(folders):
             if name.lower() == own_name and here.name == study:
-                found.append(here / name)
+                own_folders.append(here / name)
                 folders.remove(name)
         if MANIFEST_NAME in files:
             try:
@@ -156,9 +156,9 @@ def _own_folders(study: str, label: str, root: Path, removal: Removal) -> list[P
                 and str(manifest.get("participant", "")).upper() == label
                 and manifest.get("study") == study
             ):
-                found.append(here)
+                own_folders.append(here)
                 folders.clear()
-    return found
+    return own_folders
 
 
 def _remove_sessions(folder: Path, removal: Removal) -> None:
@@ -208,13 +208,13 @@ def _clean_derived(names: Sequence[str], root: Path, removal: Removal) -> None:
 
 
 def _named(names: Sequence[str]) -> re.Pattern[str]:
-    """Return what finds one of these names in a path."""
+    """Return the pattern that finds one of these names in a path."""
     any_name = "|".join(map(re.escape, names))
     return re.compile(rf"(?<![A-Za-z0-9])(sub-)?({any_name})(?![A-Za-z0-9])", re.IGNORECASE)
 
 
 def _cut_rows(names: Sequence[str], rest: Sequence[Path], removal: Removal) -> None:
-    touched = False
+    has_cut_rows = False
     for path in rest:
         try:
             count = _drop_rows(path, {f"{p}{n.upper()}" for n in names for p in ("", "SUB-")})
@@ -223,9 +223,9 @@ def _cut_rows(names: Sequence[str], rest: Sequence[Path], removal: Removal) -> N
             continue
         if count:
             removal.rows[path] = count
-            touched = True
+            has_cut_rows = True
     tables = {".csv", ".tsv", ".parquet"}
-    if touched or removal.removed:
+    if has_cut_rows or removal.removed:
         removal.stale += [p for p in rest if p.suffix.lower() not in tables]
 
 
@@ -257,14 +257,14 @@ def _drop_csv_rows(path: Path, labels: Collection[str], delimiter: str) -> int:
         return 0
     names = [name.removeprefix("\ufeff").strip() for name in rows[0]]
     columns = [i for i, name in enumerate(names) if name in LABEL_COLUMNS]
-    kept = [rows[0], *(r for r in rows[1:] if not _names(r, columns, labels))]
-    if len(kept) == len(rows):
+    remaining_rows = [rows[0], *(r for r in rows[1:] if not _names(r, columns, labels))]
+    if len(remaining_rows) == len(rows):
         return 0
     out = io.StringIO(newline="")
     ending = "\r\n" if "\r\n" in text else "\n"
-    csv.writer(out, delimiter=delimiter, lineterminator=ending).writerows(kept)
+    csv.writer(out, delimiter=delimiter, lineterminator=ending).writerows(remaining_rows)
     _replace(path, out.getvalue().encode("utf-8"))
-    return len(rows) - len(kept)
+    return len(rows) - len(remaining_rows)
 
 
 def _names(row: Sequence[str], columns: Iterable[int], labels: Collection[str]) -> bool:
@@ -278,13 +278,13 @@ def _drop_parquet_rows(path: Path, labels: Collection[str]) -> int:
         if name in table.column_names:
             column = pc.utf8_upper(pc.cast(table[name], pa.string()))
             drop = pc.or_(drop, pc.is_in(column, value_set=pa.array(sorted(labels), pa.string())))
-    kept = table.filter(pc.invert(drop))
-    if kept.num_rows == table.num_rows:
+    remaining_rows = table.filter(pc.invert(drop))
+    if remaining_rows.num_rows == table.num_rows:
         return 0
     buffer = io.BytesIO()
-    pq.write_table(kept, buffer)
+    pq.write_table(remaining_rows, buffer)
     _replace(path, buffer.getvalue())
-    return int(table.num_rows - kept.num_rows)
+    return int(table.num_rows - remaining_rows.num_rows)
 
 
 def _replace(path: Path, data: bytes) -> None:

@@ -46,14 +46,16 @@ def balanced_blocks(
         w * _least_cost(level, n_blocks) for w, (_, level) in zip(weights, margins, strict=True)
     )
     levels = [level for _, level in margins]
-    held = [level for subset, level in margins if len(subset) == 1 and subset[0] in balanced]
+    balanced_levels = [
+        level for subset, level in margins if len(subset) == 1 and subset[0] in balanced
+    ]
     best: npt.NDArray[np.int64] | None = None
     best_cost = np.inf
     for _ in range(STARTS):
         block, cost = _descend(
-            _deal(len(cells), n_blocks, held, rng), levels, weights, n_blocks, goal, rng
+            _deal(len(cells), n_blocks, balanced_levels, rng), levels, weights, n_blocks, goal, rng
         )
-        if cost < best_cost - 1e-9 and _is_even(block, held, n_blocks):
+        if cost < best_cost - 1e-9 and _is_even(block, balanced_levels, n_blocks):
             best, best_cost = block, cost
         if best_cost <= goal + 1e-9:
             break

@@ -1,4 +1,4 @@
-"""What the columns of tables are, beginning with those the session writes into every trial row."""
+"""Columns of tables, first those that the session writes into every trial row."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -35,7 +35,7 @@ IDENTITY: Final = (
     Column("reason", "", "why it was interrupted or skipped"),
     Column("flags", "", "what the operator or a device flagged, separated by semicolons"),
 )
-"""What says whose trial a row is and how it ended."""
+"""Columns that say whose trial a row is and how it ended."""
 DELIVERED: Final = (
     Column(
         "t_start_ns",
@@ -71,6 +71,6 @@ DELIVERED: Final = (
     Column("calibration_age_s", "s", "time since then"),
     Column("clock_offset_ns", "ns", "session time minus tracker time, constant in the trial"),
 )
-"""What every trial's row ends with: what was delivered while it ran."""
+"""The last columns of every trial row: what was delivered while the trial ran."""
 ENGINE_COLUMNS: Final = (*IDENTITY, *DELIVERED)
-"""Every column the session writes, whatever the study."""
+"""Every column that the session writes in any study."""

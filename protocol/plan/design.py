@@ -1,8 +1,8 @@
 """Factorial designs: from factors, blocks and an explicit seed to the plan of one session.
 
-Everything random in a plan depends on the study seed and the participant's index alone, through
-`numpy.random.SeedSequence` keys, so no participant's plan and no trial's seed depends on what
-was drawn before it.
+Everything random in a plan depends on the study seed and the participant's index only, through
+`numpy.random.SeedSequence` keys, so no participant's plan and no trial's seed depends on what was
+drawn before it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ _ORDER, _TRIAL, _PRACTICE, _GROUP, _STREAM = range(5)
 class Factor:
     """A factor and its levels; `between` factors have one level per participant.
 
-    `practice_only` are levels that are met in practice alone and never count.
+    `practice_only` are levels that appear in practice only and are never counted.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Design:
 
     @property
     def between(self) -> tuple[Factor, ...]:
-        """Factors of which a participant meets one level."""
+        """Factors with one level per participant."""
         return tuple(f for f in self.factors if f.between)
 
     @property
@@ -125,7 +125,7 @@ def combinations_of(factors: Sequence[Factor]) -> list[Cell]:
 def trial_seed(
     study_seed: int, participant_index: int, number: int, *, practice: bool = False
 ) -> int:
-    """Return the seed of a trial, 0 <= seed < 2**63, whatever was run before it."""
+    """Return the seed of a trial, 0 <= seed < 2**63; trials run before it do not change it."""
     key = (participant_index, _PRACTICE if practice else _TRIAL, number)
     return int(_sequence(study_seed, key).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
@@ -150,8 +150,8 @@ def make_plan(
     `group` overrides the assignment by index (the ledger's record). Raises DesignError when the
     design cannot be balanced or ordered as asked.
     """
-    assigned = group_of(design, seed=seed, participant_index=participant_index)
-    own_group = assigned if group is None else group
+    group_by_index = group_of(design, seed=seed, participant_index=participant_index)
+    own_group = group_by_index if group is None else group
     if own_group not in design.groups:
         raise DesignError(
             f"{design.study}: there is no group {own_group!r}; "
@@ -238,10 +238,10 @@ def _practice_cells(design: Design, rng: np.random.Generator) -> list[Cell]:
     if not isinstance(design.practice, int):
         return list(design.practice)
     cells = combinations_of(design.within)
-    drawn: list[Cell] = []
-    while len(drawn) < design.practice:
-        drawn += [cells[i] for i in rng.permutation(len(cells))]
-    return drawn[: design.practice]
+    practice: list[Cell] = []
+    while len(practice) < design.practice:
+        practice += [cells[i] for i in rng.permutation(len(cells))]
+    return practice[: design.practice]
 
 
 def _blocks_of_cells(
@@ -253,31 +253,31 @@ def _blocks_of_cells(
     blocking = next(f for f in design.within if f.name == design.blocked_by)
     n = len(blocking.levels)
     level_order = _row(design.block_order, n, participant_index, rng)
-    named: list[tuple[str, list[Cell]]] = []
+    named_blocks: list[tuple[str, list[Cell]]] = []
     for level in (blocking.levels[i] for i in level_order):
         cells = [c for c in combinations_of(design.within) if c[blocking.name] == level]
         for part in _shared_out(design, cells, participant_index, rng):
-            named.append((f"Block {len(named) + 1}: {level}", part))
-    return named
+            named_blocks.append((f"Block {len(named_blocks) + 1}: {level}", part))
+    return named_blocks
 
 
 def _shared_out(
     design: Design, cells: list[Cell], participant_index: int, rng: np.random.Generator
 ) -> list[list[Cell]]:
     """Order the repetitions of these cells and cut them into the design's blocks."""
-    repeated = cells * design.repetitions
+    all_cells = cells * design.repetitions
     if design.order == "balanced_blocks":
-        balanced = design.balanced or _dividing(repeated, design.blocks)
-        parts = balanced_blocks(repeated, design.blocks, balanced, rng)
+        balanced_factors = design.balanced or _dividing(all_cells, design.blocks)
+        parts = balanced_blocks(all_cells, design.blocks, balanced_factors, rng)
         return [shuffled(part, design.constraints, rng) for part in parts]
     if design.order == "random":
-        return _cut(shuffled(repeated, design.constraints, rng), design.blocks)
-    ordered = [
+        return _cut(shuffled(all_cells, design.constraints, rng), design.blocks)
+    ordered_cells = [
         cells[i]
         for r in range(design.repetitions)
         for i in _row(design.order, len(cells), participant_index + r, rng)
     ]
-    parts = _cut(ordered, design.blocks)
+    parts = _cut(ordered_cells, design.blocks)
     for part in parts:
         for place, rule in broken_rules(part, design.constraints):
             raise DesignError(
@@ -335,10 +335,10 @@ def _check(design: Design) -> None:
     within = [f.name for f in design.factors if not f.between]
     if not within:
         problems.append("no factor varies within participants; add one, if need be with one level")
-    for role, wanted in (("balanced", design.balanced), ("blocked_by", (design.blocked_by,))):
+    for role, factor_names in (("balanced", design.balanced), ("blocked_by", (design.blocked_by,))):
         problems += [
             f"{role} names {name!r}; the factors within participants are {', '.join(within)}"
-            for name in wanted
+            for name in factor_names
             if name is not None and name not in within
         ]
     if design.repetitions < 1 or design.blocks < 1:
@@ -347,9 +347,9 @@ def _check(design: Design) -> None:
         if design.practice < 0:
             problems.append("practice trials cannot be fewer than 0")
     else:
-        allowed = {f.name: (*f.levels, *f.practice_only) for f in design.factors if not f.between}
+        levels = {f.name: (*f.levels, *f.practice_only) for f in design.factors if not f.between}
         for cell in design.practice:
-            if set(cell) != set(allowed) or any(cell[n] not in allowed[n] for n in cell):
+            if set(cell) != set(levels) or any(cell[n] not in levels[n] for n in cell):
                 problems.append(f"practice trial {dict(cell)!r} is no combination of the factors")
     if not problems and design.trial_count < design.blocks:
         problems.append(f"{design.trial_count} trials cannot fill {design.blocks} blocks")

@@ -30,7 +30,7 @@ class Experiment(Protocol):
 
     @property
     def people_count(self) -> int:
-        """At most how many people a picture of it shows, without the participant's own body."""
+        """The most people a picture of it shows, not counting the participant's own body."""
         ...
 
     @property
@@ -45,12 +45,12 @@ class Experiment(Protocol):
 
     @property
     def needed_roles(self) -> tuple[str, ...]:
-        """Devices the study cannot do without, beside the headset."""
+        """Roles of the devices the study needs besides the headset."""
         ...
 
     @property
     def useful_roles(self) -> tuple[str, ...]:
-        """Devices it uses where the lab has them."""
+        """Roles of the devices it uses where the lab has them."""
         ...
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
@@ -72,11 +72,12 @@ class Experiment(Protocol):
 
 @dataclass(frozen=True)
 class Demands:
-    """What a study asks of a lab beyond devices being there; looked at before anything is shown.
+    """What a study asks of a lab besides its devices; checked before anything is shown.
 
-    `segments` the body tracker must deliver, `vibrations` the band of each role must be able to
-    play on `motors`, `floor_side_m` the side of the square that is walked on; `sounds` are what it
-    plays, made ready beforehand; with `own_body` participants whom a tracker follows see one.
+    The body tracker must deliver `segments`; the band of each role must be able to play
+    `vibrations` on `motors`; `floor_side_m` is the side of the square that is walked on; `sounds`
+    are prepared before the session; with `own_body`, participants with a body tracker see a body of
+    their own.
     """
 
     segments: tuple[str, ...] = ()
@@ -122,7 +123,7 @@ def spare_roles_of(experiment: Experiment) -> tuple[str, ...]:
 
 
 def untold(done: int, of: int) -> None:
-    """Hear how much is done, and tell nobody."""
+    """Take progress and report it to nobody."""
 
 
 def demands_of(experiment: Experiment) -> Demands:
@@ -135,9 +136,9 @@ class ValidationPoint:
     """Gaze samples taken while one target was shown.
 
     `target` (3,) and `combined`, `left`, `right` (n, 3) are unit vectors in the head's frame when
-    the target appeared, NaN where lost; `t_ns` (n,). `aim_head` (n, 3) is the way to the target and
-    `combined_head` (n, 3) the gaze in the head's frame at each sample: what a tracker that sits
-    turned on the head turns.
+    the target appeared, NaN where lost; `t_ns` (n,). At each sample, in the head's frame,
+    `aim_head` (n, 3) is the direction to the target and `combined_head` (n, 3) the gaze; a tracker
+    that sits turned on the head turns the latter.
     """
 
     name: str
@@ -155,8 +156,8 @@ class ValidationVerdict:
     """How good the tracking was at one validation; stored whole, never overwritten.
 
     `rows` holds one mapping per point and eye. `accuracy_deg` is the mean over points of the
-    angle between mean gaze and target (combined eye), `precision_deg` the RMS-S2S. `is_turned`
-    says that gaze is mirrored or rotated as a whole, as `reason` tells: no trial is begun with it.
+    angle between mean gaze and target (combined eye), `precision_deg` the RMS-S2S. `is_turned` says
+    that gaze is mirrored or rotated as a whole (see `reason`); no trial is begun then.
     """
 
     accepted: bool

@@ -51,8 +51,8 @@ def never_next_to(factor: str, pairs: Collection[tuple[Scalar, Scalar]]) -> Cons
     def allows(previous: Sequence[Cell], candidate: Cell) -> bool:
         return not previous or (previous[-1][factor], candidate[factor]) not in forbidden
 
-    listed = ", ".join(f"{a} then {b}" for a, b in pairs)
-    return Constraint(f"{factor!r} never {listed}", (factor,), 1, allows)
+    pairs_text = ", ".join(f"{a} then {b}" for a, b in pairs)
+    return Constraint(f"{factor!r} never {pairs_text}", (factor,), 1, allows)
 
 
 def latin_square(n: int) -> npt.NDArray[np.int64]:
@@ -112,9 +112,9 @@ def shuffled(
         order = [int(i) for i in rng.permutation(n)]
         if not any(rules.breaks(order, place) for place in range(n)):
             return [cells[i] for i in order]
-    repaired = _repaired(rules, [int(i) for i in rng.permutation(n)], rng)
-    found = repaired if repaired is not None else _searched(cells, constraints, rng)
-    return [cells[i] for i in found]
+    repair = _repaired(rules, [int(i) for i in rng.permutation(n)], rng)
+    valid_order = repair if repair is not None else _searched(cells, constraints, rng)
+    return [cells[i] for i in valid_order]
 
 
 class _Rules:
@@ -125,20 +125,20 @@ class _Rules:
         self.lookback = max((c.lookback for c in constraints), default=0)
         self._seen = [[_project(cell, c.factors) for cell in cells] for c in constraints]
         self._classes: list[list[int]] = []
-        for seen in self._seen:
+        for projected_cells in self._seen:
             numbers: dict[tuple[Scalar, ...], int] = {}
             self._classes.append(
-                [numbers.setdefault(tuple(cell.values()), len(numbers)) for cell in seen]
+                [numbers.setdefault(tuple(cell.values()), len(numbers)) for cell in projected_cells]
             )
         self._verdicts: list[dict[tuple[int, ...], bool]] = [{} for _ in constraints]
 
     def keeps(self, c: int, order: Sequence[int], place: int) -> bool:
-        constraint, classes, seen = self.constraints[c], self._classes[c], self._seen[c]
+        constraint, classes, cells = self.constraints[c], self._classes[c], self._seen[c]
         window = order[max(0, place - constraint.lookback) : place + 1]
         key = tuple([classes[i] for i in window])
         verdict = self._verdicts[c].get(key)
         if verdict is None:
-            verdict = bool(constraint.allows([seen[i] for i in window[:-1]], seen[window[-1]]))
+            verdict = bool(constraint.allows([cells[i] for i in window[:-1]], cells[window[-1]]))
             self._verdicts[c][key] = verdict
         return verdict
 
@@ -197,30 +197,30 @@ def _searched(
     examples = [cells[members[kind][0]] for kind in kinds]
     rules = _Rules(examples, constraints)
     left = [len(members[kind]) for kind in kinds]
-    chosen: list[int] = []
+    placed_kinds: list[int] = []
     dead: set[tuple[tuple[int, ...], tuple[int, ...]]] = set()
     choices = [_choices(left, rng)]
-    visited = 0
-    while len(chosen) < len(cells):
+    step_count = 0
+    while len(placed_kinds) < len(cells):
         if choices[-1]:
             kind = choices[-1].pop()
-            chosen.append(kind)
+            placed_kinds.append(kind)
             left[kind] -= 1
-            visited += 1
-            if visited > SEARCH_BUDGET:
+            step_count += 1
+            if step_count > SEARCH_BUDGET:
                 raise DesignError(_refusal(cells, constraints, "was found; loosen a rule"))
-            fails = rules.breaks(chosen, len(chosen) - 1)
-            if fails or _state(left, chosen, rules.lookback) in dead:
-                left[chosen.pop()] += 1
+            fails = rules.breaks(placed_kinds, len(placed_kinds) - 1)
+            if fails or _state(left, placed_kinds, rules.lookback) in dead:
+                left[placed_kinds.pop()] += 1
             else:
                 choices.append(_choices(left, rng))
         else:
             choices.pop()
             if not choices:
                 raise DesignError(_refusal(cells, constraints, "exists; loosen a rule"))
-            dead.add(_state(left, chosen, rules.lookback))
-            left[chosen.pop()] += 1
-    return [members[kinds[kind]].pop() for kind in chosen]
+            dead.add(_state(left, placed_kinds, rules.lookback))
+            left[placed_kinds.pop()] += 1
+    return [members[kinds[kind]].pop() for kind in placed_kinds]
 
 
 def _choices(left: Sequence[int], rng: np.random.Generator) -> list[int]:

@@ -1,4 +1,4 @@
-"""A study's parameters from names and values that somebody typed."""
+"""A study's parameters from names and values typed by the user."""
 
 import difflib
 import math
@@ -13,7 +13,7 @@ P = TypeVar("P")
 
 @dataclass(frozen=True)
 class Within:
-    """What a number may be: from `low` to `high`; the ends are no part of it where it is `open`.
+    """Bounds of a number: from `low` to `high`, without the ends where it is `open`.
 
     `why` says in words where the bounds come from.
     """
@@ -59,10 +59,10 @@ def out_of_range(name: str, value: Any, allowed: Range) -> str:
 
 
 def read_as(kind: Any, value: Any) -> Any:
-    """Return a number, text, yes or no, or one of several names as the kind that is wanted.
+    """Return a value as the wanted kind: a number, a text, yes or no, or one of several names.
 
     Raises:
-        ValueError: it is none, with what to give.
+        ValueError: the value is not of that kind; the message says what to give.
     """
     choices = get_args(kind) if get_origin(kind) is Literal else ()
     if not choices:
@@ -73,37 +73,37 @@ def read_as(kind: Any, value: Any) -> Any:
 
 
 def no_such(name: str, known: Collection[str]) -> str:
-    """Return that there is no such name, with the nearest that there is."""
+    """Return a message that there is no such name, with the nearest existing one."""
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     return f"no {name}" + (f" (did you mean {near[0]}?)" if near else "")
 
 
 def known_of(kind: type[P], parameters: Mapping[str, Any]) -> P:
-    """Return a dataclass from parameters by name; it ignores names that are not its own."""
-    known = {f.name for f in fields(kind)}  # type: ignore[arg-type]  # a dataclass, as said
-    return kind(**{k: v for k, v in parameters.items() if k in known})
+    """Return a dataclass filled from parameters by name; names it does not have are ignored."""
+    names = {f.name for f in fields(kind)}  # type: ignore[arg-type]  # a dataclass, as said
+    return kind(**{k: v for k, v in parameters.items() if k in names})
 
 
 def parameters_from(kind: type[P], overrides: Mapping[str, Any], study: str) -> P:
     """Return a dataclass of numbers, texts and yes or no with `overrides` in place of defaults.
 
     Raises:
-        ConfigError: listing every name that does not exist and every value that is none.
+        ConfigError: lists every name that does not exist and every value that cannot be read.
     """
     hints = get_type_hints(kind)
-    known = tuple(f.name for f in fields(kind))  # type: ignore[arg-type]  # a dataclass, as said
+    names = tuple(f.name for f in fields(kind))  # type: ignore[arg-type]  # a dataclass, as said
     problems: list[str] = []
     read: dict[str, Any] = {}
     for name, value in overrides.items():
-        if name not in known:
-            problems.append(no_such(name, known))
+        if name not in names:
+            problems.append(no_such(name, names))
             continue
         try:
             read[name] = read_as(hints[name], value)
         except ValueError as problem:
             problems.append(f"{name} is {_shown(value)}: {problem}")
-    if any(name not in known for name in overrides):
-        problems.append(f"parameters: {', '.join(known)}")
+    if any(name not in names for name in overrides):
+        problems.append(f"parameters: {', '.join(names)}")
     if problems:
         raise ConfigError(f"{study} cannot be set so: {'; '.join(problems)}")
     return kind(**read)

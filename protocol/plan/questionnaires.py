@@ -91,7 +91,7 @@ class Questionnaire(_Part):
     items: list[Item] = Field(min_length=1)
     scores: dict[str, Score] = Field(default_factory=dict)
     wording: str = Field(default="", exclude=True)
-    """The file whose texts it has in place of its own; empty for its own."""
+    """Name of the file whose texts replace its own; empty when none does."""
 
     def questions(self) -> Iterator[Question]:
         """Yield every question in the order of asking."""
@@ -134,9 +134,9 @@ def load_questionnaire(
 ) -> Questionnaire:
     """Read a questionnaire: a name that comes with Visavis, or a file.
 
-    In another `language` than its own it has the texts of the file NAME.LANGUAGE.yaml beside it,
-    where there is one; its `language` says which it is in. `wording` is a lab's file that replaces
-    texts (a translation, a licensed wording) and leaves structure and scoring alone.
+    For a `language` other than its own, texts come from the file NAME.LANGUAGE.yaml next to it,
+    where there is one; the `language` of the result says which was used. `wording` is a lab's file
+    that replaces texts (a translation, a licensed wording) and leaves structure and scoring alone.
 
     Raises:
         ConfigError: every problem with its line.
@@ -154,9 +154,9 @@ def load_questionnaire(
     if problems:
         raise ProblemsError(document.path, problems)
     questionnaire = Questionnaire.model_validate(raw)
-    translated = source.with_suffix(f".{language}.yaml")
-    if language and language != questionnaire.language and translated.is_file():
-        questionnaire = _reworded(questionnaire, translated)
+    translation_path = source.with_suffix(f".{language}.yaml")
+    if language and language != questionnaire.language and translation_path.is_file():
+        questionnaire = _reworded(questionnaire, translation_path)
     return questionnaire if wording is None else _reworded(questionnaire, wording)
 
 
@@ -232,18 +232,18 @@ def score(
     values = read_answers(questionnaire, answers)
     scores: dict[str, float | None] = {}
     for name, rule in questionnaire.scores.items():
-        asked = _questions_of(questionnaire, rule)
-        given = [
+        questions = _questions_of(questionnaire, rule)
+        item_values = [
             _keyed(q, float(value))
-            for q in asked
+            for q in questions
             if (value := values[q.question_id]) is not None and not isinstance(value, str)
         ]
-        if not given or len(asked) - len(given) > rule.missing_allowed:
+        if not item_values or len(questions) - len(item_values) > rule.missing_allowed:
             scores[name] = None
         elif rule.method == "mean":
-            scores[name] = sum(given) / len(given)
+            scores[name] = sum(item_values) / len(item_values)
         else:
-            scores[name] = sum(given) * len(asked) / len(given)
+            scores[name] = sum(item_values) * len(questions) / len(item_values)
     return scores
 
 
@@ -343,20 +343,20 @@ def _scale_faults(scale: Scale) -> list[str]:
 
 def _score_faults(document: Document, q: Questionnaire) -> list[Problem]:
     problems = []
-    known = {
+    names_by_section = {
         "scales": set(q.scales),
         "tags": {tag for item in q.items for tag in item.tags},
         "items": {item.id for item in q.items},
     }
     for name, rule in q.scores.items():
-        for section, names in known.items():
+        for section, names in names_by_section.items():
             problems += [
                 document.problem(
                     ("scores", name, section),
-                    f"no {section[:-1]} {wanted!r}{did_you_mean(wanted, names)}",
+                    f"no {section[:-1]} {entry!r}{did_you_mean(entry, names)}",
                 )
-                for wanted in getattr(rule, section)
-                if wanted not in names
+                for entry in getattr(rule, section)
+                if entry not in names
             ]
         if not _questions_of(q, rule):
             problems.append(document.problem(("scores", name), "no question belongs to this score"))
@@ -403,10 +403,10 @@ def _reworded(questionnaire: Questionnaire, path: Path) -> Questionnaire:
         for key in ("title", "licence", "citation", "instruction", "language")
         if (value := getattr(wording, key)) is not None
     }
-    reworded = [
+    new_items = [
         item.model_copy(update={"text": wording.items.get(item.id, item.text)})
         for item in questionnaire.items
     ]
     return questionnaire.model_copy(
-        update={**plain, "scales": scales, "items": reworded, "wording": path.name}
+        update={**plain, "scales": scales, "items": new_items, "wording": path.name}
     )

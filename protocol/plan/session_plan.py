@@ -27,7 +27,7 @@ class Trial:
     seed: int
 
     def rng(self, stream: int) -> np.random.Generator:
-        """Return chance for one purpose in this trial."""
+        """Return a random generator for one purpose in this trial."""
         return generator(self.seed, stream)
 
 

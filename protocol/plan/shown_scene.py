@@ -1,4 +1,4 @@
-"""What a recording says of the scene shown in one frame, for drawing it again."""
+"""The scene shown in one frame as recorded, for drawing it again."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -50,7 +50,7 @@ class Shown:
 
     @property
     def view(self) -> SceneFrame:
-        """The frame of a study whose scenes are nothing but their agents."""
+        """The frame of a study whose scenes contain agents only."""
         return SceneFrame(
             self.scene,
             self.t_scene_ns,
@@ -60,8 +60,8 @@ class Shown:
         )
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what `make` returns, made once where the recording is kept: for what is the same
-        in many frames, and dear.
+        """Return what `make` returns, made once where the recording is kept; for costly things that
+        many frames share.
         """
         if isinstance(self.recording, CachedRecording):
             return self.recording.once((self.part, key), make)
@@ -83,20 +83,20 @@ class Shown:
         return [dict(payload) for payload in events[here]["payload"]]
 
     def trial(self) -> Trial:
-        """Return the trial, as planned, that had begun last when this frame was shown.
+        """Return the planned trial that had begun last when this frame was shown.
 
         Raises:
-            DataError: none had, or the plan does not have it.
+            DataError: no trial had begun, or the plan does not have it.
         """
-        begun = self.latest("trial_start")
-        if begun is None:
+        start = self.latest("trial_start")
+        if start is None:
             raise DataError(f"{self.recording.path}: no trial had begun at {self.t_ns} ns")
         for block in self.recording.manifest.plan["blocks"]:
-            for planned in block["trials"]:
-                if planned["trial_id"] == begun[1]["trial_id"]:
-                    return Trial(**planned)
+            for trial_fields in block["trials"]:
+                if trial_fields["trial_id"] == start[1]["trial_id"]:
+                    return Trial(**trial_fields)
         raise DataError(
-            f"{self.recording.path}: trial {begun[1]['trial_id']} is not in the session's plan"
+            f"{self.recording.path}: trial {start[1]['trial_id']} is not in the session's plan"
         )
 
 
@@ -130,7 +130,7 @@ def shown_in(recording: Recording, part: int, frame: int, t_scene_ns: int, head_
         dict(row["payload"]),
         states["gaze_direction"][k][:n].astype(np.float64),
         states["eye_openness_01"][k][:n].astype(np.float64),
-        # Before 2027 nobody said how far away eyes met.
+        # Recordings from before 2027 have no vergence distance.
         states["gaze_distance_m"][k][:n].astype(np.float64)
         if "gaze_distance_m" in states
         else None,

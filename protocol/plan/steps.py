@@ -24,7 +24,7 @@ Row: TypeAlias = Mapping[str, Scalar | None]
 
 
 def known(value: float) -> float | None:
-    """Return a number for a row; None for what is none, as journals have no NaN."""
+    """Return a number for a row; None instead of NaN, which journals do not have."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -64,9 +64,10 @@ class Play:
 
 @dataclass(frozen=True, slots=True)
 class PlaySound:
-    """Play a sound from now on; `FrameView.sounded` tells by its `key` when it began.
+    """Play a sound from now on; `FrameView.sounded` says by its `key` when it began.
 
-    `at_m` is its place in the world; None plays it as it is. What still sounds ends with the trial.
+    `at_m` is its place in the world; None plays it as it is. A sound that still plays ends with the
+    trial.
     """
 
     key: str
@@ -78,12 +79,12 @@ class PlaySound:
 
 @dataclass(frozen=True, slots=True)
 class Hush:
-    """End everything that sounds."""
+    """Stop all sounds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """Stop every motor of a haptic role now; of every band there is when `role` is empty."""
+    """Stop every motor of a haptic role now, or of every band when `role` is empty."""
 
     role: str = ""
 
@@ -99,10 +100,10 @@ class Ask:
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """Tell the operator what the plan waits for; empty takes it off the screen.
+    """Tell the operator what the plan waits for; an empty text clears the line.
 
     The plan receives None, and `FrameView.went_on` with the frame in which the operator goes on;
-    where nobody is there to do it, an `Answered` at once.
+    without an operator it receives an `Answered` at once.
     """
 
     text: str
@@ -149,7 +150,7 @@ class BodyView(NamedTuple):
 
 
 class Sounded(NamedTuple):
-    """That a sound began: its first sample left the card at `on_ns`; None where nobody heard it."""
+    """The start of a sound: its first sample left the card at `on_ns`; None where unheard."""
 
     key: str
     on_ns: int | None
@@ -161,12 +162,11 @@ class FrameView(NamedTuple):
     A tuple, as one is made for every frame and a frozen dataclass takes six times as long.
 
     `pressed_ns` are the session times at which `pressed` was heard, between frames too; empty where
-    nobody knows them. `went_on` tells that the operator, asked by a `Prompt`, went on since the
+    they are unknown. `went_on` is true when the operator confirmed a `Prompt` since the frame
+    before. `pointers` are the rays of the tracked controllers, right hand first: from the position
+    along −z of the orientation, in world. `head_points` says whether turning the head points at
+    things: before a screen it does not. `sounded` are the sounds whose start was reported since the
     frame before.
-    `pointers` are the rays of the tracked controllers, right hand first: from the position along
-    −z of the orientation, in world. `head_points` says whether turning the head points at things:
-    before a screen it does not. `sounded` are the sounds of which it was told since the frame
-    before that they began.
     """
 
     index: int  # type: ignore[assignment]  # of the frame, not that of a tuple

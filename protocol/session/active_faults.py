@@ -1,4 +1,4 @@
-"""Faults of devices for as long as they hold: each is told once, though its figures may change."""
+"""Active device faults. Each is reported once, even when its numbers change."""
 
 import re
 from collections.abc import Sequence
@@ -9,14 +9,14 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.recording.writer import Recorder
 
 STALE_NS = 10 * NS_PER_S
-"""A warning whose figures have not changed for this long leaves the operator's screen."""
+"""A warning whose numbers have not changed for this long leaves the operator's screen."""
 
 _FIGURES = re.compile(r"[0-9]+")
 
 
 @dataclass
 class _Standing:
-    """A fault that holds: since when, what it says now and since when it says that."""
+    """An active fault: since when, its present message, and since when it has that message."""
 
     since_ns: int
     message: str
@@ -86,12 +86,12 @@ class StandingFaults:
         return self._standing[_key(fault)].since_ns
 
     def concerns(self, fault: Fault, start_ns: int) -> bool:
-        """Tell a fault of what began then from a count of what happened before it."""
+        """Tell whether a fault concerns the time since then, not a count from before it."""
         is_count = fault.severity == "warning" and _FIGURES.search(fault.message)
         return not is_count or self._standing[_key(fault)].changed_ns > start_ns
 
     def shown(self, t_ns: int) -> tuple[Fault, ...]:
-        """Return what belongs on the operator's screen; what is done without holds nothing up."""
+        """Return the faults for the operator's screen; accepted absences become warnings."""
         return tuple(
             replace(f, severity="warning") if f.role in self.done_without else f
             for f in self.present

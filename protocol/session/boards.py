@@ -1,6 +1,6 @@
-"""Ask on a board in the headset: pointed at and confirmed, looked at for long, or by a digit.
+"""Ask on a board in the headset; answers come by pointing and confirming, dwelling, or a digit.
 
-One generator asks, whoever drives it: a trial that yields its steps to the session, or the session
+One generator asks for both callers: a trial that yields its steps to the session, and the session
 itself between trials. What may answer is data (`Ways`).
 """
 
@@ -24,7 +24,7 @@ ON: Final = ("right", "down")
 LEAVE_OUT_KEY: Final = "0"
 HAND: Final = "right_hand"
 ALONG_FINGERS: Final = np.array([1.0, 0.0, 0.0])
-"""Of a right hand in the frame that trackers of bodies use: with the arm held out, to the right."""
+"""Direction of a right hand in the frame of body trackers: to the right, with the arm held out."""
 AHEAD: Final = np.array([0.0, 0.0, -1.0])
 NEXT: Final = NextFrame()
 Showing: TypeAlias = Callable[[FrameView, Panel], Show | None]
@@ -33,7 +33,7 @@ Steps: TypeAlias = Generator[Step, FrameView | Answered | None, "Chosen"]
 
 @dataclass(frozen=True)
 class DwellRule:
-    """How long a choice must be looked at; gaze lost or elsewhere for `gap_ms` begins anew."""
+    """How long a choice must be looked at; gaze lost or elsewhere for `gap_ms` starts again."""
 
     dwell_ms: int = 1200
     gap_ms: int = 150
@@ -43,12 +43,12 @@ class DwellRule:
 class Ways:
     """How questions are answered on boards.
 
-    `limit_s` after the board appeared nothing was chosen. A choice looked at for as long as
-    `dwell` says is taken, and before that by a button; not while a hand or controller points
-    anywhere, or, with `gaze_beside_hand`, at a choice. Controllers always point, a tracked hand
-    and the head where `hand_points` and `head_points` say so; `beside_01` above or below a button,
-    of the board's height, still counts. With `can_leave_out` the digit 0 stands for the last
-    choice.
+    Without a choice within `limit_s` the question is left unanswered. A choice is taken after a
+    look as long as `dwell` says, or earlier by a button. Gaze does not count while a hand or
+    controller points anywhere or, with `gaze_beside_hand`, at a choice. Controllers always point; a
+    tracked hand and the head do where `hand_points` and `head_points` say so; `beside_01` above or
+    below a button, of the board's height, still counts. With `can_leave_out` the digit 0 stands for
+    the last choice.
     """
 
     limit_s: float = 30.0
@@ -68,7 +68,7 @@ QUESTIONNAIRE: Final = Ways(
 
 @dataclass(frozen=True, eq=False)
 class Ray:
-    """From where and along which −z somebody points; `is_hand` says whether with a hand."""
+    """A ray along −z of the pose that points; `is_hand` says whether it is a hand's."""
 
     pose: Pose
     is_hand: bool
@@ -76,7 +76,7 @@ class Ray:
 
 @dataclass(frozen=True)
 class Chosen:
-    """What was chosen on a board, None where nothing was in time.
+    """A choice on a board, None where nothing was chosen in time.
 
     `by` is "keys", "ray", "gaze" or "gaze and button"; `pose` what pointed. `asked_ns` is the
     first frame that showed the board, `view` the frame of the answer.
@@ -116,12 +116,12 @@ class GazeDwell:
         for i in range(gaze.t_ns.shape[0]):
             if gaze.t_ns[i] < since_ns:
                 continue
-            met = None
+            gaze_choice = None
             if gaze.valid[i]:
-                met = choice_met(panel, gaze.origin_world_m[i], gaze.direction_world[i])
-            chosen = self.take(met, int(gaze.t_ns[i]))
-            if chosen is not None:
-                return chosen
+                gaze_choice = choice_met(panel, gaze.origin_world_m[i], gaze.direction_world[i])
+            dwell_choice = self.take(gaze_choice, int(gaze.t_ns[i]))
+            if dwell_choice is not None:
+                return dwell_choice
         return None
 
 
@@ -138,31 +138,31 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
     until_ns = asked_ns + round(ways.limit_s * NS_PER_S)
     ray: Ray | None = None
     dwell = None if ways.dwell is None else GazeDwell(ways.dwell)
-    stepped: int | None = None
-    # What was pressed up to this frame was pressed before the board was there.
+    key_choice: int | None = None
+    # Presses up to this frame were made before the board was there.
     view = view._replace(pressed=(), pressed_ns=())
     while view.t_ns < until_ns:
         ray = newer_ray(ray, view, ways)
-        pointed, pose = _pointed(ray, view, panel, ways)
+        ray_choice, pose = _pointed(ray, view, panel, ways)
         by_hand = ray is not None and ray.is_hand
-        gaze_counts = pointed is None if ways.gaze_beside_hand else not by_hand
-        looked = None if dwell is None else dwell.look(panel, view, asked_ns)
+        gaze_counts = ray_choice is None if ways.gaze_beside_hand else not by_hand
+        gaze_choice = None if dwell is None else dwell.look(panel, view, asked_ns)
         at_gaze = dwell.choice if dwell is not None and gaze_counts else None
-        lit = pointed if at_gaze is None else at_gaze
+        lit = ray_choice if at_gaze is None else at_gaze
         for control in view.pressed:
-            stepped = _step(stepped, control, len(panel.choices))
-            if control in CONFIRM and stepped is not None:
-                return Chosen(stepped, "keys", asked_ns, view)
+            key_choice = _step(key_choice, control, len(panel.choices))
+            if control in CONFIRM and key_choice is not None:
+                return Chosen(key_choice, "keys", asked_ns, view)
             if control in CONFIRM and lit is not None:
                 by = "ray" if at_gaze is None else "gaze and button"
                 return Chosen(lit, by, asked_ns, view, pose if at_gaze is None else None)
             digit = _of_digit(control, len(panel.choices), ways.can_leave_out)
             if digit is not None:
                 return Chosen(digit, "keys", asked_ns, view)
-        if stepped is not None:
-            lit = stepped
-        elif looked is not None and gaze_counts:
-            return Chosen(looked, "gaze", asked_ns, view)
+        if key_choice is not None:
+            lit = key_choice
+        elif gaze_choice is not None and gaze_counts:
+            return Chosen(gaze_choice, "gaze", asked_ns, view)
         yield from shown(show(view, replace(panel, highlighted=lit)))
         view = yield from frame()
     return Chosen(None, "nothing in time", asked_ns, view)
@@ -204,9 +204,9 @@ def _pointed(
     """Return the choice pointed at and what points: the first controller that meets one."""
     poses = view.pointers or (() if ray is None else (ray.pose,))
     for pose in poses:
-        met = chosen_by(pose, panel, ways.beside_01)
-        if met is not None:
-            return met, pose
+        choice = chosen_by(pose, panel, ways.beside_01)
+        if choice is not None:
+            return choice, pose
     return None, None
 
 
@@ -238,6 +238,6 @@ def frame() -> Generator[Step, FrameView | Answered | None, FrameView]:
 
 
 def shown(step: Show | None) -> Generator[Step, FrameView | Answered | None, None]:
-    """Show what there is to show."""
+    """Show the given step, if there is one."""
     if step is not None:
         yield step

@@ -8,7 +8,7 @@ from visavis.protocol.plan.experiment import ValidationVerdict
 
 @dataclass(frozen=True)
 class CalibrationInForce:
-    """What every trial row says of the tracking it was made with."""
+    """The calibration that every trial row names, with its accuracy."""
 
     calibration_id: str
     t_ns: int

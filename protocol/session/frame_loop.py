@@ -47,17 +47,17 @@ STATE_CODES = {state: code for code, state in enumerate(SessionState)}
 HOLD_REAL_NS = 50 * NS_PER_MS
 HOLD_VIRTUAL_NS = NS_PER_S
 BEFORE_FRAME_NS = NS_PER_MS // 10
-"""A frame is not kept waiting for a body sample that comes with it."""
+"""A frame does not wait for a body sample that arrives with it."""
 Answer: TypeAlias = Callable[[BodyView], Sequence[Play | Silence]]
 BEGAN = SOUND_EVENTS.index("began")
 UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 def still_wanted(steps: Sequence[Play | Silence]) -> list[Play | Silence]:
-    """Leave out what the same answer ends again.
+    """Leave out steps that the same answer ends again.
 
-    Samples that come at once after a pause tell of contacts that began and ended in it: a motor
-    is not started for them.
+    Samples that arrive together after a pause can hold contacts that began and ended within it; no
+    motor is started for these.
     """
     last_end = {step.role: i for i, step in enumerate(steps) if isinstance(step, Silence)}
     return [
@@ -87,6 +87,7 @@ class FrameLoop:
         frames = replace(FRAMES, nominal_rate_hz=headset_rate_hz)
         targets = gaze_targets_schema(m, gaze_rate_hz or 0.0)
         scene_states = scene_states_schema(m)
+        # Streams are declared before their first row; the stage may append as soon as it starts.
         for schema in (frames, scene_states):
             recorder.declare(schema)
         if gaze_rate_hz is not None:
@@ -109,6 +110,7 @@ class FrameLoop:
         self._clock = clock
         self._states = states
         self._controls = controls
+        # Devices put batches here from their own threads; the loop takes them out once per frame.
         self._head_inbox: deque[SampleBatch] = deque()
         self._press_inbox: deque[SampleBatch] = deque()
         self._body_inbox: deque[SampleBatch] = deque()
@@ -129,7 +131,7 @@ class FrameLoop:
         self.head_valid = False
         self.head_seen = False
         self.gaze_tap: list[SampleBatch] | None = None
-        # Without a screen to place gaze on, or a mirror to show it, a frame needs none by itself.
+        # A frame itself needs gaze only to place it on a screen or to show it in a mirror.
         self._can_wait = clock.is_virtual and self.screen is None and not stage.schemas
         headset = rig.headset
         self._head_now: Callable[[], Pose | None] | None = None
@@ -177,7 +179,7 @@ class FrameLoop:
         return self._view
 
     def glance(self) -> Glance | None:
-        """Return what the participant saw, small; None where nothing is drawn, or nothing new."""
+        """Return a small picture of what the participant saw; None without a new one."""
         return self._stage.glance()
 
     def play_sound(self, step: PlaySound) -> None:
@@ -228,7 +230,7 @@ class FrameLoop:
         else:
             self._take_pose(self._head_now(), frame.t_ns)
         self._rig.hear_from(self.head)
-        pressed, pressed_ns = self._take_presses() if self._press_inbox else ((), ())
+        controls, pressed_ns = self._take_presses() if self._press_inbox else ((), ())
         gaze: GazeView
         if is_put_off or self._waiting:
             late = self.observer.wait(frame.index, frame.t_ns, self.catch_up)
@@ -245,7 +247,7 @@ class FrameLoop:
             self.head,
             self.head_valid,
             gaze,
-            pressed,
+            controls,
             self._take_body() if self._body_inbox else None,
             tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
             head_points=self.screen is None,
@@ -254,7 +256,7 @@ class FrameLoop:
         )
 
     def _display(self, view: SceneFrame) -> None:
-        """Draw and hand over; what goes wrong is a fault that pauses, not the session's end."""
+        """Draw and hand over; a failure becomes a fault that pauses the session."""
         trouble: DeviceError | None
         try:
             images = self._stage.draw(view, self._frame, self.head)
@@ -275,7 +277,7 @@ class FrameLoop:
 
     @contextmanager
     def leaving_gaze(self) -> Iterator[None]:
-        """Leave gaze that nobody looks at for later, but not beyond this block."""
+        """Defer gaze that nobody reads yet, at most to the end of this block."""
         self._gaze_may_wait = self._can_wait
         try:
             yield
@@ -284,9 +286,9 @@ class FrameLoop:
             self.catch_up()
 
     def catch_up(self) -> None:
-        """Take in the gaze left for later, frame by frame as each would have.
+        """Evaluate deferred gaze, frame by frame as each frame would have.
 
-        On the virtual clock alone, where nobody waits for it: what is recorded is the same.
+        Gaze is deferred on the virtual clock only; the recording is the same.
         """
         if self._waiting:
             self._rig.catch_up()
@@ -323,9 +325,9 @@ class FrameLoop:
                     self._rig.silence(step.role)
 
     def _attend(self, period_ns: int) -> None:
-        """Take body samples between two frames, at the times when they are there.
+        """Take body samples between two frames, at the times when they arrive.
 
-        Where the loop is late, up to the frame that comes next, not to the one that was missed.
+        A late loop takes them up to the next frame, not up to the missed one.
         """
         frame_ns = round(NS_PER_S / self._rig.headset.display_rate_hz)
         frames = max(0, self._clock.now_ns() - self._frame.t_ns) // frame_ns + 1
@@ -361,8 +363,8 @@ class FrameLoop:
             self.observer.add_pose(t_ns, pose)
 
     def _take_presses(self) -> tuple[tuple[str, ...], tuple[int, ...]]:
-        """Return what was pressed since the frame before, and when it was heard."""
-        pressed: list[str] = []
+        """Return what was pressed since the frame before, and when that was received."""
+        controls: list[str] = []
         pressed_ns: list[int] = []
         while self._press_inbox:
             batch = self._press_inbox.popleft()
@@ -375,11 +377,11 @@ class FrameLoop:
             ):
                 before = self._levels_01.get(control, 0.0)
                 self._levels_01[control] = level
-                # An axis presses once when it passes the middle; a button may tell presses alone.
+                # An axis presses once when it passes the middle; a button may report presses only.
                 if level > 0.5 and (before <= 0.5 or level == before):
-                    pressed.append(self._controls[control])
+                    controls.append(self._controls[control])
                     pressed_ns.append(t_ns)
-        return tuple(pressed), tuple(pressed_ns)
+        return tuple(controls), tuple(pressed_ns)
 
     def _take_rays(self, batch: SampleBatch) -> None:
         for row in batch.values:
@@ -397,16 +399,16 @@ class FrameLoop:
                 self._sounded.append(Sounded(key, int(row["t_sounding_ns"])))
 
     def _told_sounds(self) -> tuple[Sounded, ...]:
-        sounded, self._sounded = tuple(self._sounded), []
-        return sounded
+        sounds, self._sounded = tuple(self._sounded), []
+        return sounds
 
     def _take_body(self) -> BodyView:
         batches = []
         while self._body_inbox:
             batches.append(self._body_inbox.popleft())
-        answered = self._answered
-        if answered is not None and len(batches) == 1 and answered[0] is batches[0]:
-            return answered[1]
+        batch_and_view = self._answered
+        if batch_and_view is not None and len(batches) == 1 and batch_and_view[0] is batches[0]:
+            return batch_and_view[1]
         return self._body_view(batches)
 
     def _body_view(self, batches: Sequence[SampleBatch]) -> BodyView:
@@ -437,9 +439,11 @@ class FrameLoop:
             self._logged_view = view
             return
         self._logged_view = view
-        shown = view.gaze_direction.shape[0]
-        if shown > self._agent_count:
-            raise ValueError(f"a scene holds {shown} agents, and the study's have room for fewer")
+        agent_count = view.gaze_direction.shape[0]
+        if agent_count > self._agent_count:
+            raise ValueError(
+                f"a scene holds {agent_count} agents, and the study's have room for fewer"
+            )
         i = self._scene_states.room(1)
         columns = self._scene_states.columns
         columns["scene"][i] = self._scene_number
@@ -449,10 +453,10 @@ class FrameLoop:
             ("gaze_distance_m", view.gaze_distance_m),
         ):
             row = columns[name][i]
-            if values is None or shown < self._agent_count:
+            if values is None or agent_count < self._agent_count:
                 row[...] = np.nan
             if values is not None:
-                row[:shown] = values
+                row[:agent_count] = values
         self._scene_states.commit(1, self.t_ns)
 
     def _describe(self, scene: Scene) -> dict[str, object]:
@@ -476,7 +480,7 @@ class FrameLoop:
         }
 
     def _frame_row(self, frame: FrameInfo) -> tuple[object, ...]:
-        """Return a row of frames but its last column, the number of gaze samples."""
+        """Return a row of the frames stream without its last column, the number of gaze samples."""
         return (
             frame.index,
             frame.predicted_display_ns,

@@ -41,7 +41,7 @@ from visavis.stimuli.motion.rotations import quat_between
 
 TARGET_DISTANCE_M = 2.0
 VERDICT_WITHIN_S = 10.0
-"""How long a calibration's result is waited for."""
+"""How long to wait for the result of a calibration."""
 
 DIAGONAL_15 = 10.65
 """Yaw and pitch (degrees) of a target 15° from the centre on a diagonal."""
@@ -110,7 +110,7 @@ class HeadFit:
 
 
 class GazeSetup:
-    """Show targets and collect what the eye tracker says meanwhile."""
+    """Show targets and collect the eye tracker's samples meanwhile."""
 
     def __init__(
         self,
@@ -129,7 +129,7 @@ class GazeSetup:
         self._timing = timing
         self._targets = targets_on(loop.screen)
         self.head_fit: HeadFit | None = None
-        """How the camera was last found to sit on the head, of a tracker that has one there."""
+        """The last fit of the camera to the head, for trackers with a camera on the head."""
 
     def calibrate(self) -> CalibrationOutcome:
         """Run one calibration; raises DeviceError when the tracker is gone.
@@ -159,26 +159,26 @@ class GazeSetup:
         return outcome
 
     def _fit_to_head(self, tracker: CameraOnHead) -> CalibrationOutcome:
-        """Find how the camera sits on the head, and turn gaze by it."""
+        """Fit the rotation of the camera on the head, and rotate gaze by it."""
         points = [p for p in self.validate() if np.isfinite(p.combined_head).all(axis=1).any()]
         if len(points) < MIN_POINTS_OF_FIT:
             return CalibrationOutcome(False, "too little gaze to find how the camera sits")
         gaze, aims = [], []
         for point in points:
-            seen = np.isfinite(point.combined_head).all(axis=1)
-            gaze.append(unit(point.combined_head[seen].sum(axis=0)))
-            aims.append(unit(point.aim_head[seen].sum(axis=0)))
-        found = fit_turn(np.array(gaze), np.array(aims))
-        left_deg = float(found.residual_deg.mean())
+            is_seen = np.isfinite(point.combined_head).all(axis=1)
+            gaze.append(unit(point.combined_head[is_seen].sum(axis=0)))
+            aims.append(unit(point.aim_head[is_seen].sum(axis=0)))
+        fit = fit_turn(np.array(gaze), np.array(aims))
+        left_deg = float(fit.residual_deg.mean())
         if left_deg > MAX_RESIDUAL_DEG:
             return CalibrationOutcome(
                 False, f"no way in which the camera may sit explains gaze: {left_deg:.1f}° are left"
             )
-        tracker.turn_to_head(found.matrix)
-        self.head_fit = HeadFit(found.matrix, found.angle_deg, left_deg)
+        tracker.turn_to_head(fit.matrix)
+        self.head_fit = HeadFit(fit.matrix, fit.angle_deg, left_deg)
         return CalibrationOutcome(
             True,
-            f"camera turned by {found.angle_deg:.1f}° on the head, {left_deg:.2f}° are left",
+            f"camera turned by {fit.angle_deg:.1f}° on the head, {left_deg:.2f}° are left",
         )
 
     def _verdict(self) -> CalibrationOutcome:
@@ -206,20 +206,20 @@ class GazeSetup:
             base = self._loop.head.orientation_wxyz
             self._frames_for(self._timing.validation_arrive_ms)
             target = rotate(quat_conjugate(base), mark_m - self._loop.head.position_m)
-            seen = self._gaze_for(self._timing.validation_sample_ms)
-            points.append(_point(name, target / np.linalg.norm(target), base, mark_m, seen))
+            samples = self._gaze_for(self._timing.validation_sample_ms)
+            points.append(_point(name, target / np.linalg.norm(target), base, mark_m, samples))
         self._clear_target()
         return tuple(points)
 
     def _gaze_for(self, duration_ms: int) -> "_Seen":
         """Let frames pass; return the gaze they brought with the head of the frame of each sample.
 
-        Where gaze was left for later, a sample's frame is the first after its arrival.
+        Where gaze was deferred, a sample's frame is the first after its arrival.
         """
         end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
         t_ns: list[int] = []
         heads: list[Pose] = []
-        told: list[int] = []
+        batch_counts: list[int] = []
         batches: list[SampleBatch] = []
         self._loop.gaze_tap = batches
         with self._loop.leaving_gaze():
@@ -227,11 +227,12 @@ class GazeSetup:
                 self._next_frame()
                 t_ns.append(self._loop.t_ns)
                 heads.append(self._loop.head)
-                told.append(len(batches))
+                batch_counts.append(len(batches))
         self._loop.gaze_tap = None
         frame = [np.empty(0, np.int64)]
         for i, batch in enumerate(batches):
-            latest = min(bisect_right(told, i), len(told) - 1)  # the frame that delivered it
+            # The frame that delivered the batch.
+            latest = min(bisect_right(batch_counts, i), len(batch_counts) - 1)
             arrived_ns = np.maximum.accumulate(batch.t_host_ns)
             frame.append(np.minimum(np.searchsorted(t_ns, arrived_ns), latest))
         return _Seen(batches, heads, np.concatenate(frame))
@@ -286,8 +287,8 @@ def _point(name: str, target: Vector, base: Vector, mark_m: Vector, seen: _Seen)
 
     def turned(column: str, valid: str) -> Vector:
         direction = rotate(turns, values[column].astype(np.float64))
-        kept: Vector = np.where(values[valid][:, None], direction, np.nan)
-        return kept
+        valid_direction: Vector = np.where(values[valid][:, None], direction, np.nan)
+        return valid_direction
 
     return ValidationPoint(
         name=name,

@@ -1,4 +1,4 @@
-"""Turn gaze samples in the head frame into what they meant in the scene shown."""
+"""Turn gaze samples in the head frame into targets in the scene shown."""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -18,11 +18,11 @@ from visavis.stimuli.scene import Scene
 from visavis.stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_rays
 
 DELAYS_KEPT = 240
-"""Batches of gaze in which the least delay is looked for: some seconds."""
+"""Number of gaze batches searched for the least delay: some seconds."""
 POSES_KEPT = 32
-"""Head poses in which a sample's time is looked up, back from its frame: 0.3 s at 90 Hz."""
+"""Number of head poses searched for a sample's time, back from its frame: 0.3 s at 90 Hz."""
 MAX_WAITING = 64
-"""Frames whose gaze may be left for later, so many more poses are remembered."""
+"""Number of frames whose gaze may be deferred; as many more poses are remembered."""
 
 
 _GAZE_BYTES = GAZE.dtype.itemsize
@@ -58,22 +58,26 @@ def _gaze_in_world(
     direction: npt.NDArray[np.float64],
     origin: npt.NDArray[np.float64],
 ) -> None:
-    kept = pose_t_ns.shape[0]
+    capacity = pose_t_ns.shape[0]
     k_frame = 0
     for i in range(t_ns.shape[0]):
+        # Search the ring of poses, back from the newest that the sample's frame knew, for the two
+        # poses around the sample's time.
         while i >= frames[k_frame, 0]:
             k_frame += 1
         b = frames[k_frame, 2]
         count = frames[k_frame, 3]
         steps = 1
-        while steps < count and pose_t_ns[(b - 1 + kept) % kept] > t_ns[i]:
-            b = (b - 1 + kept) % kept
+        while steps < count and pose_t_ns[(b - 1 + capacity) % capacity] > t_ns[i]:
+            b = (b - 1 + capacity) % capacity
             steps += 1
-        a = (b - 1 + kept) % kept if steps < count else b
+        a = (b - 1 + capacity) % capacity if steps < count else b
         f = 0.0
         span = pose_t_ns[b] - pose_t_ns[a]
         if span > 0:
             f = min(max((t_ns[i] - pose_t_ns[a]) / span, 0.0), 1.0)
+        # Interpolate the quaternions linearly and normalise. q and -q are the same rotation, so the
+        # sign is chosen that makes the way between them short.
         dot = 0.0
         for k in range(4):
             dot += pose_q[a, k] * pose_q[b, k]
@@ -93,6 +97,7 @@ def _gaze_in_world(
                 vx = float(origin_head_m[i, 0])
                 vy = float(origin_head_m[i, 1])
                 vz = float(origin_head_m[i, 2])
+            # Rotation by a unit quaternion (w, u): v + 2 w (u × v) + 2 u × (u × v).
             tx = 2 * (y * vz - z * vy)
             ty = 2 * (z * vx - x * vz)
             tz = 2 * (x * vy - y * vx)
@@ -142,11 +147,10 @@ def _evaluate(
 ) -> int:
     """Evaluate n samples and record them from `row` on; return how many are valid.
 
-    `frames` are the frames that brought them in turn: how many samples there are up to each one's
-    end, its index, which head pose was the newest, and among how many to look.
-    `samples` are n rows of `GAZE.dtype` as bytes: fields as arrays are strided or not by their
-    number, and every kind would be compiled anew. One call for all of it, because a frame brings
-    one or two samples.
+    Each row of `frames` is a frame that brought samples: how many there are up to its end, its
+    index, the index of the newest head pose, and how many poses to search. `samples` are n rows of
+    `GAZE.dtype` as bytes: its fields are strided or contiguous arrays depending on n, and each kind
+    would be compiled separately. One call for all of it, because a frame brings one or two samples.
     """
     n = t_device_ns.shape[0]
     m = heads.shape[0]
@@ -157,6 +161,7 @@ def _evaluate(
     raw = numbers.view(np.uint8)
     for i in range(n):
         t_ns[i] = t_device_ns[i] + offset_ns
+        # Three float32 each of direction and origin, copied byte by byte out of the row.
         for k in range(12):
             raw[k] = samples[i * _GAZE_BYTES + _DIRECTION_AT + k]
             raw[12 + k] = samples[i * _GAZE_BYTES + _ORIGIN_AT + k]
@@ -178,8 +183,9 @@ def _evaluate(
         origin,
     )
     observe_rays(origin, direction, valid, heads, capsules, is_lit, seen, hit)
+    # The dark scene of calibrations and breaks has no agents, so gaze meets nobody in it.
     width = angle_deg.shape[1]
-    has_agents = m == width or 0 < m < width  # a film may show fewer than another one
+    has_agents = m == width or 0 < m < width  # one film may show fewer than another
     k_frame = 0
     for i in range(n):
         while i >= frames[k_frame, 0]:
@@ -211,7 +217,7 @@ def _evaluate(
 
 
 class _Waiting(NamedTuple):
-    """A frame whose gaze is evaluated later: what it knew, and what shall hold its gaze."""
+    """A frame whose gaze is evaluated later: its state then, and the object for the result."""
 
     frame_index: int
     t_ns: int
@@ -221,7 +227,7 @@ class _Waiting(NamedTuple):
 
 
 class LateGaze:
-    """The gaze of one frame, evaluated when somebody looks at it, and then by the many.
+    """The gaze of one frame, evaluated together with that of other frames when first read.
 
     Has the attributes of a `GazeView` and stands for one in a `FrameView`.
     """
@@ -250,9 +256,9 @@ class GazeObserver:
     """Collect gaze batches from the eye tracker and evaluate them once per frame, or later.
 
     `clock_offset_ns` is host minus device time; it is constant within a trial, so differences
-    between sample times are the device's own. Until one is set, that of the first batch stands
-    for it, None before. The tracker's own delay (`delay_ns`) is taken off: a sample's time is that
-    of the eye, and so is the head's pose it is turned by.
+    between sample times are the device's own. Until it is set, the offset of the first batch is
+    used, None before that. The tracker's own delay (`delay_ns`) is subtracted, so that a sample's
+    time, and the head pose used for it, are those of the eye.
     """
 
     def __init__(self, targets: RowBuffer, *, delay_ns: int = 0) -> None:
@@ -263,10 +269,10 @@ class GazeObserver:
         self._columns = tuple(targets.columns[name] for name in RECORDED)
         self._inbox: deque[SampleBatch] = deque()
         self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
-        kept = POSES_KEPT + MAX_WAITING
-        self._pose_t_ns = np.zeros(kept, dtype=np.int64)
-        self._pose_p = np.zeros((kept, 3))
-        self._pose_q = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (kept, 1))
+        capacity = POSES_KEPT + MAX_WAITING
+        self._pose_t_ns = np.zeros(capacity, dtype=np.int64)
+        self._pose_p = np.zeros((capacity, 3))
+        self._pose_q = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (capacity, 1))
         self._waiting: list[_Waiting] = []
         self._newest = -1
         self._poses = 0
@@ -279,7 +285,7 @@ class GazeObserver:
     def take(self, batch: SampleBatch) -> None:
         """Accept a batch of the gaze stream; may be called from the device's thread."""
         self._inbox.append(batch)
-        # a frame brings one or two samples, fewer than an array's own minimum is worth
+        # for the one or two samples of a frame, an array's own minimum is slower
         least_ns = min(map(sub, batch.t_host_ns.tolist(), batch.t_device_ns.tolist()))
         self._delays_ns.append(least_ns)
         if self.clock_offset_ns is None:
@@ -287,10 +293,9 @@ class GazeObserver:
 
     @property
     def least_delay_ns(self) -> int | None:
-        """Arrival minus device time of the quickest sample of late; None before the first.
+        """Least difference of arrival and device time lately; None before the first sample.
 
-        Of a tracker that cannot be asked for its time this is its clock's offset, with the least
-        delay in it.
+        For a tracker that cannot report its time, this is its clock's offset plus the least delay.
         """
         return min(tuple(self._delays_ns), default=None)
 
@@ -321,7 +326,7 @@ class GazeObserver:
         return gaze
 
     def wait(self, frame_index: int, t_frame_ns: int, catch_up: Callable[[], None]) -> LateGaze:
-        """Leave what this frame brings for later; `catch_up` is called when it is looked at.
+        """Defer what this frame brings; `catch_up` is called when it is first read.
 
         `MAX_WAITING` frames may wait, in one scene and with one clock offset.
         """
@@ -330,7 +335,7 @@ class GazeObserver:
         return gaze
 
     def observe_waiting(self) -> Sequence[int]:
-        """Evaluate what arrived meanwhile as each waiting frame would have; return their counts."""
+        """Evaluate deferred samples as each waiting frame would have; return counts per frame."""
         waiting, self._waiting = self._waiting, []
         batch = self._gather() if self._inbox else None
         if batch is None or self._geometry is None:
@@ -343,7 +348,7 @@ class GazeObserver:
             one.gaze.found(self._evaluated(batch, self._geometry, frames), 0, n)
             self._targets.commit(n, one.t_ns)
             return [n]
-        # A message waits on the wire for those before it, and a frame takes what is there by then.
+        # Messages arrive in order, and a frame takes those that have arrived by its time.
         there_ns = np.maximum.accumulate(batch.t_host_ns)
         ends = np.searchsorted(there_ns, [one.t_ns for one in waiting], side="right")
         ends[-1] = batch.seq.shape[0]
@@ -358,8 +363,8 @@ class GazeObserver:
         for one, end in zip(waiting, ends.tolist(), strict=True):
             one.gaze.found(gaze, first, end)
             first = end
-        found: list[int] = counts.tolist()
-        return found
+        sample_counts: list[int] = counts.tolist()
+        return sample_counts
 
     def _evaluated(
         self, batch: SampleBatch, geometry: SceneGeometry, frames: npt.NDArray[np.int64]
@@ -374,7 +379,7 @@ class GazeObserver:
         t_ns = np.empty(n, np.int64)
         valid = np.empty(n, np.bool_)
         rays = np.empty((2, n, 3))
-        seen = np.empty((3, n, geometry.heads.shape[0]))
+        per_head = np.empty((3, n, geometry.heads.shape[0]))
         hit = np.empty(n, np.int16)
         valid_count = _evaluate(
             np.frombuffer(batch.values.tobytes(), np.uint8),
@@ -391,14 +396,14 @@ class GazeObserver:
             t_ns,
             valid,
             rays,
-            seen,
+            per_head,
             hit,
             at,
             *self._columns,
         )
         self.received += n
         self.valid += valid_count
-        return GazeView(t_ns, valid, rays[0], rays[1], seen[0], seen[1], seen[2], hit)
+        return GazeView(t_ns, valid, rays[0], rays[1], per_head[0], per_head[1], per_head[2], hit)
 
     def drain(self) -> list[SampleBatch]:
         """Return what arrived without evaluating it."""
@@ -418,7 +423,7 @@ class GazeObserver:
             np.concatenate([b.seq for b in batches]),
             np.concatenate([b.t_device_ns for b in batches]),
             np.concatenate([b.t_host_ns for b in batches]),
-            # structured arrays are joined field by field, which takes ten times as long
+            # joining structured arrays goes field by field and takes ten times as long
             np.frombuffer(b"".join([b.values.tobytes() for b in batches]), GAZE.dtype),
         )
 

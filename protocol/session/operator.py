@@ -63,7 +63,7 @@ class Command:
 
 @dataclass(frozen=True)
 class BodyContact:
-    """A part of the participant's body that touches somebody, as a plan's marks told it.
+    """A part of the participant's body that touches somebody, as reported by a plan's marks.
 
     `role` is the armband that answers it and `vibrates` whether it may; `person` counts from 0,
     None where nobody is named.
@@ -76,7 +76,7 @@ class BodyContact:
 
 
 def nothing_drawn() -> None:
-    """Return no picture: that of a session which draws none."""
+    """Return no picture; for a session that draws none."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class SessionStatus:
     condition: str
     """The levels of the trial's factors; "" for an operator who is blinded."""
     trial_left_s: float | None = None
-    """How long the trial takes yet; None where that is unknown."""
+    """How much longer the trial takes; None where that is unknown."""
     health: dict[str, Health] = field(default_factory=dict)
     """How each device's stream is, by role."""
     calibration: CalibrationStatus = CalibrationStatus()
@@ -134,7 +134,7 @@ class SessionStatus:
     prompt: str = ""
     """What waits for the operator."""
     waiting: str = ""
-    """What is waited for by itself: a device that is away, and for how much longer."""
+    """A wait that needs no operator: for a device that is away, and how much longer."""
     can_go_on: bool = False
     """Whether ADVANCE does anything now."""
     messages: tuple[str, ...] = ()
@@ -142,16 +142,17 @@ class SessionStatus:
     flags: tuple[str, ...] = ()
     """Flags of the trial that runs."""
     frame: FrameView | None = None
-    """What the last frame brought; who keeps it longer copies its arrays."""
+    """What the last frame brought; copy its arrays to keep them."""
     shown: SceneFrame | None = None
-    """What stood before the participant in it; who keeps it longer copies its arrays."""
+    """What the participant was shown in it; copy its arrays to keep them."""
     contacts: tuple[BodyContact, ...] = ()
     """What is touched now."""
     contacts_begun: int | None = None
-    """How often that began in the trial; None where nothing was touched."""
+    """How many contacts began in the trial; None where nothing was touched."""
     glance: Callable[[], Glance | None] = nothing_drawn
-    """Returns a small picture of what they saw, twice a second at most, to who asks in the
-    session's own thread."""
+    """Returns a small picture of what the participant saw, at most twice a second; to be called in
+    the session's own thread.
+    """
 
 
 class Operator(Protocol):
@@ -176,7 +177,7 @@ class Operator(Protocol):
 
 
 class UnattendedOperator:
-    """Nobody watches: every wait is over at once; used for simulated studies."""
+    """An operator for simulated studies: nobody watches, so every wait ends at once."""
 
     status_period_ns = 0
 

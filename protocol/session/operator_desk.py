@@ -38,7 +38,7 @@ EYE_SEEN_AT_LEAST_01 = 0.7
 """A trial that saw an eye in less of its samples is flagged."""
 
 MESSAGE_SHOWN_NS = 30 * NS_PER_S
-"""For so long a message stands on the operator's screen; what waits, until it is done."""
+"""How long a message stays on the operator's screen; a pending request stays until it is done."""
 
 LATER = {
     Action.PAUSE: "pausing before the next trial",
@@ -48,7 +48,7 @@ LATER = {
 
 
 class OperatorDesk:
-    """Deliver frames, and with them whatever the operator or a device wants."""
+    """Deliver frames, and act on requests of the operator and faults of devices."""
 
     def __init__(
         self,
@@ -120,7 +120,7 @@ class OperatorDesk:
         return view
 
     def prompt(self, text: str) -> bool:
-        """Show what a trial waits for, or nothing; tell whether nobody is there to go on."""
+        """Show what a trial waits for, or nothing; return whether there is no operator to go on."""
         self._advance = False
         goes_on = bool(text) and not self._operator.waits_for_advance(text)
         self._prompt = "" if goes_on else text
@@ -196,7 +196,7 @@ class OperatorDesk:
         if action in self._pending:
             self._pending.discard(action)
             done = LATER.get(action)
-            self._messages = [said for said in self._messages if said[1] != done]
+            self._messages = [message for message in self._messages if message[1] != done]
             return True
         return False
 
@@ -245,8 +245,8 @@ class OperatorDesk:
 
     def take_advance(self) -> bool:
         """Tell whether the operator asked to go on, and forget it."""
-        asked, self._advance = self._advance, False
-        return asked
+        advance, self._advance = self._advance, False
+        return advance
 
     @property
     def blocking_since_ns(self) -> int:
@@ -272,9 +272,9 @@ class OperatorDesk:
         return self.interrupt_reason
 
     def _look_for_faults(self) -> None:
-        shown = self._loop.display_fault
-        told = (f for f in self._rig.faults() if not self._is_idle_uncalibrated(f))
-        faults = (*told, *(() if shown is None else (shown,)))
+        display_fault = self._loop.display_fault
+        rig_faults = (f for f in self._rig.faults() if not self._is_idle_uncalibrated(f))
+        faults = (*rig_faults, *(() if display_fault is None else (display_fault,)))
         self._faults.look(faults, self._loop.t_ns, is_set_up=self._is_set_up)
         for fault in faults if self._in_trial else ():
             is_idle = fault.role in self._idle_roles and fault.severity == "warning"
@@ -284,14 +284,14 @@ class OperatorDesk:
             self._interrupt_if_lost(LOST_STREAM_NS)
 
     def _is_idle_uncalibrated(self, fault: Fault) -> bool:
-        """Tell the fault that a device is not calibrated which nothing of the study rests on."""
+        """Tell whether a fault is a missing calibration of a device the study does not need."""
         return fault.is_uncalibrated and fault.role in self._idle_roles
 
     def _interrupt_if_lost(self, longest_ns: int) -> None:
-        """Interrupt the trial for a device that is away so long.
+        """Interrupt the trial for a device that has been away this long.
 
-        A band costs a trial no data: it counts after `LOST_STREAM_NS` alone, and where it was
-        wanted in this trial.
+        A missing band costs no data: it counts only after `LOST_STREAM_NS`, and only if this trial
+        used it.
         """
         for fault in self._faults.blocking():
             patience_ns = longest_ns
@@ -304,7 +304,7 @@ class OperatorDesk:
                 return
 
     def expect_pause(self) -> None:
-        """Let the time to the coming frame be no stall: a question was asked."""
+        """Do not count the time to the next frame as a stall: a question was asked."""
         self._stalls.allow(1)
 
     def _note_stall(self, stood_ns: int) -> None:
@@ -391,7 +391,7 @@ class OperatorDesk:
             self.say(f"{self._last_trial.trial_id} comes again at the end of the block")
 
     def _silence(self) -> None:
-        """Stop all vibration, in a trial for the rest of it: the next contact is a moment away."""
+        """Stop all vibration, in a trial until its end, because the next contact follows soon."""
         armbands = [r for r, d in self._setup.rig.by_role().items() if isinstance(d, Armband)]
         self._rig.is_muted = self._in_trial and bool(armbands)
         self._rig.silence()

@@ -1,7 +1,7 @@
 """Ask questions on a board in the headset: looked at, pointed at, or answered by a key.
 
 The answer is the label of an option, the same as typed at the terminal; questions without
-options, or with too many for one board, go to whoever answers there.
+options, or with too many for one board, go to the respondent there.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,8 +28,8 @@ class PanelRespondent:
 
     `participant` answers as it would at the terminal and looks at its choice; a person is given
     the board. `take_keys` returns the digits the operator pressed since the last call. Without
-    an answer after `limit_s` the question goes to `otherwise`. `leave_out` is what the choice is
-    called with which a question is left out.
+    an answer after `limit_s` the question goes to `otherwise`. `leave_out` is the label of the
+    choice that leaves a question out.
     """
 
     def __init__(
@@ -64,17 +64,17 @@ class PanelRespondent:
         choices = (*options, self._leave_out)
         panel = Panel(prompt, choices, placed_before(self._loop.head), SIZE_M)
         if self._participant is not None:
-            wanted = self._otherwise.answer(question_id, prompt, options)
-            looked_at = choices.index(wanted) if wanted in options else len(options)
+            label = self._otherwise.answer(question_id, prompt, options)
+            looked_at = choices.index(label) if label in options else len(options)
             self._participant.look_at(choice_centre_m(panel, looked_at).tolist(), self._loop.t_ns)
-        chosen, by = self._ask(question_id, panel)
+        choice, by = self._ask(question_id, panel)
         if self._participant is not None:
             self._participant.look_at(None, self._loop.t_ns)
         self._loop.show_scene(self._blank())
         self._recorder.event("panel_answered", self._loop.t_ns, question=question_id, by=by)
-        if chosen is None:
+        if choice is None:
             return self._otherwise.answer(question_id, prompt, options)
-        return None if chosen == len(options) else options[chosen]
+        return None if choice == len(options) else options[choice]
 
     # ---- private --------------------------------------------------------------------------
 
@@ -109,12 +109,12 @@ class PanelRespondent:
                     loop.show(step.view)
                 else:
                     view = self._next_frame()
-                    pressed = (*self._take_keys(), *view.pressed)
-                    view = view._replace(pressed=pressed, pressed_ns=())
+                    controls = (*self._take_keys(), *view.pressed)
+                    view = view._replace(pressed=controls, pressed_ns=())
                 step = asking.send(view)
         except StopIteration as end:
-            chosen: Chosen = end.value
-            return chosen.choice, "key" if chosen.by == "keys" else chosen.by
+            result: Chosen = end.value
+            return result.choice, "key" if result.by == "keys" else result.by
 
 
 def _before(scene: Scene, t_ns: int, panel: Panel) -> PanelFrame:

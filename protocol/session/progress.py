@@ -40,10 +40,10 @@ class Progress:
 def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
     """Derive progress from the events of all earlier parts, oldest first."""
     attempts: dict[str, int] = {}
-    finished: set[str] = set()
-    skipped: set[str] = set()
-    unfinished: dict[str, None] = {}
-    answered: set[str] = set()
+    finished_ids: set[str] = set()
+    skipped_ids: set[str] = set()
+    unfinished_ids: dict[str, None] = {}
+    complete_questionnaires: set[str] = set()
     answers: set[tuple[str, str]] = set()
     calibrations = 0
     validated_at_end = False
@@ -53,26 +53,26 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
         if kind == "trial_start":
             trial_id = str(event["trial_id"])
             attempts[trial_id] = attempts.get(trial_id, 0) + 1
-            unfinished[trial_id] = None
-            finished.discard(trial_id)
+            unfinished_ids[trial_id] = None
+            finished_ids.discard(trial_id)
         elif kind == "trial":
             trial_id = str(event["trial_id"])
             if event["status"] in DONE:
-                finished.add(trial_id)
-                skipped.discard(trial_id)
-                unfinished.pop(trial_id, None)
+                finished_ids.add(trial_id)
+                skipped_ids.discard(trial_id)
+                unfinished_ids.pop(trial_id, None)
                 if event["status"] == "skipped":
-                    skipped.add(trial_id)
+                    skipped_ids.add(trial_id)
                 if event["status"] == "skipped" and trial_id not in attempts:
                     attempts[trial_id] = 0
         elif kind == "trial_repeat":
             trial_id = str(event["trial_id"])
-            finished.discard(trial_id)
-            unfinished[trial_id] = None
+            finished_ids.discard(trial_id)
+            unfinished_ids[trial_id] = None
         elif kind == "answer":
             answers.add((str(event["questionnaire"]), str(event["question"])))
         elif kind == "questionnaire_complete":
-            answered.add(str(event["questionnaire"]))
+            complete_questionnaires.add(str(event["questionnaire"]))
         elif kind == "validation":
             calibrations += 1
             validated_at_end = validated_at_end or event.get("moment") == "end"
@@ -80,10 +80,10 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
             memory = {str(name): float(value) for name, value in event["memory"].items()}
     return Progress(
         attempts,
-        frozenset(finished),
-        frozenset(skipped & finished),
-        tuple(unfinished),
-        frozenset(answered),
+        frozenset(finished_ids),
+        frozenset(skipped_ids & finished_ids),
+        tuple(unfinished_ids),
+        frozenset(complete_questionnaires),
         frozenset(answers),
         calibrations,
         validated_at_end,
@@ -110,11 +110,14 @@ def progress_of_recording(recording: Recording) -> Progress:
 
 def left_of(block: Block, progress: Progress) -> tuple[Trial, ...]:
     """Return a block's trials still to do: never begun in planned order, then interrupted ones."""
-    begun = {trial_id: order for order, trial_id in enumerate(progress.unfinished)}
+    order_by_id = {trial_id: order for order, trial_id in enumerate(progress.unfinished)}
     fresh = [
-        t for t in block.trials if t.trial_id not in progress.finished and t.trial_id not in begun
+        t
+        for t in block.trials
+        if t.trial_id not in progress.finished and t.trial_id not in order_by_id
     ]
     again = sorted(
-        (t for t in block.trials if t.trial_id in begun), key=lambda t: begun[t.trial_id]
+        (t for t in block.trials if t.trial_id in order_by_id),
+        key=lambda t: order_by_id[t.trial_id],
     )
     return (*fresh, *again)

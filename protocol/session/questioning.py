@@ -8,11 +8,11 @@ from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.protocol.session.session_setup import SessionSetup
 
 MAX_ASKED = 3
-"""How often a question is put when the answer is none of the possible ones."""
+"""How often a question is asked when the answer is not one of the possible ones."""
 
 
 class Questioning:
-    """Put what has not been answered before an interruption to a respondent; record answers."""
+    """Ask a respondent what was not answered before an interruption; record the answers."""
 
     def __init__(self, setup: SessionSetup, loop: FrameLoop, respondent: Respondent) -> None:
         self._setup = setup
@@ -39,11 +39,11 @@ class Questioning:
                 self._ask_questionnaire(questionnaire, questionnaire.name)
 
     def _left_after(self, block: Block) -> list[Questionnaire]:
-        answered = self._setup.progress.answered
+        answered_names = self._setup.progress.answered
         return [
             q
             for q in self._setup.questionnaires
-            if q.name in block.questionnaires and asked_after(q.name, block) not in answered
+            if q.name in block.questionnaires and asked_after(q.name, block) not in answered_names
         ]
 
     def _ask_questionnaire(self, questionnaire: Questionnaire, name: str) -> None:
@@ -51,10 +51,10 @@ class Questioning:
             if (name, question.question_id) in self._setup.progress.answers:
                 continue
             answer = self._ask(question)
-            said = {}
+            wording_fields = {}
             if questionnaire.wording:
-                said = {"said": answer, "language": questionnaire.language}
-                if question.options and answer is not None:  # which only this wording knows
+                wording_fields = {"said": answer, "language": questionnaire.language}
+                if question.options and answer is not None:  # a label of this wording only
                     answer = str(read_answer(question, answer))
             self._recorder.event(
                 "answer",
@@ -62,7 +62,7 @@ class Questioning:
                 questionnaire=name,
                 question=question.question_id,
                 answer=answer,
-                **said,
+                **wording_fields,
             )
         self._recorder.event("questionnaire_complete", self._loop.t_ns, questionnaire=name)
         self._recorder.checkpoint(timeout_s=5.0)

@@ -38,9 +38,9 @@ class Rig:
     """The devices by role; `headset` paces the session (a headset, or a screen in its place, which
     has a role of its own), `eye_tracker` delivers gaze where wanted.
 
-    `on_step` is called once per frame, for whoever watches that the session's loop goes round and
-    tells the bands so; without it the rig tells them itself. `without` are roles the operator goes
-    on without: what a trial wants of them is passed over.
+    `on_step` is called once per frame to tell a guard, which keeps the bands alive, that the
+    session's loop runs; without it the rig keeps them alive itself. `without` are roles the
+    operator goes on without; a trial's commands to them are ignored.
     """
 
     headset: Headset
@@ -86,7 +86,7 @@ class RunningRig:
         self._gaze_pump = self._pumps.get("eye_tracker")
         self._display_pump = self._pumps[rig.display_role]
         self.is_muted = False
-        """While true no band takes anything but silence: the operator wants none in this trial."""
+        """While true, bands take silence only; the operator wants no vibration in this trial."""
         self.has_vibrated = False
         """Whether any band was asked to vibrate since this was last set false."""
 
@@ -97,7 +97,7 @@ class RunningRig:
 
     @property
     def eye_tracker(self) -> EyeTracker | None:
-        """The device that delivers gaze; None in a study that does without."""
+        """The device that delivers gaze; None in a study without one."""
         return self._rig.eye_tracker
 
     @property
@@ -112,7 +112,7 @@ class RunningRig:
         return self._rig.without
 
     def clock_pairs(self) -> dict[str, Sequence[ClockPair]]:
-        """Return the time exchanges of eye tracker and other devices that are no bands, by role.
+        """Return the time exchanges of all devices but bands, by role.
 
         A band's own times stand in its stream of commands.
         """
@@ -124,16 +124,16 @@ class RunningRig:
         }
 
     def mark(self, text: str, t_ns: int) -> None:
-        """Send a mark's trigger, and mark the eye tracker's own recording, where there are such.
+        """Send a mark's trigger, and mark the eye tracker's own recording, where these exist.
 
-        The trigger is that of the mark's first word. Never waits for the tracker.
+        The first word of the mark decides the trigger. Never waits for the tracker.
         """
         self.catch_up()
         for device in self._triggers:
             device.trigger(text.partition(" ")[0], t_ns)
         tracker = self._rig.eye_tracker
         if tracker is not None and "annotation" in tracker.info.capabilities:
-            with contextlib.suppress(DeviceError):  # it is away, which the session hears elsewhere
+            with contextlib.suppress(DeviceError):  # it is away; the session learns that elsewhere
                 tracker.annotate(text, t_ns)
 
     def is_band(self, role: str) -> bool:
@@ -230,10 +230,10 @@ class RunningRig:
             pump.start()
 
     def step(self, *, gaze_may_wait: bool = False, head_may_wait: bool = False) -> bool:
-        """Let every device deliver what its wire has brought; nothing to do for threads.
+        """Let every device without a thread deliver what its wire has brought.
 
-        With `gaze_may_wait` an eye tracker that can is left for later, and with `head_may_wait`
-        the display; tell whether the eye tracker was.
+        With `gaze_may_wait` an eye tracker that can wait is deferred, with `head_may_wait` the
+        display. Return whether the eye tracker was deferred.
         """
         for pump in self._in_order:
             if pump is self._gaze_pump:
@@ -250,12 +250,12 @@ class RunningRig:
         return self._gaze_pump is not None and self._gaze_pump.is_put_off
 
     def catch_up(self) -> None:
-        """Let the eye tracker deliver what was left for later."""
+        """Let the eye tracker deliver what was deferred."""
         if self._gaze_pump is not None and self._gaze_pump.is_put_off:
             self._gaze_pump.step()
 
     def deliver_all(self) -> None:
-        """Let every device deliver what was left for later."""
+        """Let every device deliver what was deferred."""
         for pump in self._in_order:
             if pump.is_put_off:
                 pump.step()
@@ -267,12 +267,12 @@ class RunningRig:
             pump.tap = tap
 
     def step_body(self) -> None:
-        """Let the body tracker alone deliver what has arrived."""
+        """Let only the body tracker deliver what has arrived."""
         self._pumps["body_tracker"].step()
 
     @property
     def body_period_ns(self) -> int | None:
-        """Spacing of the body's samples where nothing but the loop itself polls for them.
+        """Interval of body samples where only the loop itself polls for them.
 
         None where the tracker has a thread, where a real headset paces the loop, or where there
         is no tracker.
@@ -318,7 +318,7 @@ class RunningRig:
         """Play a sound; return its number, None where the operator goes on without sound.
 
         Raises:
-            DeviceError: nothing of this session plays sounds.
+            DeviceError: no device of this session plays sounds.
         """
         if "sound" in self._rig.without:
             return None
@@ -332,12 +332,12 @@ class RunningRig:
         return self._sound.play(step.sound, at_m=place, gain_db=step.gain_db, loops=step.loops)
 
     def hear_from(self, head: Pose) -> None:
-        """Say where the participant hears from."""
+        """Set the pose from which the participant hears."""
         if self._sound is not None:
             self._sound.hear_from(head)
 
     def hush(self) -> None:
-        """End everything that sounds."""
+        """Stop all sounds."""
         if self._sound is not None:
             self._sound.hush()
 
@@ -369,7 +369,7 @@ class RunningRig:
 
 
 def _open(role: str, device: Device) -> None:
-    """Open a device; what its wire raises without knowing whose it is names the role."""
+    """Open a device; add the role to errors of its wire, which does not know it."""
     try:
         device.open(OPEN_DEADLINE_S)
     except DeviceError as error:

@@ -12,7 +12,7 @@ class RowBuffer:
     """Fill columns in place; hand a batch to `sink` every `hold_ns` of session time.
 
     Use: `i = buffer.room(n)`, write `buffer.columns[name][i:i + n]`, then `buffer.commit(n, t)`.
-    `columns` is another dictionary after `room` had to make more of it than there ever was.
+    `columns` is a new dictionary after `room` had to enlarge the buffer.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class RowBuffer:
         """Return the index where n rows may be written."""
         if self._n + n > self._capacity:
             self.flush()
-            if n > self._capacity:  # after a pause all that a device kept comes at once
+            if n > self._capacity:  # after a pause a device delivers all it kept at once
                 self._make(n)
         return self._n
 

@@ -1,4 +1,4 @@
-"""What somebody before a screen looks at: gaze that meets the screen, as seen behind its pixels."""
+"""Gaze at a screen: where it meets the pixels, as a ray into the scene behind them."""
 
 from dataclasses import replace
 
@@ -16,11 +16,10 @@ def seen_on_screen(
 ) -> SampleBatch:
     """Return gaze samples as rays of the eye that the picture is drawn for.
 
-    A tracker's rays lead from the eyes, wherever they are, to points of the screen (frame: the
-    viewing place). What is drawn at such a point is what the picture's eye, at `drawn_from`, sees
-    through it: that ray, in its head's frame, leads to what was looked at. A combined sample
-    beside the screen is not valid: nothing of the scene is there. What is recorded of the tracker
-    stays as it was.
+    A tracker's rays lead from the eyes to points of the screen (frame: the viewing place). What is
+    drawn at such a point is what the picture's eye, at `drawn_from`, sees through it: that ray, in
+    its head's frame, leads to what was looked at. A combined sample beside the screen is not valid:
+    nothing of the scene is there. What is recorded of the tracker stays as it was.
     """
     values = batch.values.copy()
     turn = quat_conjugate(place.orientation_wxyz)

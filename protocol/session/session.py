@@ -22,7 +22,7 @@ from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.trial_runner import Outcome, TrialRunner
 
 MAX_CALIBRATIONS = 3
-"""Attempts before the session goes on with the best it got and says so."""
+"""Calibration attempts before the session goes on with the best one and says so."""
 
 STRETCH_CALIBRATION = 200_000
 STRETCH_QUESTIONS = 300_000
@@ -94,7 +94,7 @@ class Session:
                 self._end_early(error)
                 raise
             except BaseException:
-                # Ended from the keyboard, by the system or by a defect: what is held is kept, too.
+                # Ended from the keyboard, by the system or by a defect: keep buffered rows, too.
                 loop.flush()
                 raise
             finally:
@@ -106,13 +106,13 @@ class Session:
         return is_there and any(block.calibrate for block in self._setup.plan.blocks)
 
     def _end_early(self, error: LabError) -> None:
-        aborted = isinstance(error, SessionAborted)
-        if not isinstance(error, RecordingError):  # which takes nothing any more
+        is_abort = isinstance(error, SessionAborted)
+        if not isinstance(error, RecordingError):  # a failed recording takes no more data
             self._loop.flush()
             self._runner.record_exchanges()
-            name = "session_aborted" if aborted else "session_failed"
+            name = "session_aborted" if is_abort else "session_failed"
             self._recorder.event(name, self._loop.t_ns, message=str(error))
-        self._states.move(SessionState.ABORTED if aborted else SessionState.FAILED)
+        self._states.move(SessionState.ABORTED if is_abort else SessionState.FAILED)
 
     def _asking(self) -> Respondent:
         """Return who answers questionnaires: on boards in the scene, where the stage does that."""
@@ -166,21 +166,21 @@ class Session:
         if self._participant is not None:
             self._participant.wear(0)
             self._participant.prepare(0, self._loop.t_ns)
-        begun = False
+        has_begun = False
         for block in setup.plan.blocks:
             trials = left_of(block, setup.progress)
             if trials:
-                if begun:
+                if has_begun:
                     self._take_break(block)
-                begun = True
+                has_begun = True
                 self._perform_block(block, trials)
             if self._questioning.is_due(block):
                 self._begin_questions(block.index)
                 self._questioning.ask_after(block)
-        if begun:
+        if has_begun:
             self._validate_at_end()
         elif not setup.progress.validated_at_end:
-            # The tracker was started anew: what it shows now says nothing of the trials before.
+            # The tracker was restarted, so a validation now says nothing about earlier trials.
             self._recorder.event("end_validation_missed", self._loop.t_ns)
         self._begin_questions(len(setup.plan.blocks))
         self._questioning.ask_at_end()
@@ -188,13 +188,13 @@ class Session:
         self._recorder.event("session_end", self._loop.t_ns)
 
     def _foresee(self, trial: Trial) -> None:
-        """Let the stage make ready what the trial shows first; on a virtual clock nobody waits."""
+        """Let the stage prepare what the trial shows first; a virtual clock does not need it."""
         experiment = self._setup.experiment
         if isinstance(experiment, Foreseeing) and not self._setup.clock.is_virtual:
             self._setup.stage.foresee(lambda: experiment.first_lit(trial))
 
     def _begin_questions(self, after: int) -> None:
-        """Answers do not hang on whether the session was resumed before they were given."""
+        """Begin the questions; answers do not depend on a resumption before them."""
         self._states.move(SessionState.QUESTIONNAIRE)
         if self._participant is not None:
             self._participant.prepare(STRETCH_QUESTIONS + after, self._loop.t_ns)
@@ -237,7 +237,7 @@ class Session:
         self._recorder.event("block_end", self._loop.t_ns, block=block.index)
 
     def _is_uncalibrated(self, block: Block) -> bool:
-        """Tell whether a resumed session has opened the tracker anew since it was calibrated."""
+        """Tell whether a resumed session has reopened the tracker since it was calibrated."""
         before = (b for b in self._setup.plan.blocks if b.index < block.index)
         return self._calibration is None and any(b.calibrate for b in before)
 
@@ -246,7 +246,7 @@ class Session:
         self._runner.align()
         stretch = trial.number + (STRETCH_PRACTICE if trial.is_practice else 0)
         if self._participant is not None:
-            # As recorded: what is learned does not hang on the time between trials, or on breaks.
+            # As recorded: what is learned does not depend on time between trials or on breaks.
             if self._runner.memory and isinstance(self._participant, Learner):
                 self._participant.remember(self._runner.memory)
             self._participant.prepare(stretch, self._loop.t_ns)
@@ -265,7 +265,7 @@ class Session:
                 self._queue.append(trial)
 
     def _hold_if_needed(self, block: Block) -> None:
-        """Wait for devices that are away and for the operator; calibrate where that asks for it."""
+        """Wait for devices that are away and for the operator; then calibrate if that is needed."""
         calibrate = self._desk.take(Action.RECALIBRATE)
         if self._desk.device_lost():
             calibrate = self._wait_for_device() or calibrate
@@ -282,12 +282,14 @@ class Session:
     def _wait_for_device(self) -> bool:
         """Wait until no device is missing; tell whether it was away long enough to recalibrate."""
         desk, loop = self._desk, self._loop
-        lost = desk.blocking_fault()
-        if lost is None:
+        first_fault = desk.blocking_fault()
+        if first_fault is None:
             return False
         since_ns = desk.blocking_since_ns
         self._states.move(SessionState.PAUSED)
-        self._recorder.event("device_lost", loop.t_ns, role=lost.role, message=lost.message)
+        self._recorder.event(
+            "device_lost", loop.t_ns, role=first_fault.role, message=first_fault.message
+        )
         self._recorder.checkpoint(timeout_s=5.0)
         limit_s = self._setup.lost_device_s
         spare = spare_roles_of(self._setup.experiment)
@@ -314,13 +316,13 @@ class Session:
                 self._owes_calibration |= fault.role == "eye_tracker"
                 self._recorder.event("device_done_without", loop.t_ns, role=fault.role)
         desk.waiting, desk.may_do_without = "", False
-        if lost.role in desk.done_without:
+        if first_fault.role in desk.done_without:
             return False
         away_ns = loop.t_ns - since_ns
         self._recorder.event(
-            "device_back", loop.t_ns, role=lost.role, away_s=round(away_ns / NS_PER_S, 3)
+            "device_back", loop.t_ns, role=first_fault.role, away_s=round(away_ns / NS_PER_S, 3)
         )
-        desk.say(f"{lost.role} is back after {away_ns / NS_PER_S:.1f} s")
+        desk.say(f"{first_fault.role} is back after {away_ns / NS_PER_S:.1f} s")
         return away_ns >= LOST_STREAM_NS
 
     # ---- calibration -------------------------------------------------------------------------
@@ -354,11 +356,12 @@ class Session:
             self._store_head_fit(block.index, attempt)
             if self._desk.device_lost():
                 continue
-            measured = self._validate(block.index, attempt, moment="block_start")
-            if best is None or _error(measured) < _error(best):
-                best = measured
-            if measured.verdict.accepted and outcome.succeeded:
-                best = measured
+            calibration = self._validate(block.index, attempt, moment="block_start")
+            # The best attempt counts if none is accepted; an accepted one ends the attempts.
+            if best is None or _error(calibration) < _error(best):
+                best = calibration
+            if calibration.verdict.accepted and outcome.succeeded:
+                best = calibration
                 break
             self._desk.say(f"calibration {attempt} of {MAX_CALIBRATIONS} not good enough: again")
         if not self._calibrates:
@@ -369,6 +372,7 @@ class Session:
                 role="eye_tracker",
                 remedy="look at it and its program; then continue with `visavis resume`",
             )
+        # Gaze that is mirrored or rotated is a mistake of the setup, which no attempt corrects.
         if best.verdict.is_turned:
             raise DeviceError(
                 f"{best.verdict.reason}. Nothing is recorded with it",
@@ -389,7 +393,7 @@ class Session:
         self._desk.calibration = best
 
     def _store_head_fit(self, block: int, attempt: int) -> None:
-        """Keep how the camera was found to sit on the head, of a tracker that has one there."""
+        """Record the fit of the camera to the head, for trackers with a camera on the head."""
         fit, self._gaze_setup.head_fit = self._gaze_setup.head_fit, None
         if fit is not None:
             self._recorder.event(
@@ -404,13 +408,13 @@ class Session:
 
     def _validate(self, block: int, attempt: int, *, moment: str) -> CalibrationInForce:
         self._states.move(SessionState.VALIDATING)
-        # Anew, because how long the tracker took to calibrate is never the same.
+        # Prepared again, because calibrating never takes the same time.
         self._prepare(100 * block + STRETCH_VALIDATION + attempt)
         points = self._gaze_setup.validate()
         verdict = self._setup.judge_validation(points, self._gaze_rate_hz)
         self._calibrations += 1
         calibration = CalibrationInForce(f"C{self._calibrations:02d}", self._loop.t_ns, verdict)
-        found = {
+        fields = {
             "moment": moment,
             "block": block,
             "attempt": attempt,
@@ -423,11 +427,11 @@ class Session:
             "lost_01": verdict.lost_01,
         }
         self._recorder.event(
-            "validation", self._loop.t_ns, **found, points=[dict(row) for row in verdict.rows]
+            "validation", self._loop.t_ns, **fields, points=[dict(row) for row in verdict.rows]
         )
         if self._setup.listeners.on_validation is not None:
             self._setup.listeners.on_validation(
-                {"part": self._setup.name.part, "t_ns": self._loop.t_ns, **found}
+                {"part": self._setup.name.part, "t_ns": self._loop.t_ns, **fields}
             )
         return calibration
 

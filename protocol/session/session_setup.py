@@ -24,7 +24,7 @@ LOST_DEVICE_S = 300.0
 
 @dataclass(frozen=True)
 class SessionListeners:
-    """Who hears of what happens in a session, at once and in its own thread."""
+    """Listeners to events of a session, called at once in the session's thread."""
 
     on_open: Callable[[tuple[DeviceInfo, ...]], None] | None = None
     """Hears that the devices are open, and which they are."""
@@ -43,7 +43,7 @@ class SessionSetup:
     plan: SessionPlan
     """What the participant will do."""
     name: SessionName
-    """Which part of whose session it is."""
+    """Participant, session and part."""
     rig: Rig
     """The devices."""
     stage: Stage
@@ -61,14 +61,15 @@ class SessionSetup:
     questionnaires: tuple[Questionnaire, ...] = ()
     """The questionnaires that blocks and the plan name."""
     participant: SimulatedParticipant | None = None
-    """Who is simulated; None where somebody is there."""
+    """The simulated participant; None with a real one."""
     progress: Progress = field(default_factory=Progress)
     """What earlier parts of the session did."""
     blind: bool = False
     """Whether the operator's screen hides the condition."""
     idle_roles: frozenset[str] = frozenset()
-    """Devices that are recorded though nothing of the study rests on them: what they warn of flags
-    no trial, and nobody is told that they are not calibrated."""
+    """Devices that are recorded although the study does not need them. Their warnings flag no
+    trial, and a missing calibration of theirs is not reported.
+    """
     timing: TargetTiming = field(default_factory=TargetTiming)
     """How long targets of a calibration are shown."""
     lost_device_s: float = LOST_DEVICE_S
@@ -76,4 +77,4 @@ class SessionSetup:
     leave_out: str = LEAVE_OUT
     """The words with which a question is left out."""
     listeners: SessionListeners = SessionListeners()
-    """Who hears of what happens in it."""
+    """Listeners to its events."""

@@ -27,5 +27,5 @@ class StallWatch:
 
 
 def as_reason(stood_ns: int) -> str:
-    """Say it for the row of a trial."""
+    """Return the length of a stall as the reason in a trial's row."""
     return f"the picture stood still for {stood_ns / NS_PER_S:.1f} s"

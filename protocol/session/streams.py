@@ -1,4 +1,4 @@
-"""The streams the session itself records beside those of the devices."""
+"""The streams that the session itself records, besides those of the devices."""
 
 from visavis.lab.schema import Field, StreamSchema
 

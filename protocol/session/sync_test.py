@@ -1,7 +1,7 @@
 """Perform a synchronisation test: flash a corner, play a click, buzz a band, again and again.
 
-What was asked and when is returned; what a sensor made of it is analysed by
-`visavis.analysis.sync_test`.
+The times of the commands are returned; `visavis.analysis.sync_test` analyses what a sensor
+measured.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ FLASH_FRAMES = 5
 BUZZ_MS = 120
 SETTLE_NS = 500 * NS_PER_MS
 MIN_APART_NS, MAX_APART_NS = 430 * NS_PER_MS, 530 * NS_PER_MS
-"""Stimuli follow each other after a drawn time: nothing periodic falls in step with them."""
+"""Stimuli follow each other after a random time, so that nothing periodic falls in step."""
 
 
 class Speaker(Protocol):
@@ -37,7 +37,7 @@ class Speaker(Protocol):
 
 
 class Patch:
-    """A white or black corner of both eyes' pictures, on whatever paces and shows frames."""
+    """A white or black corner of both eyes' pictures, on the display that paces the frames."""
 
     def __init__(self, headset: Headset, context: moderngl.Context) -> None:
         self._headset = headset
@@ -75,7 +75,7 @@ class Patch:
 
 @dataclass
 class Asked:
-    """When things were asked for, session time in ns, and what frames were dropped."""
+    """When stimuli were asked for, in ns of session time, and how many frames were dropped."""
 
     picture_ns: list[int] = field(default_factory=list)
     sound_ns: list[int] = field(default_factory=list)
@@ -97,22 +97,22 @@ def perform(
     repeats: int = 60,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Asked:
-    """Flash, click and buzz `repeats` times each and return when; without speaker or band, less.
+    """Flash, click and buzz `repeats` times each and return when; skip what is missing.
 
     A flash's time is when its first frame's light should leave by the display's own prediction,
     which is what sessions record; a click's and a buzz's is the moment of the command.
     """
-    asked = Asked(frame_ns=patch.frame_ns, flash_ns=FLASH_FRAMES * patch.frame_ns)
+    commands = Asked(frame_ns=patch.frame_ns, flash_ns=FLASH_FRAMES * patch.frame_ns)
 
     def frame(*, lit: bool) -> FrameInfo:
-        shown = patch.show(lit=lit)
-        asked.frames += 1
-        asked.dropped += shown.dropped
+        frame_info = patch.show(lit=lit)
+        commands.frames += 1
+        commands.dropped += frame_info.dropped
         if band is not None:
             band.keep_alive()
             band.poll(0.0)
         sensor.poll()
-        return shown
+        return frame_info
 
     def wait(ns: int) -> None:
         until_ns = clock.now_ns() + ns
@@ -124,21 +124,21 @@ def perform(
 
     wait(SETTLE_NS)
     for repeat in range(repeats):
-        asked.picture_ns.append(frame(lit=True).predicted_display_ns)
+        commands.picture_ns.append(frame(lit=True).predicted_display_ns)
         for _ in range(FLASH_FRAMES - 1):
             frame(lit=True)
         apart()
         if speaker is not None:
-            asked.sound_ns.append(clock.now_ns())
+            commands.sound_ns.append(clock.now_ns())
             speaker.click()
             apart()
         if band is not None:
-            asked.vibration_ns.append(clock.now_ns())
+            commands.vibration_ns.append(clock.now_ns())
             band.set_amplitudes((1.0,) * band.motor_count, BUZZ_MS)
             apart()
         progress(repeat + 1)
     wait(SETTLE_NS)
-    return asked
+    return commands
 
 
 class SeenHeadset:

@@ -82,9 +82,8 @@ class TrialRunner:
 
         Displays and trackers repeat their phases every tenth of a second, what keeps an idle band
         alive every fifth.
-        A repeated stretch is then sampled at the same phases, so a trial performed again after
-        an interruption gives the same data. People need no such thing, and nothing waits for
-        them.
+        A repeated stretch is then sampled at the same phases, so a trial performed again after an
+        interruption gives the same data. Sessions with people do not wait.
         """
         if self._setup.participant is not None:
             while self._loop.t_ns % self._grid_ns > ALIGNED_WITHIN_NS:
@@ -95,6 +94,7 @@ class TrialRunner:
         setup, loop, desk = self._setup, self._loop, self._desk
         desk.announce(trial)
         self._align_gaze()  # a tracker that went away may have come back with another clock
+        # The time before the trial is not part of it: a skip or a pause takes effect at its end.
         self._perform(setup.experiment.intertrial(trial), interruptible=False)
         skip_reason = desk.skip_reason
         if skip_reason is None and desk.must_hold():
@@ -109,18 +109,20 @@ class TrialRunner:
         )
         self._rig.mark(f"trial_start {trial.trial_id} {attempt}", loop.t_ns)
         start_ns = loop.t_ns
+        # What is delivered from here to the end of the plan counts for this trial.
         before = self._counts()
         desk.begin_trial(trial, start_ns + int(setup.experiment.trial_s * NS_PER_S))
         loop.gaze_tap = []
         if skip_reason is None:
             desk.enter(SessionState.TRIAL)
-            row, interrupted = self._perform(setup.experiment.run_trial(trial), interruptible=True)
-            interrupted = interrupted or desk.lost_at_end()
+            row, interruption = self._perform(setup.experiment.run_trial(trial), interruptible=True)
+            interruption = interruption or desk.lost_at_end()
         else:
-            row, interrupted = {}, None
+            row, interruption = {}, None
             desk.skip_reason = skip_reason
+        # However the plan ended, sounds stop before the end of the trial is marked.
         self._rig.hush()
-        outcome = self._outcome(interrupted)
+        outcome = self._outcome(interruption)
         self._rig.mark(f"trial_end {trial.trial_id} {attempt} {outcome.status}", loop.t_ns)
         loop.trial_number = -1
         seen_01, loop.gaze_tap = _eyes_seen_01(loop.gaze_tap or ()), None
@@ -131,6 +133,7 @@ class TrialRunner:
             self._skipped.discard(trial.trial_id)
             if outcome.status == "skipped":
                 self._skipped.add(trial.trial_id)
+        # Memory and row are recorded last, so that a resumed session repeats a trial without a row.
         self._note_memory(trial)
         setup.recorder.trial(
             {
@@ -164,7 +167,7 @@ class TrialRunner:
 
     @property
     def finished(self) -> int:
-        """How many trials need no other: performed or skipped."""
+        """Number of trials that need no repetition: performed or skipped."""
         return len(self._finished)
 
     def _tell_desk(self) -> None:
@@ -181,7 +184,7 @@ class TrialRunner:
     def _perform(self, plan: Plan, *, interruptible: bool) -> tuple[Row, str | None]:
         desk = self._desk
         reply: FrameView | Answered | None = None
-        interrupted: str | None = None
+        interruption: str | None = None
         with self._loop.leaving_gaze():
             try:
                 step = next(plan)
@@ -190,14 +193,14 @@ class TrialRunner:
                     if kind is NextFrame:
                         reply = desk.next_frame()
                         if interruptible and desk.interrupt_reason is not None:
-                            interrupted = desk.interrupt_reason
-                            self._unwind(plan, interrupted)
-                            return {}, interrupted
+                            interruption = desk.interrupt_reason
+                            self._unwind(plan, interruption)
+                            return {}, interruption
                     else:
                         reply = self._do(step)
                     step = plan.send(reply)
             except StopIteration as end:
-                return (end.value or {}), interrupted
+                return (end.value or {}), interruption
 
     def _unwind(self, plan: Plan, reason: str) -> None:
         try:
@@ -269,7 +272,7 @@ class TrialRunner:
                 )
 
     def _align_gaze(self) -> None:
-        """Let gaze be dated by what is known now of the tracker's clock."""
+        """Date gaze by the present estimate of the tracker's clock offset."""
         pairs = self._exchanges()[-RECENT_EXCHANGES:]
         observer = self._loop.observer
         if pairs:
@@ -291,16 +294,16 @@ class TrialRunner:
         )
 
     def _delivered(self, before: tuple[int, int, int, int], start_ns: int) -> dict[str, int]:
-        frames, dropped, received, valid = (
+        frames, dropped_frames, received_samples, valid_samples = (
             now - then for now, then in zip(self._counts(), before, strict=True)
         )
-        expected = round((self._loop.t_ns - start_ns) / NS_PER_S * self._gaze_rate_hz)
+        expected_samples = round((self._loop.t_ns - start_ns) / NS_PER_S * self._gaze_rate_hz)
         return {
             "frames": frames,
-            "frames_dropped": dropped,
-            "gaze_expected": expected,
-            "gaze_received": received,
-            "gaze_valid": valid,
+            "frames_dropped": dropped_frames,
+            "gaze_expected": expected_samples,
+            "gaze_received": received_samples,
+            "gaze_valid": valid_samples,
         }
 
 

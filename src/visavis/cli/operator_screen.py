@@ -57,15 +57,15 @@ class KeyInterpreter:
         if self._asking_to_end:
             return "End the session? Finished trials are kept.  y ends, any other key goes on"
         if self._collecting is not None:
-            asked = f"{NEEDS_TEXT[self._collecting]} (Enter ends, Esc forgets): "
+            prompt = f"{NEEDS_TEXT[self._collecting]} (Enter ends, Esc forgets): "
             if self._collecting not in NEEDS_REASON:
-                return f"{asked}{self._text}▏"
+                return f"{prompt}{self._text}▏"
             if self._code:
-                return f"{asked}{self._incidents[self._code]}; note: {self._text}▏"
-            listed = "   ".join(
+                return f"{prompt}{self._incidents[self._code]}; note: {self._text}▏"
+            choices = "   ".join(
                 f"{number} {words}" for number, words in enumerate(self._incidents.values(), 1)
             )
-            return f"{asked}{self._text}▏" + ("" if self._text else f"\n{listed}")
+            return f"{prompt}{self._text}▏" + ("" if self._text else f"\n{choices}")
         if self._done is not None:
             return f"{MAY_HAVE_REASON[self._done]}. W says why"
         return ""
@@ -288,8 +288,8 @@ def _streams(health: dict[str, Health]) -> Table:
             table.add_row(role, "nothing yet", style="red" if needs_look(role, h) else "dim")
             continue
         style = "red" if needs_look(role, h) else ""
-        promised = f" of {h.nominal_rate_hz:g}" if h.nominal_rate_hz else ""
-        rate = f"{h.rate_hz:.1f}{promised} Hz"
+        nominal_text = f" of {h.nominal_rate_hz:g}" if h.nominal_rate_hz else ""
+        rate = f"{h.rate_hz:.1f}{nominal_text} Hz"
         table.add_row(
             role,
             rate,

@@ -48,9 +48,9 @@ class QuickTracker:
             self._systematic = draw_systematic(self._model, self._seed, fit=fit, calibrated_fit=fit)
         if stretch != self._stretch or self._noise.shape[0] < first_sample + n:
             self._stretch = stretch
-            drawn = StretchNoise(self._model, self._seed, stretch, RATE_HZ)
+            noise = StretchNoise(self._model, self._seed, stretch, RATE_HZ)
             # Every row belongs to its sample, so drawing twice as many later repeats the first.
-            self._noise = drawn.take(max(2 * (first_sample + n), TRIAL_SAMPLES))
+            self._noise = noise.take(max(2 * (first_sample + n), TRIAL_SAMPLES))
         out = np.empty((n, 2, 3))
         measured_directions(
             eyes["left_direction_head"],

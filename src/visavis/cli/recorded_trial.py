@@ -30,8 +30,8 @@ class RecordedTrial:
 
     def head_at(self, t_ns: int) -> Pose:
         """Return the last valid head pose up to a time."""
-        known = np.flatnonzero(self.head["valid"] & (self.head["t_host_ns"] <= t_ns))
-        i = int(known[-1]) if len(known) else 0
+        valid_rows = np.flatnonzero(self.head["valid"] & (self.head["t_host_ns"] <= t_ns))
+        i = int(valid_rows[-1]) if len(valid_rows) else 0
         return Pose(
             self.head["position_m"][i].astype(np.float64),
             self.head["orientation_wxyz"][i].astype(np.float64),
@@ -42,8 +42,8 @@ class RecordedTrial:
         i = self._gaze_row(t_ns)
         if self.gaze is None or i is None:
             return None
-        found: Vector = self.gaze["direction_world"][i].astype(np.float64)
-        return found
+        direction: Vector = self.gaze["direction_world"][i].astype(np.float64)
+        return direction
 
     def met_m(self, t_ns: int) -> float | None:
         """Return how far from the eyes gaze met somebody's head then; None where it met nobody."""
@@ -93,7 +93,7 @@ def recorded_trial(recording: Recording, trial_id: str) -> RecordedTrial:
 
 
 def _in_order(gaze: dict[str, Any]) -> dict[str, Any]:
-    """Return gaze whose samples are no later than they arrived, as a clock's slip says."""
+    """Return gaze whose samples are no later than they arrived, despite slips of a clock."""
     return {**gaze, "t_sample_ns": np.minimum(gaze["t_sample_ns"], gaze["t_host_ns"])}
 
 
@@ -102,8 +102,8 @@ def trial_row(recording: Recording, trial_id: str) -> dict[str, Any]:
     rows = recording.trials()
     mine = rows[rows["trial_id"] == trial_id] if "trial_id" in rows else rows[:0]
     if not len(mine):
-        known = ", ".join(dict.fromkeys(map(str, rows.get("trial_id", ()))))
-        raise UsageError(f"{recording.path} has no trial {trial_id}; it has {known or 'none'}")
+        trial_ids = ", ".join(dict.fromkeys(map(str, rows.get("trial_id", ()))))
+        raise UsageError(f"{recording.path} has no trial {trial_id}; it has {trial_ids or 'none'}")
     return {str(k): v for k, v in mine.iloc[-1].to_dict().items()}
 
 

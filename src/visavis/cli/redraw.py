@@ -1,4 +1,4 @@
-"""Draw a frame of a recording again, from what the recording alone says."""
+"""Draw a frame of a recording again, from the recording alone."""
 
 import bisect
 from collections.abc import Callable, Iterator
@@ -34,7 +34,7 @@ from visavis.study.trial import TrialScript, is_on_board
 
 UNDRAWN_PX: Final = (720, 800)
 MARKED_NS: Final = NS_PER_S // 2
-"""How long before it was given a film marks an answer, so that it can be seen."""
+"""A film marks an answer this long before it was given, so that the mark can be seen."""
 FIRST_SAMPLES, LAST_SAMPLES = 3, 3
 """How many samples of a tracker may have been the first that was taken, and the last."""
 
@@ -65,33 +65,33 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
             f"{recording.path}: nothing was drawn in this session (display.show was none); see "
             f"its trials again with visavis view {recording.path}, or film one: visavis film"
         )
-    wanted = recording.manifest.parts[0].number if part is None else part
-    drawn = of_part(recording, "drawn", wanted)
-    at = np.flatnonzero(drawn["frame"] == frame)
-    if not len(at) or not drawn["drawn"][at[0]]:
-        numbers = drawn["frame"][drawn["drawn"]]
-        known = f"{numbers[0]} to {numbers[-1]}" if len(numbers) else "none"
-        raise UsageError(f"frame {frame} was not drawn in part {wanted}; drawn: {known}")
-    row = _row(recording, "drawn", drawn, int(at[0]))
-    views = of_part(recording, "drawn_views", wanted)
-    latest = int(np.flatnonzero(views["t_host_ns"] <= drawn["t_host_ns"][at[0]])[-1])
+    part_number = recording.manifest.parts[0].number if part is None else part
+    drawn_rows = of_part(recording, "drawn", part_number)
+    at = np.flatnonzero(drawn_rows["frame"] == frame)
+    if not len(at) or not drawn_rows["drawn"][at[0]]:
+        numbers = drawn_rows["frame"][drawn_rows["drawn"]]
+        span = f"{numbers[0]} to {numbers[-1]}" if len(numbers) else "none"
+        raise UsageError(f"frame {frame} was not drawn in part {part_number}; drawn: {span}")
+    row = _row(recording, "drawn", drawn_rows, int(at[0]))
+    views = of_part(recording, "drawn_views", part_number)
+    latest = int(np.flatnonzero(views["t_host_ns"] <= drawn_rows["t_host_ns"][at[0]])[-1])
 
     def shown(i: int) -> Shown:
-        place, t_scene_ns = drawn["head_position_m"][i], int(drawn["t_scene_ns"][i])
-        return shown_in(recording, wanted, int(drawn["frame"][i]), t_scene_ns, place)
+        place, t_scene_ns = drawn_rows["head_position_m"][i], int(drawn_rows["t_scene_ns"][i])
+        return shown_in(recording, part_number, int(drawn_rows["frame"][i]), t_scene_ns, place)
 
     here = shown(int(at[0]))
-    drawn_ns = int(drawn["t_host_ns"][at[0]])
+    drawn_ns = int(drawn_rows["t_host_ns"][at[0]])
     bare = tuple(study.views_of(here))
-    boards = boards_at(recording, study, wanted, here.t_ns)
-    is_fading = here.scene.brightness_01 <= 0.0 < drawn["brightness_01"][at[0]]
-    before = _last_lit(drawn["brightness_01"], int(at[0]), shown) if is_fading else None
+    boards = boards_at(recording, study, part_number, here.t_ns)
+    is_fading = here.scene.brightness_01 <= 0.0 < drawn_rows["brightness_01"][at[0]]
+    before = _last_lit(drawn_rows["brightness_01"], int(at[0]), shown) if is_fading else None
     return RecordedFrame(
         (*bare, *(with_board(view, board) for board in boards for view in bare)),
         () if before is None else tuple(study.views_of(before)),
         row,
         _row(recording, "drawn_views", views, latest),
-        _bodies(recording, wanted, drawn_ns),
+        _bodies(recording, part_number, drawn_ns),
     )
 
 
@@ -119,9 +119,9 @@ def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list
     """
     if not was_drawn(recording):
         return _drawn_now(recording, frame, part)
-    found = recorded_frame(recording, frame, part=part)
-    views, size_px, quality = read_views(found.views)
-    people = len(found.drawn["level"])
+    record = recorded_frame(recording, frame, part=part)
+    views, size_px, quality = read_views(record.views)
+    people = len(record.drawn["level"])
     stage = DrawnStage(
         picture_of,
         lambda: Renderer(quality=quality),
@@ -129,7 +129,7 @@ def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list
         SimClock(),
     )
     try:
-        return stage.redraw(found.views_shown, found.drawn, found.views_lit, found.bodies)
+        return stage.redraw(record.views_shown, record.drawn, record.views_lit, record.bodies)
     finally:
         stage.close()
 
@@ -142,20 +142,20 @@ def was_drawn(recording: Recording) -> bool:
 def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image]:
     """Draw a frame of a session in which nothing was drawn."""
     study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
-    wanted = recording.manifest.parts[0].number if part is None else part
+    part_number = recording.manifest.parts[0].number if part is None else part
     if "frames" not in recording.stream_names:
         raise UsageError(f"{recording.path} has no frames; `visavis film` films its pages")
-    frames = of_part(recording, "frames", wanted)
+    frames = of_part(recording, "frames", part_number)
     at = np.flatnonzero(frames["frame_index"] == frame)
     if not len(at):
         numbers = frames["frame_index"]
-        known = f"{numbers[0]} to {numbers[-1]}" if len(numbers) else "none"
-        raise UsageError(f"part {wanted} has no frame {frame}; it has {known}")
+        span = f"{numbers[0]} to {numbers[-1]}" if len(numbers) else "none"
+        raise UsageError(f"part {part_number} has no frame {frame}; it has {span}")
     t_ns = int(frames["t_host_ns"][at[0]])
-    head = _head_at(recording, wanted, t_ns)
-    shown = shown_in(recording, wanted, frame, t_ns, head.position_m)
-    view = next(iter(study.views_of(shown)))
-    board = next(iter(boards_at(recording, study, wanted, t_ns)), None)
+    head = _head_at(recording, part_number, t_ns)
+    moment = shown_in(recording, part_number, frame, t_ns, head.position_m)
+    view = next(iter(study.views_of(moment)))
+    board = next(iter(boards_at(recording, study, part_number, t_ns)), None)
     if board is not None:
         view = with_board(view, board)
     times, quality = still_quality()
@@ -212,54 +212,58 @@ def with_board(view: SceneFrame, board: Panel) -> PanelFrame:
 
 def _questionnaire_board(recording: Recording, part: int, t_ns: int) -> Iterator[Panel]:
     """Yield the board of a questionnaire that had been shown and not yet answered."""
-    shown, answered = (
+    board_events, answer_events = (
         recording.events_named(name, part) for name in ("panel_shown", "panel_answered")
     )
-    before = shown[shown["t_ns"] <= t_ns]
+    before = board_events[board_events["t_ns"] <= t_ns]
     if not len(before):
         return
-    begun_ns, told = int(before.iloc[-1]["t_ns"]), before.iloc[-1]["payload"]
-    gone = answered[(answered["t_ns"] >= begun_ns) & (answered["t_ns"] < t_ns)]
-    if len(gone) or "position_m" not in told:
+    begun_ns, payload = int(before.iloc[-1]["t_ns"]), before.iloc[-1]["payload"]
+    later_answers = answer_events[
+        (answer_events["t_ns"] >= begun_ns) & (answer_events["t_ns"] < t_ns)
+    ]
+    if len(later_answers) or "position_m" not in payload:
         return
-    pose = Pose(np.array(told["position_m"]), np.array(told["orientation_wxyz"]))
-    yield Panel(told["prompt"], tuple(told["choices"]), pose, SIZE_M)
+    pose = Pose(np.array(payload["position_m"]), np.array(payload["orientation_wxyz"]))
+    yield Panel(payload["prompt"], tuple(payload["choices"]), pose, SIZE_M)
 
 
 def _trial_boards(
     recording: Recording, study: OpenedStudy, part: int, t_ns: int
 ) -> Iterator[Panel]:
     """Yield the boards on which a trial may have asked then: those at their usual place."""
-    for told in _asked_then(recording, part, t_ns):
+    for answer in _asked_then(recording, part, t_ns):
         plan = recording.manifest.plan
         experiment = _experiment(recording, study)
-        planned = next(
-            t for b in plan["blocks"] for t in b["trials"] if t["trial_id"] == told["trial_id"]
+        trial_fields = next(
+            t for b in plan["blocks"] for t in b["trials"] if t["trial_id"] == answer["trial_id"]
         )
-        response = experiment.responses.get(told["question"])
+        response = experiment.responses.get(answer["question"])
         if response is None or isinstance(response, Keys):
             continue
         if not is_on_board(response, experiment.settings):
             continue
-        words = TrialScript(Trial(**planned), experiment.settings).words_of(response)
-        for head in _heads_at(recording, part, int(told["asked_ns"])):
+        words = TrialScript(Trial(**trial_fields), experiment.settings).words_of(response)
+        for head in _heads_at(recording, part, int(answer["asked_ns"])):
             yield Panel(*words, placed_before(head), SIZE_M)
 
 
 def _asked_then(recording: Recording, part: int, t_ns: int) -> Iterator[dict[str, Any]]:
     """Yield what was answered to the questions that a trial asked then."""
-    for told in recording.events_named("answered", part)["payload"]:
-        if "asked_ns" in told and told["asked_ns"] <= t_ns <= told["answered_ns"]:
-            yield told
+    for payload in recording.events_named("answered", part)["payload"]:
+        if "asked_ns" in payload and payload["asked_ns"] <= t_ns <= payload["answered_ns"]:
+            yield payload
 
 
 def _answer_soon(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> int | None:
-    """Return which choice of a trial's question is taken within a moment, None for none."""
-    for told in _asked_then(recording, part, t_ns):
-        response = _experiment(recording, study).responses.get(told["question"])
-        if response is not None and told["answered_ns"] - t_ns <= MARKED_NS:
+    """Return the choice of a trial's question that is taken within a moment, or None."""
+    for answer in _asked_then(recording, part, t_ns):
+        response = _experiment(recording, study).responses.get(answer["question"])
+        if response is not None and answer["answered_ns"] - t_ns <= MARKED_NS:
             options = [str(option) for option in response.options]
-            return options.index(str(told["answer"])) if str(told["answer"]) in options else None
+            return (
+                options.index(str(answer["answer"])) if str(answer["answer"]) in options else None
+            )
     return None
 
 
@@ -275,8 +279,8 @@ def _experiment(recording: Recording, study: OpenedStudy) -> StudyExperiment:
 
 
 def _bodies(recording: Recording, part: int, drawn_ns: int) -> tuple[OwnBody, ...]:
-    """Return what participants may have seen as their own: of either sex, of a size measured in one
-    of the first samples, as in one of the last before the frame.
+    """Return the own bodies that participants may have seen: of either sex, sized by one of the
+    first samples, posed as in one of the last before the frame.
     """
     schema = recording.stream_schema("body") if "body" in recording.stream_names else None
     if schema is None:
@@ -288,15 +292,15 @@ def _bodies(recording: Recording, part: int, drawn_ns: int) -> tuple[OwnBody, ..
     )
     body = of_part(recording, "body", part)
     last = int(np.searchsorted(body["t_host_ns"], drawn_ns, side="right")) - 1
-    found = []
+    bodies = []
     for gender in ("female", "male"):
         for first in range(min(FIRST_SAMPLES, last + 1)):
             for newest in range(last, max(first, last - LAST_SAMPLES), -1):
                 own = OwnBody(default_casting(f"{gender}_01"), segments)
                 for i in (first, newest):
                     own.take_row(_row(recording, "body", body, i))
-                found.append(own)
-    return tuple(found)
+                bodies.append(own)
+    return tuple(bodies)
 
 
 def _head_at(recording: Recording, part: int, t_ns: int) -> Pose:
@@ -306,13 +310,13 @@ def _head_at(recording: Recording, part: int, t_ns: int) -> Pose:
 def _heads_at(recording: Recording, part: int, t_ns: int) -> list[Pose]:
     """Return where the head was, and in the samples before that, newest first."""
     head = of_part(recording, "head", part)
-    known = np.flatnonzero(head["valid"] & (head["t_host_ns"] <= t_ns))[::-1][:LAST_SAMPLES]
+    valid_rows = np.flatnonzero(head["valid"] & (head["t_host_ns"] <= t_ns))[::-1][:LAST_SAMPLES]
     poses = [
         Pose(
             head["position_m"][i].astype(np.float64),
             head["orientation_wxyz"][i].astype(np.float64),
         )
-        for i in known
+        for i in valid_rows
     ]
     return poses or [Pose(np.array([0.0, 1.6, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))]
 

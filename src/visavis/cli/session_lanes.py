@@ -13,13 +13,13 @@ from visavis.recording.reader import Recording
 SET, PATTERN, SILENCE = 0, 1, 2
 """Commands of a band that begin or end a vibration."""
 MIN_SHOWN_NS: Final = 80 * NS_PER_MS
-"""What is shorter is shown for so long."""
+"""Shorter contacts and vibrations are shown for this long."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lane:
     """What happened to one part of the body: `spans` of begin and end (ns of the part's session
-    time) and what is told of each.
+    time) with a text about each.
     """
 
     name: str
@@ -38,7 +38,7 @@ def lanes_of(recording: Recording, part: int) -> list[Lane]:
 
 
 def _paired(recording: Recording, part: int) -> Iterator[Lane]:
-    """Yield what began and ended, as events `…_begin` and `…_end` of one role tell."""
+    """Yield what began and ended, by the events `…_begin` and `…_end` of one role."""
     lanes: dict[str, Lane] = {}
     open_at: dict[str, tuple[int, str]] = {}
     for event in recording.events().to_dict("records"):
@@ -51,13 +51,13 @@ def _paired(recording: Recording, part: int) -> Iterator[Lane]:
         at_ns = int(payload.get(f"t_{what}_ns", event["t_ns"]))
         lane = lanes.setdefault(name, Lane(name, "contact", role, []))
         if name in open_at:
-            begin_ns, told = open_at.pop(name)
-            lane.spans.append((begin_ns, at_ns, told))
+            begin_ns, text = open_at.pop(name)
+            lane.spans.append((begin_ns, at_ns, text))
         if kind == "begin":
-            kept = {k: v for k, v in payload.items() if not k.endswith("_ns")}
-            open_at[name] = at_ns, json.dumps(kept, ensure_ascii=False, default=str)
-    for name, (begin_ns, told) in open_at.items():
-        lanes[name].spans.append((begin_ns, begin_ns, told))
+            details = {k: v for k, v in payload.items() if not k.endswith("_ns")}
+            open_at[name] = at_ns, json.dumps(details, ensure_ascii=False, default=str)
+    for name, (begin_ns, text) in open_at.items():
+        lanes[name].spans.append((begin_ns, begin_ns, text))
     yield from (lanes[name] for name in sorted(lanes))
 
 
@@ -79,8 +79,8 @@ def _vibrations(recording: Recording, part: int) -> Iterator[Lane]:
                 continue
             end_ns = begins[k] + int(rows["duration_ms"][i]) * NS_PER_MS
             end_ns = min([end_ns, *begins[k + 1 : k + 2]])
-            lost = "" if rows["acknowledged"][i] else ", not acknowledged"
-            spans.append((begins[k], end_ns, f"{100 * strength:.0f} %{lost}"))
+            note = "" if rows["acknowledged"][i] else ", not acknowledged"
+            spans.append((begins[k], end_ns, f"{100 * strength:.0f} %{note}"))
         role = stream.removeprefix("haptics_")
         yield Lane(_name(f"vibration {role}"), "vibration", role, spans)
 

@@ -40,15 +40,17 @@ def shared_recording(
         UsageError: there is no such tier.
         LedgerError: the key file with the salt cannot be read.
     """
-    wanted: Tier | None = next((t for t in TIERS if t == tier), None)
-    if wanted is None:
+    matching_tier: Tier | None = next((t for t in TIERS if t == tier), None)
+    if matching_tier is None:
         raise UsageError(f"--tier takes {', '.join(TIERS[:-1])} or {TIERS[-1]}, not {tier!r}")
     recording = Recording(session)
     label, study = recording.manifest.participant, recording.manifest.study
     if not keep_label and not recording.is_simulated:
         label = KeyFile(lab.key_root, study, [lab.data_root]).pseudonym(label)
     rule, columns = _texts_of(study, lab)
-    return SharedRecording(session, Sharing(label, wanted, rule, columns, wanted == "public"))
+    return SharedRecording(
+        session, Sharing(label, matching_tier, rule, columns, matching_tier == "public")
+    )
 
 
 def losses(shown: Sequence[SharedRecording], lab: LabConfig) -> pd.DataFrame:
@@ -57,11 +59,11 @@ def losses(shown: Sequence[SharedRecording], lab: LabConfig) -> pd.DataFrame:
     before, after, online, motion = [], [], [], []
     for public in shown:
         raw = Recording(public.path)
-        blurred = SharedRecording(public.path, replace(public.sharing, tier="raw"))
+        blurred_recording = SharedRecording(public.path, replace(public.sharing, tier="raw"))
         before.append(_rows(study.measure(raw)))
-        after.append(_rows(study.measure(blurred)))
+        after.append(_rows(study.measure(blurred_recording)))
         online.append({*raw.trials().columns})
-        motion.append((motion_of(raw), motion_of(blurred)))
+        motion.append((motion_of(raw), motion_of(blurred_recording)))
     return loss_table(before, after, online, motion)
 
 
@@ -83,36 +85,36 @@ def loss_page(table: pd.DataFrame) -> str:
 
 
 def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:
-    """Return what a data set of a study says of itself: the lab's publication section, the study.
+    """Return the description of a data set: the lab's publication section and the study.
 
     The study's words are left out where it cannot be found any more.
     """
-    said = lab.publication.model_dump()
+    fields = lab.publication.model_dump()
     try:
-        found = find_study(recording.manifest.study, lab.studies)
+        opened_study = find_study(recording.manifest.study, lab.studies)
     except LabError:
-        return DatasetAbout(**said)
-    study = found.study
-    experiment = found.experiment(overrides_of(recording.manifest.plan))
+        return DatasetAbout(**fields)
+    study = opened_study.study
+    experiment = opened_study.experiment(overrides_of(recording.manifest.plan))
     source = () if study.report.source is None else (study.report.source.citation,)
-    said["references"] = (*said["references"], *study.report.references, *source)
+    fields["references"] = (*fields["references"], *study.report.references, *source)
     description = f"{study.title}. {study.question}".strip()
-    return DatasetAbout(description, own_methods(experiment), **said)
+    return DatasetAbout(description, own_methods(experiment), **fields)
 
 
 def _texts_of(study: str, lab: LabConfig) -> tuple[TextRule, frozenset[str]]:
-    """Return which answers and columns of a study are free text; of one not found, every answer."""
+    """Return which answers and columns are free text; all answers of a study not found."""
     try:
-        found = find_study(study, lab.studies)
-        typed = {
-            asked.name: {q.question_id for q in asked.questions() if q.scale.kind == "text"}
-            for asked in found.questionnaires(lab)
+        opened_study = find_study(study, lab.studies)
+        text_questions = {
+            form.name: {q.question_id for q in form.questions() if q.scale.kind == "text"}
+            for form in opened_study.questionnaires(lab)
         }
     except LabError:
         return (lambda questionnaire, question: True), frozenset()
-    columns = frozenset(r.name for r in found.study.asks.responses if isinstance(r, Text))
+    columns = frozenset(r.name for r in opened_study.study.asks.responses if isinstance(r, Text))
 
     def is_text(questionnaire: str, question: str) -> bool:
-        return questionnaire not in typed or question in typed[questionnaire]
+        return questionnaire not in text_questions or question in text_questions[questionnaire]
 
     return is_text, columns

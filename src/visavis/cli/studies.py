@@ -1,4 +1,4 @@
-"""The studies the command line works with, and whose data a folder holds."""
+"""The studies that the command line works with, and the study that a data folder belongs to."""
 
 import shlex
 from collections.abc import Callable
@@ -39,7 +39,7 @@ def study_of_lab(wanted: str, lab: LabConfig) -> OpenedStudy:
 
     Raises:
         UsageError: there is none, with the nearest name.
-        ConfigError: the lab words a questionnaire that no study it knows asks.
+        ConfigError: the lab's wording names a questionnaire that none of its studies asks.
     """
     check_wording(lab)
     say_when_compiling()
@@ -71,7 +71,7 @@ class StudyHere:
 
     @property
     def key_file(self) -> KeyFile:
-        """Who is who, apart from the data."""
+        """The key file: who is who, stored apart from the data."""
         return KeyFile(self.lab.key_root, self.study.name, [self.lab.data_root])
 
     def wanted(
@@ -126,10 +126,10 @@ class StudyHere:
         return lambda index: experiment.plan(index, settings.seed).group
 
     def participant(self, settings: StudySettings, wanted: str) -> Participant:
-        """Return somebody of the ledger; simulated people are added to it when they first come.
+        """Return a participant of the ledger; simulated ones are added when they first come.
 
         Raises:
-            LedgerError: nobody is meant, or somebody real who is not registered.
+            LedgerError: no participant is named, or a real one who is not registered.
         """
         try:
             return self.ledger.resolve(wanted)
@@ -153,26 +153,26 @@ def study_here(wanted: str, lab: LabConfig) -> StudyHere:
 
 
 def check_wording(lab: LabConfig) -> None:
-    """Refuse a wording of a questionnaire that there is not.
+    """Refuse a wording of a questionnaire that does not exist.
 
-    Known are those that come with Visavis, and those of the studies it comes with and of the lab.
+    Questionnaires are those of Visavis, of the studies it comes with, and of the lab's studies.
 
     Raises:
-        ConfigError: naming the nearest.
+        ConfigError: names the nearest questionnaire.
     """
     if not set(lab.wording) - set(available()):
         return
     plain = lab.model_copy(update={"wording": {}})
-    asked = {
+    names_in_studies = {
         questionnaire.name
         for name in (*SHIPPED, *lab.studies)
         for questionnaire in find_study(name, lab.studies).questionnaires(plain)
     }
-    known = {*available(), *asked}
+    names = {*available(), *names_in_studies}
     problems = [
-        f"no questionnaire {name!r}{did_you_mean(name, known)}"
+        f"no questionnaire {name!r}{did_you_mean(name, names)}"
         for name in lab.wording
-        if name not in known
+        if name not in names
     ]
     if problems:
         raise ConfigError(f"{lab.path}, wording: {'; '.join(problems)}")
@@ -209,15 +209,15 @@ def _data_of(name: str, lab: LabConfig) -> list[Path]:
 
 
 def _no_data(name: str, wanted: Path, lab: LabConfig, verb: str) -> str:
-    """Return why nobody's data were found, with the simulated studies that may be meant."""
-    simulated = sorted(
+    """Return a message that no data were found, with the simulated studies that may be meant."""
+    folders = sorted(
         (lab.data_root / DRY_RUNS).glob(f"*/{SIMULATED_ROOT}/{name}"),
         key=lambda folder: folder.stat().st_mtime_ns,
         reverse=True,
     )
     nothing = f"there are no sessions of {name} under {lab.data_root}"
-    if simulated:
-        lines = "\n  ".join(f"visavis {verb} {shlex.quote(str(f))}" for f in simulated[:6])
+    if folders:
+        lines = "\n  ".join(f"visavis {verb} {shlex.quote(str(f))}" for f in folders[:6])
         return f"{nothing}; of a simulated study, type\n  {lines}"
     return (
         f"{nothing}; begin with one: visavis run {wanted} --participant 1, or simulate the whole "
@@ -241,8 +241,8 @@ def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path
     if participant:
         mine = [s for s in sessions if participant.upper() in _names(s)]
         if not mine:
-            known = ", ".join(dict.fromkeys(s.parent.name.removeprefix("sub-") for s in sessions))
-            raise UsageError(f"{participant} has no session there; there are {known}")
+            labels = ", ".join(dict.fromkeys(s.parent.name.removeprefix("sub-") for s in sessions))
+            raise UsageError(f"{participant} has no session there; there are {labels}")
         return mine[-1]
     return max(sessions, key=lambda s: read_manifest(s).created_wall_iso)
 

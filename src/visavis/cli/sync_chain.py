@@ -99,8 +99,8 @@ def analysed(
     display_role: str,
     band_role: str,
 ) -> list[Delays]:
-    """Return the delays of all that was asked for; UsageError for an unknown channel."""
-    found = []
+    """Return the delays of all stimuli; raises UsageError for an unknown channel."""
+    results = []
     stimuli: tuple[tuple[Modality, list[int], str], ...] = (
         ("picture", asked.picture_ns, display_role),
         ("sound", asked.sound_ns, "speaker"),
@@ -115,7 +115,7 @@ def analysed(
                 f"the sensor has no channel {channel!r} for {modality}; it has {', '.join(traces)}"
             )
         trace = traces[channel]
-        found.append(
+        results.append(
             delays(
                 modality,
                 source,
@@ -126,7 +126,7 @@ def analysed(
                 frame_ns=asked.frame_ns,
             )
         )
-    return found
+    return results
 
 
 def perform_real(
@@ -162,6 +162,7 @@ def perform_real(
         band = _real_device(lab, band_role, clock, stack) if band_role else None
         if band is not None and not isinstance(band, Armband):
             raise UsageError(f"{band_role} is no armband; leave --band out, or name one's role")
+        # A window has its own OpenGL context; a headset is given pictures drawn off the screen.
         display = screen_display(lab, clock)
         if screen is not None and display is not None:
             window = open_on_monitor(screen, display, clock, "Visavis: synchronisation test")
@@ -177,11 +178,12 @@ def perform_real(
         if band is not None:
             opened(stack, band)
         speaker = real_speaker(speaker_name, stack) if speaker_name else None
+        # The sensor opens last, when everything that it measures runs.
         patch = Patch(headset, context)
         stack.callback(patch.release)
         stack.callback(sensor.close)
         sensor.open()
-        asked = perform(
+        commands = perform(
             sensor,
             clock,
             np.random.default_rng(),
@@ -191,12 +193,12 @@ def perform_real(
             repeats=repeats,
             progress=progress,
         )
-        found = analysed(asked, sensor.traces(), channels, patch.role, band_role)
-        return found, asked, sensor
+        results = analysed(commands, sensor.traces(), channels, patch.role, band_role)
+        return results, commands, sensor
 
 
 def _while_open(window: "Window", progress: Callable[[int], None]) -> Callable[[int], None]:
-    """Return what tells progress, and ends the test once somebody has closed the window."""
+    """Return a progress function that ends the test once the window has been closed."""
 
     def told(done: int) -> None:
         if window.closed:
@@ -245,7 +247,7 @@ def perform_simulated(
         sensor.open()
         patch = Patch(cast("Headset", headset), context)
         stack.callback(patch.release)
-        asked = perform(
+        commands = perform(
             sensor,
             clock,
             order_rng,
@@ -255,14 +257,14 @@ def perform_simulated(
             repeats=repeats,
             progress=progress,
         )
-        found = analysed(asked, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
-    commanded = {
-        "picture": asked.picture_ns,
-        "sound": asked.sound_ns,
-        "vibration": asked.vibration_ns,
+        results = analysed(commands, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
+    command_times_ns = {
+        "picture": commands.picture_ns,
+        "sound": commands.sound_ns,
+        "vibration": commands.vibration_ns,
     }
     true_ms = {
         name: (np.array(room.happened[name]) - np.array(asked_ns)) / NS_PER_MS
-        for name, asked_ns in commanded.items()
+        for name, asked_ns in command_times_ns.items()
     }
-    return found, asked, sensor, true_ms
+    return results, commands, sensor, true_ms

@@ -12,7 +12,7 @@ MAX_AGE_DAYS = 90
 
 
 def newest(lab: LabConfig) -> dict[str, Any] | None:
-    """Return the newest real test of this lab; None when there is none."""
+    """Return the newest real test of this lab, or None."""
     for path in sorted((lab.data_root / FOLDER).glob("sync-*.json"), reverse=True):
         try:
             record: dict[str, Any] = parse_json(read_plain(path))
@@ -26,5 +26,5 @@ def newest(lab: LabConfig) -> dict[str, Any] | None:
 
 def age_days(record: dict[str, Any], now_iso: str) -> float:
     """Return how many days ago a test was made."""
-    made, now = (datetime.fromisoformat(text) for text in (record["made"], now_iso))
-    return (now.astimezone(UTC) - made.astimezone(UTC)).total_seconds() / 86400
+    made_at, now = (datetime.fromisoformat(text) for text in (record["made"], now_iso))
+    return (now.astimezone(UTC) - made_at.astimezone(UTC)).total_seconds() / 86400

@@ -24,9 +24,11 @@ if TYPE_CHECKING:
     from visavis.study.experiment import StudyExperiment
 
 MEASURED_PICTURES = 8
-"""A film says how long it takes once so many are drawn after the first, which loads everything."""
+"""Number of pictures from which a film's time is estimated, after the first, which loads
+everything.
+"""
 SOON_S = 10.0
-"""What is done within this time is not announced."""
+"""Work that ends within this time is not announced."""
 COMPILES_FIRST = (
     "compiling the numeric loops first, once after installing or updating: a minute or two, more "
     "where other programs compute"
@@ -61,7 +63,7 @@ class TerminalTelling:
         """Show a bar."""
         with counting(console) as bar:
             line = bar.add_task(what, total=None)
-            # Of nothing to do nothing is said.
+            # Show no bar when there is nothing to do.
             yield lambda done, of: bar.update(line, completed=done, total=of, visible=of > 0)
 
 
@@ -81,8 +83,8 @@ def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "Lab
     # Late: verbs that run no session load neither devices nor pumps.
     from visavis.running.sessions.perform import get_ready
 
-    with TELLING.progress(f"getting {experiment.name} ready") as told:
-        trouble = get_ready(study, experiment, config, told)
+    with TELLING.progress(f"getting {experiment.name} ready") as on_progress:
+        trouble = get_ready(study, experiment, config, on_progress)
     if trouble:
         TELLING.warn(trouble)
 
@@ -95,7 +97,7 @@ class Forecast:
         self._first_s = 0.0
 
     def told(self, done: int, of: int) -> str:
-        """Hear how many pictures of how many are drawn; return what is to be said, mostly ''."""
+        """Take how many pictures of how many are drawn; return a line to say, mostly ''."""
         if done == 1:
             self._first_s = self._elapsed_s()
         if done != MEASURED_PICTURES + 1:

@@ -46,11 +46,11 @@ def write_sheet(
     `lamps` burn instead of daylight. Without OpenGL the rows show the perceived parts in colours.
     """
     times = np.linspace(0.05, 0.95, COLUMNS) * before.duration_s
-    drawn = True
+    shows_people = True
     try:
         rows = _people(who, (before, after), body, view, things, lamps, times)
     except StageError:
-        rows, drawn = _parts((before, after), body, view, times), False
+        rows, shows_people = _parts((before, after), body, view, times), False
     sheet = Image.new("RGB", (COLUMNS * TILE_PX, 2 * (TILE_PX + LABEL_PX)), (250, 250, 250))
     draw = ImageDraw.Draw(sheet)
     for r, (label, row) in enumerate(zip(("original", "warped"), rows, strict=True)):
@@ -61,7 +61,7 @@ def write_sheet(
             text = f"{label}, {t:.2f} s" if c == 0 else f"{t:.2f} s"
             draw.text((c * TILE_PX + 8, top + 7), text, (30, 30, 30), ImageFont.load_default(18))
     sheet.save(path)
-    return drawn
+    return shows_people
 
 
 def _people(
@@ -102,11 +102,11 @@ def _picture(room: Room, who: Character, clip: Clip, body: SeenBody, t_s: float)
 
 
 def _held(body: SeenBody, pose: Frames) -> tuple[Prop, ...]:
-    """Return what the body holds where it is in a pose."""
-    held = body.labels % BOTH_SIDES == PART_INDEX["held_object"]
-    if not held.any():
+    """Return the object that the body holds, where it is in a pose."""
+    is_held = body.labels % BOTH_SIDES == PART_INDEX["held_object"]
+    if not is_held.any():
         return ()
-    corners = posed_points(body, pose.root_m, pose.orientation_wxyz)[body.triangles[held]]
+    corners = posed_points(body, pose.root_m, pose.orientation_wxyz)[body.triangles[is_held]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     count = 3 * len(corners)

@@ -1,4 +1,4 @@
-"""The session's side of the desk: say how it goes, take commands; both beside the frame loop."""
+"""The session's side of the desk: say how it goes, take commands; both outside the frame loop."""
 
 import asyncio
 import contextlib
@@ -41,7 +41,7 @@ ACTIONS: Final = tuple(action for action in Action if action is not Action.ANSWE
 
 @dataclass(frozen=True)
 class About:
-    """What a desk is told once of a session.
+    """What a session tells a desk about itself, once.
 
     `path` is its folder, `commands` what it takes, `pad_deg` by how much areas of interest are
     wider than heads. While it `is_blind` no picture of what the participant sees leaves it.
@@ -60,21 +60,21 @@ class About:
 
 
 def meeting_folder() -> Path:
-    """Return where sessions of this user say how they are reached."""
+    """Return the folder in which sessions of this user write how to reach them."""
     return platformdirs.user_cache_path("visavis", appauthor=False) / "sessions"
 
 
 def meeting_name(data_root: Path) -> str:
-    """Return how files of sessions that record under a data root begin."""
+    """Return the prefix of the files of sessions that record under a data root."""
     return hashlib.sha256(str(data_root.resolve()).encode()).hexdigest()[:16]
 
 
 class SessionLink:
-    """An operator who is also reached from the desk; whoever sits at the terminal stays in charge.
+    """An operator who is also reached from the desk; the person at the terminal stays in charge.
 
-    It follows `visavis.protocol.session.operator.Operator`. Nothing is done for a desk in the frame
-    loop but to keep the newest status; a thread of its own sends it. Where nothing can listen, the
-    session goes on without a desk.
+    It follows `visavis.protocol.session.operator.Operator`. In the frame loop it only keeps the
+    newest status; a thread of its own sends it to the desk. Where nothing can listen, the session
+    goes on without a desk.
     """
 
     def __init__(self, operator: Operator, about: About, data_root: Path) -> None:
@@ -127,10 +127,10 @@ class SessionLink:
         own = self._operator.poll()
         if not self._commands:
             return own
-        asked = [*own]
+        commands = [*own]
         while self._commands:
-            asked.append(self._commands.popleft())
-        return asked
+            commands.append(self._commands.popleft())
+        return commands
 
     def show(self, status: SessionStatus) -> None:
         """Keep the status for the desk, and show it at the terminal as often as that wants."""
@@ -147,7 +147,7 @@ class SessionLink:
         """Wait where the operator at the terminal does."""
         return self._operator.waits_for_advance(prompt)
 
-    # ---- beside the session ------------------------------------------------------------------
+    # ---- outside the frame loop --------------------------------------------------------------
 
     def _listen(self) -> None:
         with contextlib.suppress(OSError):  # then there is no desk
@@ -174,8 +174,8 @@ class SessionLink:
         assert own is not None  # noqa: S101 - it runs in one
         self._desks[own] = writer
         try:
-            said = await asyncio.wait_for(reader.readline(), PATIENCE_S)
-            if not hmac.compare_digest(said.strip(), self._token.encode()):
+            first_line = await asyncio.wait_for(reader.readline(), PATIENCE_S)
+            if not hmac.compare_digest(first_line.strip(), self._token.encode()):
                 return
             writer.write(line_of(asdict(self._about)))
             sending = asyncio.create_task(self._send(writer))
@@ -192,17 +192,17 @@ class SessionLink:
             writer.close()
 
     async def _send(self, writer: asyncio.StreamWriter) -> None:
-        sent = sent_seen = 0
+        sent_number = sent_seen = 0
         while True:
             latest = self._latest
-            if latest is not None and latest[0] != sent:
-                sent = latest[0]
+            if latest is not None and latest[0] != sent_number:
+                sent_number = latest[0]
                 writer.write(line_of(told(*latest)))
                 await writer.drain()
-            seen = self._seen
-            if seen is not None and seen[0] != sent_seen:
-                sent_seen = seen[0]
-                writer.write(line_of({"seen": from_head(*seen[1:])}))
+            latest_view = self._seen
+            if latest_view is not None and latest_view[0] != sent_seen:
+                sent_seen = latest_view[0]
+                writer.write(line_of({"seen": from_head(*latest_view[1:])}))
                 await writer.drain()
             await asyncio.sleep(PERIOD_S)
 
@@ -215,11 +215,11 @@ def line_of(content: Mapping[str, Any]) -> bytes:
 def command_of(
     line: bytes, allowed: Sequence[str], incidents: Mapping[str, str] = INCIDENTS
 ) -> Command | None:
-    """Return the command in a desk's message; None where it is none that may be given."""
+    """Return the command in a desk's message; None where it is not allowed."""
     try:
-        asked = json.loads(line)
-        action, text = Action(asked["action"]), asked.get("text", "")
-        code = asked.get("code", "")
+        message = json.loads(line)
+        action, text = Action(message["action"]), message.get("text", "")
+        code = message.get("code", "")
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
     if action not in allowed or not isinstance(text, str) or not isinstance(code, str):
@@ -231,7 +231,7 @@ def command_of(
 
 
 def told(number: int, status: SessionStatus, looking: Looking) -> dict[str, Any]:
-    """Return what a desk is told of a status; NaN and what is not known are None."""
+    """Return a status as a message to a desk; NaN and unknown values are None."""
     return {
         "number": number,
         "state": status.state.value,
@@ -277,7 +277,7 @@ def _stream(role: str, health: Health) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """Return a value with None in the place of what JSON has no number for."""
+    """Return a value with None in place of numbers that JSON does not have."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
@@ -288,7 +288,7 @@ def _finite(value: Any) -> Any:
 
 
 def _write_meeting(name: str, content: Mapping[str, Any]) -> Path:
-    """Write how the session is reached, for its owner's eyes alone; return the file."""
+    """Write how the session is reached, readable only for its owner; return the file."""
     folder = meeting_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = folder / f"{name}-{os.getpid()}-{content['port']}.json"
@@ -297,7 +297,7 @@ def _write_meeting(name: str, content: Mapping[str, Any]) -> Path:
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         json.dump(content, file)
     now_s = path.stat().st_mtime
-    for left in folder.glob("*.json"):  # by sessions that were killed, and that no desk looked for
+    for left in folder.glob("*.json"):  # left by killed sessions that no desk looked for
         with contextlib.suppress(OSError):
             if now_s - left.stat().st_mtime > FORGOTTEN_S:
                 left.unlink()

@@ -23,7 +23,7 @@ from visavis.study.catalogue import SHIPPED
 
 
 class Verdicts:
-    """What became of sessions, read once for each state of a session's files."""
+    """Status and verdict of sessions, read once for each state of a session's files."""
 
     def __init__(self) -> None:
         self._kept: dict[Path, tuple[int, PartStatus, SessionCheck]] = {}
@@ -31,19 +31,19 @@ class Verdicts:
     def of(self, session: Path) -> tuple[PartStatus, SessionCheck]:
         """Return a session's status and the verdict on it.
 
-        Both read every file of it. One that a process holds is read anew each time: its manifest
-        does not change as that process dies.
+        Both read every file of it. A running session is read anew each time, because its manifest
+        does not change when its process dies.
 
         Raises:
             LabError: the session cannot be read.
         """
         changed_ns = (session / "manifest.json").stat().st_mtime_ns
-        kept = self._kept.get(session)
-        if kept is None or kept[0] != changed_ns or kept[1] == "running":
+        entry = self._kept.get(session)
+        if entry is None or entry[0] != changed_ns or entry[1] == "running":
             recording = Recording(session)
-            kept = (changed_ns, recording.status, check_session(recording))
-            self._kept[session] = kept
-        return kept[1:]
+            entry = (changed_ns, recording.status, check_session(recording))
+            self._kept[session] = entry
+        return entry[1:]
 
 
 def people_today(
@@ -51,8 +51,8 @@ def people_today(
 ) -> list[dict[str, Any]]:
     """Return per study who was here today, who is still to come or to go on, and how many are done.
 
-    `running` are the folders of sessions that go on: no other is judged meanwhile, as that takes
-    the computer's time.
+    `running` are the folders of sessions that go on. No other session is checked meanwhile, because
+    that takes computing time.
     """
     root = lab.data_root / (SIMULATED_ROOT if is_simulated(lab) else REAL_ROOT)
     prefix = SIMULATED_PREFIX if is_simulated(lab) else ""
@@ -60,22 +60,22 @@ def people_today(
     for folder in sorted(path for path in root.glob("*") if is_study(path)):
         is_known = folder.name in SHIPPED or folder.name in lab.studies
         study = folder.name if is_known else f"./{folder.name}.py"
-        told: dict[str, Any] = {"study": folder.name, "people": [], "before": 0, "problem": ""}
+        summary: dict[str, Any] = {"study": folder.name, "people": [], "before": 0, "problem": ""}
         try:
             entries = Ledger(folder, SystemClock(), prefix=prefix).list()
         except LabError as error:
-            told["problem"] = str(error)
+            summary["problem"] = str(error)
             entries = ()
         for entry in entries:
             if entry.status != "active":
                 continue
             person = _person(folder, study, entry, verdicts, running)
             if person is None:
-                told["before"] += 1
+                summary["before"] += 1
             else:
-                told["people"].append(person)
-        told["people"].sort(key=lambda person: person["order"])
-        studies.append(told)
+                summary["people"].append(person)
+        summary["people"].sort(key=lambda person: person["order"])
+        studies.append(summary)
     return studies
 
 
@@ -94,18 +94,18 @@ def verdict_of(verdict: SessionCheck) -> dict[str, Any]:
 def _person(
     folder: Path, study: str, entry: Participant, verdicts: Verdicts, running: Collection[str]
 ) -> dict[str, Any] | None:
-    """Return how somebody is today; None for who was here on other days and is done."""
+    """Return a person's state today; None for people who were done on an earlier day."""
     sessions = sorted(
         path.parent for path in (folder / f"sub-{entry.label}").glob("ses-*/manifest.json")
     )
-    told: dict[str, Any] = {"label": entry.label, "session": len(sessions), "verdict": None}
+    fields: dict[str, Any] = {"label": entry.label, "session": len(sessions), "verdict": None}
     if not sessions:
         command = f"visavis run {shlex.quote(study)} --participant {entry.label}"
-        return {**told, "state": "to come", "command": command, "order": 1}
+        return {**fields, "state": "to come", "command": command, "order": 1}
     session = sessions[-1]
-    told["path"] = str(session.resolve())  # as the session itself says it
-    if told["path"] in running:
-        return {**told, "state": "running", "command": "", "order": 0}
+    fields["path"] = str(session.resolve())  # as the session itself says it
+    if fields["path"] in running:
+        return {**fields, "state": "running", "command": "", "order": 0}
     try:
         parts = read_manifest(session).parts
         is_whole = bool(parts) and parts[-1].status == "complete"
@@ -117,22 +117,22 @@ def _person(
             status, check = verdicts.of(session)
             verdict = verdict_of(check)
     except LabError as error:
-        return {**told, "state": f"damaged: {error}", "command": "", "order": 0}
-    told["verdict"] = verdict
+        return {**fields, "state": f"damaged: {error}", "command": "", "order": 0}
+    fields["verdict"] = verdict
     if status == "complete":
-        return {**told, "state": "complete", "command": "", "order": 2}
+        return {**fields, "state": "complete", "command": "", "order": 2}
     if status == "running":
-        return {**told, "state": "running", "command": "", "order": 0}
+        return {**fields, "state": "running", "command": "", "order": 0}
     command = f"visavis resume {shlex.quote(str(session))}"
-    return {**told, "state": "interrupted", "command": command, "order": 0}
+    return {**fields, "state": "interrupted", "command": command, "order": 0}
 
 
 def _is_today(changed_s: float) -> bool:
     """Tell whether a session was begun, gone on with or ended on this day of the lab's calendar.
 
-    The manifest changes at each of these; its own dates tell of the beginning alone, and on the
-    virtual clock of no day at all.
+    The manifest file changes at each of these. The dates in it give only the beginning, and on the
+    virtual clock no day at all.
     """
     now = datetime.datetime.fromisoformat(SystemClock().wall_iso()).astimezone()
-    changed = datetime.datetime.fromtimestamp(changed_s, datetime.UTC).astimezone()
-    return changed.date() == now.date()
+    changed_at = datetime.datetime.fromtimestamp(changed_s, datetime.UTC).astimezone()
+    return changed_at.date() == now.date()

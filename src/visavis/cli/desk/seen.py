@@ -17,13 +17,13 @@ from visavis.stimuli.picture import Camera, Panel
 from visavis.stimuli.scene import Scene
 
 GAZE_KEPT: Final = 3
-"""How many statuses the last gaze is shown for where none came since: a blink, not a loss."""
+"""Number of statuses for which the last gaze stays without a new one: a blink, not a loss."""
 VIEW: Final = (-1.0, 1.0, -0.75, 0.75)
-"""Tangents left, right, bottom, top of a view of which no picture is drawn."""
+"""Tangents left, right, bottom, top of a view without a picture."""
 NEAREST_M: Final = 0.05
 WIDEST_DEG: Final = 80.0
 HEAD_M: Final = 0.12
-"""Radius of the head of somebody whose head the scene does not tell."""
+"""Radius of heads for which the scene gives none."""
 STANDING_HEAD_M: Final = 1.58
 ABOVE_HIPS_M: Final = 0.62
 JPEG_QUALITY: Final = 65
@@ -54,7 +54,7 @@ class Areas:
 
 @dataclass(frozen=True, eq=False)
 class Looking:
-    """What is kept of gaze between statuses, each of which may have brought none."""
+    """The last gaze, kept between statuses that may bring none."""
 
     ray: Ray | None = None
     ray_age: int = 0
@@ -78,10 +78,10 @@ def above(status: SessionStatus, looking: Looking) -> dict[str, Any] | None:
     `people` have name, x, z and radius; `areas` the radii of areas of interest round as many of
     them; `touched` are the places in `people` of those whom the participant touches.
     """
-    frame, shown = status.frame, status.shown
-    if frame is None or shown is None:
+    frame, scene_frame = status.frame, status.shown
+    if frame is None or scene_frame is None:
         return None
-    is_dark = shown.scene.brightness_01 == 0.0
+    is_dark = scene_frame.scene.brightness_01 == 0.0
     ray, areas = looking.ray, looking.areas
     people = [] if is_dark else _people(status)
     radii_m: list[float] = []
@@ -89,11 +89,11 @@ def above(status: SessionStatus, looking: Looking) -> dict[str, Any] | None:
         away_m = np.linalg.norm([at - areas.origin_m for _, at, _ in people], axis=1)
         half_rad = np.radians(np.minimum(areas.radius_deg + areas.pad_deg, WIDEST_DEG))
         radii_m = np.round(away_m * np.sin(half_rad), 4).tolist()
-    touched = {contact.person for contact in status.contacts}
+    touched_people = {contact.person for contact in status.contacts}
     return {
         "people": [[n, float(at[0]), float(at[2]), r] for n, at, r in people],
         "areas": radii_m,
-        "touched": sorted(n for n in touched if n is not None and n < len(people)),
+        "touched": sorted(n for n in touched_people if n is not None and n < len(people)),
         "head": _ground(frame.head.position_m) if frame.head_valid else None,
         "ahead": _ground(rotate(frame.head.orientation_wxyz, np.array([0.0, 0.0, -1.0]))),
         "gaze": None if ray is None else [*_ground(ray.origin_m), *_ground(ray.direction)],
@@ -107,14 +107,14 @@ def from_head(
     """Return what is before the participant, in tangents to the right and up of straight ahead.
 
     `heads` have name, x, y and radius, the farthest first, `areas` x, y and radius, `boards` four
-    corners each; `hit` is the place in `heads` of whom gaze meets. With a glance, all of it lies
-    where it does in that picture, which comes along as JPEG in base64.
+    corners each; `hit` is the place in `heads` of the person that gaze meets. With a glance, all
+    places are those in its picture, which is included as JPEG in base64.
     """
-    frame, shown = status.frame, status.shown
-    if frame is None or shown is None or not (frame.head_valid or glance):
+    frame, scene_frame = status.frame, status.shown
+    if frame is None or scene_frame is None or not (frame.head_valid or glance):
         return None
     camera = Camera(frame.head, *VIEW) if glance is None else glance.camera
-    is_dark = shown.scene.brightness_01 == 0.0
+    is_dark = scene_frame.scene.brightness_01 == 0.0
     ray, areas = looking.ray, looking.areas
     hit = _hit(status, ray, is_dark=is_dark)
     people = [] if is_dark else _people(status)
@@ -133,8 +133,10 @@ def from_head(
             if at is not None:
                 rings.append([at[0], at[1], round(radius, 4)])
     gaze = None if ray is None else _in_view(camera, camera.pose.position_m + ray.direction)[0]
-    mark = None if shown.scene.mark_m is None else _in_view(camera, shown.scene.mark_m)[0]
-    panels = shown.panels if isinstance(shown, PanelFrame) else ()
+    mark = (
+        None if scene_frame.scene.mark_m is None else _in_view(camera, scene_frame.scene.mark_m)[0]
+    )
+    panels = scene_frame.panels if isinstance(scene_frame, PanelFrame) else ()
     return {
         "tangents": [camera.left, camera.right, camera.bottom, camera.top],
         "jpeg": None if glance is None else jpeg_of(glance.image),
@@ -149,19 +151,19 @@ def from_head(
 
 def jpeg_of(image: npt.NDArray[np.uint8]) -> str:
     """Return a picture (height, width, 3) as JPEG in base64."""
-    held = io.BytesIO()
-    Image.fromarray(image).save(held, "JPEG", quality=JPEG_QUALITY)
-    return base64.b64encode(held.getvalue()).decode("ascii")
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_QUALITY)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
 def _people(status: SessionStatus) -> list[tuple[str, Vector, float]]:
     """Return name, centre of the head (3,) and its radius of everybody in the scene."""
-    shown = status.shown
-    assert shown is not None  # noqa: S101 - asked by both views
-    if shown.people is not None:
+    scene_frame = status.shown
+    assert scene_frame is not None  # noqa: S101 - asked by both views
+    if scene_frame.people is not None:
         up = np.array([0.0, ABOVE_HIPS_M, 0.0])
-        return [(str(n + 1), at + up, HEAD_M) for n, at in enumerate(shown.people.root_m)]
-    stand_m = shown.scene.stand_m
+        return [(str(n + 1), at + up, HEAD_M) for n, at in enumerate(scene_frame.people.root_m)]
+    stand_m = scene_frame.scene.stand_m
     if len(stand_m):
         return [
             (str(n + 1), np.array([x, STANDING_HEAD_M, z]), HEAD_M)
@@ -169,13 +171,13 @@ def _people(status: SessionStatus) -> list[tuple[str, Vector, float]]:
         ]
     return [
         (a.place, np.asarray(a.head_centre_m), max(a.head_radius_m, HEAD_M))
-        for a in shown.scene.agents
+        for a in scene_frame.scene.agents
     ]
 
 
 def _hit(status: SessionStatus, ray: Ray | None, *, is_dark: bool) -> int:
-    shown = status.shown
-    is_agent = shown is not None and shown.people is None and not is_dark
+    scene_frame = status.shown
+    is_agent = scene_frame is not None and scene_frame.people is None and not is_dark
     return ray.hit if ray is not None and is_agent else -1
 
 
@@ -183,10 +185,10 @@ def _last_ray(status: SessionStatus) -> Ray | None:
     if status.frame is None:
         return None
     gaze = status.frame.gaze
-    seen = np.flatnonzero(gaze.valid)
-    if not seen.size:
+    valid_rows = np.flatnonzero(gaze.valid)
+    if not valid_rows.size:
         return None
-    i = int(seen[-1])
+    i = int(valid_rows[-1])
     return Ray(gaze.origin_world_m[i].copy(), gaze.direction_world[i].copy(), int(gaze.hit[i]))
 
 
@@ -196,10 +198,10 @@ def _last_areas(status: SessionStatus, pad_deg: float) -> Areas | None:
     gaze, scene = status.frame.gaze, status.shown.scene
     if gaze.radius_deg.shape[1] != len(scene.agents) or not scene.agents:
         return None
-    known = np.flatnonzero(np.isfinite(gaze.radius_deg).all(axis=1))
-    if not known.size:
+    finite_rows = np.flatnonzero(np.isfinite(gaze.radius_deg).all(axis=1))
+    if not finite_rows.size:
         return None
-    i = int(known[-1])
+    i = int(finite_rows[-1])
     pads = np.clip(gaze.pad_limit_deg[i].astype(np.float64), 0.0, pad_deg)
     radii = gaze.radius_deg[i].astype(np.float64)
     return Areas(scene, gaze.origin_world_m[i].copy(), radii, pads)
@@ -219,9 +221,9 @@ def _corners(camera: Camera, panel: Panel) -> list[list[float]]:
     """Return the corners of a board in view; none where one is behind."""
     width, height = panel.size_m
     own = np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)]) * (width / 2, height / 2, 0.0)
-    seen = _in_view(camera, panel.pose.position_m + rotate(panel.pose.orientation_wxyz, own))
-    corners = [[at[0], at[1]] for at in seen if at is not None]
-    return corners if len(corners) == len(seen) else []
+    points = _in_view(camera, panel.pose.position_m + rotate(panel.pose.orientation_wxyz, own))
+    corners = [[at[0], at[1]] for at in points if at is not None]
+    return corners if len(corners) == len(points) else []
 
 
 def _ground(vector: Vector) -> list[float]:

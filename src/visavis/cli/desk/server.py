@@ -28,7 +28,7 @@ SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {"/": "desk.html", "/desk.js": "desk.js", "/desk.css": "desk.css"}
 MAX_WAIT_S: Final = 5.0
 REMOTE: Final = {b"start": Action.ADVANCE, b"stop": Action.ABORT}
-"""What LabRecorder's remote commands do to a session; its others are heard and change nothing."""
+"""Effects of LabRecorder's remote commands on a session; its other commands change nothing."""
 
 
 class DeskServer:
@@ -61,8 +61,8 @@ class DeskServer:
     async def listen_as_lab_recorder(self, port: int) -> int:
         """Take LabRecorder's remote commands on this computer; return the port.
 
-        `start` goes on where the first session waits, `stop` ends it, resumable. That protocol
-        knows no key: whoever is on this computer may speak.
+        `start` goes on where the first session waits, `stop` ends it, resumable. The protocol has
+        no key, so every program on this computer may send commands.
 
         Raises:
             DeviceError: the port is taken.
@@ -96,14 +96,14 @@ class DeskServer:
         if isinstance(after, int):
             await self._watch.wait(after, MAX_WAIT_S)
         watch = self._watch
-        shown = watch.of(which if isinstance(which, str) else "")
+        session = watch.of(which if isinstance(which, str) else "")
         return web.json_response(
             {
                 "number": watch.number,
-                "which": next((name for name, one in watch.live.items() if one is shown), ""),
-                "session": None if shown is None else shown.about,
-                "status": None if shown is None else shown.status,
-                "seen": None if shown is None else shown.seen,
+                "which": next((name for name, one in watch.live.items() if one is session), ""),
+                "session": None if session is None else session.about,
+                "status": None if session is None else session.status,
+                "seen": None if session is None else session.seen,
                 "sessions": _listed(watch),
                 "ended": None if watch.ended is None else watch.ended["path"],
             }
@@ -143,8 +143,8 @@ class DeskServer:
         async with self._examining:
             running = self._watch.about
             if running is not None:
-                found = await asyncio.to_thread(_noted_with, Path(running["path"]))
-                self._doctor = found or self._doctor
+                findings = await asyncio.to_thread(_noted_with, Path(running["path"]))
+                self._doctor = findings or self._doctor
             else:
                 with contextlib.suppress(LabError):
                     self._doctor = await asyncio.to_thread(_examined, self._lab)
@@ -156,19 +156,21 @@ class DeskServer:
         try:
             action = Action(body.get("action", ""))
         except ValueError as error:
-            known = ", ".join(action.value for action in Action)
-            raise PageError(f"there is no such command; there are {known}") from error
+            choices = ", ".join(action.value for action in Action)
+            raise PageError(f"there is no such command; there are {choices}") from error
         if not isinstance(text, str) or len(text) > MAX_TEXT:
             raise PageError(f"a note has at most {MAX_TEXT} characters")
         if not isinstance(code, str) or not isinstance(which, str):
             raise PageError("code and which are short texts")
         live = self._watch.live.get(which) if which else self._watch.of()
         if live is not None and action not in live.about["commands"]:
-            taken = ", ".join(live.about["commands"]) or "nothing from the desk; its own page does"
-            raise PageError(f"this session takes no {action.value}; it takes {taken}")
+            commands = (
+                ", ".join(live.about["commands"]) or "nothing from the desk; its own page does"
+            )
+            raise PageError(f"this session takes no {action.value}; it takes {commands}")
         if live is not None and code and code not in live.about["incidents"]:
-            known = ", ".join(live.about["incidents"])
-            raise PageError(f"there is no reason {code[:40]!r}; there are {known}")
+            choices = ", ".join(live.about["incidents"])
+            raise PageError(f"there is no reason {code[:40]!r}; there are {choices}")
         if not await self._watch.tell(Command(action, text, code), which):
             return web.json_response({"refused": "no session goes on"}, status=409)
         return web.json_response({})
@@ -176,7 +178,7 @@ class DeskServer:
     async def _told_remotely(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        """Hear a program that speaks LabRecorder's protocol; every line is answered as there."""
+        """Serve a program that speaks LabRecorder's protocol; answer lines as LabRecorder does."""
         try:
             while line := await reader.readline():
                 action = REMOTE.get(line.strip())
@@ -199,7 +201,7 @@ class DeskServer:
 
 
 def _listed(watch: SessionWatch) -> list[dict[str, Any]]:
-    """Return the sessions that go on, as a page lets them be chosen."""
+    """Return the sessions that go on, as choices for a page."""
     return [
         {"which": name, **{k: one.about[k] for k in ("study", "participant", "session")}}
         for name, one in watch.live.items()
@@ -217,8 +219,8 @@ def _noted_with(session: Path) -> dict[str, Any] | None:
     if not notes:
         return None
     try:
-        noted = json.loads(notes[-1].read_text("utf-8"))
-        return _at_a_glance(noted["findings"], noted["made_wall_iso"])
+        report = json.loads(notes[-1].read_text("utf-8"))
+        return _at_a_glance(report["findings"], report["made_wall_iso"])
     except (OSError, ValueError, KeyError):
         return None  # it is being written
 

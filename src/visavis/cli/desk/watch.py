@@ -13,13 +13,13 @@ from visavis.protocol.session.operator import Command
 
 LOOK_AGAIN_S: Final = 0.5
 HELLO_S: Final = 5.0
-"""For so long a session may keep silent before it is looked for again."""
+"""How long a session may be silent before it is looked for again."""
 MAX_LINE_BYTES: Final = 1 << 20
 
 
 @dataclass(eq=False)
 class Live:
-    """A session that goes on: what it said of itself, how it is, and the line to it."""
+    """A session that goes on: its description of itself, its status, and the connection."""
 
     about: Mapping[str, Any]
     writer: asyncio.StreamWriter
@@ -45,15 +45,15 @@ class SessionWatch:
 
     @property
     def about(self) -> Mapping[str, Any] | None:
-        """What the session met first says of itself; None while none goes on."""
-        found = self.of()
-        return None if found is None else found.about
+        """Description of the first session met; None while none goes on."""
+        session = self.of()
+        return None if session is None else session.about
 
     @property
     def status(self) -> Mapping[str, Any] | None:
-        """How the session met first is."""
-        found = self.of()
-        return None if found is None else found.status
+        """Status of the first session met; None while none goes on."""
+        session = self.of()
+        return None if session is None else session.status
 
     def of(self, which: str = "") -> Live | None:
         """Return a session by its name, the first where it has ended or none is named."""
@@ -76,7 +76,7 @@ class SessionWatch:
             await asyncio.gather(*following_all, return_exceptions=True)
 
     async def wait(self, number: int, timeout_s: float) -> None:
-        """Wait until something has changed since `number`, but no longer than so long."""
+        """Wait until something has changed since `number`, or until the timeout."""
         async with self._changed:
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(
@@ -92,21 +92,21 @@ class SessionWatch:
     async def tell(self, command: Command, which: str = "") -> bool:
         """Send a command to a session (the first, where none is named); tell whether it was there.
 
-        One that has ended meanwhile takes none, and no other does in its place.
+        A session that has ended takes no command, and no other takes it instead.
         """
-        found = self.live.get(which) if which else self.of()
-        if found is None:
+        session = self.live.get(which) if which else self.of()
+        if session is None:
             return False
         try:
-            asked = {"action": command.action, "text": command.text, "code": command.code}
-            found.writer.write(line_of(asked))
-            await found.writer.drain()
+            message = {"action": command.action, "text": command.text, "code": command.code}
+            session.writer.write(line_of(message))
+            await session.writer.drain()
         except OSError:
             return False
         return True
 
     async def _follow(self, meeting: Path) -> None:
-        """Hear a session to its end; one that is no longer there is forgotten."""
+        """Read a session's messages to its end; forget one that is no longer there."""
         try:
             how = json.loads(meeting.read_text("utf-8"))
             reader, writer = await asyncio.open_connection(
@@ -117,21 +117,21 @@ class SessionWatch:
         except (OSError, ValueError, KeyError, TypeError):
             meeting.unlink(missing_ok=True)  # of a process that was killed
             return
-        found: Live | None = None
+        session: Live | None = None
         try:
             writer.write(str(how["token"]).encode() + b"\n")
             about = _about(await asyncio.wait_for(reader.readline(), HELLO_S))
             if about is None:
                 meeting.unlink(missing_ok=True)  # another program has that port now
                 return
-            found = self.live[meeting.stem] = Live(about, writer)
+            session = self.live[meeting.stem] = Live(about, writer)
             await self.wake()
             while line := await reader.readline():
-                said = json.loads(line)
-                if "seen" in said:
-                    found.seen = said["seen"]
+                message = json.loads(line)
+                if "seen" in message:
+                    session.seen = message["seen"]
                 else:
-                    found.status = said
+                    session.status = message
                 await self.wake()
         except TimeoutError:
             return  # a busy session, or another program that waits to be spoken to
@@ -139,16 +139,16 @@ class SessionWatch:
             return  # it has ended, or is no session
         finally:
             writer.close()
-            if found is not None:
+            if session is not None:
                 del self.live[meeting.stem]
-                self.ended = found.about
+                self.ended = session.about
                 await self.wake()
 
 
 def _about(line: bytes) -> Mapping[str, Any] | None:
-    """Return what a session says of itself first; None from whoever is no session."""
+    """Return a session's description of itself; None from other programs."""
     try:
-        found = json.loads(line)
+        message = json.loads(line)
     except ValueError:
         return None
-    return found if isinstance(found, Mapping) else None
+    return message if isinstance(message, Mapping) else None

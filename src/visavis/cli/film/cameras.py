@@ -1,4 +1,4 @@
-"""From where a film looks, moment by moment; every camera is asked for rising times."""
+"""Cameras of films; each is asked for its view at rising times."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -30,13 +30,13 @@ FOLLOW_UP_M: Final = 0.4
 FOLLOW_TANGENT: Final = 0.6
 HEAD_ABOVE_EYES: Final = 1 / 0.936
 PEOPLE_EVERY_NS: Final = NS_PER_S // 5
-"""How often people who may hide the subject are looked at anew."""
+"""How often people who may hide the subject are looked at again."""
 
 
 class CameraKind(StrEnum):
     """Cameras that films know by name; any other is the file of a film's decisions.
 
-    Of itself a film takes the topology camera, or orbit where that finds no place to stand.
+    By default a film takes the topology camera, or orbit where that finds no place to stand.
     """
 
     AUTO = "auto"
@@ -48,7 +48,7 @@ class CameraKind(StrEnum):
 
 
 class Cuts(StrEnum):
-    """When the topology camera cuts: of itself, never, or of itself between cameras that rest."""
+    """When the topology camera cuts: by itself, never, or by itself between static cameras."""
 
     AUTO = "auto"
     NONE = "none"
@@ -65,7 +65,7 @@ class FilmCamera(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class FromViewpoint:
-    """The participant's eyes, or from above, or round about."""
+    """A camera at the participant's eyes, above the scene, or around it."""
 
     view: Viewpoint
     aspect: float
@@ -148,9 +148,9 @@ class ByTopology:
         return camera_of_view(view, self._style.fov_v_deg, self._aspect)
 
     def decisions(self) -> Decisions:
-        """Return what was decided so far."""
+        """Return the decisions so far."""
         cuts = [] if self._director is None else self._director.cuts
-        told = [
+        cut_rows = [
             {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(cut).items()}
             for cut in cuts
         ]
@@ -162,7 +162,7 @@ class ByTopology:
             rule,
             self._seed,
             self._style.fov_v_deg,
-            [{k: _known(v) for k, v in cut.items()} for cut in told],
+            [{k: _known(v) for k, v in cut.items()} for cut in cut_rows],
             self._views,
             self._seen,
         )
@@ -177,7 +177,7 @@ class ByTopology:
 
 
 def _known(value: Any) -> Any:
-    """Return what JSON can hold; numbers that are none become None."""
+    """Return a value that JSON can hold; NaN becomes None."""
     if isinstance(value, list):
         return [_known(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
@@ -208,13 +208,13 @@ def _place_of(room: Room) -> FilmedPlace:
 
 
 class AsDecided:
-    """A film's camera once more, from the file of its decisions."""
+    """The camera of an earlier film, from the file of its decisions."""
 
     def __init__(self, path: Path, aspect: float) -> None:
         try:
-            told = json.loads(path.read_text(encoding="utf-8"))
-            self._views = np.array(told["views"], np.float64).reshape(-1, 7)
-            self._fov_v_deg = float(told["fov_v_deg"])
+            content = json.loads(path.read_text(encoding="utf-8"))
+            self._views = np.array(content["views"], np.float64).reshape(-1, 7)
+            self._fov_v_deg = float(content["fov_v_deg"])
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise UsageError(
                 f"{path} does not hold the decisions of a film ({error}); give a file that "

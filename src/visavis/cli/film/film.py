@@ -60,7 +60,7 @@ LOOK_EVERY_NS: Final = NS_PER_S // 4
 LOOK_PX: Final = (256, 144)
 """How often, and in how large a picture, the participant is looked for."""
 GAZE_AT_M: Final = 2.5
-"""How far gaze is drawn where nobody's head was hit: seen from outside, without a ring."""
+"""Length of the drawn gaze where it hit no head: seen from outside, without a ring."""
 COLOURS: Final = {"contact": (255, 107, 94), "vibration": (94, 200, 255)}
 
 
@@ -77,8 +77,8 @@ ALL_OVERLAYS: Final = tuple(Overlay)
 
 @dataclass(frozen=True, eq=False)
 class Filmed:
-    """What was made: the number of pictures, by which camera, the decisions of one that takes any,
-    and the film's objective sheet; none of a page, which no camera films.
+    """A film as it was made: the number of pictures, the camera, its decisions if it takes any, and
+    the film's objective sheet. For a page, which has no camera, all but `pictures` are None.
     """
 
     pictures: int
@@ -103,9 +103,9 @@ def write_film(
     seconds: float | None = None,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> Filmed:
-    """Write the film of a trial; of one on a page, the page as it was, by no camera.
+    """Write the film of a trial; a trial on a page is filmed as the page was, without a camera.
 
-    A question asked in the dark is seen from the participant's eyes, by whatever camera.
+    A question asked in the dark is seen from the participant's eyes, whatever the camera.
 
     Raises:
         UsageError: the session has no such trial, no rate of a film, no file of decisions, or no
@@ -139,6 +139,7 @@ def write_film(
     aspect = size_px[0] / size_px[1]
 
     shown_at = pictures_of(study, trial)
+    # The camera that knows the place needs room to stand in every scene of the trial.
     if camera is CameraKind.AUTO:
         scenes = recording.events_named("scene", trial.part)["t_ns"]
         lit = [start_ns, *(int(t) for t in scenes if start_ns < t <= end_ns)]
@@ -154,13 +155,13 @@ def write_film(
         first = next(pictures)  # a camera that finds no place says so before there is a file
         film = stack.enter_context(open_movie(video, size_px, rate_hz))
         for k, image in enumerate(chain((first,), pictures)):
-            told = f"{label}  {(times[k] - start_ns) / NS_PER_S:.1f} s"
-            film.add(np.asarray(labelled(image, told if Overlay.CLOCK in overlays else label)))
+            caption = f"{label}  {(times[k] - start_ns) / NS_PER_S:.1f} s"
+            film.add(np.asarray(labelled(image, caption if Overlay.CLOCK in overlays else label)))
             if on_frame is not None:
                 on_frame(k + 1, len(times))
-    decided = looks.decisions() if isinstance(looks, ByTopology) else None
-    cut_ns = None if decided is None else np.array([cut["t_ns"] for cut in decided.cuts])
-    return Filmed(len(times), camera, decided, log.sheet(cut_ns))
+    decisions = looks.decisions() if isinstance(looks, ByTopology) else None
+    cut_ns = None if decisions is None else np.array([cut["t_ns"] for cut in decisions.cuts])
+    return Filmed(len(times), camera, decisions, log.sheet(cut_ns))
 
 
 def pictures_of(study: OpenedStudy, trial: RecordedTrial) -> Callable[[int], Picture]:
@@ -226,8 +227,8 @@ class FilmedTrial:
         if self._from_eyes or self._identity is None or t_ns < self._looked_ns + LOOK_EVERY_NS:
             return
         self._looked_ns = t_ns
-        seen = self._identity.views(picture, [camera], LOOK_PX, level=1).person
-        share = float((seen == len(picture.cast)).mean())  # who stands in comes last
+        person_at_px = self._identity.views(picture, [camera], LOOK_PX, level=1).person
+        share = float((person_at_px == len(picture.cast)).mean())  # the stand-in is the last person
         self._log.visibility.append((t_ns, share >= SEEN_FROM_01))
 
     def pictures(
@@ -248,10 +249,10 @@ class FilmedTrial:
             if self._stand_in is not None:
                 picture = self._stand_in.in_picture(picture, t_ns, head)
             self._noted(t_ns, picture, camera, head.position_m)
-            drawn = image(picture, camera, self._size_px)
+            pixels = image(picture, camera, self._size_px)
             if Overlay.GAZE in self._overlays:
-                drawn = self._with_gaze(drawn, camera, t_ns, head.position_m)
-            yield _listed(drawn, [lane for lane in self._lanes if lane.is_on(t_ns)])
+                pixels = self._with_gaze(pixels, camera, t_ns, head.position_m)
+            yield _listed(pixels, [lane for lane in self._lanes if lane.is_on(t_ns)])
 
     def _with_gaze(
         self, drawn: npt.NDArray[np.uint8], camera: Camera, t_ns: int, eyes_m: Vector
@@ -264,17 +265,17 @@ class FilmedTrial:
         aim = self._seen(camera, eyes_m + (GAZE_AT_M if met_m is None else met_m) * gaze)
         if aim is None:
             return drawn
-        marked = Image.fromarray(drawn)
-        pen = ImageDraw.Draw(marked)
+        canvas = Image.fromarray(drawn)
+        pen = ImageDraw.Draw(canvas)
         begin = None if self._from_eyes else self._seen(camera, eyes_m + 0.12 * gaze)
         if begin is not None:
             pen.line((*begin, *aim), fill=RING, width=max(2, self._size_px[1] // 300))
         if met_m is None and not self._from_eyes:
-            return np.asarray(marked)
+            return np.asarray(canvas)
         radius = RING_PX * self._size_px[1] // 720 if self._from_eyes else 6
         for r, colour in ((radius + 2, (30, 30, 30)), (radius, RING)):
             pen.ellipse((aim[0] - r, aim[1] - r, aim[0] + r, aim[1] + r), outline=colour, width=3)
-        return np.asarray(marked)
+        return np.asarray(canvas)
 
     def _seen(self, camera: Camera, place_m: Vector) -> tuple[float, float] | None:
         """Return the pixel that shows a place; None behind the camera."""
@@ -291,13 +292,13 @@ def _listed(drawn: npt.NDArray[np.uint8], lanes: Sequence[Any]) -> npt.NDArray[n
     """Write what touches or vibrates into the upper left corner."""
     if not lanes:
         return drawn
-    marked = Image.fromarray(drawn)
-    pen = ImageDraw.Draw(marked, "RGBA")
-    size_px = max(11, marked.height // 40)
+    canvas = Image.fromarray(drawn)
+    pen = ImageDraw.Draw(canvas, "RGBA")
+    size_px = max(11, canvas.height // 40)
     font = ImageFont.load_default(size_px)
     for k, lane in enumerate(lanes):
         y = 8 + k * (size_px + 8)
         _, _, right, bottom = pen.textbbox((12, y), lane.name, font=font)
         pen.rectangle((6, y - 2, right + 6, bottom + 3), fill=(0, 0, 0, 140))
         pen.text((12, y), lane.name, fill=COLOURS[lane.kind], font=font)
-    return np.asarray(marked)
+    return np.asarray(canvas)

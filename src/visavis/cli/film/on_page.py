@@ -24,7 +24,7 @@ Pixels = npt.NDArray[np.uint8]
 FILM_SHARE: Final = 0.68
 """Height of films as a share of the picture's, at most."""
 QUESTION_SHARE: Final = 0.125
-"""What a question with its options takes of it."""
+"""Share of the height that a question with its options takes."""
 BACK, INK, QUIET, CHOSEN = (250, 250, 248), (30, 30, 32), (120, 122, 126), (38, 104, 173)
 TYPED: Final = "…"
 
@@ -57,12 +57,12 @@ class FilmPictures:
 
     def _decoded(self, film: Film) -> bool:
         """Take the pictures of the film's file; tell whether it is there, and whole."""
-        found = self.store.file_of(film)
-        if found is None:
+        file = self.store.file_of(film)
+        if file is None:
             return False
         import av
 
-        with av.open(str(found.path)) as container:
+        with av.open(str(file.path)) as container:
             frames = [
                 Image.fromarray(f.to_ndarray(format="rgb24")) for f in container.decode(video=0)
             ]
@@ -101,8 +101,8 @@ def write_page_film(
     done = 0
     with open_movie(video, size_px, rate_hz) as movie:
         for passed_s, image, n in page_pictures(study, recording, trial_id, times_of, size_px):
-            told = f"{label}  {passed_s:.1f} s" if clock else label
-            movie.add(np.asarray(labelled(image, told)))
+            caption = f"{label}  {passed_s:.1f} s" if clock else label
+            movie.add(np.asarray(labelled(image, caption)))
             done += 1
             if on_frame is not None:
                 on_frame(done, n)
@@ -110,7 +110,7 @@ def write_page_film(
 
 
 def page_label(recording: Recording, trial_id: str) -> str:
-    """Return what stands under pictures of a trial."""
+    """Return the label under pictures of a trial."""
     row = trial_row(recording, trial_id)
     factors = ", ".join(str(row[name]) for name in factors_of(recording, trial_id))
     label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
@@ -124,21 +124,21 @@ def page_pictures(
     times_of: Callable[[int, int], Sequence[int]],
     size_px: tuple[int, int],
 ) -> Iterator[tuple[float, Pixels, int]]:
-    """Yield what a trial's page showed, seconds from its begin, picture, and how many there will
-    be, at the session times that `times_of` chooses between its begin and end.
+    """Yield seconds since a trial's begin, the page's picture then, and the number of pictures, for
+    the session times that `times_of` chooses between the trial's begin and end.
 
     Raises:
         UsageError: the session has no such trial.
         StageError: nothing draws here.
     """
-    seen = seen_trial(study, recording, trial_row(recording, trial_id))
-    start_ns, end_ns = seen.span_ns
+    trial = seen_trial(study, recording, trial_row(recording, trial_id))
+    start_ns, end_ns = trial.span_ns
     times = times_of(start_ns, end_ns)
     with film_renderer() as renderer:
-        share = film_share(max((len(step.questions) for step in seen.steps), default=0))
-        films = FilmPictures(seen.store, round(share * size_px[1]), renderer.image)
+        share = film_share(max((len(step.questions) for step in trial.steps), default=0))
+        films = FilmPictures(trial.store, round(share * size_px[1]), renderer.image)
         for t_ns in times:
-            image = page_picture(seen.step_at(t_ns), t_ns, films, size_px)
+            image = page_picture(trial.step_at(t_ns), t_ns, films, size_px)
             yield (t_ns - start_ns) / NS_PER_S, image, len(times)
 
 
@@ -158,17 +158,17 @@ def page_picture(
     pen = ImageDraw.Draw(page)
     font = ImageFont.load_default(max(11, height // 28))
     pen.text((width / 2, 0.045 * height), step.caption, INK, font, anchor="mm")
-    shown = [
+    images = [
         films.at(film, step.film_time_s(film, t_ns))
         for film in (step.films[place] for place in step.films)
         if t_ns >= step.films_on_ns
     ]
     gap = width // 60
-    x = (width - sum(i.shape[1] for i in shown) - gap * (len(shown) - 1)) // 2
-    for image in shown:
+    x = (width - sum(i.shape[1] for i in images) - gap * (len(images) - 1)) // 2
+    for image in images:
         page.paste(Image.fromarray(image), (x, round(0.085 * height)))
         x += image.shape[1] + gap
-    tall = max((image.shape[0] for image in shown), default=0)
+    tall = max((image.shape[0] for image in images), default=0)
     y = 0.13 * height + tall if step.films else 0.3 * height
     for question in step.questions:
         y = _asked(pen, font, question, t_ns, y, width)
@@ -183,13 +183,13 @@ def _asked(
     pen.text((width / 2, y), question.prompt, INK, font, anchor="mm")
     is_given = question.answered_ns is not None and t_ns >= question.answered_ns - MARK_NS
     labels = [label for _, label in question.options]
-    chosen = [value == question.answer and is_given for value, _ in question.options]
+    is_chosen = [value == question.answer and is_given for value, _ in question.options]
     if not labels:
-        labels, chosen = [question.answer or "" if is_given else TYPED], [is_given]
+        labels, is_chosen = [question.answer or "" if is_given else TYPED], [is_given]
     small = _fitting(pen, labels, width, font)
     widths = [pen.textlength(label, small) + 1.6 * small.size for label in labels]
     x = (width - sum(widths)) / 2
-    for label, wide, lit in zip(labels, widths, chosen, strict=True):
+    for label, wide, lit in zip(labels, widths, is_chosen, strict=True):
         box = (x + 3, y + 0.75 * line, x + wide - 3, y + 1.85 * line)
         pen.rounded_rectangle(box, 5, CHOSEN if lit else None, CHOSEN if lit else QUIET)
         pen.text((x + wide / 2, y + 1.3 * line), label, BACK if lit else INK, small, anchor="mm")
@@ -198,7 +198,7 @@ def _asked(
 
 
 MARK_NS: Final = NS_PER_S // 2
-"""A page goes on with the answer: it is marked this much before, so that it can be seen."""
+"""A page goes on with the answer, so the answer is marked this much earlier to be visible."""
 
 
 def _fitting(pen: ImageDraw.ImageDraw, labels: Sequence[str], width: int, font: Any) -> Any:

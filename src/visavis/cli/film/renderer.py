@@ -9,8 +9,8 @@ from visavis.stage.renderer import Quality, Renderer
 
 @contextmanager
 def film_renderer(on_processor: "Quality | None" = None) -> "Iterator[Renderer]":
-    """Open a renderer; where a processor draws, of that quality, or without the smoothing that
-    takes it so long.
+    """Open a renderer. Where a processor draws, pictures have the given quality, by default without
+    smoothing, which is slow there.
     """
     context = offscreen_context()
     try:

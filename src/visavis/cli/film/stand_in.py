@@ -53,9 +53,9 @@ class StandIn:
             if self._own is None:
                 self._own = OwnBody(_not_in(picture), self._segments, from_outside=True)
             self._own.take_row(row)
-            worn = self._own.add_to(picture, head)
-            if worn is not picture:
-                return worn
+            picture_with_body = self._own.add_to(picture, head)
+            if picture_with_body is not picture:
+                return picture_with_body
         return self._standing(picture, t_ns, head)
 
     def _row_at(self, t_ns: int) -> np.void | None:
@@ -86,17 +86,17 @@ class StandIn:
             person = Person(build_of(character), Idle(), 1, (0.0, 0.0, 0.0), float(yaw_deg))
             self._idle = character, PeopleMotion((person,))
         character, motion = self._idle
-        posed = motion.at(t_ns / NS_PER_S, Aimed(np.full((1, 3), np.nan), np.ones(1)))
+        idle_pose = motion.at(t_ns / NS_PER_S, Aimed(np.full((1, 3), np.nan), np.ones(1)))
         skeleton = character.skeleton
-        local = posed.orientation_wxyz[0].copy()
-        placed = forward(skeleton, posed.root_m[0], local)
+        local = idle_pose.orientation_wxyz[0].copy()
+        joints = forward(skeleton, idle_pose.root_m[0], local)
         at = skeleton.index("head")
-        above: Vector = placed.orientation_wxyz[skeleton.parents[at]]
+        above: Vector = joints.orientation_wxyz[skeleton.parents[at]]
         local[at] = quat_multiply(quat_conjugate(above), head.orientation_wxyz)
-        placed = forward(skeleton, posed.root_m[0], local)
+        joints = forward(skeleton, idle_pose.root_m[0], local)
         eyes = [skeleton.index(name) for name in ("left_eye", "right_eye")]
-        apart = head.position_m - placed.position_m[eyes].mean(axis=0)
-        root = posed.root_m[0] + apart * np.array([1.0, 0.0, 1.0])
+        apart = head.position_m - joints.position_m[eyes].mean(axis=0)
+        root = idle_pose.root_m[0] + apart * np.array([1.0, 0.0, 1.0])
         people = picture.people
         return replace(
             picture,
@@ -110,8 +110,8 @@ class StandIn:
 
 
 def _not_in(picture: Picture) -> Character:
-    """Return somebody who plays no other part in a picture."""
+    """Return a character who plays no other part in a picture."""
     playing = {character.name for character in picture.cast}
-    found = (default_casting(part) for part in PARTS_TRIED)
+    candidates = (default_casting(part) for part in PARTS_TRIED)
     first = default_casting(PARTS_TRIED[0])
-    return next((c for c in found if c.name not in playing), first)
+    return next((c for c in candidates if c.name not in playing), first)

@@ -47,7 +47,7 @@ def has_board(view: SceneFrame) -> bool:
 
 
 class _EnoughError(Exception):
-    """Ends a performance of which nothing more is wanted."""
+    """Ends a performance when enough frames are there."""
 
 
 class _Watching(GeometryStage):
@@ -78,7 +78,7 @@ class _FewTrials(StudyExperiment):
     trial_ids: frozenset[str] = frozenset()
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return the plan with those trials alone."""
+        """Return the plan with those trials only."""
         plan = super().plan(participant_index, seed, group)
         blocks = tuple(
             replace(
@@ -100,8 +100,8 @@ def trial_of(experiment: Experiment, number: int, index: int, seed: int, group: 
         UsageError: the plan has no such trial.
     """
     trials = experiment.plan(index, seed, group).trials
-    wanted = [t for t in trials if t.is_practice] if number == 0 else trials
-    for trial in wanted:
+    candidates = [t for t in trials if t.is_practice] if number == 0 else trials
+    for trial in candidates:
         if number == 0 or (not trial.is_practice and trial.number == number):
             return trial
     last = max((t.number for t in trials if not t.is_practice), default=0)
@@ -132,9 +132,9 @@ class Capture:
         self._group = group
         self._experiment = study.experiment({}) if experiment is None else experiment
         self.trial = trial_of(self._experiment, number, index, seed, group)
-        planned = self._experiment.plan(index, seed, group).trials
-        first = planned.index(self.trial)
-        self._wanted = frozenset(t.trial_id for t in planned[first : first + 1 + following])
+        trials = self._experiment.plan(index, seed, group).trials
+        first = trials.index(self.trial)
+        self._wanted = frozenset(t.trial_id for t in trials[first : first + 1 + following])
         self.frames: list[Seen] = []
         self.is_whole = False
         self._left = threading.Event()
@@ -155,9 +155,9 @@ class Capture:
                 return _Watching(viewers, self.frames, enough)
 
             try:
-                asked = self._request(Path(folder))
+                request = self._request(Path(folder))
                 with of_no_session():
-                    perform_new(replace(asked, stage_for=stage_for, on="lab"))
+                    perform_new(replace(request, stage_for=stage_for, on="lab"))
             except _EnoughError:
                 return self.frames
         self.is_whole = True
@@ -182,7 +182,7 @@ class Capture:
         )
 
     def leave(self) -> None:
-        """Perform no further; for another thread than the one that performs."""
+        """Stop the performance; called from another thread than the one that performs."""
         self._left.set()
 
 
@@ -225,9 +225,9 @@ def spread(frames: Sequence[Seen], rate_hz: int, most_s: float) -> list[Seen]:
         return []
     start, step = frames[0].t_ns, NS_PER_S // rate_hz
     until = min(frames[-1].t_ns, start + round(most_s * NS_PER_S))
-    chosen, k = [], 0
+    pictures, k = [], 0
     for t in range(start, until + 1, step):
         while k + 1 < len(frames) and frames[k + 1].t_ns <= t:
             k += 1
-        chosen.append(replace(frames[k], t_ns=t))
-    return chosen
+        pictures.append(replace(frames[k], t_ns=t))
+    return pictures

@@ -53,6 +53,7 @@ def preview_page(
 
     trial_id = capture.trial.trial_id
     with ExitStack() as stack:
+        # Draw while the recording exists; it goes with the end of the block.
         with console.status("performing the trial"):
             recording = stack.enter_context(capture.on_page())
         bar = stack.enter_context(Progress(console=console, transient=True))

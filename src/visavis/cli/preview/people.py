@@ -53,11 +53,11 @@ def distance_sheet(
                 camera = framed(looking(at, eyes_m - at), half, 1.0)
                 side_px = max(round(2 * float(np.degrees(np.arctan(half))) * px_per_deg), 8)
                 image = stills.image(picture, camera, (side_px, side_px))
-                shown = Image.fromarray(np.asarray(image)).resize(
+                tile = Image.fromarray(np.asarray(image)).resize(
                     (TILE_PX, TILE_PX), Image.Resampling.NEAREST
                 )
                 label = f"{character.name}  {distance_m:g} m"
-                tiles.append(labelled(np.asarray(shown), label))
+                tiles.append(labelled(np.asarray(tile), label))
     title = f"faces as {px_per_deg:g} pixels a degree show them"
     in_a_row = max(COLUMNS // len(distances_m), 1)
     return contact_sheet(tiles, title, in_a_row * len(distances_m))
@@ -72,7 +72,7 @@ def portrait(character: Character, yaw_deg: float) -> tuple[Picture, Vector]:
     angle = np.radians(yaw_deg)
     towards = unit(np.array([np.sin(angle), 0.04, np.cos(angle)]))
     people = motion.at(1.0, Aimed(towards[None], np.ones(1)))
-    placed = forward(character.skeleton, people.root_m[0], people.orientation_wxyz[0])
+    joints = forward(character.skeleton, people.root_m[0], people.orientation_wxyz[0])
     sides = [character.skeleton.index(f"{side}_eye") for side in ("left", "right")]
-    eyes_m = placed.position_m[sides].mean(axis=0)
+    eyes_m = joints.position_m[sides].mean(axis=0)
     return Picture(0, portrait_studio(), (character,), people), eyes_m

@@ -1,4 +1,4 @@
-"""How well direct gaze is told from gaze averted by 10°, from the pixels a headset shows.
+"""How well pixels of a headset distinguish direct gaze from gaze averted by 10°.
 
 Faces are drawn eyes to the camera or 10° to its left or right, heads turned and shifted by a little
 each time. A simulated observer is shown half of the pictures to learn from and tells the rest
@@ -37,7 +37,7 @@ HEAD_TURN_DEG, SHIFT_M = 4.0, 0.01
 def readable_at(
     people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
 ) -> Iterator[tuple[Character, float, float]]:
-    """Draw everybody at every distance and return the share of looks told rightly, one by one."""
+    """Draw everybody at every distance and return the share of correct looks, one by one."""
     renderer = Renderer(quality=Quality(samples=4))
     try:
         for character in people:
@@ -55,7 +55,7 @@ def seen_eyes(
     px_per_deg: float,
     rng: np.random.Generator,
 ) -> Vector:
-    """Return the luminance, 0 to 1, about the eyes of one picture of somebody, flattened."""
+    """Return the luminance, 0 to 1, around the eyes of one picture of a character, flattened."""
     turn_deg = float(rng.uniform(-HEAD_TURN_DEG, HEAD_TURN_DEG))
     person = Person(
         build_of(character),
@@ -88,8 +88,8 @@ def seen_eyes(
     camera = Camera(Pose(at, quat_from_yaw_pitch_deg(yaw_deg, pitch_deg)), -across, across, -up, up)
     picture = Picture(0, portrait_studio(), (character,), people)
     image = renderer.image(picture, camera, (wide, high)).astype(np.float64) / 255.0
-    seen: Vector = (image @ [0.2126, 0.7152, 0.0722]).ravel()
-    return seen
+    luminance_01: Vector = (image @ [0.2126, 0.7152, 0.0722]).ravel()
+    return luminance_01
 
 
 def right_01(
@@ -106,14 +106,14 @@ def right_01(
             looks.append(seen_eyes(renderer, character, distance_m, averted_deg, px_per_deg, rng))
             gaze.append(direction)
             is_learned.append(i % 2 == 0)
-    seen = np.repeat(np.array(looks), NOISES, axis=0)
-    seen += rng.normal(0.0, NOISE_01, seen.shape)
-    looked, learned = np.repeat(gaze, NOISES), np.repeat(is_learned, NOISES)
-    means = np.array([seen[learned & (looked == k)].mean(axis=0) for k in range(3)])
-    within = seen[learned] - means[looked[learned]]
+    samples = np.repeat(np.array(looks), NOISES, axis=0)
+    samples += rng.normal(0.0, NOISE_01, samples.shape)
+    directions, is_training = np.repeat(gaze, NOISES), np.repeat(is_learned, NOISES)
+    means = np.array([samples[is_training & (directions == k)].mean(axis=0) for k in range(3)])
+    within = samples[is_training] - means[directions[is_training]]
     spread = within.T @ within / len(within)
     spread += SHRINKAGE * np.trace(spread) / len(spread) * np.eye(len(spread))
     weights = np.linalg.solve(spread, means.T)
-    likely = seen[~learned] @ weights - (means.T * weights).sum(axis=0) / 2
+    likely = samples[~is_training] @ weights - (means.T * weights).sum(axis=0) / 2
     likely += np.log([0.5, 0.25, 0.25])
-    return float(((likely.argmax(axis=1) == 0) == (looked[~learned] == 0)).mean())
+    return float(((likely.argmax(axis=1) == 0) == (directions[~is_training] == 0)).mean())

@@ -17,23 +17,23 @@ from visavis.study.cast import use_recorded_cast
 def write_views(folder: Path, out_dir: Path, striking: Sequence[Striking]) -> None:
     """Write one page for every session of a study's `folder` with trials to look at.
 
-    Trials that never began have nothing to show; a page made before is made anew.
+    Trials that never began have nothing to show; a page made before is replaced.
     """
     of_session = groupby(sorted(striking, key=_session), key=_session)
-    wanted = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}
-    with TELLING.progress("making pages of trials") as told:
-        for done, ((participant, session), names) in enumerate(wanted.items()):
-            told(done, len(wanted))
+    trials_by_session = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}
+    with TELLING.progress("making pages of trials") as on_progress:
+        for done, ((participant, session), names) in enumerate(trials_by_session.items()):
+            on_progress(done, len(trials_by_session))
             recording = CachedRecording(folder / f"sub-{participant}" / session)
             use_recorded_cast(recording)
             study, _ = study_of_folder(folder, recording.manifest.study)
             there = trial_lengths_ns(recording)
-            shown = [name for name in dict.fromkeys(names) if name in there]
-            header, bundle = page_content(study, recording, shown, lambda _, __: None)
+            trial_ids = [name for name in dict.fromkeys(names) if name in there]
+            header, bundle = page_content(study, recording, trial_ids, lambda _, __: None)
             make_folder(out_dir / VIEWS, exist_ok=True)
             page = page_of(header, bundle).encode()
             replace_file(out_dir / VIEWS / view_name(participant, session), page)
-        told(len(wanted), len(wanted))
+        on_progress(len(trials_by_session), len(trials_by_session))
 
 
 def _session(one: Striking) -> tuple[str, str]:

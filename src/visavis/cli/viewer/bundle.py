@@ -42,13 +42,17 @@ class Bundle:
     def quantised(self, values: npt.NDArray[Any]) -> dict[str, Any]:
         """Take numbers in at 1 part in 65,000 of each column's range; NaN stays missing."""
         columns = values.reshape(len(values), int(np.prod(values.shape[1:]))).astype(np.float64)
-        kept = np.where(np.isfinite(columns), columns, np.nan)
-        some = np.isfinite(kept).any(axis=0) if len(kept) else np.zeros(kept.shape[1], bool)
-        low, high = np.zeros(kept.shape[1]), np.zeros(kept.shape[1])
+        numbers = np.where(np.isfinite(columns), columns, np.nan)
+        some = (
+            np.isfinite(numbers).any(axis=0) if len(numbers) else np.zeros(numbers.shape[1], bool)
+        )
+        low, high = np.zeros(numbers.shape[1]), np.zeros(numbers.shape[1])
         if some.any():
-            low[some], high[some] = np.nanmin(kept[:, some], 0), np.nanmax(kept[:, some], 0)
+            low[some], high[some] = np.nanmin(numbers[:, some], 0), np.nanmax(numbers[:, some], 0)
         step = np.where(high > low, (high - low) / (MISSING - 1), 1.0)
-        codes = np.where(np.isfinite(kept), np.rint((kept - low) / step), MISSING).astype(np.int64)
+        codes = np.where(np.isfinite(numbers), np.rint((numbers - low) / step), MISSING).astype(
+            np.int64
+        )
         changes = np.diff(codes, axis=0, prepend=0).astype(np.uint16)
         reference = self.add(changes.reshape(values.shape))
         return {**reference, "low": [_short(x) for x in low], "step": [_short(x) for x in step]}

@@ -44,7 +44,7 @@ MAX_ROWS_OF_WIDE: Final = 12_000
 WIDE: Final = 60
 """Streams of more columns than this are thinned more; the page says which rows it has."""
 AROUND_NS: Final = NS_PER_S
-"""Around a shown trial every row is there, too."""
+"""Margin around a shown trial within which every row is kept."""
 MAX_TEXT: Final = 400
 
 
@@ -77,17 +77,20 @@ def page_content(
         pages_of(study, recording, wanted, bundle, times.s, on_trial) if on_page else ([], [])
     )
     trials = [] if on_page else [recorded_trial(recording, name) for name in wanted]
-    sampled: list[tuple[RecordedTrial, list[Sample]]] = []
+    samples_by_trial: list[tuple[RecordedTrial, list[Sample]]] = []
     for k, trial in enumerate(trials):
-        sampled.append((trial, samples_of(study, trial)))
+        samples_by_trial.append((trial, samples_of(study, trial)))
         if on_trial is not None:
             on_trial(k + 1, len(trials))
-    most = max((len(s.picture.cast) for _, found in sampled for s in found), default=0)
+    most = max(
+        (len(s.picture.cast) for _, trial_samples in samples_by_trial for s in trial_samples),
+        default=0,
+    )
     models = Models(bundle, level=LEVEL_OF_FEW if most <= MAX_FEW else LEVEL_OF_MANY)
     scenes = [
         _scene(trial, samples, models, bundle, times)
-        for trial, found in sampled
-        for samples in _runs(found)
+        for trial, trial_samples in samples_by_trial
+        for samples in _runs(trial_samples)
     ]
     manifest = recording.manifest
     return {
@@ -119,10 +122,10 @@ def trial_lengths_ns(recording: CachedRecording) -> dict[str, int]:
     rows = recording.trials()
     if "trial_id" not in rows:
         return {}
-    ended = rows[rows["t_end_ns"].notna() & rows["t_start_ns"].notna()]
+    ended_rows = rows[rows["t_end_ns"].notna() & rows["t_start_ns"].notna()]
     return {
         str(row["trial_id"]): int(row["t_end_ns"]) - int(row["t_start_ns"])
-        for row in ended.to_dict("records")
+        for row in ended_rows.to_dict("records")
     }
 
 
@@ -173,10 +176,10 @@ def _events(recording: CachedRecording, times: Times) -> Iterator[dict[str, Any]
         part, t_ns, name, payload = (
             event[k] for k in ("recording_part", "t_ns", "name", "payload")
         )
-        told = "" if name == "scene" else json.dumps(payload, ensure_ascii=False, default=str)
-        if len(told) > MAX_TEXT:
-            told = told[:MAX_TEXT] + " …"
-        yield {"t": times.s(part, int(t_ns)), "name": name, "text": told}
+        text = "" if name == "scene" else json.dumps(payload, ensure_ascii=False, default=str)
+        if len(text) > MAX_TEXT:
+            text = text[:MAX_TEXT] + " …"
+        yield {"t": times.s(part, int(t_ns)), "name": name, "text": text}
 
 
 def _findings(recording: CachedRecording) -> list[dict[str, Any]]:
@@ -189,15 +192,15 @@ def _findings(recording: CachedRecording) -> list[dict[str, Any]]:
 
 def _lanes(recording: CachedRecording, times: Times) -> list[dict[str, Any]]:
     """Return what touched and what vibrated, all parts in one lane."""
-    found: dict[str, dict[str, Any]] = {}
+    lane_by_name: dict[str, dict[str, Any]] = {}
     for part in recording.manifest.parts:
         for lane in lanes_of(recording, part.number):
-            told = {"name": lane.name, "kind": lane.kind, "role": lane.role, "spans": []}
-            found.setdefault(lane.name, told)["spans"] += [
+            empty_lane = {"name": lane.name, "kind": lane.kind, "role": lane.role, "spans": []}
+            lane_by_name.setdefault(lane.name, empty_lane)["spans"] += [
                 [times.s(part.number, a), times.s(part.number, b), text]
                 for a, b, text in lane.spans
             ]
-    return list(found.values())
+    return list(lane_by_name.values())
 
 
 def _plain(value: Any) -> Any:
@@ -217,35 +220,37 @@ def _stream(
     times: Times,
     trials: Sequence[RecordedTrial],
 ) -> dict[str, Any]:
-    """Take a stream in: all of it, or every so many rows and all of those in the shown trials."""
+    """Pack a stream: all rows, or every n-th row and all rows of the shown trials."""
     arrays = recording.stream_arrays(name)
     schema = recording.stream_schema(name)
     fields = () if schema is None else schema.fields
     width = sum(int(np.prod(f.shape)) for f in fields)
     n = len(arrays["recording_part"])
     every = max(1, -(-n // (MAX_ROWS_OF_WIDE if width > WIDE else MAX_ROWS)))
-    kept = np.arange(n) % every == 0
+    is_kept = np.arange(n) % every == 0
     when_ns = arrays.get("t_host_ns", np.zeros(n))
-    if name == "gaze_targets":  # no later than it arrived, as a slip of a tracker's clock says
+    if name == "gaze_targets":  # no later than it arrived, even if a tracker's clock slips
         when_ns = np.minimum(arrays["t_sample_ns"], when_ns)
     for trial in trials if every > 1 else ():
         start_ns, end_ns = trial.span_ns
-        kept |= (
+        is_kept |= (
             (arrays["recording_part"] == trial.part)
             & (when_ns >= start_ns - AROUND_NS)
             & (when_ns < end_ns + AROUND_NS)
         )
     part, host_ns, when_ns = (
-        a[kept] for a in (arrays["recording_part"], arrays.get("t_host_ns", when_ns), when_ns)
+        a[is_kept] for a in (arrays["recording_part"], arrays.get("t_host_ns", when_ns), when_ns)
     )
     t_s = np.array([times.s(int(p), int(t)) for p, t in zip(part, when_ns, strict=True)])
     columns = []
     for field in fields:
-        values = arrays[field.name][kept]
+        values = arrays[field.name][is_kept]
         unit = field.unit
         if unit == "ns":
             values, unit = _since_arrival_ms(values, host_ns), "ms"
-        flat = [_column_name(field, told) for told, _ in flat_components(field.name, values)]
+        flat = [
+            _column_name(field, component) for component, _ in flat_components(field.name, values)
+        ]
         columns.append(
             {
                 "name": field.name,
@@ -266,9 +271,9 @@ def _stream(
 
 
 def _since_arrival_ms(values: npt.NDArray[Any], host_ns: npt.NDArray[Any]) -> Vector:
-    """Return times of a row as milliseconds after it arrived; those unknown are NaN."""
-    known = (values != NO_DEVICE_TIME) & (values >= 0)
-    apart: Vector = np.where(known, (values - host_ns) / NS_PER_MS, np.nan)
+    """Return times of a row as milliseconds after it arrived; unknown times are NaN."""
+    is_known = (values != NO_DEVICE_TIME) & (values >= 0)
+    apart: Vector = np.where(is_known, (values - host_ns) / NS_PER_MS, np.nan)
     return apart
 
 
@@ -291,12 +296,12 @@ class Sample:
 def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
     """Return what was shown at even times of a trial."""
     start_ns, end_ns = trial.span_ns
-    found = []
+    samples = []
     for t_ns in range(start_ns, end_ns + 1, NS_PER_S // SAMPLES_PER_S):
-        shown = trial.shown_at(t_ns)
-        view = next(iter(study.views_of(shown)))
-        found.append(Sample(t_ns, picture_of(view), shown.scene.agents))
-    return found
+        moment = trial.shown_at(t_ns)
+        view = next(iter(study.views_of(moment)))
+        samples.append(Sample(t_ns, picture_of(view), moment.scene.agents))
+    return samples
 
 
 def _runs(samples: list[Sample]) -> Iterator[list[Sample]]:
@@ -325,6 +330,7 @@ def _scene(
 ) -> dict[str, Any]:
     first = samples[0].picture
     n = len(samples)
+    # Samples come first in these arrays (samples, people, ...); tracks of keys want people first.
     root = np.array([s.picture.people.root_m for s in samples])
     turns = one_way_round(np.array([s.picture.people.orientation_wxyz for s in samples]))
     morphs = np.array([s.picture.people.morphs_01 for s in samples])
@@ -351,6 +357,7 @@ def _scene(
         "topology": _topology(trial, samples, bundle),
         "light": bundle.quantised(np.array([[s.picture.brightness_01] for s in samples])),
         "mark": None if first.mark_m is None else [float(x) for x in first.mark_m],
+        # Taken from the first sample: `_runs` cuts where things, boards or agents change.
         "moving": [
             {
                 "mesh": models.thing(m.prop),
@@ -401,11 +408,11 @@ def _topology(trial: RecordedTrial, samples: list[Sample], bundle: Bundle) -> di
             camera.at(sample.t_ns, sample.picture, trial.head_at(sample.t_ns))
     except DesignError:
         return None
-    decided = camera.decisions()
+    decisions = camera.decisions()
     return {
-        "views": bundle.quantised(np.array(decided.views)[:, 1:]),
-        "fov": decided.fov_v_deg,
-        "cuts": [round((cut["t_ns"] - start_ns) / NS_PER_S, 3) for cut in decided.cuts],
+        "views": bundle.quantised(np.array(decisions.views)[:, 1:]),
+        "fov": decisions.fov_v_deg,
+        "cuts": [round((cut["t_ns"] - start_ns) / NS_PER_S, 3) for cut in decisions.cuts],
     }
 
 

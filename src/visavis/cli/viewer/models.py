@@ -62,17 +62,17 @@ class Models:
 
     def _number(self, thing: object, into: list[dict[str, Any]], made: Any) -> int:
         if id(thing) not in self._known:
-            self._kept_alive.append(thing)  # whose id another thing must not get
+            self._kept_alive.append(thing)  # keeps its id from being reused
             into.append(made())
             self._known[id(thing)] = len(into) - 1
         return self._known[id(thing)]
 
     def _person(self, character: Character) -> dict[str, Any]:
         level = min(self._level, len(character.levels) - 1)
-        built = person_vertices(character, character.levels[level])
-        vertices, add = built.vertices, self._bundle.add
+        mesh = person_vertices(character, character.levels[level])
+        vertices, add = mesh.vertices, self._bundle.add
         skeleton = character.skeleton
-        found = {
+        model = {
             "name": character.name,
             "place": self._bundle.quantised(vertices["rest_m"]),
             "detail": self._bundle.quantised(vertices["detail"]),
@@ -82,57 +82,57 @@ class Models:
             "joints": add(vertices["joints"]),
             "weights": add(np.rint(255 * vertices["weights"].astype(np.float32)).astype(np.uint8)),
             "morph": add(vertices["morph"].astype(np.int16)),
-            "deltas": self._bundle.quantised(built.deltas[:, :6, :3].reshape(-1, 18)),
-            "index": add(built.indices.astype(np.uint16 if len(vertices) < 65536 else np.uint32)),
-            "runs": [self._run(run) for run in built.runs],
+            "deltas": self._bundle.quantised(mesh.deltas[:, :6, :3].reshape(-1, 18)),
+            "index": add(mesh.indices.astype(np.uint16 if len(vertices) < 65536 else np.uint32)),
+            "runs": [self._run(run) for run in mesh.runs],
             "parents": [int(p) for p in skeleton.parents],
             "offsets": self._bundle.add(skeleton.offsets_m.astype(np.float32)),
             "rest": self._bundle.add(skeleton.rest_m.astype(np.float32)),
             "reach": BODY_RADIUS_M,
             "light": self._light(character),
         }
-        return found
+        return model
 
     def _light(self, character: Character) -> dict[str, Any]:
         """Return the mesh drawn while time moves where a processor draws: coloured vertices of few
         triangles, those with two sides after the others, eyes last.
         """
-        add, quantised = self._bundle.add, self._bundle.quantised
-        built = person_vertices(character, character.levels[-1])
-        vertices, colour = built.vertices, built.vertices["colour"][:, :3].copy()
-        for run in built.runs:
+        add, add_quantised = self._bundle.add, self._bundle.quantised
+        mesh = person_vertices(character, character.levels[-1])
+        vertices, colour = mesh.vertices, mesh.vertices["colour"][:, :3].copy()
+        for run in mesh.runs:
             if run.texture is not None:
-                rows = np.unique(built.indices[run.first : run.first + run.count])
-                shown = _at_uv(run.texture, vertices["detail"][rows, :2].astype(np.float64))
-                colour[rows] = np.rint(colour[rows] * (shown / 255.0))
+                rows = np.unique(mesh.indices[run.first : run.first + run.count])
+                texels = _at_uv(run.texture, vertices["detail"][rows, :2].astype(np.float64))
+                colour[rows] = np.rint(colour[rows] * (texels / 255.0))
 
         def corners(of: Callable[[Run], bool]) -> npt.NDArray[Any]:
-            own = [built.indices[r.first : r.first + r.count] for r in built.runs if of(r)]
-            return np.concatenate([*own, np.zeros(0, built.indices.dtype)])
+            own = [mesh.indices[r.first : r.first + r.count] for r in mesh.runs if of(r)]
+            return np.concatenate([*own, np.zeros(0, mesh.indices.dtype)])
 
-        closed, kept = _clustered(
+        closed_index, kept_closed = _clustered(
             vertices, corners(lambda r: r.kind != "eye" and not r.double_sided), self._cell_m
         )
         open_, kept_open = _clustered(
             vertices, corners(lambda r: r.kind != "eye" and r.double_sided), self._cell_m
         )
-        index, eyes = np.concatenate([closed, open_]), corners(lambda r: r.kind == "eye")
-        used = np.unique(np.concatenate([kept, kept_open, eyes]))
+        index, eyes = np.concatenate([closed_index, open_]), corners(lambda r: r.kind == "eye")
+        used = np.unique(np.concatenate([kept_closed, kept_open, eyes]))
         number = np.zeros(len(vertices), np.int64)
         number[used] = np.arange(len(used))
         vertices, colour = vertices[used], colour[used]
         return {
-            "place": quantised(vertices["rest_m"]),
-            "detail": quantised(vertices["detail"]),
+            "place": add_quantised(vertices["rest_m"]),
+            "detail": add_quantised(vertices["detail"]),
             "normal": add(_bytes_of(vertices["normal"][:, :3])),
             "colour": add(colour),
             "surface": add(vertices["surface"]),
             "joints": add(vertices["joints"]),
             "weights": add(np.rint(255 * vertices["weights"].astype(np.float32)).astype(np.uint8)),
             "morph": add(vertices["morph"].astype(np.int16)),
-            "deltas": quantised(built.deltas[:, :6, :3].reshape(-1, 18)),
+            "deltas": add_quantised(mesh.deltas[:, :6, :3].reshape(-1, 18)),
             "index": add(number[np.concatenate([index, eyes])].astype(np.uint16)),
-            "openFrom": len(closed),
+            "openFrom": len(closed_index),
             "eyeFrom": len(index),
         }
 
@@ -182,8 +182,8 @@ def _lamp(light: Light) -> dict[str, Any]:
 
 
 def _bytes_of(normals: npt.NDArray[Any]) -> npt.NDArray[np.int8]:
-    found: npt.NDArray[np.int8] = np.rint(127 * normals.astype(np.float32)).astype(np.int8)
-    return found
+    signed_bytes: npt.NDArray[np.int8] = np.rint(127 * normals.astype(np.float32)).astype(np.int8)
+    return signed_bytes
 
 
 def _at_uv(texture: npt.NDArray[np.uint8], uv: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
@@ -191,8 +191,8 @@ def _at_uv(texture: npt.NDArray[np.uint8], uv: npt.NDArray[np.float64]) -> npt.N
     height, width = texture.shape[:2]
     x = np.clip(np.floor(uv[:, 0] % 1.0 * width), 0, width - 1).astype(np.int64)
     y = np.clip(np.floor(uv[:, 1] % 1.0 * height), 0, height - 1).astype(np.int64)
-    found: npt.NDArray[np.uint8] = texture[y, x, :3]
-    return found
+    colours: npt.NDArray[np.uint8] = texture[y, x, :3]
+    return colours
 
 
 def _clustered(

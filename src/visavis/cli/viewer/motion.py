@@ -15,8 +15,8 @@ def _kept(values: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArr
     `off_by` of every sample.
     """
     n, k = values.shape
-    kept = np.zeros(n, np.bool_)
-    kept[0] = kept[n - 1] = True
+    is_key = np.zeros(n, np.bool_)
+    is_key[0] = is_key[n - 1] = True
     first = 0
     while first < n - 1:
         last = first + 1
@@ -39,17 +39,17 @@ def _kept(values: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArr
             if not fits:
                 break
             last += 1
-        kept[last] = True
+        is_key[last] = True
         first = last
-    return kept
+    return is_key
 
 
 @compiled
 def _all_kept(tracks: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArray[np.bool_]:
-    kept = np.zeros(tracks.shape[:2], np.bool_)
+    is_key = np.zeros(tracks.shape[:2], np.bool_)
     for t in range(tracks.shape[0]):
-        kept[t] = _kept(tracks[t], off_by, longest, turns)
-    return kept
+        is_key[t] = _kept(tracks[t], off_by, longest, turns)
+    return is_key
 
 
 def key_samples(
@@ -58,14 +58,14 @@ def key_samples(
     """Return how many keys each of the tracks (t, n, k) has (t,), and which samples they are, one
     track after the other. Tracks of quaternions (`turns`) are normalised between keys.
     """
-    kept = _all_kept(np.ascontiguousarray(tracks, np.float64), off_by, longest, turns)
-    return kept.sum(axis=1), np.nonzero(kept)[1]
+    is_key = _all_kept(np.ascontiguousarray(tracks, np.float64), off_by, longest, turns)
+    return is_key.sum(axis=1), np.nonzero(is_key)[1]
 
 
 def one_way_round(orientation_wxyz: Vector) -> Vector:
     """Return quaternions (n, ..., 4) whose signs do not jump from sample to sample."""
-    found = orientation_wxyz.copy()
-    flips = (found[1:] * found[:-1]).sum(axis=-1) < 0
+    quaternions = orientation_wxyz.copy()
+    flips = (quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0
     signs = np.cumprod(np.where(flips, -1.0, 1.0), axis=0)
-    found[1:] *= signs[..., None]
-    return found
+    quaternions[1:] *= signs[..., None]
+    return quaternions

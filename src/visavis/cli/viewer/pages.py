@@ -1,6 +1,6 @@
-"""What the viewer holds of trials on a page: films as small pictures, questions, answers.
+"""Trials on a page as the viewer holds them: films as small pictures, questions, answers.
 
-Small pictures are kept beside the films of the user's cache, under the hash of what they show.
+Small pictures are kept next to the films in the user's cache, under the hash of their content.
 """
 
 import io
@@ -40,14 +40,14 @@ def pages_of(
     films: list[dict[str, Any]] = []
     steps: list[dict[str, Any]] = []
     with film_renderer() as renderer:
-        for done, seen in enumerate(trials, start=1):
-            pictures = FilmPictures(seen.store, HEIGHT_PX, renderer.image)
-            for step in seen.steps:
+        for done, trial in enumerate(trials, start=1):
+            pictures = FilmPictures(trial.store, HEIGHT_PX, renderer.image)
+            for step in trial.steps:
                 for film in step.films.values():
                     if film not in numbers:
                         numbers[film] = len(films)
                         films.append(_packed(film, pictures, bundle))
-                steps.append(_told(seen, step, numbers, second_of))
+                steps.append(_told(trial, step, numbers, second_of))
             if on_trial is not None:
                 on_trial(done, len(trials))
     return steps, films
@@ -58,16 +58,16 @@ def _packed(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, Any
     seconds = film.frame_count / film.rate_hz
     count = max(1, round(seconds * rate_hz))
     name = f"{pictures.store.name_of(film)}-{HEIGHT_PX}-{rate_hz}-{WEBP_QUALITY}.zip"
-    kept = pictures.store.folder / "small" / name
-    frames = _read(kept, count)
+    path = pictures.store.folder / "small" / name
+    frames = _read(path, count)
     if frames is None:
         frames = []
         for k in range(count):
             content = io.BytesIO()
-            shown = Image.fromarray(pictures.at(film, k / rate_hz))
-            shown.save(content, "WEBP", quality=WEBP_QUALITY, method=3)
+            picture = Image.fromarray(pictures.at(film, k / rate_hz))
+            picture.save(content, "WEBP", quality=WEBP_QUALITY, method=3)
             frames.append(content.getvalue())
-        _keep(kept, frames)
+        _keep(path, frames)
     width, height = pictures.size_px(film)
     return {
         "seconds": seconds,
@@ -82,10 +82,10 @@ def _read(kept: Path, count: int) -> list[bytes] | None:
     """Return small pictures that were made before; None where they are not there, or not whole."""
     try:
         with zipfile.ZipFile(kept) as file:
-            found = [file.read(f"{k}.webp") for k in range(count)]
+            frames = [file.read(f"{k}.webp") for k in range(count)]
     except (OSError, KeyError, zipfile.BadZipFile):
         return None
-    return found
+    return frames
 
 
 def _keep(kept: Path, frames: Sequence[bytes]) -> None:

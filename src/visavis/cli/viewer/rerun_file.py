@@ -1,6 +1,6 @@
 """A session for the Rerun viewer: the same times, people, gaze, body and columns as on the page.
 
-People stand there as the bones that move them; meshes that bones move, Rerun does not draw.
+People stand there as the bones that move them; Rerun does not draw meshes that bones move.
 """
 
 from collections.abc import Callable, Sequence
@@ -81,12 +81,12 @@ def _events(
         _at(rr, stream, s(part, int(event["t_ns"])))
         stream.log("events", rr.TextLog(f"{event['name']} {event['payload']}"))
     for lane in lanes_of(recording, part):
-        for begin_ns, end_ns, told in lane.spans:
+        for begin_ns, end_ns, text in lane.spans:
             for t_ns, what in ((begin_ns, 1.0), (end_ns, 0.0)):
                 _at(rr, stream, s(part, t_ns))
                 stream.log(f"felt/{lane.name.replace(' ', '_')}", rr.Scalars([what]))
             _at(rr, stream, s(part, begin_ns))
-            stream.log("events", rr.TextLog(f"{lane.name} {told}"))
+            stream.log("events", rr.TextLog(f"{lane.name} {text}"))
 
 
 def _columns(
@@ -179,9 +179,9 @@ def _room(rr: Any, stream: Any, room: Room) -> None:
 def _bones(character: Character, root_m: Vector, turns: Vector) -> list[Vector]:
     """Return a line (2, 3) from every joint to that above it."""
     skeleton = character.skeleton
-    placed = forward(skeleton, root_m, turns).position_m
+    joints_m = forward(skeleton, root_m, turns).position_m
     return [
-        np.stack([placed[parent], placed[joint]])
+        np.stack([joints_m[parent], joints_m[joint]])
         for joint, parent in enumerate(skeleton.parents)
         if parent >= 0
     ]
