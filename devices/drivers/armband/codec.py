@@ -113,12 +113,12 @@ def encode_frame(kind: int, seq: int, payload: bytes = b"") -> bytes:
     raw += crc16(raw).to_bytes(2, "little")
     if len(raw) > MAX_RAW:
         raise ValueError(f"a frame holds at most {MAX_RAW - 4} bytes, not {len(payload)}")
-    stuffed = bytearray()
+    frame = bytearray()
     for block in raw.split(b"\0"):
-        stuffed.append(len(block) + 1)
-        stuffed += block
-    stuffed.append(0)
-    return bytes(stuffed)
+        frame.append(len(block) + 1)
+        frame += block
+    frame.append(0)
+    return bytes(frame)
 
 
 def decode_frame(stuffed: bytes) -> Frame | None:

@@ -203,10 +203,10 @@ class ArmbandDriver(HasLife):
         """Start a pattern; never sent twice, so that nobody feels it twice."""
         self._life.require("play", DeviceState.STREAMING, DeviceState.FAULT)
         self._limits.check_pattern(pattern, motors, amplitude_01)
-        chosen = [motor in motors for motor in range(self.motor_count)]
+        motor_mask = [motor in motors for motor in range(self.motor_count)]
         drive = Drive(
-            tuple(amplitude_01 if on else 0.0 for on in chosen),
-            tuple(pattern.high_hz if on else math.nan for on in chosen),
+            tuple(amplitude_01 if on else 0.0 for on in motor_mask),
+            tuple(pattern.high_hz if on else math.nan for on in motor_mask),
         )
         return self._traffic.play(pattern, drive, tuple(motors))
 
@@ -299,16 +299,16 @@ class ArmbandDriver(HasLife):
         return self._deliver()
 
     def _deliver(self) -> int:
-        rows, told = self._traffic.collect()
+        rows, band_rows = self._traffic.collect()
         sink = self._sink
-        if sink is None or not (rows or told):
+        if sink is None or not (rows or band_rows):
             return 0
         if rows:
             self._meter.update([row.t_device_ns for row in rows], rows[-1].t_host_ns)
             sink(command_batch(rows, self._row_seq))
             self._row_seq += len(rows)
-        if told:
-            self._meter.update([row.t_device_ns for row in told], told[-1].t_host_ns)
-            sink(band_batch(told, self._band_seq))
-            self._band_seq += len(told)
-        return len(rows) + len(told)
+        if band_rows:
+            self._meter.update([row.t_device_ns for row in band_rows], band_rows[-1].t_host_ns)
+            sink(band_batch(band_rows, self._band_seq))
+            self._band_seq += len(band_rows)
+        return len(rows) + len(band_rows)

@@ -217,9 +217,9 @@ class Traffic:
     def collect(self) -> tuple[list[Command], list[BandRow]]:
         """Give up the finished commands and what the band told, in order of arrival."""
         with self._wire:
-            finished, self._finished = self._finished, []
-            told, self._told = self._told, []
-        return finished, told
+            commands, self._finished = self._finished, []
+            band_rows, self._told = self._told, []
+        return commands, band_rows
 
     def read(self, timeout_s: float) -> None:
         """Take what came; see `ByteLink.read`."""
@@ -237,15 +237,15 @@ class Traffic:
     def confirm(self, encode: Callable[[int], bytes], deadline_ns: int) -> None:
         """Send one command again and again until it is answered; raises DeviceTimeout."""
         with self._wire:
-            asked = self._asked = Asked(self._next_seq())
-        data = encode(asked.seq)
+            request = self._asked = Asked(self._next_seq())
+        data = encode(request.seq)
 
         def send() -> None:
-            asked.tries += 1
-            asked.t_write_ns = self._clock.now_ns()
+            request.tries += 1
+            request.t_write_ns = self._clock.now_ns()
             self._link.write(data)
 
-        self.wait(send, lambda: asked.answered, TRY_NS, deadline_ns)
+        self.wait(send, lambda: request.answered, TRY_NS, deadline_ns)
 
     def wait(
         self,
@@ -371,12 +371,12 @@ class Traffic:
         if t_host_ns >= self._next_report_ns:
             self._next_report_ns = t_host_ns + REPORT_NS
             self._tell(0, t_host_ns, device_ns)
-        asked = self._asked
-        if asked is not None and answer.seq == asked.seq:
-            asked.answered = True
+        request = self._asked
+        if request is not None and answer.seq == request.seq:
+            request.answered = True
             self._asked = None
-            if asked.tries == 1:
-                self._add_pair(asked.t_write_ns, device_ns, t_host_ns)
+            if request.tries == 1:
+                self._add_pair(request.t_write_ns, device_ns, t_host_ns)
             return
         command = self._under_way.pop(answer.seq, None)
         if command is None:

@@ -38,25 +38,25 @@ class AsciiTemplates:
 
     def problems(self) -> tuple[str, ...]:
         """Return what is wrong, one sentence each."""
-        found: list[str] = []
+        problems: list[str] = []
         if bool(self.set_one) == bool(self.set_all):
-            found.append("give either set_one or set_all")
-        found += _misfits("set_one", self.set_one, {"motor", "amplitude", "ttl_ms"})
-        found += _misfits("set_all", self.set_all, self._all_names() | {"ttl_ms"})
-        found += _misfits("stop", self.stop, set())
+            problems.append("give either set_one or set_all")
+        problems += _misfits("set_one", self.set_one, {"motor", "amplitude", "ttl_ms"})
+        problems += _misfits("set_all", self.set_all, self._all_names() | {"ttl_ms"})
+        problems += _misfits("stop", self.stop, set())
         if self.set_one and not {"motor", "amplitude"} <= _names(self.set_one):
-            found.append("set_one needs {motor} and {amplitude}")
+            problems.append("set_one needs {motor} and {amplitude}")
         if self.set_all and not self._all_names() <= _names(self.set_all):
-            found.append(f"set_all needs {_listed(self._all_names())}")
+            problems.append(f"set_all needs {_listed(self._all_names())}")
         for name in ("battery_answer", "refusal_answer"):
             try:
                 groups = re.compile(getattr(self, name)).groups
             except re.error as cause:
-                found.append(f"{name} is no regular expression: {cause}")
+                problems.append(f"{name} is no regular expression: {cause}")
             else:
                 if name == "battery_answer" and self.battery_answer and groups < 1:
-                    found.append("battery_answer needs a group (…) around the percentage")
-        return tuple(found)
+                    problems.append("battery_answer needs a group (…) around the percentage")
+        return tuple(problems)
 
     def _all_names(self) -> set[str]:
         return {f"a{i}" for i in range(self.motor_count)}
@@ -123,10 +123,10 @@ class AsciiLanguage:
 
     def _read(self, line: str) -> list[Notice]:
         notices: list[Notice] = []
-        found = self._battery.search(line) if self._battery else None
-        if found is not None:
+        match = self._battery.search(line) if self._battery else None
+        if match is not None:
             try:
-                percent = float(found[1])
+                percent = float(match[1])
             except (TypeError, ValueError):
                 self.damaged += 1
             else:
@@ -164,8 +164,8 @@ def _misfits(label: str, template: str, known: set[str]) -> list[str]:
         pass  # told below, with every unknown name
     except (ValueError, IndexError, UnicodeEncodeError, AttributeError) as cause:
         return [f"{label} is no template: {cause}"]
-    allowed = _listed(known) or "no field"
-    return [f"{label}: unknown field {{{name}}}; it may hold {allowed}" for name in sorted(unknown)]
+    fields = _listed(known) or "no field"
+    return [f"{label}: unknown field {{{name}}}; it may hold {fields}" for name in sorted(unknown)]
 
 
 def _listed(names: set[str]) -> str:

@@ -82,9 +82,9 @@ class BhapticsLanguage:
         """Return whether the unit is connected to the Player."""
         notices: list[Notice] = []
         for _, message in self._reader.feed(data):
-            connected = message.get("ConnectedPositions")
-            if isinstance(connected, list):
-                notices += [Ready(), Condition(is_worn=self._position in connected)]
+            positions = message.get("ConnectedPositions")
+            if isinstance(positions, list):
+                notices += [Ready(), Condition(is_worn=self._position in positions)]
         return notices
 
     def reset(self) -> None:

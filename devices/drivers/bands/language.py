@@ -120,16 +120,16 @@ class JsonReader:
     def feed(self, data: bytes) -> list[tuple[str, dict[str, Any]]]:
         """Return (text before it, object) for every object completed by these bytes."""
         self._buffer += self._decoder.decode(data)
-        found: list[tuple[str, dict[str, Any]]] = []
+        objects: list[tuple[str, dict[str, Any]]] = []
         while self._fence and self._fence in self._buffer:
             piece, _, self._buffer = self._buffer.partition(self._fence)
-            rest = self._cut(piece, found)
+            rest = self._cut(piece, objects)
             self.damaged += "{" in rest
-        self._buffer = self._cut(self._buffer, found)
+        self._buffer = self._cut(self._buffer, objects)
         if len(self._buffer) > MAX_JSON:
             self.damaged += "{" in self._buffer
             self._buffer = self._buffer[-len(self._fence) :] if self._fence else ""
-        return found
+        return objects
 
     def reset(self) -> None:
         """Forget a begun object."""
@@ -150,14 +150,14 @@ class JsonReader:
 
 
 def _closing_brace(text: str, start: int) -> int | None:
-    depth, in_string, escaped = 0, False, False
+    depth, in_string, after_backslash = 0, False, False
     for at in range(start, len(text)):
         letter = text[at]
         if in_string:
-            if escaped:
-                escaped = False
+            if after_backslash:
+                after_backslash = False
             elif letter == "\\":
-                escaped = True
+                after_backslash = True
             elif letter == '"':
                 in_string = False
         elif letter == '"':

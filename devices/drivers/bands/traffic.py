@@ -102,16 +102,16 @@ class BandTraffic:
     def play(self, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float) -> int:
         """Play a pattern step by step; return the command's number."""
         now_ns = self._clock.now_ns()
-        chosen = tuple(
+        peaks_01 = tuple(
             amplitude_01 if m in motors else 0.0 for m in range(self._language.motor_count)
         )
 
         def amplitudes_at(since_ns: int) -> tuple[float, ...]:
             share = share_01(pattern, since_ns / NS_PER_S)
-            return tuple(share * amplitude for amplitude in chosen)
+            return tuple(share * amplitude for amplitude in peaks_01)
 
         until_ns = now_ns + pattern.duration_ms * NS_PER_MS
-        command = self._new(PATTERN, now_ns, chosen, None, duration_ms=float(pattern.duration_ms))
+        command = self._new(PATTERN, now_ns, peaks_01, None, duration_ms=float(pattern.duration_ms))
         command.pattern = PATTERN_NAMES.index(pattern.name)
         command.low_hz, command.modulation_hz = pattern.low_hz, pattern.modulation_hz
         changes = pattern.name != "steady"

@@ -163,9 +163,11 @@ class ButtonDevice(HasLife):
                 f"{self._role}: keys names {', '.join(unknown)}, but the device has "
                 f"{', '.join(buttons)}"
             )
-        called = [self._keys.get(button, button) for button in buttons]
-        self.controls = tuple(dict.fromkeys(called))
-        self._index = {b: self.controls.index(c) for b, c in zip(buttons, called, strict=True)}
+        control_names = [self._keys.get(button, button) for button in buttons]
+        self.controls = tuple(dict.fromkeys(control_names))
+        self._index = {
+            b: self.controls.index(c) for b, c in zip(buttons, control_names, strict=True)
+        }
 
     # ---- inside -----------------------------------------------------------------------------
 
@@ -195,11 +197,11 @@ class ButtonDevice(HasLife):
         values["control"] = [self._index[p.button] for _, p in rows]
         values["value_01"] = [p.value_01 for _, p in rows]
         host = np.array([t_ns for t_ns, _ in rows], np.int64)
-        told = [p.t_device_ns for _, p in rows]
-        device = np.array([NO_DEVICE_TIME if t is None else t for t in told], np.int64)
+        device_times_ns = [p.t_device_ns for _, p in rows]
+        device = np.array([NO_DEVICE_TIME if t is None else t for t in device_times_ns], np.int64)
         seq = np.arange(self._seq, self._seq + len(rows))
         self._seq += len(rows)
-        self._meter.update((host if None in told else device).tolist(), int(host[-1]))
+        self._meter.update((host if None in device_times_ns else device).tolist(), int(host[-1]))
         self._sink(SampleBatch(RESPONSES, seq, device, host, values))
         return len(rows)
 

@@ -82,10 +82,10 @@ class HidButtonLink:
         now_ns = self._clock.now_ns()
         if data == DESCRIBE:
             try:
-                described = bytes(self._device.get_report_descriptor())
+                descriptor = bytes(self._device.get_report_descriptor())
             except (OSError, ValueError) as cause:
                 raise self._gone(cause) from cause
-            self._answers.append(Chunk(now_ns, DESCRIPTOR + described))
+            self._answers.append(Chunk(now_ns, DESCRIPTOR + descriptor))
         return now_ns
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:

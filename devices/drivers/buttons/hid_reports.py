@@ -70,7 +70,7 @@ def layout_of(descriptor: bytes) -> Layout:
     usages: list[tuple[int, int]] = []
     first = 0
     offset: dict[int, int] = {}
-    found: list[Control] = []
+    controls: list[Control] = []
     is_numbered = False
     at = 0
     while at < len(descriptor):
@@ -111,14 +111,14 @@ def layout_of(descriptor: bytes) -> Layout:
                 if state.size * state.count + bit > MAX_BITS:
                     return Layout((), is_numbered=False)
                 if state.size and data & _VARIABLE and not data & _CONSTANT:
-                    found += _controls(state, usages, bit)
+                    controls += _controls(state, usages, bit)
                 offset[state.report] = bit + state.size * state.count
                 usages, first = [], 0
             case 0xA0 | 0xC0 | 0xB0 | 0x90:
                 usages, first = [], 0
             case _:
                 pass
-    return Layout(tuple(found), is_numbered)
+    return Layout(tuple(controls), is_numbered)
 
 
 def _usage(data: int, length: int, page: int) -> tuple[int, int]:
@@ -127,17 +127,17 @@ def _usage(data: int, length: int, page: int) -> tuple[int, int]:
 
 
 def _controls(state: _Globals, usages: Sequence[tuple[int, int]], bit: int) -> list[Control]:
-    found = []
+    controls = []
     for k in range(state.count if usages else 0):
         page, usage = usages[min(k, len(usages) - 1)]
         place = (state.report, bit + k * state.size, state.size, state.low, state.high)
         if page == BUTTON_PAGE and usage:
-            found.append(Control(f"button_{usage}", *place))
+            controls.append(Control(f"button_{usage}", *place))
         elif page == DESKTOP_PAGE and usage in AXES:
-            found.append(Control(AXES[usage], *place))
+            controls.append(Control(AXES[usage], *place))
         elif page == DESKTOP_PAGE and usage == HAT:
-            found.append(Control("hat", *place, is_hat=True))
-    return found
+            controls.append(Control("hat", *place, is_hat=True))
+    return controls
 
 
 class ReportReader:
@@ -154,13 +154,13 @@ class ReportReader:
         if self._layout.is_numbered:
             number, body = (report[0] if report else 0), report[1:]
         value = int.from_bytes(body, "little")
-        found: list[Press] = []
+        presses: list[Press] = []
         for control in self._layout.controls:
             if control.report != number:
                 continue
             if control.bit + control.bits > 8 * len(body):
                 self.damaged += 1
-                return found
+                return presses
             raw = value >> control.bit & ((1 << control.bits) - 1)
             if control.low < 0 and raw >> (control.bits - 1):
                 raw -= 1 << control.bits
@@ -169,8 +169,8 @@ class ReportReader:
                 is_end = level in (0.0, 1.0) and level != before
                 if is_end or abs(level - before) >= STEP_01:
                     self._last[name] = level
-                    found.append(Press(name, level))
-        return found
+                    presses.append(Press(name, level))
+        return presses
 
 
 def _levels(control: Control, raw: int) -> list[tuple[str, float]]:

@@ -59,10 +59,10 @@ class KeyLink:
             else:
                 self._something.wait(timeout_s)
         self._something.clear()
-        found = []
+        chunks = []
         while self._heard:
-            found.append(self._heard.popleft())
-        return found
+            chunks.append(self._heard.popleft())
+        return chunks
 
     def close(self) -> None:
         """Do nothing: the window is not ours."""

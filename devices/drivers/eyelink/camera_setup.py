@@ -162,9 +162,9 @@ class FullScreen:
     def keys(self) -> Sequence[int]:
         """Return the keys pressed since the last call, as the host knows them."""
         self._glfw.poll_events()
-        found = tuple(self._pressed)
+        key_codes = tuple(self._pressed)
         self._pressed.clear()
-        return found
+        return key_codes
 
     def close(self) -> None:
         """Give the screen back."""
@@ -174,6 +174,6 @@ class FullScreen:
     def _take_key(self, window: Any, key: int, scan: int, action: int, mods: int) -> None:
         if action == self._glfw.PRESS:
             letter = ord(chr(key).lower()) if 65 <= key <= 90 else None
-            known = KEYS.get(key, letter)
-            if known is not None:
-                self._pressed.append(known)
+            host_key = KEYS.get(key, letter)
+            if host_key is not None:
+                self._pressed.append(host_key)

@@ -48,10 +48,10 @@ def decode_sample(
         (RIGHT, half_m, numbers[3:]),
     ):
         at = (x_m, 0.0, 0.0)
-        seen = bool(eyes & bit) and abs(x) < MISSING_BEYOND and abs(y) < MISSING_BEYOND
-        point = screen.point_m(x / screen_px[0], y / screen_px[1]) if seen else LOST
+        has_gaze = bool(eyes & bit) and abs(x) < MISSING_BEYOND and abs(y) < MISSING_BEYOND
+        point = screen.point_m(x / screen_px[0], y / screen_px[1]) if has_gaze else LOST
         ray = ray_between(at, point)
-        size = diameter_mm(pupil * pupil_mm_per_unit) if seen and math.isfinite(pupil) else NAN
+        size = diameter_mm(pupil * pupil_mm_per_unit) if has_gaze and math.isfinite(pupil) else NAN
         rows.append(Eye(ray, at, ray[0] == ray[0], size))
     return Sample(round(time_ms * 1e6), None, gaze_row(rows[0], rows[1]))
 

@@ -236,10 +236,10 @@ def _packed(sample: Any) -> bytes:
         (LEFT, sample.isLeftSample() or sample.isBinocular(), sample.getLeftEye),
         (RIGHT, sample.isRightSample() or sample.isBinocular(), sample.getRightEye),
     ):
-        found = eye() if present else None
-        if found is None:
+        eye_data = eye() if present else None
+        if eye_data is None:
             numbers += [-32768.0, -32768.0, 0.0]
             continue
         eyes |= bit
-        numbers += [*map(float, found.getGaze()), float(found.getPupilSize())]
+        numbers += [*map(float, eye_data.getGaze()), float(eye_data.getPupilSize())]
     return SAMPLE.pack(float(sample.getTime()), eyes, *numbers)

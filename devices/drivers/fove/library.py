@@ -188,13 +188,13 @@ class FoveLibrary:
         return (ANSWER.pack(code, int(value.value)),)
 
     def _versions(self) -> Frames:
-        found = _Versions()
+        versions = _Versions()
         with self._calls:
-            code = self._call("getSoftwareVersions", ctypes.byref(found))
+            code = self._call("getSoftwareVersions", ctypes.byref(versions))
             if code == OK:
                 code = self._call("checkSoftwareVersions")
-        client = f"{found.client_major}.{found.client_minor}.{found.client_build}"
-        runtime = f"{found.runtime_major}.{found.runtime_minor}.{found.runtime_build}"
+        client = f"{versions.client_major}.{versions.client_minor}.{versions.client_build}"
+        runtime = f"{versions.runtime_major}.{versions.runtime_minor}.{versions.runtime_build}"
         return ANSWER.pack(code, 0), f"client {client}, runtime {runtime}".encode()
 
     def _calibration_state(self) -> Frames:

@@ -84,11 +84,11 @@ class HidGaze(GazeDevice):
         layout = self._layout
         if layout is None or message.t_sent_ns is not None:
             return
-        found = codec.decode_report(message.frames[0], layout, self._screen, self._eye_distance_mm)
-        if found is None or found[0] * self._tick_ns >= 2**62:
+        report = codec.decode_report(message.frames[0], layout, self._screen, self._eye_distance_mm)
+        if report is None or report[0] * self._tick_ns >= 2**62:
             self._malformed += 1
             return
-        ticks, row = found
+        ticks, row = report
         if len(self._ticks) <= STEPS_FOR_UNIT:
             self._ticks.append(ticks)
         yield Sample(ticks * self._tick_ns, None, row)

@@ -69,11 +69,11 @@ class HidReports:
         self.close()
         library = self._given if self._given is not None else hid_library()
         rows = found_trackers(library)
-        wanted = [r for r in rows if not self._serial or r.get("serial_number") == self._serial]
-        if not wanted:
-            seen = ", ".join(str(row.get("serial_number")) for row in rows) or "none"
-            raise DeviceNotFound(f"no HID eye tracker {self._serial!r} (found: {seen})".strip())
-        self._row = wanted[0]
+        matches = [r for r in rows if not self._serial or r.get("serial_number") == self._serial]
+        if not matches:
+            serials = ", ".join(str(row.get("serial_number")) for row in rows) or "none"
+            raise DeviceNotFound(f"no HID eye tracker {self._serial!r} (found: {serials})".strip())
+        self._row = matches[0]
         device = library.device()
         try:
             device.open_path(self._row["path"])

@@ -217,8 +217,8 @@ class BleLink:
             await client.write_gatt_char(self._characteristic, piece, response=False)
 
     def _is_it(self, device: Any, advertisement: Any) -> bool:
-        told = advertisement.local_name or device.name or ""
-        return bool(told.startswith(self._name))
+        name = advertisement.local_name or device.name or ""
+        return bool(name.startswith(self._name))
 
     def _on_data(self, _: Any, data: bytearray) -> None:
         with self._something:
@@ -236,10 +236,10 @@ class BleLink:
             self._orphan = asyncio.ensure_future(client.disconnect())
 
     def _not_found(self, cause: BaseException) -> DeviceNotFound:
-        said = str(cause) or type(cause).__name__
+        reason = str(cause) or type(cause).__name__
         if isinstance(cause, FileNotFoundError):
-            said = "this computer runs no Bluetooth service"
-        return DeviceNotFound(f"cannot reach {self.kind}: {said}", remedy=REMEDY)
+            reason = "this computer runs no Bluetooth service"
+        return DeviceNotFound(f"cannot reach {self.kind}: {reason}", remedy=REMEDY)
 
 
 async def _say_goodbye(client: Any) -> None:

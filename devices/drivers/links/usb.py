@@ -50,16 +50,16 @@ class HidLink:
         self.close()
         library = self._library if self._library is not None else _hidapi()
         vid, pid, serial_number = self._wanted
-        found = [
+        entries = [
             entry
             for entry in library.enumerate(vid, pid)
             if not serial_number or entry.get("serial_number") == serial_number
         ]
-        if not found:
+        if not entries:
             raise DeviceNotFound(f"no HID {vid:04x}:{pid:04x} {serial_number}", remedy=REMEDY)
         device = library.device()
         try:
-            device.open_path(found[0]["path"])
+            device.open_path(entries[0]["path"])
         except OSError as cause:
             text = f"cannot open HID {vid:04x}:{pid:04x}: {cause}"
             raise DeviceNotFound(text, remedy=LINUX_REMEDY) from cause
@@ -73,10 +73,10 @@ class HidLink:
             raise DeviceDisconnected("the HID is closed", remedy=REMEDY)
         try:
             with self._writing:
-                taken = device.write(data)
+                byte_count = device.write(data)
         except (OSError, ValueError) as cause:
             raise DeviceDisconnected(f"{self.kind} is gone: {cause}", remedy=REMEDY) from cause
-        if taken < 0:
+        if byte_count < 0:
             raise DeviceDisconnected(f"{self.kind} takes no report", remedy=REMEDY)
         return self._clock.now_ns()
 
@@ -145,7 +145,7 @@ class UsbLink:
         usb = self._usb = _pyusb()
         vid, pid, serial_number = self._wanted
         try:
-            found = usb.core.find(
+            candidates = usb.core.find(
                 find_all=True,
                 idVendor=vid,
                 idProduct=pid,
@@ -153,7 +153,7 @@ class UsbLink:
             )
             devices = [
                 device
-                for device in found
+                for device in candidates
                 if not serial_number or device.serial_number == serial_number
             ]
         except usb.core.NoBackendError as cause:

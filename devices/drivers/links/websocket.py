@@ -85,8 +85,8 @@ class WebSocketLink:
 
     def close(self) -> None:
         """Close the connection; idempotent."""
-        opened, self._socket = self._socket, None
-        if opened is not None:
+        connection, self._socket = self._socket, None
+        if connection is not None:
             with contextlib.suppress(OSError, self._library.exceptions.WebSocketException):
                 self._held.close()
 

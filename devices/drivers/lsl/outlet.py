@@ -37,8 +37,8 @@ class LslScope:
         """Return the library's configuration text; empty to leave its own in force."""
         if not self.session and not self.machine_only:
             return ""
-        kept = "".join(c for c in self.session if c not in UNSAFE) or "default"
-        lines = ["[lab]", f"SessionID = {kept}"]
+        session_id = "".join(c for c in self.session if c not in UNSAFE) or "default"
+        lines = ["[lab]", f"SessionID = {session_id}"]
         if self.machine_only:
             lines = ["[multicast]", "ResolveScope = machine", *lines, "KnownPeers = {127.0.0.1}"]
         return "\n".join(lines) + "\n"
@@ -126,9 +126,9 @@ class LslOutlets:
         desc = info.desc()
         desc.append_child_value("is_simulated", "true" if is_simulated else "false")
         if schema is not None:
-            described = Element("desc")
-            describe(described, schema)
-            _copy(described, desc)
+            description = Element("desc")
+            describe(description, schema)
+            _copy(description, desc)
 
 
 class _Nowhere:

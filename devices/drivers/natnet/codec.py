@@ -178,18 +178,18 @@ def decode_frame(payload: bytes, version: Version) -> Frame:
     """Read message 7."""
     reader = _Reader(payload)
     number = reader.integer()
-    sized = version >= SIZED_FROM
+    has_sizes = version >= SIZED_FROM
 
     def section() -> tuple[int, int | None]:
         n = reader.count()
-        return n, reader.integer() if sized else None
+        return n, reader.integer() if has_sizes else None
 
     def over() -> None:
         """Step over a section that states its size."""
         _, size = section()
         reader.skip(size or 0)
 
-    if sized:
+    if has_sizes:
         over()
         over()
     else:
@@ -207,7 +207,7 @@ def decode_frame(payload: bytes, version: Version) -> Frame:
         for _ in range(reader.count()):
             bone = _body(reader)
             bones[skeleton, bone.number & 0xFFFF] = bone
-    if sized:
+    if has_sizes:
         for _ in range(4):  # assets, labelled markers, force plates, devices
             over()
     else:
@@ -218,7 +218,7 @@ def decode_frame(payload: bytes, version: Version) -> Frame:
                 for _ in range(reader.count()):
                     reader.skip(4 * reader.count())
     ticks = int(reader.take(_SUFFIX)[3])
-    if sized:
+    if has_sizes:
         reader.take(_PRECISION)
     flags = int(reader.take(_FLAGS)[0])
     return Frame(number, bodies, bones, ticks, bool(flags & 2))

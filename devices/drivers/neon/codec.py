@@ -114,7 +114,7 @@ def decode_gaze(stamp_ns: int, counter: int, payload: bytes, camera: SceneCamera
     parts = LAYOUTS.get(len(payload))
     if parts is None:
         return None
-    x, y, worn = MONO.unpack_from(payload)
+    x, y, worn_code = MONO.unpack_from(payload)
     floats: Floats = struct.unpack_from(f"!{(len(payload) - 9) // 4}f", payload, 9)
     left_px = right_px = (NAN, NAN)
     state: Floats = ()
@@ -127,7 +127,7 @@ def decode_gaze(stamp_ns: int, counter: int, payload: bytes, camera: SceneCamera
         left_px, right_px = (x, y), (floats[0], floats[1])
     elif "dual" in parts:
         left_px, right_px = (floats[0], floats[1]), (floats[2], floats[3])
-    is_worn = worn == WORN
+    is_worn = worn_code == WORN
     left = _eye(left_px, state[:7], lids[:3], camera, is_worn)
     right = _eye(right_px, state[7:], lids[3:], camera, is_worn)
     if parts == "dual":

@@ -106,15 +106,15 @@ class Neon(GazeDevice):
         status = self._ask((b"status",), deadline_ns).frames
         self._take_status(status)
         raw = self._ask((b"calibration",), deadline_ns).frames[1]
-        found = codec.decode_calibration(raw, self._pitch_deg)
-        if found is None:
+        calibration = codec.decode_calibration(raw, self._pitch_deg)
+        if calibration is None:
             fault = self._warning(
                 "the module's camera calibration is not known; rays are a pinhole's",
                 "update the Companion app, or set focal_length_px and the centre",
             )
             self._note("camera", fault)
         else:
-            self._camera, serial = found
+            self._camera, serial = calibration
             self.info = replace(self.info, serial=serial)
         for _ in range(self._opening_exchanges):
             exchange = self._ask((b"time",), deadline_ns)
@@ -175,15 +175,15 @@ class Neon(GazeDevice):
             elif model == "Hardware" and data.get("module_serial", "unknown") != "unknown":
                 self.info = replace(self.info, serial=str(data["module_serial"]))
             elif model == "Sensor" and data.get("sensor") == "gaze":
-                gone = not data.get("connected") and data.get("conn_type") == "DIRECT"
-                if gone and self._life.state is DeviceState.CLOSED:
+                is_disconnected = not data.get("connected") and data.get("conn_type") == "DIRECT"
+                if is_disconnected and self._life.state is DeviceState.CLOSED:
                     raise DeviceNotFound(
                         "the phone sees no gaze sensor",
                         role=self.info.role,
                         remedy="connect the glasses to the phone and wait for the gaze circle",
                     )
                 fault = self._blocking("the glasses are not connected", "check their cable")
-                self._note("sensor", fault if gone else None)
+                self._note("sensor", fault if is_disconnected else None)
 
     def _take_phone(self, data: Mapping[str, Any]) -> None:
         level = data.get("battery_level")

@@ -66,13 +66,13 @@ class OpenVrControllers(RuntimeControllers):
             self._take(message, changes)
         if self._has_axes and self._hand_of:
             self._take_axes(changes)
-        told = self._ask_rays() if self._rays else 0
-        told += self._tell(changes)
+        row_count = self._ask_rays() if self._rays else 0
+        row_count += self._tell(changes)
         if self.state is DeviceState.FAULT:
             raise DeviceDisconnected(
                 "the OpenVR runtime was closed", role=self.info.role, remedy=self._spec.remedy
             )
-        return told
+        return row_count
 
     def health(self) -> Health:
         """Report rows so far and the weakest battery when it was last looked at."""
@@ -135,7 +135,7 @@ class OpenVrControllers(RuntimeControllers):
         if exchange.frames[0] or len(exchange.frames) < 2:
             return
         try:
-            found = [
+            hand_axes = [
                 (self._hand_of.get(slot), {p: float(axes[n]) for p, n in AXES.items()})
                 for slot, axes in msgpack.unpackb(exchange.frames[1])
                 if axes is not None
@@ -146,7 +146,7 @@ class OpenVrControllers(RuntimeControllers):
         for control, (hand, part) in enumerate(self._wanted):
             levels = [
                 axes[part]
-                for side, axes in found
+                for side, axes in hand_axes
                 if part in AXES and hand in ("any", side) and math.isfinite(axes[part])
             ]
             if levels:

@@ -36,25 +36,29 @@ def read_display(
     """Read the runtime's account of display and eyes; raises ProtocolViolation."""
     with legible("the runtime's account of the display", remedy):
         rate_hz, photons_s, width, height = (float(n) for n in msgpack.unpackb(display))
-        told = [msgpack.unpackb(eye) for eye in eyes]
+        eye_rows = [msgpack.unpackb(eye) for eye in eyes]
         size_px = (int(width), int(height))
         photons_ns = round(photons_s * NS_PER_S)
-        placed = [codec.decode_matrix([float(n) for n in eye[1]]) for eye in told]
-        tangents = [[float(n) for n in eye[0]] for eye in told]
+        eye_poses = [codec.decode_matrix([float(n) for n in eye[1]]) for eye in eye_rows]
+        tangents = [[float(n) for n in eye[0]] for eye in eye_rows]
         # Captures of before it was asked say nothing of what is hidden.
-        hidden = [[(float(u), float(v)) for u, v in (eye[2] if eye[2:] else [])] for eye in told]
-    if placed[0] is None or placed[1] is None:
+        hidden_corners = [
+            [(float(u), float(v)) for u, v in (eye[2] if eye[2:] else [])] for eye in eye_rows
+        ]
+    if eye_poses[0] is None or eye_poses[1] is None:
         raise ProtocolViolation("the runtime gives no places of the eyes", role=role, remedy=remedy)
-    if not all(len(both) % 3 == 0 and np.isfinite(both).all() for both in hidden):
+    if not all(len(both) % 3 == 0 and np.isfinite(both).all() for both in hidden_corners):
         raise ProtocolViolation(
             "the runtime's account of what the lenses hide is not of triangles",
             role=role,
             remedy=remedy,
         )
-    midpoint_m = (np.array(placed[0][0]) + np.array(placed[1][0])) / 2
+    midpoint_m = (np.array(eye_poses[0][0]) + np.array(eye_poses[1][0])) / 2
     left, right = (
         _view(four, np.array(place[0]) - midpoint_m, place[1], corners)
-        for four, place, corners in zip(tangents, (placed[0], placed[1]), hidden, strict=True)
+        for four, place, corners in zip(
+            tangents, (eye_poses[0], eye_poses[1]), hidden_corners, strict=True
+        )
     )
     return DisplayFacts(float(rate_hz), size_px, photons_ns, midpoint_m, (left, right))
 
@@ -108,5 +112,7 @@ def _view(
     """
     left, right, below, above = (*raw[:2], min(raw[2:]), max(raw[2:]))
     x, y, z = (float(v) for v in offset_m)
-    hidden = tuple((left + u * (right - left), below + v * (above - below)) for u, v in hidden_01)
-    return EyeView((x, y, z), turn, left, right, below, above, hidden=hidden)
+    hidden_area = tuple(
+        (left + u * (right - left), below + v * (above - below)) for u, v in hidden_01
+    )
+    return EyeView((x, y, z), turn, left, right, below, above, hidden=hidden_area)

@@ -74,19 +74,19 @@ class OpenVrHeadset(RuntimeHeadset):
             self._lose(error)
             return self._wait_without_runtime()
         t_ns = max(exchange.t_receive_ns, self._last_t_ns + 1)
-        known, since_ns, count = self._vsync(exchange, t_ns)
+        has_vsync, since_ns, count = self._vsync(exchange, t_ns)
         remaining_ns = self._remaining_ns(exchange)
         if remaining_ns is None:
             predicted_ns = t_ns - since_ns + self._period_ns + self._photons_ns
-            skipped = self._skipped(known, count, t_ns)
+            skipped_count = self._skipped(has_vsync, count, t_ns)
         else:
             predicted_ns = t_ns + remaining_ns + self._photons_ns
-            skipped = self._skipped_to(predicted_ns)
-            self._last_count = count if known else None
+            skipped_count = self._skipped_to(predicted_ns)
+            self._last_count = count if has_vsync else None
         self._timing_raw = exchange.frames[3] if len(exchange.frames) > 3 else b""
         self._close_frame()
         poses = codec.decode_poses(exchange.frames[1] if len(exchange.frames) > 1 else b"")
-        return self._begin_with(t_ns, max(predicted_ns, t_ns), skipped, poses)
+        return self._begin_with(t_ns, max(predicted_ns, t_ns), skipped_count, poses)
 
     def late_head(self) -> Pose | None:
         """Return the head as the runtime now foresees it for the light of the last frame."""
@@ -95,11 +95,11 @@ class OpenVrHeadset(RuntimeHeadset):
         ahead_s = (self._frame.predicted_display_ns - self._clock.now_ns()) / NS_PER_S
         raw = self._late_answer((b"late", f"{max(ahead_s, 0.0):.9f}".encode()))
         poses = codec.decode_poses(raw)
-        found = codec.decode_pose(poses[0]) if len(poses) else None
-        if found is None:
+        pose = codec.decode_pose(poses[0]) if len(poses) else None
+        if pose is None:
             return None
         self._drawn_from = poses[0]["matrix"].tobytes()
-        return self._between_eyes(found)
+        return self._between_eyes(pose)
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
         """Hand over one GL texture name per eye, left first; none shows nothing new.
@@ -138,17 +138,17 @@ class OpenVrHeadset(RuntimeHeadset):
 
     def check(self) -> tuple[Fault, ...]:
         """Tell standby, a headset not worn, lost tracking, moved base stations, lost focus."""
-        gone = self._gone if self.state is DeviceState.FAULT else ""
+        loss = self._gone if self.state is DeviceState.FAULT else ""
         self._found.untracked = self._untracked
-        return self._found.faults(self.info.role, gone, self._bases.moved_m)
+        return self._found.faults(self.info.role, loss, self._bases.moved_m)
 
     def poses_by_serial(self) -> dict[str, Pose | None]:
         """Return where every device stood in the present frame, None where it was not tracked."""
-        found: dict[str, Pose | None] = {}
+        poses: dict[str, Pose | None] = {}
         for slot, serial in self._serials.items():
             pose = codec.decode_pose(self._last_poses[slot]) if len(self._last_poses) else None
-            found[serial] = None if pose is None else Pose(np.array(pose[0]), np.array(pose[1]))
-        return found
+            poses[serial] = None if pose is None else Pose(np.array(pose[0]), np.array(pose[1]))
+        return poses
 
     # ---- private --------------------------------------------------------------------------
 
@@ -163,11 +163,11 @@ class OpenVrHeadset(RuntimeHeadset):
         self._learn_devices()
         eyes = (self._answer("eye 0"), self._answer("eye 1"))
         role, remedy = self.info.role, OPENVR_HEADSET.remedy
-        found = read_display(self._answer("display"), eyes, role=role, remedy=remedy)
-        self._set_rate(found.rate_hz)
-        self.render_size_px = found.render_size_px
-        self._photons_ns, self._midpoint = found.photons_ns, found.midpoint_m
-        self._views = found.views
+        facts = read_display(self._answer("display"), eyes, role=role, remedy=remedy)
+        self._set_rate(facts.rate_hz)
+        self.render_size_px = facts.render_size_px
+        self._photons_ns, self._midpoint = facts.photons_ns, facts.midpoint_m
+        self._views = facts.views
         self.info = replace(self.info, driver_version=f"1 ({runtime})")
 
     def _learn_devices(self) -> None:
@@ -187,8 +187,8 @@ class OpenVrHeadset(RuntimeHeadset):
         raw = exchange.frames[2] if len(exchange.frames) > 2 else b""
         if len(raw) != codec.VSYNC.size:
             return False, 0, 0
-        known, since_s, count = codec.VSYNC.unpack(raw)
-        if not known or not 0 <= since_s < 1:
+        is_known, since_s, count = codec.VSYNC.unpack(raw)
+        if not is_known or not 0 <= since_s < 1:
             return False, 0, 0
         return True, round(since_s * NS_PER_S), int(count)
 
@@ -222,15 +222,15 @@ class OpenVrHeadset(RuntimeHeadset):
 
     def _begin_with(self, t_ns: int, predicted_ns: int, skipped: int, poses: Array) -> FrameInfo:
         self._last_poses = poses
-        found = codec.decode_pose(poses[0]) if len(poses) else None
-        if found is not None:
-            x, y, z = self._between_eyes(found).position_m
-            found = (x, y, z), found[1]
+        head_pose = codec.decode_pose(poses[0]) if len(poses) else None
+        if head_pose is not None:
+            x, y, z = self._between_eyes(head_pose).position_m
+            head_pose = (x, y, z), head_pose[1]
         self._drawn_from = b""
         if t_ns >= self._base_due_ns:
             self._base_due_ns = t_ns + BASE_STATIONS_EVERY_NS
             self._bases.look(poses)
-        return self._begin_frame(t_ns, predicted_ns, skipped, found)
+        return self._begin_frame(t_ns, predicted_ns, skipped, head_pose)
 
     def _between_eyes(self, found: tuple[codec.Triple, codec.Quadruple]) -> Pose:
         """Return the pose of the midpoint between the eyes, of the headset's."""

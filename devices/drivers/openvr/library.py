@@ -50,8 +50,8 @@ class OpenVrLibrary:
 
     def __init__(self, clock: Clock, *, application: str = "scene") -> None:
         if application not in APPLICATIONS:
-            known = ", ".join(APPLICATIONS)
-            raise DeviceError(f"OpenVR application {application!r} is unknown", remedy=known)
+            names = ", ".join(APPLICATIONS)
+            raise DeviceError(f"OpenVR application {application!r} is unknown", remedy=names)
         self.clock = clock
         self.is_simulated = False
         self.version = ""
@@ -164,7 +164,7 @@ class OpenVrLibrary:
 
     def _devices(self, _: Frames) -> Frames:
         vr, system = self._openvr, self._system
-        found = []
+        devices = []
         for slot in range(MAX_DEVICES):
             kind = int(system.getTrackedDeviceClass(slot))
             if kind and system.isTrackedDeviceConnected(slot):
@@ -172,9 +172,9 @@ class OpenVrLibrary:
                 texts = (vr.Prop_SerialNumber_String, vr.Prop_ModelNumber_String)
                 maker = vr.Prop_ManufacturerName_String
                 names = [self._property(slot, prop) for prop in (*texts, maker)]
-                found.append([slot, kind, role, *names, self._battery(slot)])
-        packed: bytes = msgpack.packb(found)
-        return (packed,)
+                devices.append([slot, kind, role, *names, self._battery(slot)])
+        payload: bytes = msgpack.packb(devices)
+        return (payload,)
 
     def _property(self, slot: int, prop: Any) -> str:
         try:
@@ -199,8 +199,8 @@ class OpenVrLibrary:
         rate_hz = system.getFloatTrackedDeviceProperty(0, vr.Prop_DisplayFrequency_Float)
         photons_s = system.getFloatTrackedDeviceProperty(0, vr.Prop_SecondsFromVsyncToPhotons_Float)
         width, height = system.getRecommendedRenderTargetSize()
-        packed: bytes = msgpack.packb([float(rate_hz), float(photons_s), int(width), int(height)])
-        return (packed,)
+        payload: bytes = msgpack.packb([float(rate_hz), float(photons_s), int(width), int(height)])
+        return (payload,)
 
     def _eye(self, frames: Frames) -> Frames:
         eye = int(frames[0][-1:])
@@ -208,19 +208,19 @@ class OpenVrLibrary:
         matrix = self._system.getEyeToHeadTransform(eye)
         mesh = self._system.getHiddenAreaMesh(eye, self._openvr.k_eHiddenAreaMesh_Standard)
         corners = mesh.pVertexData[: 3 * mesh.unTriangleCount] if mesh.pVertexData else []
-        hidden = [[float(corner.v[0]), float(corner.v[1])] for corner in corners]
+        hidden_corners = [[float(corner.v[0]), float(corner.v[1])] for corner in corners]
         rows = [float(x) for row in matrix.m for x in row]
-        packed: bytes = msgpack.packb([tangents, rows, hidden])
-        return (packed,)
+        payload: bytes = msgpack.packb([tangents, rows, hidden_corners])
+        return (payload,)
 
     def _wait_poses(self, _: Frames) -> Frames:
         self._compositor.waitGetPoses(self._poses, None)
         poses = bytes(self._poses)
-        known, since_s, count = self._system.getTimeSinceLastVsync()
-        vsync = VSYNC.pack(bool(known), float(since_s), int(count))
+        is_known, since_s, count = self._system.getTimeSinceLastVsync()
+        vsync = VSYNC.pack(bool(is_known), float(since_s), int(count))
         remaining = struct.pack("<d", self._compositor.getFrameTimeRemaining())
-        filled, timing = self._compositor.getFrameTiming(1)
-        return poses, vsync, bytes(timing) if filled else b"", remaining
+        has_timing, timing = self._compositor.getFrameTiming(1)
+        return poses, vsync, bytes(timing) if has_timing else b"", remaining
 
     def _late_pose(self, frames: Frames) -> Frames:
         """Return the headset's pose as foreseen now, so many seconds ahead."""
@@ -269,13 +269,13 @@ class OpenVrLibrary:
 
     def _axes(self, frames: Frames) -> Frames:
         """Return the axes of the controllers in the slots named: x and y of five each."""
-        found = []
+        rows = []
         for slot in (int(part) for part in frames[1].split()):
-            known, state = self._system.getControllerState(slot)
+            is_known, state = self._system.getControllerState(slot)
             numbers = [float(v) for axis in state.rAxis for v in (axis.x, axis.y)]
-            found.append([slot, numbers if known else None])
-        packed: bytes = msgpack.packb(found)
-        return (packed,)
+            rows.append([slot, numbers if is_known else None])
+        payload: bytes = msgpack.packb(rows)
+        return (payload,)
 
     def _haptic(self, frames: Frames) -> Frames:
         slot, microseconds = (int(part) for part in frames[1].split())

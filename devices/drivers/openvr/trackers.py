@@ -95,12 +95,12 @@ class OpenVrTrackers(BodyDevice):
         valid = np.zeros(n, np.bool_)
         for row, serial in enumerate(self._worn):
             slot = self._slot_of.get(serial)
-            found = (
+            pose = (
                 codec.decode_pose(poses[slot]) if slot is not None and slot < len(poses) else None
             )
-            if found is None:
+            if pose is None:
                 continue
-            at, q = np.array(found[0]), np.array(found[1])
+            at, q = np.array(pose[0]), np.array(pose[1])
             mount = self._mounts.get(serial, NOWHERE)
             position[row] = at + rotate(q, mount.position_m)
             turn[row] = quat_multiply(q, mount.orientation_wxyz)

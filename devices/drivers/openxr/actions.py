@@ -107,11 +107,11 @@ class OpenXrActions:
 
     def buttons(self, hand: int) -> tuple[int, ...]:
         """Return the state of `BUTTONS`: 1 down, 0 up, −1 not there."""
-        xr, found = self._xr, []
+        xr, states = self._xr, []
         for name in BUTTONS:
             state = xr.get_action_state_boolean(self._session, self._get_info(name, hand))
-            found.append(int(bool(state.current_state)) if state.is_active else -1)
-        return tuple(found)
+            states.append(int(bool(state.current_state)) if state.is_active else -1)
+        return tuple(states)
 
     def trigger(self, hand: int) -> float | None:
         """Return how far the trigger is pulled, 0 to 1; None where nothing measures that."""
@@ -146,11 +146,11 @@ class OpenXrActions:
 
     def _suggest(self, profile: str, bindings: list[tuple[Any, str]]) -> None:
         xr = self._xr
-        suggested = [xr.ActionSuggestedBinding(a, self._path(path)) for a, path in bindings]
+        suggestions = [xr.ActionSuggestedBinding(a, self._path(path)) for a, path in bindings]
         xr.suggest_interaction_profile_bindings(
             self._instance,
             xr.InteractionProfileSuggestedBinding(
-                interaction_profile=self._path(profile), suggested_bindings=suggested
+                interaction_profile=self._path(profile), suggested_bindings=suggestions
             ),
         )
 

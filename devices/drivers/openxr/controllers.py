@@ -46,9 +46,9 @@ class OpenXrControllers(RuntimeControllers):
         *,
         controls: Mapping[str, str] | None = None,
     ) -> None:
-        polled = PolledPoses(transport, clock, RATE_HZ, ask=b"hands")
+        poller = PolledPoses(transport, clock, RATE_HZ, ask=b"hands")
         self._is_there = (False, False)
-        super().__init__(role, polled, clock, OPENXR_CONTROLLERS, controls=controls, rays=True)
+        super().__init__(role, poller, clock, OPENXR_CONTROLLERS, controls=controls, rays=True)
 
     def poll(self, timeout_s: float) -> int:
         """Deliver what changed and where both hands point."""
@@ -56,12 +56,12 @@ class OpenXrControllers(RuntimeControllers):
             self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
             self._try_again("still away")
             self._last_ns = self._clock.now_ns()
-        delivered = sum(self._take(message) for message in self._transport.receive(timeout_s))
+        row_count = sum(self._take(message) for message in self._transport.receive(timeout_s))
         if self._clock.now_ns() - self._last_ns > SILENT_NS:
             self._life.state = DeviceState.FAULT
             text = "the OpenXR session gives no state of the hands"
             raise DeviceDisconnected(text, role=self.info.role, remedy=self._spec.remedy)
-        return delivered
+        return row_count
 
     def check(self) -> tuple[Fault, ...]:
         """Tell missing controllers."""
@@ -113,9 +113,9 @@ class OpenXrControllers(RuntimeControllers):
             rays.append(pose_of(int(numbers[5]), numbers[6:], fully_tracked=False))
         self._is_there = (rays[0] is not None, rays[1] is not None)
         changes: list[Change] = []
-        for control, (wanted, part) in enumerate(self._wanted):
+        for control, (wanted_hand, part) in enumerate(self._wanted):
             sides = zip(HANDS, states, strict=True)
-            level = max(state[part] for side, state in sides if wanted in ("any", side))
+            level = max(state[part] for side, state in sides if wanted_hand in ("any", side))
             level = min(level, 1.0)
             if level >= 0.0 and self._levels.changed(control, level, axis=part == TRIGGER_AXIS):
                 changes.append((message.t_host_ns, message.t_host_ns, control, level))

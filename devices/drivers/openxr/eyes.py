@@ -46,16 +46,16 @@ class EyesOfRuntime(Protocol):
 
 def extension_for_eyes(offered: Iterable[str]) -> str:
     """Return the extension to ask for either eye; empty where a runtime has none."""
-    known = set(offered)
-    return next((name for name in PER_EYE if name in known), "")
+    names = set(offered)
+    return next((name for name in PER_EYE if name in names), "")
 
 
 def packed_eyes(host_ns: int, now: int, sampled: int, eyes: Iterable[EyeReading]) -> bytes:
     """Return both eyes for the wire."""
-    told: list[Any] = []
+    values: list[Any] = []
     for eye in eyes:
-        told += [eye.valid, *eye.pose, eye.confidence_01, eye.pupil_mm, eye.openness_01]
-    return EYES.pack(host_ns, now, sampled, *told)
+        values += [eye.valid, *eye.pose, eye.confidence_01, eye.pupil_mm, eye.openness_01]
+    return EYES.pack(host_ns, now, sampled, *values)
 
 
 # ---- Meta -----------------------------------------------------------------------------------
@@ -72,19 +72,19 @@ class FbEyes:
         """Return the sample's time and both eyes."""
         xr = self._xr
         info = xr.EyeGazesInfoFB(base_space=space, time=now)
-        found = xr.get_eye_gazes_fb(self._tracker, info)
+        gazes = xr.get_eye_gazes_fb(self._tracker, info)
         left, right = (
             EyeReading(bool(eye.is_valid), numbers(eye.gaze_pose), float(eye.gaze_confidence))
-            for eye in found.gaze
+            for eye in gazes.gaze
         )
-        return int(number(found.time)), (left, right)
+        return int(number(gazes.time)), (left, right)
 
 
 def supports_fb(xr: Any, instance: Any, system: Any) -> bool:
     """Tell whether the headset of a system tracks either eye, by Meta's extension."""
-    told = xr.SystemEyeTrackingPropertiesFB()
-    _system_properties(xr, instance, system, told)
-    return bool(told.supports_eye_tracking)
+    properties = xr.SystemEyeTrackingPropertiesFB()
+    _system_properties(xr, instance, system, properties)
+    return bool(properties.supports_eye_tracking)
 
 
 # ---- HTC ------------------------------------------------------------------------------------
@@ -177,8 +177,8 @@ class HtcEyes:
             XrException: the runtime refused, for the first time since `RETRY_NS`.
         """
         if self._clock.now_ns() < self._retry_ns:
-            lost = EyeReading(False, (0.0,) * 6 + (1.0,))
-            return now, (lost, lost)
+            lost_eye = EyeReading(False, (0.0,) * 6 + (1.0,))
+            return now, (lost_eye, lost_eye)
         info = _GazeInfo(GAZE_INFO, None, ctypes.cast(space, ctypes.c_void_p), now)
         gaze, pupils, shapes = _Gaze(GAZE), _Pupils(PUPILS), _Shapes(SHAPES)
         gaze.time = pupils.time = shapes.time = now
@@ -191,12 +191,12 @@ class HtcEyes:
             raise
         left, right = (
             EyeReading(
-                bool(seen.is_valid),
-                (*seen.place, *seen.turn),
+                bool(eye_gaze.is_valid),
+                (*eye_gaze.place, *eye_gaze.turn),
                 pupil_mm=pupil.diameter_mm if pupil.is_diameter_valid else math.nan,
                 openness_01=shape.openness if shape.is_valid else math.nan,
             )
-            for seen, pupil, shape in zip(gaze.eyes, pupils.eyes, shapes.eyes, strict=True)
+            for eye_gaze, pupil, shape in zip(gaze.eyes, pupils.eyes, shapes.eyes, strict=True)
         )
         return int(gaze.time), (left, right)
 
@@ -211,9 +211,9 @@ class HtcEyes:
 
 def supports_htc(xr: Any, instance: Any, system: Any) -> bool:
     """Tell whether the headset of a system tracks either eye, by HTC's extension."""
-    told = _Supports(SUPPORTS)
-    _system_properties(xr, instance, system, told)
-    return bool(told.supports_eye_tracking)
+    properties = _Supports(SUPPORTS)
+    _system_properties(xr, instance, system, properties)
+    return bool(properties.supports_eye_tracking)
 
 
 SUPPORTED: dict[str, Callable[[Any, Any, Any], bool]] = {HTC: supports_htc, FB: supports_fb}

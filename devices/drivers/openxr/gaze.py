@@ -83,21 +83,21 @@ class OpenXrGaze(GazeAndOpenness):
         )
 
     def _decode(self, message: Message) -> Iterable[Sample]:
-        asked, error, *rest = message.frames
-        layout = EYES if asked == b"eyes" else LOCATED
+        question, error, *rest = message.frames
+        layout = EYES if question == b"eyes" else LOCATED
         if error or not rest or len(rest[0]) != layout.size:
             self._malformed += 1
             return ()
-        _host_ns, now, sampled, *told = layout.unpack(rest[0])
+        _host_ns, now, sample_time, *values = layout.unpack(rest[0])
         if message.t_sent_ns is not None:
             self._add_pair(ClockPair(message.t_sent_ns, now, message.t_host_ns))
-        stamp = sampled or now
+        stamp = sample_time or now
         if stamp == self._last_sample:
             return ()
         self._last_sample = stamp
         if layout is LOCATED:
-            return (Sample(stamp, None, _row(int(told[0]), told[1:])),)
-        return (_sample(stamp, told[:EYE_VALUES], told[EYE_VALUES:]),)
+            return (Sample(stamp, None, _row(int(values[0]), values[1:])),)
+        return (_sample(stamp, values[:EYE_VALUES], values[EYE_VALUES:]),)
 
 
 def _sample(stamp: int, left: Sequence[float], right: Sequence[float]) -> Sample:
@@ -110,8 +110,10 @@ def _sample(stamp: int, left: Sequence[float], right: Sequence[float]) -> Sample
 def _eye(told: Sequence[float]) -> Eye:
     ray = _ray(told[4:8])
     at: Triple = (told[1], told[2], told[3])
-    seen = bool(told[0]) and ray[0] == ray[0]
-    return Eye(ray, at, True, diameter_mm(told[9])) if seen else Eye(pupil_mm=diameter_mm(told[9]))
+    has_gaze = bool(told[0]) and ray[0] == ray[0]
+    return (
+        Eye(ray, at, True, diameter_mm(told[9])) if has_gaze else Eye(pupil_mm=diameter_mm(told[9]))
+    )
 
 
 def _open_01(told: Sequence[float]) -> float:

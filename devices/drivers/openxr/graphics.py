@@ -112,8 +112,8 @@ def ask_graphics_requirements(xr: Any, instance: Any, system: Any) -> None:
     function = ctypes.cast(
         xr.get_instance_proc_addr(instance, name), xr.PFN_xrGetOpenGLGraphicsRequirementsKHR
     )
-    wanted = xr.GraphicsRequirementsOpenGLKHR()
-    problem = xr.check_result(xr.Result(function(instance, system, ctypes.byref(wanted))))
+    requirements = xr.GraphicsRequirementsOpenGLKHR()
+    problem = xr.check_result(xr.Result(function(instance, system, ctypes.byref(requirements))))
     if problem.is_exception():
         raise problem
 
@@ -123,11 +123,11 @@ def hidden_area(xr: Any, ask: Any, session: Any, eye: int) -> list[tuple[float, 
     view, as the runtime's `xrGetVisibilityMaskKHR` tells; empty where nothing is hidden.
     """
     kind = xr.ViewConfigurationType.PRIMARY_STEREO.value
-    hidden = xr.VisibilityMaskTypeKHR.HIDDEN_TRIANGLE_MESH.value
+    mask_type = xr.VisibilityMaskTypeKHR.HIDDEN_TRIANGLE_MESH.value
     mask = xr.VisibilityMaskKHR()
 
     def told() -> None:
-        problem = xr.check_result(xr.Result(ask(session, kind, eye, hidden, ctypes.byref(mask))))
+        problem = xr.check_result(xr.Result(ask(session, kind, eye, mask_type, ctypes.byref(mask))))
         if problem.is_exception():
             raise problem
 

@@ -83,8 +83,8 @@ class OpenXrHeadset(RuntimeHeadset):
         answer = self._late_answer((b"late",))
         if len(answer) != LATE.size:
             return None
-        flags, *located = LATE.unpack(answer)
-        pose = pose_of(int(flags), located, fully_tracked=True)
+        flags, *numbers = LATE.unpack(answer)
+        pose = pose_of(int(flags), numbers, fully_tracked=True)
         self._draw_from(pose)
         return None if pose is None else Pose(*self._drawn_from)
 
@@ -143,8 +143,8 @@ class OpenXrHeadset(RuntimeHeadset):
 
     def _connect(self, deadline_ns: int) -> None:
         """Begin the session, read the views and one frame's period."""
-        name, *told = msgpack.unpackb(self._answer("runtime"))
-        self._tells_hidden = told[2:3] == [True]  # captures of before it was asked say less
+        name, *facts = msgpack.unpackb(self._answer("runtime"))
+        self._tells_hidden = facts[2:3] == [True]  # captures of before it was asked say less
         self._learn_views()
         if self._shows_images:
             width, height = msgpack.unpackb(self._answer("size"))
@@ -173,9 +173,9 @@ class OpenXrHeadset(RuntimeHeadset):
                 (row[0], row[1], row[2]),
                 (row[6], row[3], row[4], row[5]),
                 *(math.tan(angle) for angle in row[7:11]),
-                hidden=hidden,
+                hidden=corners,
             )
-            for row, hidden in zip(rows, self._hidden_areas(), strict=True)
+            for row, corners in zip(rows, self._hidden_areas(), strict=True)
         )
         self._views = (left, right)
 
@@ -202,15 +202,15 @@ class OpenXrHeadset(RuntimeHeadset):
         # Both stamps are of one instant; on a replay the whole log is moved in time.
         ahead_ns = max(0, display - now)
         predicted_ns = t_ns + (ahead_ns if ahead_ns < MAX_AHEAD_NS else self._period_ns)
-        skipped = 0
+        skipped_count = 0
         before = self._last_display
         if before is not None and period > 0 and abs(display - before) < MAX_AHEAD_NS:
-            skipped = max(0, round((display - before) / period) - 1)
+            skipped_count = max(0, round((display - before) / period) - 1)
         self._last_display = display
         pose = pose_of(flags, numbers[5:], fully_tracked=True)
         self._draw_from(pose)
         self._close_frame()
-        return self._begin_frame(t_ns, predicted_ns, skipped, pose)
+        return self._begin_frame(t_ns, predicted_ns, skipped_count, pose)
 
     def _draw_from(self, pose: HeadPose) -> None:
         """Say from now on that images are drawn from here; an unknown place changes nothing."""

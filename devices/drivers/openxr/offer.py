@@ -58,25 +58,25 @@ def offer() -> Offer:
     """Ask the runtime of this process; raises what pyopenxr raises."""
     import xr
 
-    offered = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
-    names = {n.decode() if isinstance(n, bytes) else str(n) for n in offered}
+    extensions = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
+    names = {n.decode() if isinstance(n, bytes) else str(n) for n in extensions}
     per_eye = extension_for_eyes(names)
-    wanted = [name for name in (EYE_GAZE, per_eye) if name and name in names]
+    enabled_names = [name for name in (EYE_GAZE, per_eye) if name and name in names]
     application = xr.ApplicationInfo(application_name="Visavis", api_version=xr.Version(1, 0, 0))
     instance = xr.create_instance(
-        xr.InstanceCreateInfo(application_info=application, enabled_extension_names=wanted)
+        xr.InstanceCreateInfo(application_info=application, enabled_extension_names=enabled_names)
     )
     try:
         name: Any = xr.get_instance_properties(instance).runtime_name
-        told = name.decode() if isinstance(name, bytes) else str(name)
+        runtime_name = name.decode() if isinstance(name, bytes) else str(name)
         try:
             kind = xr.FormFactor.HEAD_MOUNTED_DISPLAY
             system = xr.get_system(instance, xr.SystemGetInfo(form_factor=kind))
         except xr.exception.FormFactorUnavailableError:
-            return Offer(told, has_headset=False, gaze=False, eyes_by="")
-        gaze = EYE_GAZE in wanted and supports_gaze(xr, instance, system)
+            return Offer(runtime_name, has_headset=False, gaze=False, eyes_by="")
+        gaze = EYE_GAZE in enabled_names and supports_gaze(xr, instance, system)
         each = bool(per_eye) and SUPPORTED[per_eye](xr, instance, system)
-        return Offer(told, has_headset=True, gaze=gaze, eyes_by=per_eye if each else "")
+        return Offer(runtime_name, has_headset=True, gaze=gaze, eyes_by=per_eye if each else "")
     finally:
         xr.destroy_instance(instance)
 

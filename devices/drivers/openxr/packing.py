@@ -41,9 +41,9 @@ def pose_of(
     Of the head both must be tracked, of a hand its orientation: its place may be inferred.
     """
     x, y, z, i, j, k, w = numbers
-    tracked = TRACKED if fully_tracked else ORIENTATION_TRACKED
+    tracking_flags = TRACKED if fully_tracked else ORIENTATION_TRACKED
     length = math.sqrt(w * w + i * i + j * j + k * k)
-    if flags & VALID != VALID or flags & tracked != tracked or not 0.9 < length < 1.1:
+    if flags & VALID != VALID or flags & tracking_flags != tracking_flags or not 0.9 < length < 1.1:
         return None
     return (x, y, z), (w / length, i / length, j / length, k / length)
 
@@ -65,5 +65,5 @@ def packed_views(views: Iterable[Any]) -> bytes:
         ]
         for v in views
     ]
-    packed: bytes = msgpack.packb([[float(x) for x in row] for row in rows])
-    return packed
+    payload: bytes = msgpack.packb([[float(x) for x in row] for row in rows])
+    return payload

@@ -64,13 +64,13 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
             right, right_at = _of_eye(normals, centers, _EYE_0_KEYS)
             left, left_at = _of_eye(normals, centers, _EYE_1_KEYS)
         else:
-            seen = _direction(datum[b"gaze_normal_3d"])
+            direction = _direction(datum[b"gaze_normal_3d"])
             at = _position(datum[b"eye_center_3d"])
             right = left = right_at = left_at = _LOST
             if _single_eye(datum) == 0:
-                right, right_at = seen, at
+                right, right_at = direction, at
             else:
-                left, left_at = seen, at
+                left, left_at = direction, at
         left_seen, right_seen = left[0] == left[0], right[0] == right[0]
         left_valid = left_seen and left_sure >= threshold_01
         right_valid = right_seen and right_sure >= threshold_01
@@ -117,12 +117,12 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
 def decode_notification(payload: bytes) -> Mapping[str, Any] | None:
     """Return a notification's fields; None when malformed."""
     try:
-        found = msgpack.unpackb(payload, strict_map_key=False)
+        notification = msgpack.unpackb(payload, strict_map_key=False)
     except (*_MALFORMED, msgpack.UnpackException):
         return None
-    if not isinstance(found, dict) or not isinstance(found.get("subject"), str):
+    if not isinstance(notification, dict) or not isinstance(notification.get("subject"), str):
         return None
-    return found
+    return notification
 
 
 def encode_notification(subject: str, **fields: Any) -> tuple[bytes, bytes]:

@@ -269,14 +269,14 @@ class PupilCore(GazeDevice):
             self._add_pair(ClockPair(message.t_sent_ns, device_ns, message.t_host_ns))
 
     def _take_notification(self, payload: bytes) -> None:
-        found = codec.decode_notification(payload)
-        if found is None:
+        notification = codec.decode_notification(payload)
+        if notification is None:
             self._malformed += 1
-        elif self._procedure.take(found):
+        elif self._procedure.take(notification):
             self._calibration = self._procedure.outcome
             self._is_calibrated |= self._procedure.has_succeeded
         else:
-            self._parts.note(found["subject"], found.get("eye_id"))
+            self._parts.note(notification["subject"], notification.get("eye_id"))
 
 
 def _is_gaze(message: Message) -> bool:

@@ -39,10 +39,10 @@ class Layout:
 
     def __init__(self, example: bytes, floats: list[int], places: list[int]) -> None:
         self.example = np.frombuffer(example, np.uint8)
-        fixed = np.ones(len(example), np.bool_)
+        is_fixed = np.ones(len(example), np.bool_)
         for at in floats:
-            fixed[at : at + 8] = False
-        self.fixed = np.flatnonzero(fixed)
+            is_fixed[at : at + 8] = False
+        self.fixed = np.flatnonzero(is_fixed)
         self.places = np.array(places, np.int64)
 
 
@@ -57,11 +57,11 @@ def learn_layout(payload: bytes) -> Layout | None:
         if msgpack.packb(datum) != payload:
             return None
         count = [0]
-        marked = _marked(datum, count)
-        packed: bytes = msgpack.packb(marked)
+        marked_datum = _marked(datum, count)
+        marked_bytes: bytes = msgpack.packb(marked_datum)
         marks = [_FIRST_MARK * (1 + i / 65536) for i in range(count[0])]
-        at = {mark: packed.index(msgpack.packb(mark)) + 1 for mark in marks}
-        places = [at[mark] for mark in _wanted(marked)]
+        at = {mark: marked_bytes.index(msgpack.packb(mark)) + 1 for mark in marks}
+        places = [at[mark] for mark in _wanted(marked_datum)]
     except (ValueError, TypeError, KeyError, IndexError, msgpack.UnpackException):
         return None
     return Layout(payload, list(at.values()), places)
@@ -112,11 +112,11 @@ class GazeDecoder:
         )
 
     def _take_apart(self, payload: bytes, rows: Bytes, stamps_ns: Places, i: int) -> bool:
-        decoded = codec.decode_gaze(payload, self._threshold_01)
-        if decoded is None:
+        sample = codec.decode_gaze(payload, self._threshold_01)
+        if sample is None:
             return False
-        stamps_ns[i] = decoded[0]
-        rows[i * _ROW_BYTES : (i + 1) * _ROW_BYTES] = np.frombuffer(decoded[1], np.uint8)
+        stamps_ns[i] = sample[0]
+        rows[i * _ROW_BYTES : (i + 1) * _ROW_BYTES] = np.frombuffer(sample[1], np.uint8)
         size = len(payload)
         attempts = self._attempts.get(size, 0)
         if attempts < MAX_ATTEMPTS and (size in self._layouts or len(self._layouts) < MAX_LAYOUTS):
@@ -146,14 +146,14 @@ def _wanted(marked: dict[str, Any]) -> list[float]:
     if len(marked["base_data"]) != 2 or pupils.keys() != {0, 1}:
         raise KeyError("base_data")
     keys = ["0", "1"] if "0" in normals else [0, 1]
-    found = [marked["timestamp"], marked["confidence"]]
+    marks = [marked["timestamp"], marked["confidence"]]
     for vectors in (normals, centers):
         for key in keys:
             x, y, z = vectors[key]
-            found += [x, y, z]
-    found += [pupils[eye]["confidence"] for eye in (0, 1)]
-    found += [pupils[eye]["diameter_3d"] for eye in (0, 1)]
-    return found
+            marks += [x, y, z]
+    marks += [pupils[eye]["confidence"] for eye in (0, 1)]
+    marks += [pupils[eye]["diameter_3d"] for eye in (0, 1)]
+    return marks
 
 
 @compiled
@@ -182,7 +182,7 @@ def _read(
     # Directions and positions of the right eye (0) and the left (1), NaN when there is none.
     ray = np.empty((2, 3))
     at_m = np.empty((2, 3))
-    seen = np.empty(2, np.bool_)
+    has_ray = np.empty(2, np.bool_)
     for eye in range(2):
         x, y, z = (
             number[_NORMALS + 3 * eye],
@@ -190,21 +190,21 @@ def _read(
             number[_NORMALS + 3 * eye + 2],
         )
         length = np.sqrt(x * x + y * y + z * z)
-        seen[eye] = 1e-6 < length < np.inf
-        if seen[eye]:
+        has_ray[eye] = 1e-6 < length < np.inf
+        if has_ray[eye]:
             ray[eye, 0], ray[eye, 1], ray[eye, 2] = x / length, -y / length, -z / length
         else:
             ray[eye] = np.nan
         at_m[eye, 0] = number[_CENTERS + 3 * eye] * 1e-3
         at_m[eye, 1] = number[_CENTERS + 3 * eye + 1] * -1e-3
         at_m[eye, 2] = number[_CENTERS + 3 * eye + 2] * -1e-3
-    right_valid = seen[0] and number[_SURE] >= threshold_01
-    left_valid = seen[1] and number[_SURE + 1] >= threshold_01
+    right_valid = has_ray[0] and number[_SURE] >= threshold_01
+    left_valid = has_ray[1] and number[_SURE + 1] >= threshold_01
     single = np.empty(15, np.float32)
     both = np.empty(3)
     origin = np.empty(3)
     used = 0
-    if left_valid == right_valid and seen[0] and seen[1]:
+    if left_valid == right_valid and has_ray[0] and has_ray[1]:
         x, y, z = ray[1, 0] + ray[0, 0], ray[1, 1] + ray[0, 1], ray[1, 2] + ray[0, 2]
         length = np.sqrt(x * x + y * y + z * z)
         if length > 1e-6:
@@ -214,11 +214,11 @@ def _read(
         for k in range(3):
             origin[k] = (at_m[1, k] + at_m[0, k]) / 2
         used = 3
-    elif left_valid or (seen[1] and not right_valid):
+    elif left_valid or (has_ray[1] and not right_valid):
         both[:] = ray[1]
         origin[:] = at_m[1]
         used = 1
-    elif seen[0]:
+    elif has_ray[0]:
         both[:] = ray[0]
         origin[:] = at_m[0]
         used = 2

@@ -40,9 +40,9 @@ class Levels:
     def changed(self, control: int, value_01: float, *, axis: bool) -> bool:
         """Tell whether a control's value is new enough to be told, and remember it then."""
         before = self._told.get(control, 0.0)
-        moved = abs(value_01 - before)
-        at_end = axis and value_01 in (0.0, 1.0) and moved > 0.0
-        if moved < MIN_STEP_01 and not at_end:
+        change = abs(value_01 - before)
+        at_end = axis and value_01 in (0.0, 1.0) and change > 0.0
+        if change < MIN_STEP_01 and not at_end:
             return False
         self._told[control] = value_01
         return True
@@ -50,32 +50,32 @@ class Levels:
 
 def response_batch(seq: int, rows: Sequence[Change]) -> SampleBatch:
     """Return rows of `RESPONSES` from `seq` on."""
-    happened, known, controls, levels = zip(*rows, strict=True)
+    event_times_ns, arrival_times_ns, controls, levels = zip(*rows, strict=True)
     values = np.empty(len(rows), RESPONSES.dtype)
     values["control"], values["value_01"] = controls, levels
     return SampleBatch(
         RESPONSES,
         np.arange(seq, seq + len(rows)),
-        np.array(happened, np.int64),
-        np.array(known, np.int64),
+        np.array(event_times_ns, np.int64),
+        np.array(arrival_times_ns, np.int64),
         values,
     )
 
 
 def ray_batch(seq: int, t_device_ns: int, t_host_ns: int, rays: Sequence[Ray]) -> SampleBatch:
     """Return rows of `POINTER` from `seq` on, one per hand, left first."""
-    packed = []
+    row_bytes = []
     for hand, ray in enumerate(rays):
-        known = ray if ray is not None and is_place(*ray[0]) else None
-        numbers = [math.nan] * 7 if known is None else [*known[0], *known[1]]
-        packed.append(_RAY_ROW.pack(hand, *numbers, known is not None))
-    n = len(packed)
+        pose = ray if ray is not None and is_place(*ray[0]) else None
+        numbers = [math.nan] * 7 if pose is None else [*pose[0], *pose[1]]
+        row_bytes.append(_RAY_ROW.pack(hand, *numbers, pose is not None))
+    n = len(row_bytes)
     return SampleBatch(
         POINTER,
         np.arange(seq, seq + n),
         np.full(n, t_device_ns, np.int64),
         np.full(n, t_host_ns, np.int64),
-        np.frombuffer(b"".join(packed), POINTER.dtype),
+        np.frombuffer(b"".join(row_bytes), POINTER.dtype),
     )
 
 
@@ -100,9 +100,9 @@ class RuntimeControllers(MessageDevice):
         controls: Mapping[str, str] | None,
         rays: bool,
     ) -> None:
-        chosen = dict(controls or self.usual_controls)
-        self.controls = tuple(chosen)
-        self._wanted = [self._parsed(role, name, text) for name, text in chosen.items()]
+        control_map = dict(controls or self.usual_controls)
+        self.controls = tuple(control_map)
+        self._wanted = [self._parsed(role, name, text) for name, text in control_map.items()]
         super().__init__(role, transport, clock, spec)
         self._rays = rays
         self._reset(clock.now_ns())

@@ -89,13 +89,13 @@ class RuntimeHeadset(MessageDevice):
         """
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
-        delivered = self._streams.deliver(self._sink)
+        row_count = self._streams.deliver(self._sink)
         if self.state is DeviceState.FAULT and self._attempt_is_due():
             self._reconnect()
         self._take_events()
-        if self.state is DeviceState.FAULT and not delivered:
+        if self.state is DeviceState.FAULT and not row_count:
             raise DeviceDisconnected(self._gone, role=self.info.role, remedy=self._spec.remedy)
-        return delivered
+        return row_count
 
     def close(self) -> None:
         """Leave the runtime; idempotent."""
@@ -138,10 +138,10 @@ class RuntimeHeadset(MessageDevice):
         """Keep the pace by the clock, so that the session can pause and the loop goes on."""
         self._close_frame()
         t_ns = self._last_t_ns + self._period_ns
-        skipped = max(0, (self._clock.now_ns() - t_ns) // self._period_ns)
-        t_ns += skipped * self._period_ns
+        skipped_count = max(0, (self._clock.now_ns() - t_ns) // self._period_ns)
+        t_ns += skipped_count * self._period_ns
         self._clock.sleep_until_ns(t_ns)
-        return self._begin_frame(t_ns, t_ns + self._period_ns, skipped, None)
+        return self._begin_frame(t_ns, t_ns + self._period_ns, skipped_count, None)
 
     def _begin_frame(self, t_ns: int, predicted_ns: int, skipped: int, pose: HeadPose) -> FrameInfo:
         if pose is None or not is_place(*pose[0]):

@@ -24,13 +24,13 @@ def loader_output_logged(loader: str) -> Iterator[None]:
     except OSError:  # a program without a terminal has nothing to keep clear
         yield
         return
-    with tempfile.TemporaryFile() as caught:
-        os.dup2(caught.fileno(), 2)
+    with tempfile.TemporaryFile() as log_file:
+        os.dup2(log_file.fileno(), 2)
         try:
             yield
         finally:
             os.dup2(screen, 2)
             os.close(screen)
-            caught.seek(0)
-            for line in caught.read().decode("utf-8", "replace").splitlines():
+            log_file.seek(0)
+            for line in log_file.read().decode("utf-8", "replace").splitlines():
                 _LOG.info("%s: %s", loader, line)

@@ -149,10 +149,10 @@ class SoundCard(HasLife):
             )
         else:
             self._read_clock()
-        delivered = self._deliver()
-        if timeout_s > 0 and not delivered:
+        row_count = self._deliver()
+        if timeout_s > 0 and not row_count:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
-        return delivered
+        return row_count
 
     def stop(self) -> None:
         """Fall silent; the card stays open."""
@@ -177,7 +177,7 @@ class SoundCard(HasLife):
 
     def check(self) -> tuple[Fault, ...]:
         """Tell of holes, of sounds too loud together, and of sounds that nobody heard."""
-        found = []
+        faults = []
         for count, text, remedy in (
             (
                 self._underflows,
@@ -192,8 +192,8 @@ class SoundCard(HasLife):
             (self._lost, "sounds were not heard: the card was away", self._spec.remedy),
         ):
             if count:
-                found.append(Fault(self.info.role, "warning", f"{count} {text}", remedy))
-        return tuple(found)
+                faults.append(Fault(self.info.role, "warning", f"{count} {text}", remedy))
+        return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return readings of the card's clock between two of the session's."""

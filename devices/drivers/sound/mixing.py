@@ -62,18 +62,18 @@ class Mixer:
 
     def block(self, n: int) -> tuple[Samples, list[tuple[Voice, int]]]:
         """Return the next n samples (n, 2), and which sounds ended before which of them."""
-        mixed = np.zeros((n, 2))
+        mix = np.zeros((n, 2))
         over: list[tuple[Voice, int]] = []
         for voice in self.voices:
-            mixed += self._of(voice, n)
+            mix += self._of(voice, n)
             if voice.ends:
                 over.append((voice, n))
             elif not voice.loops and voice.done >= len(voice.samples) + self._tail(voice):
                 over.append((voice, max(0, n - (voice.done - len(voice.samples)))))
-        ended = {id(voice) for voice, _ in over}
-        self.voices = [voice for voice in self.voices if id(voice) not in ended]
-        self.clipped += bool(np.abs(mixed).max(initial=0.0) > 1.0)
-        return np.clip(mixed, -1.0, 1.0).astype(np.float32), over
+        ended_ids = {id(voice) for voice, _ in over}
+        self.voices = [voice for voice in self.voices if id(voice) not in ended_ids]
+        self.clipped += bool(np.abs(mix).max(initial=0.0) > 1.0)
+        return np.clip(mix, -1.0, 1.0).astype(np.float32), over
 
     def _tail(self, voice: Voice) -> int:
         return 0 if voice.at_m is None else int(np.ceil(MAX_LATE_S * self.rate_hz)) + 1

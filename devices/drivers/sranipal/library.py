@@ -74,8 +74,8 @@ class SranipalLibrary:
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
         """Say whether the headset is a Vive Pro Eye."""
         sent_ns = self._clock.now_ns()
-        found = self._library is not None and self._library.IsViveProEye()
-        return Exchange((frames[0], bytes((found,))), sent_ns, self._clock.now_ns())
+        is_vive_pro_eye = self._library is not None and self._library.IsViveProEye()
+        return Exchange((frames[0], bytes((is_vive_pro_eye,))), sent_ns, self._clock.now_ns())
 
     def post(self, frames: Frames) -> None:
         """Do nothing: nothing is asked without waiting."""
@@ -109,8 +109,8 @@ class SranipalLibrary:
             number = raw[NUMBER]
             if error != before:
                 before = error
-                gone = "" if error == WORK else f"SRanipal gives no eye data (error {error})"
-                self._arrivals.end(gone)
+                problem = "" if error == WORK else f"SRanipal gives no eye data (error {error})"
+                self._arrivals.end(problem)
             if error == WORK and number != last:
                 last = number
                 self._arrivals.add(Message(now_ns, (raw,)))

@@ -78,10 +78,14 @@ class BodyDevice(StreamDevice[BodySample]):
             if count:
                 faults.append(Fault(role, "warning", f"{count} {text}", remedy))
         if self._seen is not None and not self._seen.all():
-            lost = [s for s, seen in zip(self.segments, self._seen, strict=True) if not seen]
-            text = f"not tracked now: {', '.join(lost)}"
+            lost_segments = [
+                s for s, is_seen in zip(self.segments, self._seen, strict=True) if not is_seen
+            ]
+            text = f"not tracked now: {', '.join(lost_segments)}"
             remedy = "check markers, sensors and line of sight"
-            severity: Severity = "blocking" if len(lost) == len(self.segments) else "warning"
+            severity: Severity = (
+                "blocking" if len(lost_segments) == len(self.segments) else "warning"
+            )
             faults.append(Fault(role, severity, text, remedy))
         frozen = self._watch.fault(role)
         if frozen is not None:
@@ -102,8 +106,8 @@ class BodyDevice(StreamDevice[BodySample]):
 
     def _values(self, samples: Sequence[BodySample]) -> npt.NDArray[np.void]:
         values = np.empty(len(samples), self._schema.dtype)
-        for i, told in enumerate(samples):
-            sample, row = self._with_places(told), values[i]
+        for i, raw_sample in enumerate(samples):
+            sample, row = self._with_places(raw_sample), values[i]
             row["position_m"] = sample.position_m
             row["orientation_wxyz"] = sample.orientation_wxyz
             row["valid"] = sample.valid

@@ -36,9 +36,11 @@ class ExchangeLog:
                 self._since_jump = len(self.pairs)
         self.pairs.append(pair)
         if len(self.pairs) > MAX_KEPT:
-            gone = MAX_KEPT // 2
-            self.pairs = self.pairs[gone:]  # a new list: another thread may be reading the old one
-            self._since_jump = max(0, self._since_jump - gone)
+            excess = MAX_KEPT // 2
+            self.pairs = self.pairs[
+                excess:
+            ]  # a new list: another thread may be reading the old one
+            self._since_jump = max(0, self._since_jump - excess)
         return jump_ms
 
     @property

@@ -152,13 +152,13 @@ class GazeDevice(StreamDevice[Sample]):
 
     def _to_device_ns(self, t_host_ns: int) -> int:
         """Map a host time to the device's clock; the time itself while nothing is known."""
-        count, known = len(self._exchanges), self._offset_of
+        count, cache = len(self._exchanges), self._offset_of
         if not count:
             fit = self._one_way.fit()
             return t_host_ns if fit is None else t_host_ns - fit.offset_ns
-        if known is None or known[0] != count:
-            known = self._offset_of = (count, offset_ns(self._exchanges.recent))
-        return t_host_ns - known[1]
+        if cache is None or cache[0] != count:
+            cache = self._offset_of = (count, offset_ns(self._exchanges.recent))
+        return t_host_ns - cache[1]
 
     def _wait_until(
         self, reached: Callable[[], bool], deadline_ns: int, what: str, remedy: str = ""

@@ -43,10 +43,10 @@ def stream_faults(
     remedy: str,
 ) -> list[Fault]:
     """Name what is odd about stream and clock; `remedy` is for a tracker that does not answer."""
-    found: list[Fault] = []
+    faults: list[Fault] = []
 
     def warn(message: str, remedy: str) -> None:
-        found.append(Fault(role, "warning", message, remedy))
+        faults.append(Fault(role, "warning", message, remedy))
 
     if malformed:
         text = f"{malformed} messages could not be read"
@@ -61,7 +61,7 @@ def stream_faults(
             warn(f"{count} {what} time stamps", "restart the tracker if they go on")
     if unanswered_s > ANSWERS_MISSED_S:
         warn(f"no answer to time requests for {unanswered_s:.0f} s", remedy)
-    return found
+    return faults
 
 
 def eye_faults(role: str, seen: SeenEyes) -> list[Fault]:
@@ -69,8 +69,8 @@ def eye_faults(role: str, seen: SeenEyes) -> list[Fault]:
     if seen.samples < MIN_SAMPLES:
         return []
     counts = {"left": seen.left, "right": seen.right}
-    lost = [eye for eye, n in counts.items() if n / seen.samples < EYES_LOST_BELOW_01]
+    lost_eyes = [eye for eye, n in counts.items() if n / seen.samples < EYES_LOST_BELOW_01]
     remedy = "adjust the tracker and its wearer, then calibrate again"
-    if len(lost) == len(counts):
+    if len(lost_eyes) == len(counts):
         return [Fault(role, "blocking", "neither eye is seen", remedy)]
-    return [Fault(role, "warning", f"the {eye} eye is not seen", remedy) for eye in lost]
+    return [Fault(role, "warning", f"the {eye} eye is not seen", remedy) for eye in lost_eyes]

@@ -75,15 +75,15 @@ class LineDevice(StreamDevice[_Sample]):
 
     def check(self) -> tuple[Fault, ...]:
         """Name everything odd about the lines since start."""
-        found = list(self._notes.values())
+        faults = list(self._notes.values())
         for count, text, remedy in (
             (self._malformed, "lines could not be read", "look at the cable and the baud rate"),
             (self._meter.gaps, "gaps in the stream", "look at the device and its cable"),
             (len(self._one_way.jumps_ms), "jumps of the device's clock", "was it switched off?"),
         ):
             if count:
-                found.append(self._warning(f"{count} {text}", remedy))
-        return tuple(found)
+                faults.append(self._warning(f"{count} {text}", remedy))
+        return tuple(faults)
 
     # ---- inside -----------------------------------------------------------------------------
 
@@ -92,14 +92,16 @@ class LineDevice(StreamDevice[_Sample]):
         self._resume()
         if not self.rate_hz:
             return
-        heard = 0
+        byte_count = 0
         while (now_ns := self._clock.now_ns()) < deadline_ns:
             for message in self._transport.receive((deadline_ns - now_ns) / NS_PER_S):
-                heard += len(message.frames[0])
+                byte_count += len(message.frames[0])
                 for line in self._lines(message.frames[0]):
                     if self._sample(line, message.t_host_ns) is not None:
                         return
-        text = f"{heard} bytes came, but no sample" if heard else "the device says nothing"
+        text = (
+            f"{byte_count} bytes came, but no sample" if byte_count else "the device says nothing"
+        )
         raise DeviceTimeout(text, remedy=self._spec.remedy)
 
     def _resume(self) -> None:
@@ -123,18 +125,18 @@ class LineDevice(StreamDevice[_Sample]):
 
     def _sample(self, line: bytes, t_host_ns: int) -> _Sample | None:
         try:
-            found = self.read(line)
-            if found is None:
+            reading = self.read(line)
+            if reading is None:
                 return None
-            fits = _fits(self.columns, found)
+            fits = _fits(self.columns, reading)
         except UNREADABLE:
-            fits, found = False, None
+            fits, reading = False, None
         self._seq += 1
-        if not fits or found is None:
+        if not fits or reading is None:
             self._malformed += 1
             return None
-        stamp_ns = t_host_ns if found.t_device_ns is None else found.t_device_ns
-        return _Sample(self._seq, stamp_ns, found.numbers)
+        stamp_ns = t_host_ns if reading.t_device_ns is None else reading.t_device_ns
+        return _Sample(self._seq, stamp_ns, reading.numbers)
 
     def _number(self, sample: _Sample) -> int:
         return sample.seq

@@ -48,11 +48,11 @@ class GazeAndOpenness(GazeDevice):
         return super()._values(samples)
 
     def _deliver(self, seqs: Any, stamps: Any, arrivals: Any, values: npt.NDArray[np.void]) -> int:
-        delivered = super()._deliver(seqs, stamps, arrivals, values)
-        if not delivered or self._sink is None or not self.tells_openness:
-            return delivered
+        row_count = super()._deliver(seqs, stamps, arrivals, values)
+        if not row_count or self._sink is None or not self.tells_openness:
+            return row_count
         schema = self._of_openness
         rows = np.array(self._opened, schema.dtype)
         seq, device, host = (np.asarray(column, np.int64) for column in (seqs, stamps, arrivals))
         self._sink(SampleBatch(schema, seq, device, host, rows))
-        return 2 * delivered
+        return 2 * row_count

@@ -107,13 +107,13 @@ class StreamDevice(MessageDevice, Generic[S]):
             messages = self._transport.receive(timeout_s)
         except DeviceDisconnected as gone:
             raise self._lose(gone) from gone
-        delivered = self._take(messages) if messages else 0
+        row_count = self._take(messages) if messages else 0
         now_ns = self._clock.now_ns()
         if now_ns - self._heard_ns > self._lost_after_ns:
             quiet_s = (now_ns - self._heard_ns) / NS_PER_S
             raise self._lose(DeviceDisconnected(f"nothing came for {quiet_s:.1f} s"))
         self._tick(now_ns)
-        return delivered
+        return row_count
 
     def health(self) -> Health:
         """Report deliveries and the clock's fit."""
@@ -202,10 +202,10 @@ class StreamDevice(MessageDevice, Generic[S]):
         if not messages:
             return 0
         self._came_back()
-        delivered = self._take(messages)
-        if delivered:
+        row_count = self._take(messages)
+        if row_count:
             self._back()
-        return delivered
+        return row_count
 
     def _back(self) -> None:
         self._note("away", None)

@@ -123,13 +123,13 @@ class TriggerOut(HasLife):
             if self._life.state is DeviceState.STREAMING:
                 self._write_what_is_due()
                 self._hear()
-            delivered = self._deliver()
-            gone, self._gone = self._gone, None
-        if gone is not None:
+            row_count = self._deliver()
+            problem, self._gone = self._gone, None
+        if problem is not None:
             raise DeviceDisconnected(
-                str(gone), role=self.info.role, remedy=self._spec.remedy
-            ) from gone
-        return delivered
+                str(problem), role=self.info.role, remedy=self._spec.remedy
+            ) from problem
+        return row_count
 
     def stop(self) -> None:
         """Bring the lines low and stop sending; the wire stays open."""
@@ -155,7 +155,7 @@ class TriggerOut(HasLife):
 
     def check(self) -> tuple[Fault, ...]:
         """Tell of marks that never reached the lines, and of answers that speak of errors."""
-        found = []
+        faults = []
         for count, text in (
             (self._lost, "marks never reached the lines"),
             (self._refused, "codes were refused by the device"),
@@ -163,8 +163,8 @@ class TriggerOut(HasLife):
         ):
             if count:
                 fault = Fault(self.info.role, "warning", f"{count} {text}", self._spec.remedy)
-                found.append(fault)
-        return tuple(found)
+                faults.append(fault)
+        return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return nothing: lines have no clock."""
@@ -251,9 +251,9 @@ class TriggerOut(HasLife):
 
     def _drop(self, released_ns: int = NO_DEVICE_TIME) -> None:
         """Record the pulse that stood, and that the marks which wait were never sent."""
-        stood, never = self._train.forget()
-        if stood is not None:
-            self._row(stood, *self._begun.pop(stood.number), released_ns)
+        active_pulse, never = self._train.forget()
+        if active_pulse is not None:
+            self._row(active_pulse, *self._begun.pop(active_pulse.number), released_ns)
         for pulse in never:
             self._lost += 1
             self._row(pulse, NO_DEVICE_TIME, NO_DEVICE_TIME, NO_DEVICE_TIME)
@@ -285,16 +285,16 @@ class TriggerOut(HasLife):
             return 0
         rows, self._rows = self._rows, []
         values = np.array([row[1:] for row in rows], np.int64)
-        packed = np.zeros(len(rows), self._schema.dtype)
+        pulse_rows = np.zeros(len(rows), self._schema.dtype)
         for column, field in zip(values.T, self._schema.fields, strict=True):
-            packed[field.name] = column
+            pulse_rows[field.name] = column
         now_ns = self._clock.now_ns()
         numbers = np.arange(self._seq, self._seq + len(rows))
         self._seq += len(rows)
         nothing = np.full(len(rows), NO_DEVICE_TIME)
         self._meter.update(values[:, 3].tolist(), now_ns)
         host = np.where(values[:, 3] == NO_DEVICE_TIME, now_ns, values[:, 3])  # t_after_ns
-        self._sink(SampleBatch(self._schema, numbers, nothing, host, packed))
+        self._sink(SampleBatch(self._schema, numbers, nothing, host, pulse_rows))
         return len(rows)
 
 

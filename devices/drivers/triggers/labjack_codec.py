@@ -43,14 +43,14 @@ class AnswerReader:
         """Yield the error code of every answer, 0 where it was carried out."""
         self._rest += data
         while len(self._rest) >= HEADER:
-            found = _answer(self._rest)
-            if found is None:
+            answer_length = _answer(self._rest)
+            if answer_length is None:
                 self.damaged += 1
                 self._rest = self._rest[1:]
-            elif len(self._rest) < found:
+            elif len(self._rest) < answer_length:
                 return
             else:
-                packet, self._rest = self._rest[:found], self._rest[found:]
+                packet, self._rest = self._rest[:answer_length], self._rest[answer_length:]
                 total = sum(packet[HEADER:]) & 0xFFFF
                 if packet[4] | packet[5] << 8 == total:
                     yield packet[6]

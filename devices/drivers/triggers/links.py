@@ -103,18 +103,18 @@ class ParallelLink(_Lines):
 
 
 def _claimed(port: str) -> int:
-    opened = -1
+    handle = -1
     try:
-        opened = os.open(port, os.O_RDWR)
-        _ask(opened, PPEXCL)
-        _ask(opened, PPCLAIM)
-        _ask(opened, PPDATADIR, struct.pack("i", 0))
+        handle = os.open(port, os.O_RDWR)
+        _ask(handle, PPEXCL)
+        _ask(handle, PPCLAIM)
+        _ask(handle, PPDATADIR, struct.pack("i", 0))
     except OSError as cause:
-        if opened >= 0:
-            os.close(opened)
+        if handle >= 0:
+            os.close(handle)
         text = f"cannot use {port}: {cause.strerror or cause}"
         raise DeviceNotFound(text, remedy=PARALLEL_REMEDY) from cause
-    return opened
+    return handle
 
 
 def _release(handle: int) -> None:

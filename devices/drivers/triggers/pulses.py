@@ -69,7 +69,7 @@ class PulseTrain:
 
     def forget(self) -> tuple[Pulse | None, list[Pulse]]:
         """Drop everything; return the pulse that stood, and those that never began."""
-        stood, never = self._standing, list(self._waiting)
+        active_pulse, never = self._standing, list(self._waiting)
         self._waiting.clear()
         self._standing = None
-        return stood, never
+        return active_pulse, never

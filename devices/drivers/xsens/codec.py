@@ -123,8 +123,8 @@ def decode_pose(sample: int, time_code_ms: int, items: bytes) -> Pose:
     turn = np.full((n, 4), np.nan)
     valid = np.zeros(n, np.bool_)
     ids = rows["id"].astype(np.int64)
-    known = (ids >= 1) & (ids <= BODY_SEGMENTS)
-    at = _ROWS[np.where(known, ids, 0)]
+    is_known = (ids >= 1) & (ids <= BODY_SEGMENTS)
+    at = _ROWS[np.where(is_known, ids, 0)]
     with np.errstate(invalid="ignore", over="ignore"):
         q = rows["turn"].astype(np.float64)
         p = rows["position"].astype(np.float64)
