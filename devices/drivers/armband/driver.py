@@ -1,7 +1,8 @@
-"""Drive our armband over any byte link: commands at once, answers in `poll`, always silence.
+"""Drive our armband over any byte link: commands leave at once, `poll` reads the answers.
 
-A refresh twenty times a second repeats what should hold, so that neither a lost nor a falsely
-accepted frame lasts; what runs is refreshed only while the experiment loop says that it lives.
+Every way out silences the motors. A refresh twenty times a second repeats the current setting, so
+that a lost or falsely accepted frame has no lasting effect. Running motors are refreshed only while
+the experiment loop reports that it is alive.
 """
 
 import math
@@ -36,7 +37,7 @@ from visavis.lab.schema import StreamSchema
 
 GREETING_NS = 250 * NS_PER_MS
 START_NS = 2 * NS_PER_S
-"""A session's start can wait for a slow answer; what happens within it cannot."""
+"""Limit for the start of a session, which can wait for a slow answer; later commands cannot."""
 RECONNECT_S = 2.0
 OPENING_PINGS = 8
 RECENT_EXCHANGES = 200
@@ -131,7 +132,7 @@ class ArmbandDriver(HasLife):
         return self._traffic.due_ns if self._life.state is DeviceState.STREAMING else 0
 
     def poll(self, timeout_s: float) -> int:
-        """Take answers, refresh what should hold, give up what was lost, deliver rows."""
+        """Take answers, refresh the current setting, give up lost commands, deliver rows."""
         life = self._life
         if life.state is DeviceState.FAULT:
             return self._reconnect(timeout_s)
@@ -211,7 +212,7 @@ class ArmbandDriver(HasLife):
         return self._traffic.play(pattern, drive, tuple(motors))
 
     def keep_alive(self) -> None:
-        """Take the experiment loop's word that it runs."""
+        """Note that the experiment loop is alive."""
         self._traffic.keep_alive()
 
     def silence(self) -> int:
@@ -228,7 +229,7 @@ class ArmbandDriver(HasLife):
         self._attempt_ends_ns = None
 
     def _is_welcome(self) -> bool:
-        """Tell whether the band has answered HELLO; raises ProtocolViolation if it misfits."""
+        """Tell whether the band has answered HELLO; raises ProtocolViolation if it does not fit."""
         welcome = self._traffic.welcome
         if welcome is None:
             return False
@@ -271,7 +272,7 @@ class ArmbandDriver(HasLife):
             return  # stop and close go on: without a host the band's dead man acts
 
     def _reconnect(self, timeout_s: float) -> int:
-        """Go on with an attempt to come back; that the band is gone was told once.
+        """Continue the attempt to reconnect; the loss has been reported already.
 
         Blocks at most `timeout_s`, except that a link may take `RECONNECT_S` to connect and a
         band which answers a few exchanges to be armed.

@@ -1,4 +1,4 @@
-"""What an armband's driver knows of its band's condition, and the words for the operator."""
+"""The condition of an armband as its driver knows it, and its faults for the operator."""
 
 from dataclasses import dataclass, field
 
@@ -31,7 +31,7 @@ REMEDIES = {
 
 
 UNANSWERED = "commands were not acknowledged"
-"""What a fault says of commands given up; a replay makes some, as it asks otherwise at its end."""
+"""Fault text for commands given up; a replay has some, as its last commands differ."""
 
 
 @dataclass
@@ -59,7 +59,7 @@ class BandStatus:
             self.temperature_c = answer.temperature_c
 
     def take_event(self, event: BandEvent) -> None:
-        """Take what the band told unasked."""
+        """Take an event of the band."""
         if event.code == DEAD_MAN:
             self.dead_man_fired += 1
         elif event.code in (BATTERY_LOW, BATTERY_GOOD):
@@ -75,7 +75,7 @@ class BandStatus:
         self.refusals[status] = self.refusals.get(status, 0) + 1
 
     def faults(self, damaged: int) -> tuple[Fault, ...]:
-        """Return what the operator must know."""
+        """Return the faults that the operator must know."""
         role, faults = self.role, []
         if self.is_hot:
             faults.append(Fault(role, "blocking", "too hot: it refuses to run", "take it off"))

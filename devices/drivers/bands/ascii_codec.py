@@ -1,8 +1,8 @@
 """Speak the text commands of a laboratory's own firmware, from templates; pure.
 
 Templates are Python format strings. Per motor: {motor} (its number, from `first_motor`) and
-{amplitude} (0..`full_scale`). For all motors at once: {a0} {a1} {a2} ... and {ttl_ms}. Such a
-firmware is not known to silence itself, so all safety is on this side.
+{amplitude} (0..`full_scale`). For all motors at once: {a0} {a1} {a2} ... and {ttl_ms}. Such
+firmware may not silence itself, so all safety is on the host's side.
 """
 
 import math
@@ -79,7 +79,7 @@ class AsciiLanguage:
         self.motor_count = templates.motor_count
 
     def lasts_ms(self, ttl_ms: int) -> int | None:
-        """Return None: nothing is known of such a firmware."""
+        """Return None: such firmware may run for ever."""
         return None
 
     def opening(self) -> Sequence[bytes]:
@@ -118,7 +118,7 @@ class AsciiLanguage:
         return notices
 
     def reset(self) -> None:
-        """Forget a begun line."""
+        """Discard a line that is only partly received."""
         self._tail = b""
 
     def _read(self, line: str) -> list[Notice]:
@@ -161,7 +161,7 @@ def _misfits(label: str, template: str, known: set[str]) -> list[str]:
         unknown = _names(template) - known
         template.format(**dict.fromkeys(known, 1)).encode("ascii")
     except KeyError:
-        pass  # told below, with every unknown name
+        pass  # reported below, with every unknown name
     except (ValueError, IndexError, UnicodeEncodeError, AttributeError) as cause:
         return [f"{label} is no template: {cause}"]
     fields = _listed(known) or "no field"

@@ -3,7 +3,7 @@
 Source: bhaptics/tact-python, version 1 (the Player's WebSocket; `Submit` of type `frame` with
 position, dotPoints 0..100 and durationMillis; answers with `ConnectedPositions`). The unit has
 six points; `points` says which of them are our motors. A frame ends by itself after 100 ms, so
-nothing vibrates longer when the computer fails. The Player tells neither battery nor receipt.
+nothing vibrates longer when the computer fails. The Player reports no battery and no receipt.
 """
 
 import json
@@ -75,7 +75,7 @@ class BhapticsLanguage:
         return ()
 
     def inquiry(self) -> Sequence[bytes]:
-        """Return nothing: the Player tells by itself."""
+        """Return nothing: the Player reports by itself."""
         return ()
 
     def feed(self, data: bytes) -> Sequence[Notice]:
@@ -88,5 +88,5 @@ class BhapticsLanguage:
         return notices
 
     def reset(self) -> None:
-        """Forget a begun message."""
+        """Discard a message that is only partly received."""
         self._reader.reset()

@@ -97,7 +97,7 @@ class BuzzLanguage:
         return notices
 
     def reset(self) -> None:
-        """Forget a begun answer."""
+        """Discard an answer that is only partly received."""
         self._reader.reset()
         self._confirmed = 0
 

@@ -1,9 +1,9 @@
 """Drive a band that neither acknowledges nor falls silent by itself, in any `BandLanguage`.
 
-Everything our own firmware would do is done on this side: the end of a time to live, courses of
-a pattern, silence when the experiment loop stands still. Rows of `HAPTICS` say `acknowledged`
-False and bear no device time. While a motor runs, a thread of its own watches besides `poll`, so
-that a pump that died leaves no motor on; when the computer itself dies, only the band can help.
+The host does everything that our own firmware would do: end a time to live, run the course of a
+pattern, silence the motors when the experiment loop stands still. Rows of `HAPTICS` have
+`acknowledged` False and no device time. A separate thread watches running motors besides `poll`, so
+that no motor stays on when the pump dies; when the computer itself dies, only the band can help.
 """
 
 import contextlib
@@ -57,7 +57,7 @@ class HostTimedBand(HasLife):
     """Follow the `Armband` contract; see the module.
 
     At most `max_rate_hz` settings leave per second: a sooner one waits, and a newer one takes
-    its place. A silence never waits, and is said three times because nobody confirms it.
+    its place. A silence never waits, and is sent three times because nobody confirms it.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class HostTimedBand(HasLife):
     # ---- life -------------------------------------------------------------------------------
 
     def open(self, deadline_s: float) -> None:
-        """Connect, say the opening, wait for its answer where there is one, and silence."""
+        """Connect, send the opening, wait for its answer if there is one, silence the motors."""
         self._life.require("open", DeviceState.CLOSED)
         deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
         self._condition = Condition()
@@ -182,7 +182,7 @@ class HostTimedBand(HasLife):
         open_bands.discard(self)
 
     def health(self) -> Health:
-        """Report rows delivered and the battery where the band tells it."""
+        """Report rows delivered, and the battery where the band reports it."""
         health = self._meter.health(self.state, self._clock.now_ns())
         return replace(health, battery_01=self._condition.battery_01)
 
@@ -211,7 +211,7 @@ class HostTimedBand(HasLife):
         return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: these bands tell no time."""
+        """Return nothing: these bands have no clock to ask."""
         return ()
 
     # ---- commands ---------------------------------------------------------------------------
@@ -230,9 +230,9 @@ class HostTimedBand(HasLife):
     def play(
         self, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float = 1.0
     ) -> int:
-        """Play a pattern from this side: the course of its rate becomes one of amplitude.
+        """Play a pattern from the host: the course of its rate becomes one of amplitude.
 
-        A band driven so has no rate to follow; the amplitude is the share of `high_hz`. Every
+        Such a band has no rate to follow; the amplitude is the share of `high_hz`. Every
         step is a row of its own (`kind` 3).
         """
         self._life.require("play", DeviceState.STREAMING, DeviceState.FAULT)
@@ -240,7 +240,7 @@ class HostTimedBand(HasLife):
         return self._traffic.play(pattern, motors, amplitude_01)
 
     def keep_alive(self) -> None:
-        """Take the experiment loop's word that it runs."""
+        """Note that the experiment loop is alive."""
         self._traffic.keep_alive()
 
     def silence(self) -> int:
@@ -349,7 +349,7 @@ class HostTimedBand(HasLife):
         self._link.close()
 
     def _reconnect(self, timeout_s: float) -> int:
-        """Go on with an attempt to come back; that the band is gone was told once."""
+        """Continue the attempt to reconnect; the loss has been reported already."""
         now_ns = self._clock.now_ns()
         if now_ns < self._retry_ns:
             if timeout_s > 0:

@@ -18,7 +18,7 @@ MAX_REPORT_TTL_MS = 255 * TTL_STEP_MS
 
 @dataclass(frozen=True)
 class ReportLayout:
-    """Where things stand, in bytes from the start of the report without its number.
+    """Positions in bytes from the start of the report, without its number.
 
     `report_id` leads every output report of a HID, 0 when they bear no number; None for a
     vendor-class endpoint, which has no such byte.
@@ -93,7 +93,7 @@ class ReportLanguage:
         return ()
 
     def inquiry(self) -> Sequence[bytes]:
-        """Return nothing: such a band tells by itself."""
+        """Return nothing: such a band reports by itself."""
         return ()
 
     def feed(self, data: bytes) -> Sequence[Notice]:

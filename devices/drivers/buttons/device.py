@@ -29,7 +29,7 @@ RECONNECT_S = 0.2
 
 
 class Press(NamedTuple):
-    """One change of a button or axis: its name, 0 to 1, and the device's time if it told one."""
+    """One change of a button or axis: its name, its value, and the device's time if it has one."""
 
     button: str
     value_01: float
@@ -39,8 +39,8 @@ class Press(NamedTuple):
 class ButtonDevice(HasLife):
     """Follow the `ResponseInput` contract over a byte link; a driver says what bytes mean.
 
-    `buttons` are the device's own names; `keys` calls some of them otherwise, as studies ask for
-    them ({"space": "trigger"}). A button whose name is in neither is counted and told.
+    `buttons` are the device's own names; `keys` gives some of them the names that studies use
+    ({"space": "trigger"}). `check` reports a pressed button whose name is in neither.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class ButtonDevice(HasLife):
 
     @abstractmethod
     def _fresh(self) -> None:
-        """Forget half a message: the wire begins anew."""
+        """Discard a message that is only partly received: the wire was opened again."""
 
     @property
     @abstractmethod
@@ -83,12 +83,12 @@ class ButtonDevice(HasLife):
         """How much could not be read since the start."""
 
     def _greet(self, deadline_ns: int) -> None:
-        """Find out who is there; raises DeviceError. Most devices with buttons say nothing."""
+        """Identify the device; raises DeviceError. Most devices with buttons say nothing."""
 
     # ---- the contract -----------------------------------------------------------------------
 
     def open(self, deadline_s: float) -> None:
-        """Connect, and ask who is there where the device answers."""
+        """Connect, and identify the device if it answers."""
         self._life.require("open", DeviceState.CLOSED)
         self._connect(deadline_s)
         self.info = replace(self.info, transport=self._link.kind)
@@ -99,7 +99,7 @@ class ButtonDevice(HasLife):
         return (RESPONSES,)
 
     def start(self, sink: Sink) -> None:
-        """Begin delivering; what was pressed before counts for nothing."""
+        """Begin delivering; earlier presses are ignored."""
         self._life.require("start", DeviceState.OPEN)
         self._begin()
         self._from_ns = self._clock.now_ns()
@@ -139,7 +139,7 @@ class ButtonDevice(HasLife):
         return replace(health, reconnects=self._reconnects)
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell bytes that could not be read, and buttons nobody has named."""
+        """Report messages that could not be read, and buttons without a name."""
         faults = []
         if self.damaged:
             text = f"{self.damaged} messages could not be read"
@@ -150,7 +150,7 @@ class ButtonDevice(HasLife):
         return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: the device tells no time when asked."""
+        """Return nothing: the device cannot be asked for its time."""
         return ()
 
     # ---- for drivers ------------------------------------------------------------------------

@@ -30,7 +30,7 @@ BUTTONS = tuple(
 
 
 class XidReader:
-    """Cut bytes into presses; what is none is skipped to the next that may begin one."""
+    """Cut bytes into presses; other bytes are skipped up to the next possible start of one."""
 
     def __init__(self) -> None:
         self.damaged = 0
@@ -80,7 +80,7 @@ class XidButtons(ButtonDevice):
         return self._reader.feed(data)
 
     def _greet(self, deadline_ns: int) -> None:
-        """Ask who is there, and switch a pad of another mode to XID."""
+        """Ask for the mode, and switch a pad in another mode to XID."""
         answer = self._asked(deadline_ns)
         if answer != IN_XID_MODE:
             self._link.write(TO_XID_MODE)

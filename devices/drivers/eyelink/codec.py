@@ -64,7 +64,7 @@ def screen_coordinates(screen_px: tuple[int, int]) -> str:
 def edf_name(session: SessionName) -> str:
     """Return the name of a session's file on the host computer, "S0011_02" for S001's part 2.
 
-    The host takes eight capitals, digits and dashes below: of long labels the end is kept.
+    The host takes at most eight capitals, digits and underscores: a long label keeps its end.
     """
     rest = f"{session.session}_{session.part:02d}"
     label = "".join(c for c in session.participant.upper() if c.isascii() and c.isalnum())
@@ -72,9 +72,9 @@ def edf_name(session: SessionName) -> str:
 
 
 def delayed_message(text: str, late_ns: int) -> str:
-    """Return a marker with the whole milliseconds since what it marks.
+    """Return a marker that begins with its delay in whole milliseconds.
 
-    The vendor's Data Viewer takes a leading integer off the time of the message.
+    The vendor's Data Viewer subtracts a leading integer from the time of the message.
     """
     return f"{round(max(0, late_ns) / 1e6)} {text}"
 

@@ -96,7 +96,7 @@ class Fove(GazeDevice):
         self._state_asked_ns = self._clock.now_ns()
 
     def poll(self, timeout_s: float) -> int:
-        """Decode what came; ask for states now and then. See the contract."""
+        """Decode new messages, and ask for the states at intervals; see the contract."""
         sample_count = super().poll(timeout_s)
         now_ns = self._clock.now_ns()
         every_ns = STATE_EVERY_NS if self._calibrating else PROBE_EVERY_NS

@@ -99,7 +99,7 @@ class FoveLibrary:
         self._thread.start()
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Call what the first frame names; the answer repeats it, then code and value, text."""
+        """Call what the first frame names; the answer is that name, code and value, text."""
         sent_ns = self._clock.now_ns()
         answer = (frames[0], *self._answers[frames[0]](self))
         return Exchange(answer, sent_ns, self._clock.now_ns())
@@ -110,7 +110,7 @@ class FoveLibrary:
         self._arrivals.add(Message(exchange.t_receive_ns, exchange.frames, exchange.t_send_ns))
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: frames come since open."""
+        """Do nothing: frames have been coming since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return what the waiting thread fetched; raises DeviceDisconnected when it cannot."""

@@ -35,7 +35,7 @@ STREAMS = (
     "USER_DATA",
     "DATA",
 )
-"""What is enabled, `DATA` last: it starts the stream."""
+"""The streams to enable; `DATA` is last because it starts them."""
 
 _TAG = re.compile(r"<(REC|ACK|NACK|CAL)\b([^<>]*)/>")
 _ATTRIBUTE = re.compile(r'([A-Za-z_][A-Za-z0-9_]*)="([^"]*)"')
@@ -150,7 +150,7 @@ def decode_record(values: Attributes, place: Place, ticks_per_s: int) -> Sample 
 
 
 def calibration_errors_deg(values: Attributes, screen: Screen) -> tuple[list[float], int]:
-    """Return, for each eye and point that counts, its error, and how many points there were."""
+    """Return the error of each eye at each valid point, and the number of points."""
     errors: list[float] = []
     points = 0
     while f"CALX{points + 1}" in values:

@@ -81,7 +81,7 @@ class Gazepoint(GazeDevice):
         return self._calibration
 
     def annotate(self, text: str, t_host_ns: int) -> None:
-        """Write USER_DATA for one record; it stands at the record that follows, not at the time."""
+        """Write USER_DATA for one record: the next one, whatever the time of the marker."""
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
         self._post(codec.set_line("USER_DATA", VALUE=text, DUR="1"))
 
