@@ -62,9 +62,9 @@ class TrackingLayout:
 
 
 def walk_descriptor(raw: bytes) -> dict[tuple[str, int], ReportLayout]:
-    """Return the layouts of usage page 0x12 by kind and report number; {} for nonsense.
+    """Return the layouts of usage page 0x12 by kind and report number; {} if it is malformed.
 
-    A field of 8-bit items with fewer usages than items is one value of all its bytes.
+    A field of 8-bit items with a single usage is one value made of all its bytes.
     """
     at = 0
     page = size = count = number = 0
@@ -120,7 +120,7 @@ def walk_descriptor(raw: bytes) -> dict[tuple[str, int], ReportLayout]:
 
 
 def tracking_layout(reports: Mapping[tuple[str, int], ReportLayout]) -> TrackingLayout | None:
-    """Return the layout of the tracking report, found by what it holds; None without one."""
+    """Return the layout of the report with time and gaze point; None without one."""
     for (kind, _), report in reports.items():
         places = report.places
         stamp = next((p for (_, usage), p in places.items() if usage == TIMESTAMP), None)
@@ -153,7 +153,7 @@ def decode_report(
 ) -> tuple[int, bytes] | None:
     """Return time stamp (ticks) and a row; None when the size is not the report's.
 
-    One gaze point serves both eyes, so there is one ray, from between the eyes that are seen;
+    One gaze point serves both eyes, so there is one ray, which starts between the tracked eyes;
     per-eye directions are missing.
     """
     if len(raw) != layout.size:

@@ -2,7 +2,7 @@
 
 Codec: `hid_gaze.codec`. Transport: `hid_gaze.reports`. A screen-based
 tracker: one ray, in the head frame of `streaming.gaze_rays.Screen`; no pupils, no per-eye
-directions. Its clock cannot be asked, and the unit of its stamps is found from the rate.
+directions. Its clock cannot be asked, and the unit of its stamps is estimated from the rate.
 """
 
 from collections.abc import Iterable
@@ -24,8 +24,8 @@ MODE_GAZE_AND_EYES = 2
 class HidGaze(GazeDevice):
     """Follow the `EyeTracker` contract over HID reports.
 
-    `time_unit_us` is microseconds per tick of the stamps; 0 finds it. The tracker's own screen
-    size replaces the screen's when it tells one.
+    `time_unit_us` is microseconds per tick of the stamps; 0 estimates it from the rate. A screen
+    size that the tracker reports replaces that of `screen`.
     """
 
     def __init__(

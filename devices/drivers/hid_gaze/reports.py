@@ -91,7 +91,7 @@ class HidReports:
         self._size = max(sizes)
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Read the descriptor, who it is, or a feature report."""
+        """Read the descriptor, the identity, or a feature report."""
         sent_ns = self._clock.now_ns()
         kind = frames[0]
         if kind == b"descriptor":
@@ -116,7 +116,7 @@ class HidReports:
         """Do nothing: reports come by themselves."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
-        """Return the reports that wait; raises DeviceDisconnected once it was unplugged."""
+        """Return the waiting reports; raises DeviceDisconnected once the tracker is unplugged."""
         if self._device is None:
             raise DeviceDisconnected("the eye tracker is not open")
         messages: list[Message] = []
@@ -160,7 +160,7 @@ class HidReports:
         try:
             return bytes(self._device.get_feature_report(number, 256))
         except (OSError, ValueError):
-            return b""  # optional: the driver goes on with its options
+            return b""  # optional: the driver uses its options instead
 
     def _gone(self, cause: Exception) -> DeviceError:
         self.close()

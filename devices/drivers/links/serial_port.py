@@ -121,7 +121,7 @@ class SerialLink:
             return ()
         stamp_ns = self._clock.now_ns()
         with contextlib.suppress(self._library.SerialException, OSError, TypeError):
-            # what came before the end counts; the next call tells that it was the end
+            # earlier bytes count; the next call raises at the end of the link
             if waiting := port.in_waiting:
                 data += port.read(min(waiting, MAX_BYTES))
         return (Chunk(stamp_ns, data),)
@@ -130,7 +130,7 @@ class SerialLink:
         """Close the port; idempotent."""
         port, self._serial = self._serial, None
         if port is not None:
-            # The library forgets the socket of a URL unclosed when the other end was reset.
+            # The library leaves the socket of a URL open when the other end was reset.
             url_socket = getattr(port, "_socket", None)
             with contextlib.suppress(OSError, self._library.SerialException):
                 port.close()
@@ -139,7 +139,7 @@ class SerialLink:
 
 
 def serial_port(baud: int | None = None) -> Callable[[Site[Any]], ByteLink]:
-    """Return a `real`: the port that a device's options name, at their `baud` or at this one."""
+    """Return a `real`: the port named by a device's options, at their `baud` or at this one."""
     where = ("port", "vid", "pid", "serial_number")
     if baud is None:
         return linked_by(SerialLink, *where, "baud")
@@ -147,7 +147,7 @@ def serial_port(baud: int | None = None) -> Callable[[Site[Any]], ByteLink]:
 
 
 def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
-    """Return the name of the one port that fits; raises DeviceNotFound naming those there are."""
+    """Return the name of the one port that fits; raises DeviceNotFound, which lists the ports."""
     _library()
     from serial.tools import list_ports
 

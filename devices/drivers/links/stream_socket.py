@@ -49,7 +49,7 @@ class StreamSocket:
         self._socket = connection
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Write and return the next chunk, whatever it is."""
+        """Write, and return the next chunk as the answer."""
         sent_ns = self._clock.now_ns()
         self.post(frames)
         messages = self.receive(timeout_s)

@@ -1,6 +1,6 @@
 """Carry reports to a USB band: HID through hidapi, vendor-class endpoints through pyusb.
 
-One `write` is one report, one chunk one input report. Bands are found by vendor, product and
+One `write` is one report; one chunk is one input report. Bands are found by vendor, product and
 serial number.
 """
 
@@ -160,7 +160,7 @@ class UsbLink:
             raise DeviceNotFound(
                 "libusb is not there", remedy="run: pip install libusb-package"
             ) from cause
-        except (usb.core.USBError, ValueError) as cause:  # its serial number cannot be read
+        except (usb.core.USBError, ValueError) as cause:  # the serial number cannot be read
             text = f"cannot use USB device {vid:04x}:{pid:04x}: {cause}"
             raise DeviceNotFound(text, remedy=LINUX_REMEDY) from cause
         if not devices:

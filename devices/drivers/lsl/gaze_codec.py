@@ -36,7 +36,7 @@ AXES = {DIRECTION: 3, PLACE: 3, POINT: 3, SCREEN: 2, PUPIL: 1, VALID: 1, CONFIDE
 
 
 class StreamInfo(NamedTuple):
-    """What a stream says of itself."""
+    """The description of a stream, as it gives it itself."""
 
     name: str
     source_id: str
@@ -85,7 +85,7 @@ def parse_info(xml: bytes) -> StreamInfo | None:
 
 
 def layout_of(info: StreamInfo, screen_px: tuple[int, int] = (1920, 1080)) -> GazeLayout | None:
-    """Return where gaze lies among the channels; None when they name none."""
+    """Return the places of gaze among the channels; None when none is named as gaze."""
     if len(info.channels) != info.n_channels:
         return None
     labels = [row.get("label", "") for row in info.channels]

@@ -40,8 +40,8 @@ def read_offset(frames: Sequence[bytes], t_host_ns: int) -> ClockPair | None:
 class LslInlet:
     """Find a stream by name, type and source (empty: any) and read it.
 
-    `configuration` is liblsl's, taken only by the first user of LSL in this process: it sets
-    the session and who may meet. Give the one that the outlets of the study have.
+    `configuration` is liblsl's. It sets the session and the reach on the network, and only the
+    first user of LSL in this process can set it. Use that of the study's outlets.
     """
 
     is_simulated = False
@@ -69,7 +69,7 @@ class LslInlet:
 
     @property
     def kind(self) -> str:
-        """Name what was looked for."""
+        """Name the stream that is searched for."""
         return f"lsl {self._wanted}"
 
     def open(self, deadline_s: float) -> None:
@@ -111,7 +111,7 @@ class LslInlet:
         self._asked.set()
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: the stream is subscribed since open."""
+        """Do nothing: the stream has been open since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return waiting samples, each stamped when it is pulled."""

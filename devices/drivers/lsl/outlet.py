@@ -1,7 +1,7 @@
 """Stream gaze, poses and events to Lab Streaming Layer while a session runs.
 
-Channels bear the XDF meta-data names, so other labs' tools read them. Stamps are on LSL's clock:
-a sample's own time where its device's offset is known, its arrival otherwise.
+Channels have the XDF meta-data names, so other labs' tools can read them. Stamps are on LSL's
+clock: a sample's own time where its device's offset is known, its arrival otherwise.
 """
 
 import json
@@ -25,7 +25,7 @@ OffsetOf = Callable[[str], int | None]
 
 @dataclass(frozen=True)
 class LslScope:
-    """Who may meet on the network: `session` separates, `machine_only` keeps it on this one.
+    """The reach of streams: `session` separates groups, `machine_only` keeps to this computer.
 
     With neither, LSL's own settings hold (its file `lsl_api.cfg`), as for every other program.
     """
@@ -89,7 +89,7 @@ class LslOutlets:
         self._events: Any = self._lsl.StreamOutlet(events, 1)
 
     def take(self, role: str, batch: SampleBatch) -> None:
-        """Push a batch; a stream that was not announced is left out."""
+        """Push a batch; streams that were not announced are ignored."""
         outlet = self._outlets.get((role, batch.schema.name))
         if outlet is None or not len(batch):
             return

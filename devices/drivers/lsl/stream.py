@@ -31,7 +31,7 @@ TEXT_BYTES = 256
 MAX_CHANNELS = 4096
 MAX_STAMP_S = 4e9
 NEVER_S = 1e6
-"""An irregular stream says nothing for as long as it likes."""
+"""Time without samples after which an irregular stream counts as lost: in effect never."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class StreamSample:
 
 
 def schema_of(info: StreamInfo, name: str) -> StreamSchema:
-    """Return the columns of a stream by its own labels and units, as far as it states any.
+    """Return the columns of a stream by its own labels and units, as far as it states them.
 
-    A unit that UCUM does not have stands in the column's description alone.
+    A unit that UCUM does not know is named only in the description of the column.
     """
     if info.is_text:
         description = f"UTF-8, at most {TEXT_BYTES} bytes, the rest zero"
@@ -64,7 +64,7 @@ def schema_of(info: StreamInfo, name: str) -> StreamSchema:
         description = label if not unit else f"{label} in {unit}"
         try:
             fields.append(Field(plain, "f8", code_of(unit), description=description))
-        except DataError:  # the label ends as another unit's names do
+        except DataError:  # the label ends like a name with another unit
             fields.append(Field(f"{plain}_", "f8", "", description=description))
             column_names.add(f"{plain}_")
     return StreamSchema(name, tuple(fields), info.rate_hz)
@@ -97,7 +97,7 @@ class LslStream(StreamDevice[StreamSample]):
         )
 
     def check(self) -> tuple[Fault, ...]:
-        """Name everything odd about stream and clock since start."""
+        """Return the faults of stream and clock since start."""
         faults = list(self._notes.values())
         for count, text, remedy in (
             (self._malformed, "samples could not be read", "keep the .wire log and report it"),

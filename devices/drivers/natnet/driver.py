@@ -1,9 +1,9 @@
 """Receive a moving body from OptiTrack Motive over NatNet (UDP 1510 and 1511).
 
 Codec: `visavis.devices.drivers.natnet.codec`. Device time is the middle of the cameras' exposure on
-Motive's clock; it goes one way, so `health` fits it by the lower envelope of the arrivals. Motive
-must stream with y up; a T-pose faces +z there and −z here, so its world is turned by 180° about y,
-or by what `yaw_deg` says.
+Motive's clock, which cannot be asked, so `health` fits it by the lower envelope of the arrivals.
+Motive must stream with y up. A T-pose faces +z there and −z here, so its world is turned about y by
+180°, or by `yaw_deg`.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -28,8 +28,8 @@ class NatNet(BodyDevice):
     """Follow the `BodyTracker` contract over Motive's stream.
 
     `bodies` maps names of rigid bodies in Motive to segments; without it the bones of `skeleton`
-    (or of the only one) are taken by `MOTIVE_BONES`. A name Motive does not know is told by
-    `check`, and its segment is not valid.
+    (or of the only one) are taken by `MOTIVE_BONES`. `check` reports a name that Motive does not
+    know, and its segment is not valid.
     """
 
     def __init__(
@@ -167,7 +167,7 @@ class NatNet(BodyDevice):
         turn[valid] = quat_multiply(
             quat_multiply(self._turn, turn[valid]), quat_conjugate(self._turn)
         )
-        with np.errstate(invalid="ignore", over="ignore"):  # infinite places: refused later
+        with np.errstate(invalid="ignore", over="ignore"):  # infinite places are refused later
             position[valid] = rotate(self._turn, position[valid])
         clock_hz = self._server.clock_hz if self._server is not None else 0
         device_ns = frame.exposure_ticks * NS_PER_S // clock_hz if clock_hz else 0

@@ -1,6 +1,6 @@
 """Turn Neon's gaze payloads into samples; pure, never raises on bad bytes.
 
-Source: pupil-labs-realtime-api 1.9. The kind of a payload is known by its length alone. Points
+Source: pupil-labs-realtime-api 1.9. Only the length of a payload tells its kind. Points
 are scene-camera pixels, origin top left; eye positions and axes are in that camera's frame (x
 right, y down, z forward), millimetres; pupils are diameters in mm, lids apertures in mm.
 """
@@ -110,7 +110,7 @@ def decode_calibration(raw: bytes, pitch_deg: float) -> tuple[SceneCamera, str] 
 
 
 def decode_gaze(stamp_ns: int, counter: int, payload: bytes, camera: SceneCamera) -> Sample | None:
-    """Return the sample of a payload; None for a length that is not known."""
+    """Return the sample of a payload; None for an unknown length."""
     parts = LAYOUTS.get(len(payload))
     if parts is None:
         return None
@@ -145,7 +145,7 @@ def decode_gaze(stamp_ns: int, counter: int, payload: bytes, camera: SceneCamera
 
 
 def unwrapped(number: int, last: int | None) -> int:
-    """Return a 16-bit packet number as one that goes on rising, near the last one."""
+    """Return a 16-bit packet number without its wraps, near the last one."""
     if last is None:
         return number
     step = (number - last) & 0xFFFF

@@ -1,7 +1,7 @@
 """Take buttons, axes and rays of OpenVR controllers, and let them buzz.
 
-The runtime's events say how old they are; a press bears the time at which it happened. Axes and
-poses have no time of their own: they bear that of asking, once per `poll`.
+The runtime's events state their age, so a press has the time at which it happened. Axes and poses
+have no time of their own: they get the time of the request, once per `poll`.
 """
 
 import math
@@ -75,12 +75,12 @@ class OpenVrControllers(RuntimeControllers):
         return row_count
 
     def health(self) -> Health:
-        """Report rows so far and the weakest battery when it was last looked at."""
+        """Report rows so far and the weakest battery at the last reading."""
         weakest = min(self._batteries.values(), default=None)
         return replace(super().health(), battery_01=weakest)
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell missing controllers and weak batteries."""
+        """Report missing controllers and weak batteries."""
         faults = []
         if not self._hand_of:
             faults.append(self._blocking("no controller is on", self._spec.remedy))
@@ -96,7 +96,7 @@ class OpenVrControllers(RuntimeControllers):
     # ---- private --------------------------------------------------------------------------
 
     def _connect(self, deadline_ns: int) -> None:
-        """See which controllers are on; without any `check` tells."""
+        """Find the controllers that are on; `check` reports when there are none."""
         frames = self._transport.request((b"devices",), CALL_TIMEOUT_S).frames
         if frames[0] or len(frames) < 2:
             raise ProtocolViolation("the runtime lists no devices")

@@ -1,4 +1,4 @@
-"""What an OpenVR runtime says of display and frames, and whether base stations stay in place."""
+"""Display and frame timing of an OpenVR runtime, and movements of its base stations."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ class DisplayFacts:
 def read_display(
     display: bytes, eyes: tuple[bytes, bytes], *, role: str, remedy: str
 ) -> DisplayFacts:
-    """Read the runtime's account of display and eyes; raises ProtocolViolation."""
+    """Read the runtime's description of display and eyes; raises ProtocolViolation."""
     with legible("the runtime's account of the display", remedy):
         rate_hz, photons_s, width, height = (float(n) for n in msgpack.unpackb(display))
         eye_rows = [msgpack.unpackb(eye) for eye in eyes]
@@ -41,7 +41,7 @@ def read_display(
         photons_ns = round(photons_s * NS_PER_S)
         eye_poses = [codec.decode_matrix([float(n) for n in eye[1]]) for eye in eye_rows]
         tangents = [[float(n) for n in eye[0]] for eye in eye_rows]
-        # Captures of before it was asked say nothing of what is hidden.
+        # Older captures have no hidden areas, because these were not asked for.
         hidden_corners = [
             [(float(u), float(v)) for u, v in (eye[2] if eye[2:] else [])] for eye in eye_rows
         ]
@@ -64,7 +64,7 @@ def read_display(
 
 
 def add_timing(row: np.void, timing_raw: bytes) -> None:
-    """Write the compositor's account of a frame, if it gave one, into its `FRAME_TIMING` row."""
+    """Write the compositor's report on a frame, if it gave one, into its `FRAME_TIMING` row."""
     timing = codec.decode_frame_timing(timing_raw)
     if timing is not None:
         row["timing_known"] = True
@@ -77,7 +77,7 @@ def add_timing(row: np.void, timing_raw: bytes) -> None:
 
 @dataclass
 class BaseStations:
-    """Where base stations stood first, and how far each has moved since; `slots` names them."""
+    """First places of base stations, and how far each has moved since; `slots` names them."""
 
     slots: Mapping[int, str] = field(default_factory=dict)
     moved_m: dict[str, float] = field(default_factory=dict)
@@ -101,14 +101,13 @@ def _view(
     turn: tuple[float, float, float, float],
     hidden_01: Sequence[tuple[float, float]],
 ) -> EyeView:
-    """Return the view of getProjectionRaw's left, right, top, bottom and getHiddenAreaMesh's
-    corners.
+    """Return a view from getProjectionRaw's tangents and getHiddenAreaMesh's corners.
 
-    In the projection the runtime makes of them its "top" bounds the view below; openvr.h names
-    them for an axis that points down. Corners are shares of the view's width and height, from its
-    left and from below: openvr.h does not say so, but Unreal Engine draws them thus, the mesh of
-    an Index has its nose there, and OpenComposite and xrizer, which play SteamVR to games, count
-    them so.
+    The tangents are left, right, top, bottom, but the runtime's "top" bounds the view below,
+    because openvr.h names them for an axis that points down. Corners are shares of the view's
+    width and height, from its left and from below. openvr.h does not say so; Unreal Engine draws
+    them this way, the mesh of an Index has its nose there, and OpenComposite and xrizer, which
+    replace SteamVR for games, count them so.
     """
     left, right, below, above = (*raw[:2], min(raw[2:]), max(raw[2:]))
     x, y, z = (float(v) for v in offset_m)

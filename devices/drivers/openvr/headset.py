@@ -2,9 +2,9 @@
 
 Codec: `visavis.devices.drivers.openvr.codec`. Wire: `visavis.devices.drivers.openvr.library`, a
 `.wire` replay, or any `MessageTransport` with the same requests. The pose of a frame is the
-runtime's prediction for that frame's light; its `t_device_ns` is `predicted_display_ns`. Images
-drawn from a later pose (`late_head`) are handed over with it. All of it, `wait_frame` and `submit`
-included, belongs to the thread that draws.
+runtime's prediction for the time of display; its `t_device_ns` is `predicted_display_ns`. Images
+drawn from a later pose (`late_head`) are handed over with that pose. Call all of it, `wait_frame`
+and `submit` included, from the thread that draws.
 """
 
 import math
@@ -67,7 +67,7 @@ class OpenVrHeadset(RuntimeHeadset):
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("wait_frame", DeviceState.STREAMING)
         exchange = self._transport.request((b"wait_poses",), CALL_TIMEOUT_S)
-        self._clock.sleep_until_ns(exchange.t_receive_ns)  # a replay has yet to get there
+        self._clock.sleep_until_ns(exchange.t_receive_ns)  # on a replay that time is still to come
         error = exchange.frames[0].decode("ascii", "replace")
         self._found.unfocused = error == FOCUS_LOST
         if error and not self._found.unfocused:
@@ -89,7 +89,7 @@ class OpenVrHeadset(RuntimeHeadset):
         return self._begin_with(t_ns, max(predicted_ns, t_ns), skipped_count, poses)
 
     def late_head(self) -> Pose | None:
-        """Return the head as the runtime now foresees it for the light of the last frame."""
+        """Return the head as the runtime now predicts it for the display of the last frame."""
         if self._frame is None:
             return None
         ahead_s = (self._frame.predicted_display_ns - self._clock.now_ns()) / NS_PER_S
@@ -105,7 +105,7 @@ class OpenVrHeadset(RuntimeHeadset):
         """Hand over one GL texture name per eye, left first; none shows nothing new.
 
         Raises DeviceError with the remedy when the runtime refuses an image, except when it only
-        says that another program has the focus; `check` tells that.
+        says that another program has the focus, which `check` reports.
         """
         self._life.require("submit", DeviceState.STREAMING, DeviceState.FAULT)
         if not images or self._life.state is DeviceState.FAULT:
@@ -137,13 +137,13 @@ class OpenVrHeadset(RuntimeHeadset):
         self._submitted_ns = self._clock.now_ns()
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell standby, a headset not worn, lost tracking, moved base stations, lost focus."""
+        """Report standby, a headset not worn, lost tracking, moved base stations, lost focus."""
         loss = self._gone if self.state is DeviceState.FAULT else ""
         self._found.untracked = self._untracked
         return self._found.faults(self.info.role, loss, self._bases.moved_m)
 
     def poses_by_serial(self) -> dict[str, Pose | None]:
-        """Return where every device stood in the present frame, None where it was not tracked."""
+        """Return the pose of every device in the present frame; None where it was not tracked."""
         poses: dict[str, Pose | None] = {}
         for slot, serial in self._serials.items():
             pose = codec.decode_pose(self._last_poses[slot]) if len(self._last_poses) else None
@@ -193,11 +193,11 @@ class OpenVrHeadset(RuntimeHeadset):
         return True, round(since_s * NS_PER_S), int(count)
 
     def _remaining_ns(self, exchange: Exchange) -> int | None:
-        """Return the time to the sync at which the frame is shown; None where it is not told.
+        """Return the time to the sync at which the frame is shown; None where it is unknown.
 
-        Runtimes hand a frame out some milliseconds before the sync at which it begins (running
-        start): counted from the last sync, its light would be foreseen a whole frame too early.
-        The runtime's own count of the time that is left knows of it.
+        Runtimes hand out a frame some milliseconds before the sync at which it begins (running
+        start). Counted from the last sync, its display would be predicted a whole frame too
+        early. The runtime's own remaining time takes the running start into account.
         """
         raw = exchange.frames[4] if len(exchange.frames) > 4 else b""
         if len(raw) != REMAINING.size:
@@ -233,7 +233,7 @@ class OpenVrHeadset(RuntimeHeadset):
         return self._begin_frame(t_ns, predicted_ns, skipped, head_pose)
 
     def _between_eyes(self, found: tuple[codec.Triple, codec.Quadruple]) -> Pose:
-        """Return the pose of the midpoint between the eyes, of the headset's."""
+        """Return the pose of the midpoint between the eyes from that of the headset."""
         turn = np.array(found[1])
         return Pose(np.array(found[0]) + rotate(turn, self._midpoint), turn)
 

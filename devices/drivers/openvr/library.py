@@ -3,7 +3,7 @@
 A process has one connection to the runtime, so one `OpenVrLibrary` is shared by headset,
 controllers and trackers; each gets its own `OpenVrTransport`. Every call is a request (its name,
 its arguments) with an answer (the name of the error, empty for none, then what the runtime
-filled in); events arrive as messages. A `TeeTransport` around it thus writes a `.wire` log.
+filled in); events arrive as messages. So a `TeeTransport` around it can write a `.wire` log.
 
 Requests: `runtime`, `devices`, `display`, `eye 0`, `eye 1`, `wait_poses`, `late`, `poses`,
 `activity`, `submit 0`, `submit 1`, `axes`, `haptic`.
@@ -25,7 +25,7 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceError, DeviceNotFound
 
 SIMULATED_RUNTIME = "Visavis"
-"""A runtime whose version begins so is our simulator."""
+"""A runtime whose version begins with this is our simulator."""
 
 APPLICATIONS = {"scene": 1, "other": 0, "background": 3}
 
@@ -81,11 +81,11 @@ class OpenVrLibrary:
         return OpenVrTransport(self)
 
     def show_images(self) -> None:
-        """Connect as a scene application, whatever was said before; call it before any open."""
+        """Connect as a scene application from now on; call it before any open."""
         self._application = "scene"
 
     def attach(self, user: "OpenVrTransport") -> None:
-        """Connect when it is the first; raises DeviceNotFound with what to do."""
+        """Connect for the first user; raises DeviceNotFound with a remedy."""
         with self._guard:
             if self._openvr is None:
                 self._connect()
@@ -93,7 +93,7 @@ class OpenVrLibrary:
                 self._users.append(user)
 
     def detach(self, user: "OpenVrTransport") -> None:
-        """Disconnect when it is the last."""
+        """Disconnect after the last user."""
         with self._guard:
             if user in self._users:
                 self._users.remove(user)
@@ -223,7 +223,7 @@ class OpenVrLibrary:
         return poses, vsync, bytes(timing) if has_timing else b"", remaining
 
     def _late_pose(self, frames: Frames) -> Frames:
-        """Return the headset's pose as foreseen now, so many seconds ahead."""
+        """Return the headset's pose as predicted now for a time in seconds ahead."""
         poses = self._poses_here()
         self._system.getDeviceToAbsoluteTrackingPose(
             self._openvr.TrackingUniverseStanding, float(frames[1]), poses
@@ -237,7 +237,7 @@ class OpenVrLibrary:
         return (bytes(self._poses_here()),)
 
     def _poses_here(self) -> Any:
-        """Return an array of this thread's own: trackers and headset may poll side by side."""
+        """Return an array of this thread: trackers and headset may poll at the same time."""
         local = _LOCAL.__dict__
         if "poses" not in local:
             local["poses"] = (self._openvr.TrackedDevicePose_t * MAX_DEVICES)()
@@ -268,7 +268,7 @@ class OpenVrLibrary:
         return ()
 
     def _axes(self, frames: Frames) -> Frames:
-        """Return the axes of the controllers in the slots named: x and y of five each."""
+        """Return the axes of the controllers in the given slots: x and y of five axes each."""
         rows = []
         for slot in (int(part) for part in frames[1].split()):
             is_known, state = self._system.getControllerState(slot)
@@ -317,7 +317,7 @@ class OpenVrTransport:
         self._library.call(frames)
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: every event comes."""
+        """Do nothing: every event is received."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the events since the last call; waits in steps of 1 ms for the first."""

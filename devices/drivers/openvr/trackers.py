@@ -23,7 +23,7 @@ NOWHERE = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 def mount_of(tracker: Pose, segment: Pose) -> Pose:
-    """Return how a segment stands in its tracker's frame, from both in world (in a T-pose)."""
+    """Return a segment's pose in its tracker's frame, from both poses in world (in a T-pose)."""
     back = quat_conjugate(tracker.orientation_wxyz)
     return Pose(
         rotate(back, segment.position_m - tracker.position_m),
@@ -110,7 +110,7 @@ class OpenVrTrackers(BodyDevice):
 
 
 class PolledPoses:
-    """Make a stream of a runtime that only answers: one request per period, of `ask`."""
+    """Make a stream from a runtime that only answers: one request `ask` per period."""
 
     def __init__(
         self, inner: MessageTransport, clock: Clock, rate_hz: float, *, ask: bytes = b"poses"
@@ -128,7 +128,7 @@ class PolledPoses:
 
     @property
     def is_simulated(self) -> bool:
-        """Tell what the wire tells."""
+        """Tell whether the wire itself is simulated."""
         return self._inner.is_simulated
 
     def open(self, deadline_s: float) -> None:
@@ -162,7 +162,7 @@ class PolledPoses:
         try:
             exchange = self._inner.request((self.ask,), 1.0)
         except DeviceError:
-            return []  # silence is told in time
+            return []  # the body device reports a silence that lasts
         if exchange.frames[0]:
             return []
         frames = (self.ask, *exchange.frames)

@@ -1,7 +1,7 @@
-"""What an OpenXR runtime is asked for beside frames: where the eyes and both hands point, buttons.
+"""The actions of an OpenXR session: directions of the eyes and both hands, and buttons.
 
-Bindings are suggested first, everything is attached at once, and spaces come last: a runtime
-insists on that order, and a session takes action sets only once.
+Bindings are suggested first, everything is attached at once, and spaces come last. Runtimes require
+this order, and a session takes action sets only once.
 """
 
 import ctypes
@@ -99,7 +99,7 @@ class OpenXrActions:
             self.spaces["gaze"] = self._space("gaze")
 
     def sync(self) -> None:
-        """Take the present state of everything; without the focus there is none."""
+        """Update the state of every action; without the focus there is none."""
         xr = self._xr
         xr.sync_actions(
             self._session, xr.ActionsSyncInfo(active_action_sets=[xr.ActiveActionSet(self._set, 0)])

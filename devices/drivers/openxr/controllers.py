@@ -1,7 +1,7 @@
 """Take buttons, triggers and rays of the controllers of an OpenXR runtime; let them buzz.
 
-The state of both hands is asked for at a steady rate; a press bears the time of the answer in
-which it was first seen. A controller that is off or out of sight points nowhere.
+The state of both hands is asked for at a steady rate; a press has the time of the answer in which
+it was first seen. A controller that is off or out of sight points nowhere.
 """
 
 import struct
@@ -64,7 +64,7 @@ class OpenXrControllers(RuntimeControllers):
         return row_count
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell missing controllers."""
+        """Report missing controllers and a lost session."""
         remedy = self._spec.remedy
         if self.state is DeviceState.FAULT:
             return (self._blocking("lost the OpenXR session", remedy),)
@@ -75,7 +75,7 @@ class OpenXrControllers(RuntimeControllers):
     # ---- private --------------------------------------------------------------------------
 
     def _connect(self, deadline_ns: int) -> None:
-        """Ask which runtime it is; the session needs no controller to open."""
+        """Ask for the name of the runtime; the session opens without a controller too."""
         frames = self._transport.request((b"runtime",), 1.0).frames
         if frames[0] or len(frames) < 2:
             raise ProtocolViolation("the OpenXR runtime does not answer")
@@ -83,7 +83,7 @@ class OpenXrControllers(RuntimeControllers):
         self.info = replace(self.info, model=f"OpenXR controllers ({name})")
 
     def _begin_stream(self, earlier: Sequence[Message]) -> None:
-        """Let what is held down now count as pressed before."""
+        """Let buttons that are held down now count as pressed earlier."""
         for message in earlier:
             self._take(message)
 

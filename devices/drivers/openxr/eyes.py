@@ -1,8 +1,8 @@
 """Ask an OpenXR runtime for either eye: XR_HTC_eye_tracker and XR_FB_eye_tracking_social.
 
-Meta's gives a ray and a confidence per eye, HTC's a ray, the pupil's diameter and how open the eye
-is. The first stands in Khronos' registry and so in pyopenxr; the second only in HTC's own plugins,
-whose numbers, structures and functions these are.
+Meta's gives a ray and a confidence per eye, HTC's a ray, the pupil's diameter and the openness of
+the eye. The first is in Khronos' registry and so in pyopenxr. The second is only in HTC's own
+plugins; its numbers, structures and functions are taken from there.
 """
 
 import ctypes
@@ -16,18 +16,18 @@ from visavis.lab.clock import NS_PER_S, Clock
 
 HTC, FB = "XR_HTC_eye_tracker", "XR_FB_eye_tracking_social"
 PER_EYE = (HTC, FB)
-"""Extensions with rays per eye, the one that says more first."""
+"""Extensions with rays per eye, the one with more values first."""
 
 EYES = struct.Struct("<qqq" + 2 * "?10f")
 """Host ns and XrTime of one instant, XrTime of the sample (0: unknown); of the left and the right
-eye: valid, position, quaternion (x, y, z, w), confidence, pupil (mm), openness; NaN if untold."""
+eye: valid, position, quaternion (x, y, z, w), confidence, pupil (mm), openness; NaN: unknown."""
 
 RETRY_NS = NS_PER_S
-"""A runtime whose tracker has not started refuses, and must be left alone for a while."""
+"""Wait after a refusal: a tracker that has not started must not be asked again at once."""
 
 
 class EyeReading(NamedTuple):
-    """One eye in the head's view space: its pose's numbers, and what the runtime says beside."""
+    """One eye in the head's view space: the numbers of its pose, and its other values."""
 
     valid: bool
     pose: tuple[float, ...]
@@ -40,12 +40,12 @@ class EyesOfRuntime(Protocol):
     """Either eye of a running session."""
 
     def read(self, space: Any, now: int) -> tuple[int, tuple[EyeReading, EyeReading]]:
-        """Return the sample's XrTime (0: untold) and both eyes, seen from a space."""
+        """Return the sample's XrTime (0: unknown) and both eyes relative to a space."""
         ...
 
 
 def extension_for_eyes(offered: Iterable[str]) -> str:
-    """Return the extension to ask for either eye; empty where a runtime has none."""
+    """Return the best extension with rays per eye; empty where a runtime has none."""
     names = set(offered)
     return next((name for name in PER_EYE if name in names), "")
 
@@ -171,7 +171,7 @@ class HtcEyes:
         self._tracker = ctypes.c_void_p(tracker.value)
 
     def read(self, space: Any, now: int) -> tuple[int, tuple[EyeReading, EyeReading]]:
-        """Return the sample's time and both eyes; lost ones while the tracker must be left alone.
+        """Return the sample's time and both eyes, which are lost until `RETRY_NS` after a refusal.
 
         Raises:
             XrException: the runtime refused, for the first time since `RETRY_NS`.

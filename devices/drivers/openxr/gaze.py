@@ -1,11 +1,11 @@
 """Take eye gaze from an OpenXR runtime.
 
-XR_EXT_eye_gaze_interaction gives one combined ray, no eyes and no pupils. Where a runtime tells
-each eye (`visavis.devices.drivers.openxr.eyes`) these are taken: two rays, with HTC's extension
-also pupils and how open the eyes are. Runtimes may smooth or predict either without saying so
+XR_EXT_eye_gaze_interaction gives one combined ray, no single eyes and no pupils. If a runtime gives
+each eye (`visavis.devices.drivers.openxr.eyes`), these are taken: two rays, and with HTC's
+extension also pupils and openness. Runtimes may smooth or predict gaze without saying so
 ("may_be_smoothed" among the capabilities in the manifest): use it for looking-at measures, not for
-saccades. A location without its valid flags is "no data". The sample's own time comes with it where
-the runtime tells it.
+saccades. A location without its valid flags is "no data". A sample has its own time if the runtime
+gives it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -40,11 +40,11 @@ CAPABILITIES = {
     HTC: frozenset({"per_eye", "pupil", "openness"}),
     FB: frozenset({"per_eye"}),
 }
-"""What a tracker can do beside the combined ray, by the extension that tells each eye."""
+"""Capabilities besides the combined ray, by the extension with rays per eye."""
 
 
 class OpenXrGaze(GazeAndOpenness):
-    """Follow the `EyeTracker` contract; calibration is the vendor's affair."""
+    """Follow the `EyeTracker` contract; it is calibrated in the vendor's program."""
 
     def __init__(
         self,
@@ -121,7 +121,7 @@ def _open_01(told: Sequence[float]) -> float:
 
 
 def _ray(turn: Sequence[float]) -> Triple:
-    """Return where −z points after a turn (x, y, z, w); NaN for what is no turn."""
+    """Return the direction of −z after a rotation (x, y, z, w); NaN if it is no rotation."""
     i, j, k, w = turn
     if not 0.9 < w * w + i * i + j * j + k * k < 1.1:
         return LOST

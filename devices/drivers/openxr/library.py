@@ -81,7 +81,7 @@ _REFUSALS = {
         "update the runtime",
     ),
 }
-"""What the runtime's errors mean at connecting, and what to do; by the name of the error."""
+"""Meaning and remedy of the runtime's errors while connecting, by the error's name."""
 
 
 class OpenXrLibrary:
@@ -129,7 +129,7 @@ class OpenXrLibrary:
         return OpenXrTransport(self)
 
     def attach(self, user: OpenXrTransport, deadline_s: float) -> None:
-        """Begin the session when it is the first; raises DeviceNotFound with what to do."""
+        """Begin the session for the first user; raises DeviceNotFound with a remedy."""
         if self._instance is None:
             try:
                 self._connect(deadline_s)
@@ -140,7 +140,7 @@ class OpenXrLibrary:
             self._users.append(user)
 
     def detach(self, user: OpenXrTransport) -> None:
-        """End the session when it is the last."""
+        """End the session after the last user."""
         if user in self._users:
             self._users.remove(user)
             if not self._users:
@@ -182,6 +182,7 @@ class OpenXrLibrary:
 
     def _begin(self, deadline_s: float) -> None:
         xr = self._xr
+        # Choose extensions: a clock to convert is required; gaze, eyes and the mask are optional.
         with loader_output_logged("OpenXR"):
             offered_names = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
         offered_names = {n.decode() if isinstance(n, bytes) else n for n in offered_names}
@@ -212,6 +213,7 @@ class OpenXrLibrary:
         name = properties.runtime_name
         self.version = name.decode() if isinstance(name, bytes) else str(name)
         self.is_simulated = self.version.startswith(SIMULATED_RUNTIME)
+        # An extension that is enabled does not mean that this headset tracks eyes: ask the system.
         system = xr.get_system(
             self._instance, xr.SystemGetInfo(form_factor=xr.FormFactor.HEAD_MOUNTED_DISPLAY)
         )
@@ -219,6 +221,7 @@ class OpenXrLibrary:
         self.offers_gaze = EYE_GAZE in enabled_names and supports_gaze(xr, self._instance, system)
         is_tracked = bool(per_eye) and SUPPORTED[per_eye](xr, self._instance, system)
         self.eyes_by = per_eye if is_tracked else ""
+        # Graphics requirements must be asked for before the session, spaces come after it.
         link = None
         if self._binding is not None:
             ask_graphics_requirements(xr, self._instance, system)
@@ -256,7 +259,7 @@ class OpenXrLibrary:
                 )
             if focus_state not in self.states:
                 if self._running and self._images is not None:
-                    self._begin_frame()  # the focus comes only to who keeps up frames
+                    self._begin_frame()  # only a session that submits frames gets the focus
                     self._end_frame()
                 else:
                     self.clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)
@@ -299,7 +302,7 @@ class OpenXrLibrary:
             self._disconnect()
 
     def _disconnect(self) -> None:
-        """Let go of everything; the instance takes its children with it."""
+        """Release everything; destroying the instance destroys its children."""
         instance, self._instance = self._instance, None
         images, self._images, self._begun = self._images, None, None
         if images is not None:
@@ -410,14 +413,14 @@ class OpenXrLibrary:
         return payload, b"1" if has_focus else b"0"
 
     def _late(self, _: Frames) -> Frames:
-        """Foresee the head once more for the frame that has begun."""
+        """Predict the head once more for the frame that has begun."""
         if self._begun is None:
             raise _Refused("NoFrameBegun")
         flags, pose = self._locate("view", "stage", int(number(self._begun)))
         return (LATE.pack(flags, *numbers(pose)),)
 
     def _show(self, frames: Frames) -> Frames:
-        """End the frame with two new images, or with those before."""
+        """End the frame with two new images, or with the last ones."""
         if self._images is None or self._begun is None:
             raise _Refused("NoFrameToShowImagesIn")
         if len(frames) > 1 and (problem := self._images.take(frames[1])):
@@ -435,7 +438,7 @@ class OpenXrLibrary:
         return (payload,)
 
     def _hidden(self, _: Frames) -> Frames:
-        """Return what the lens hides of either view: corners (tangents), three a triangle."""
+        """Return the areas hidden by the lenses: corners (tangents), three per triangle."""
         if not self.tells_hidden or self._session is None:
             raise _Refused("NothingToldOfHiddenAreas")
         xr = self._xr
@@ -460,4 +463,4 @@ class OpenXrLibrary:
 
 
 class _Refused(Exception):
-    """Something that the runtime was not even asked for."""
+    """A call refused here, before it reaches the runtime."""

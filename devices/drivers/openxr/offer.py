@@ -1,7 +1,7 @@
-"""Ask an OpenXR runtime, in a process of its own, whether it tells gaze.
+"""Ask an OpenXR runtime, in a separate process, whether it offers gaze.
 
 Run as `python -m visavis.devices.drivers.openxr.offer`, it asks the runtime that `XR_RUNTIME_JSON`
-names and prints JSON. A process can load one runtime only, and a vendor's may end it.
+names and prints JSON. A process can load only one runtime, and a vendor's runtime may crash it.
 """
 
 import contextlib
@@ -20,14 +20,14 @@ from visavis.devices.drivers.openxr.eyes import SUPPORTED, extension_for_eyes
 from visavis.devices.drivers.openxr.library import EYE_GAZE
 
 PATIENCE_S = 20.0
-"""Some runtimes start their service when they are asked."""
+"""Some runtimes start their service only when they are asked."""
 
 
 @dataclass(frozen=True)
 class Offer:
-    """What a runtime says of eyes: `gaze` by the standard's extension, `eyes_by` the one for each.
+    """Eye tracking of a runtime: `gaze` by the standard's extension, `eyes_by` the one per eye.
 
-    `has_headset` is False where it finds none, so that it cannot say.
+    `has_headset` is False where the runtime finds no headset, so that it cannot say.
     """
 
     runtime: str
@@ -37,7 +37,7 @@ class Offer:
 
     @property
     def tells_gaze(self) -> bool:
-        """Tell whether gaze would come from it."""
+        """Tell whether the runtime offers gaze in any way."""
         return self.gaze or bool(self.eyes_by)
 
 
@@ -51,7 +51,7 @@ def ask(manifest: Path) -> Offer | None:
         )
         return Offer(**json.loads(done.stdout.strip().splitlines()[-1]))
     except (OSError, subprocess.SubprocessError, ValueError, TypeError, IndexError):
-        return None  # not installed whole, crashed, or silent: no answer is the answer
+        return None  # not fully installed, crashed, or silent
 
 
 def offer() -> Offer:

@@ -24,7 +24,7 @@ FRAME = struct.Struct("<qqqqQ7f")
 """Host ns and XrTime of one instant, predicted display XrTime, period ns, flags, head pose."""
 
 LATE = struct.Struct("<Q7f")
-"""Flags and head pose, foreseen once more for a frame that has begun."""
+"""Flags and head pose, predicted once more for a frame that has begun."""
 
 
 def numbers(pose: Any) -> tuple[float, ...]:
@@ -38,7 +38,8 @@ def pose_of(
 ) -> tuple[Triple, Quadruple] | None:
     """Return position and orientation (w, x, y, z) of a located space; None when it is not valid.
 
-    Of the head both must be tracked, of a hand its orientation: its place may be inferred.
+    A head must have both tracked. A hand needs only its orientation tracked, because its place may
+    be inferred.
     """
     x, y, z, i, j, k, w = numbers
     tracking_flags = TRACKED if fully_tracked else ORIENTATION_TRACKED
@@ -54,7 +55,7 @@ def number(value: Any) -> Any:
 
 
 def packed_views(views: Iterable[Any]) -> bytes:
-    """Return what the eyes see: pose, then angles (rad) left, right, down, up, row by row."""
+    """Return the views, a row per eye: pose, then angles (rad) left, right, down, up."""
     rows = [
         [
             *numbers(v.pose),

@@ -1,4 +1,4 @@
-"""What an OpenXR runtime's clock shows at an instant of the session's clock.
+"""Read an OpenXR runtime's clock at an instant of the session's clock.
 
 Linux runtimes convert CLOCK_MONOTONIC (XR_KHR_convert_timespec_time), those of Windows its
 performance counter (XR_KHR_win32_convert_performance_counter_time).
@@ -73,7 +73,7 @@ class RuntimeTime:
     def _paired(self) -> tuple[int, int]:
         """Return session time and counter of one instant: the closest of a few readings.
 
-        Both are the performance counter; between two readings this thread may be set aside.
+        Both are the performance counter; this thread may be interrupted between two readings.
         """
         best = (2**62, 0, 0)
         for _ in range(READINGS):

@@ -1,9 +1,9 @@
-"""Read gaze data whose layout is known without taking each apart: the codec's short cut.
+"""Read gaze data of a known layout without unpacking each: a faster way than the codec.
 
 Capture packs the same keys in the same order for every datum of two eyes, so two payloads of one
-length differ in nothing but their 64-bit floats. Where those lie is learnt from a datum that the
-codec has read; a later payload whose other bytes are all equal has the same layout and is read
-from these places. Anything else goes to the codec, which alone decides what is malformed.
+length differ only in their 64-bit floats. Their places are learnt from a datum that the codec has
+read. A later payload has the same layout if all its other bytes are equal, and is then read from
+these places. Everything else goes to the codec, which alone decides what is malformed.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ Places = npt.NDArray[np.int64]
 
 MAX_LAYOUTS = 16
 MAX_ATTEMPTS = 4
-"""Attempts to learn from data of one length; what still fails is not laid out regularly."""
+"""Attempts to learn from data of one length; after that its layout is not regular."""
 
 _FIRST_MARK = 1e300
 _TIMESTAMP, _CONFIDENCE, _NORMALS, _CENTERS, _SURE, _MM, _N_PLACES = 0, 1, 2, 8, 14, 16, 18
@@ -47,10 +47,10 @@ class Layout:
 
 
 def learn_layout(payload: bytes) -> Layout | None:
-    """Return the layout of a well-formed datum of two eyes; None when it is laid out otherwise.
+    """Return the layout of a well-formed datum of two eyes; None if its layout is different.
 
-    Numbers are found by packing the datum again with a mark in the place of every float, so it
-    must be packed as msgpack packs it.
+    Numbers are found by packing the datum again with a mark in the place of every float, so its
+    bytes must be those that msgpack packs.
     """
     try:
         datum = msgpack.unpackb(payload, strict_map_key=False)
@@ -95,7 +95,7 @@ class GazeDecoder:
         return self._take_apart(payload, rows, stamps_ns, i)
 
     def decode_run(self, payloads: Sequence[bytes], rows: Bytes, stamps_ns: Places) -> int:
-        """Write rows 0 to n - 1 of as many first payloads as have one known layout; return n."""
+        """Write rows 0 to n - 1 from the first n payloads, which share a known layout; return n."""
         size = len(payloads[0]) if payloads else 0
         layout = self._layouts.get(size)
         if layout is None:
@@ -167,7 +167,8 @@ def _read(
     stamps_ns: Places,
     i: int,
 ) -> bool:
-    """Write a sample as `decode_gaze` would; False for whatever that must look at itself."""
+    """Write a sample as `decode_gaze` would; False where `decode_gaze` must decide."""
+    # Every byte outside the floats must equal the example; the floats are big-endian.
     for at in fixed:
         if payload[at] != example[at]:
             return False
@@ -198,6 +199,7 @@ def _read(
         at_m[eye, 0] = number[_CENTERS + 3 * eye] * 1e-3
         at_m[eye, 1] = number[_CENTERS + 3 * eye + 1] * -1e-3
         at_m[eye, 2] = number[_CENTERS + 3 * eye + 2] * -1e-3
+    # The combined ray: the mean of both eyes, or the only valid (or only present) one.
     right_valid = has_ray[0] and number[_SURE] >= threshold_01
     left_valid = has_ray[1] and number[_SURE + 1] >= threshold_01
     single = np.empty(15, np.float32)
@@ -226,7 +228,7 @@ def _read(
         both[:] = np.nan
         origin[:] = np.nan
     confidence = number[_CONFIDENCE]
-    if origin[0] == origin[0]:  # whatever is no place is the codec's to judge
+    if origin[0] == origin[0]:  # the codec decides about impossible places
         for k in range(3):
             if not abs(origin[k]) <= MAX_FAR_M:
                 return False
@@ -242,6 +244,7 @@ def _read(
     for eye in range(2):
         mm = number[_MM + eye]
         single[14 - 4 * eye] = mm if MIN_PUPIL_MM <= mm < MAX_PUPIL_MM else np.nan
+    # Pack the row byte by byte in the order of `GAZE.dtype`, which has no padding.
     bits = single.view(np.uint8)
     row = i * _ROW_BYTES
     for k in range(24):

@@ -1,4 +1,4 @@
-"""What controllers of both runtimes share: which part is which control, rows, pulses."""
+"""The common part of both runtimes' controllers: mapping of controls, rows, pulses."""
 
 import math
 import struct
@@ -21,24 +21,24 @@ from visavis.lab.schema import SampleBatch, StreamSchema
 SIDES = ("left", "right")
 ATTEMPT_S = 0.2
 MIN_STEP_01 = 0.01
-"""An axis is told when it has moved by this much, or got to an end."""
+"""An axis is reported when it has moved by this much, or has reached an end."""
 
 Ray = tuple[Sequence[float], Sequence[float]] | None
 """Position and orientation (w, x, y, z); None: not tracked."""
 Change = tuple[int, int, int, float]
-"""When it happened, when it was known, control, value."""
+"""Time of the event, time of its arrival (ns), control, value."""
 
 _RAY_ROW = struct.Struct("<B3f4f?")
 
 
 class Levels:
-    """Remember every control's value; tell those that changed."""
+    """Remember the value of every control, and find changes."""
 
     def __init__(self) -> None:
         self._told: dict[int, float] = {}
 
     def changed(self, control: int, value_01: float, *, axis: bool) -> bool:
-        """Tell whether a control's value is new enough to be told, and remember it then."""
+        """Tell whether a value differs enough to be reported; if so, remember it."""
         before = self._told.get(control, 0.0)
         change = abs(value_01 - before)
         at_end = axis and value_01 in (0.0, 1.0) and change > 0.0
@@ -142,7 +142,7 @@ class RuntimeControllers(MessageDevice):
         self._seq = self._ray_seq = self._malformed = 0
 
     def _tell(self, changes: Sequence[Change]) -> int:
-        """Deliver what changed; return how many rows."""
+        """Deliver the changes; return the number of rows."""
         if changes and self._sink is not None:
             self._meter.update([change[0] for change in changes], changes[-1][1])
             self._sink(response_batch(self._seq, changes))
@@ -150,7 +150,7 @@ class RuntimeControllers(MessageDevice):
         return len(changes)
 
     def _tell_rays(self, t_device_ns: int, t_host_ns: int, rays: Sequence[Ray]) -> int:
-        """Deliver where both hands point; return how many rows."""
+        """Deliver the rays of both hands; return the number of rows."""
         if self._sink is None:
             return 0
         self._sink(ray_batch(self._ray_seq, t_device_ns, t_host_ns, rays))
@@ -158,7 +158,7 @@ class RuntimeControllers(MessageDevice):
         return len(rays)
 
     def _try_again(self, what: str) -> None:
-        """Reach for a runtime that is gone, now and then; raises DeviceDisconnected until then."""
+        """Try at intervals to reach a lost runtime; raises DeviceDisconnected until it is back."""
         if not self._attempt_is_due():
             raise DeviceDisconnected(what, role=self.info.role, remedy=self._spec.remedy)
         try:

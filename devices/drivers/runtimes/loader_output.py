@@ -1,4 +1,4 @@
-"""Keep what a runtime's loader prints of itself off the operator's screen: it is logged."""
+"""Log the output of a runtime's loader, to keep it off the operator's screen."""
 
 import logging
 import os
@@ -12,10 +12,10 @@ _LOG = logging.getLogger(__name__)
 
 @contextmanager
 def loader_output_logged(loader: str) -> Iterator[None]:
-    """Log what native code writes to standard error meanwhile, line by line, at level INFO.
+    """Log the lines that native code writes to standard error meanwhile, at level INFO.
 
-    What goes wrong is told by the errors the loader returns; its own lines would stand between
-    the command's.
+    The loader returns its errors, so its own lines are not needed; they would mix with the
+    lines of the command.
     """
     if sys.stderr is not None:
         sys.stderr.flush()

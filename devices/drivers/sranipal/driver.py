@@ -2,7 +2,7 @@
 
 Codec: `visavis.devices.drivers.sranipal.codec`. Transport:
 `visavis.devices.drivers.sranipal.library`. A frame that was missed leaves a hole in `seq`.
-Calibration is the vendor's own, in SteamVR. How open the eyes are is a second stream, `openness`.
+It is calibrated in SteamVR. The openness of the eyes is a second stream, `openness`.
 """
 
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What an eye tracker's driver noticed, said as faults an operator can act on."""
+"""Faults of an eye tracker, with remedies for the operator."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ MIN_SAMPLES = 20
 
 
 class SeenEyes:
-    """Count in how many of the samples of the last polls each eye was valid."""
+    """Count the samples of the last polls in which each eye was valid."""
 
     def __init__(self, polls: int) -> None:
         self._polls = polls
@@ -42,7 +42,7 @@ def stream_faults(
     unanswered_s: float,
     remedy: str,
 ) -> list[Fault]:
-    """Name what is odd about stream and clock; `remedy` is for a tracker that does not answer."""
+    """Return faults of stream and clock; `remedy` is for a tracker that does not answer."""
     faults: list[Fault] = []
 
     def warn(message: str, remedy: str) -> None:
@@ -65,7 +65,7 @@ def stream_faults(
 
 
 def eye_faults(role: str, seen: SeenEyes) -> list[Fault]:
-    """Name eyes that were hardly seen of late."""
+    """Return faults for eyes that were hardly seen lately."""
     if seen.samples < MIN_SAMPLES:
         return []
     counts = {"left": seen.left, "right": seen.right}

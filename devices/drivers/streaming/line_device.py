@@ -1,7 +1,7 @@
-"""Record any device that tells a sample per line of text, on a serial port or another byte link.
+"""Record any device that sends one sample per line of text, on a serial port or another byte link.
 
-A driver states its columns, what to say when it is opened and how a line is read. The stream is
-named for the role, so that two such devices lie side by side in one recording.
+A driver states its columns, what to write when it is opened and how a line is read. The stream is
+named after the role, so that one recording can hold two such devices.
 """
 
 import math
@@ -25,13 +25,13 @@ from visavis.lab.schema import Field, StreamSchema
 MAX_LINE = 4096
 MAX_STAMP_NS = 2**62
 LOST_PERIODS = 5
-"""A device is away when as many samples in a row did not come, however slow it is."""
+"""A device counts as lost when this many samples in a row are missing, even a slow one."""
 
 
 class Line(NamedTuple):
-    """One sample: the device's own time (None where it tells none), a number per column.
+    """One sample: the device's own time (None if it sends none), a number per column.
 
-    NaN is what is not known: a zero that the device writes for it does not belong here.
+    NaN means unknown; do not pass on a zero that the device writes for it.
     """
 
     t_device_ns: int | None
@@ -71,10 +71,10 @@ class LineDevice(StreamDevice[_Sample]):
 
     @abstractmethod
     def read(self, line: bytes) -> Line | None:
-        """Return the sample of a line, None where it is none; any exception: it is damaged."""
+        """Return the sample of a line; None if it holds none. An exception marks it as damaged."""
 
     def check(self) -> tuple[Fault, ...]:
-        """Name everything odd about the lines since start."""
+        """Return the faults of the lines since start."""
         faults = list(self._notes.values())
         for count, text, remedy in (
             (self._malformed, "lines could not be read", "look at the cable and the baud rate"),
@@ -88,7 +88,7 @@ class LineDevice(StreamDevice[_Sample]):
     # ---- inside -----------------------------------------------------------------------------
 
     def _connect(self, deadline_ns: int) -> None:
-        """Wait for a first sample, or, of a device that speaks when it likes, for nothing."""
+        """Wait for a first sample; do not wait for a device without a steady rate."""
         self._resume()
         if not self.rate_hz:
             return
@@ -153,7 +153,7 @@ class LineDevice(StreamDevice[_Sample]):
 
 
 def _fits(columns: Sequence[Field], line: Line) -> bool:
-    """Say whether every number has its column and can be held there."""
+    """Tell whether there is one number per column, each within the range of its type."""
     if len(line.numbers) != len(columns):
         return False
     if line.t_device_ns is not None and not abs(line.t_device_ns) < MAX_STAMP_NS:
@@ -192,7 +192,7 @@ class LinkMessages:
         self._link.open(deadline_s)
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Refuse: an answer on a link of bytes is for its codec to find."""
+        """Refuse: on a byte link only the codec can recognise an answer."""
         raise NotImplementedError("post, and read what comes")
 
     def post(self, frames: Frames) -> None:

@@ -1,6 +1,6 @@
 """Put the session's marks as codes on lines: parallel port, serial box, LabJack, LSL.
 
-A mark is written from the thread that makes it, at once; the end of its pulse, and marks that have
+A mark is written at once, from the thread that makes it. The end of its pulse, and marks that have
 to wait for it, are written while the device is polled. Every pulse is a row of its stream.
 """
 
@@ -33,13 +33,13 @@ PULSES = (
     Field("t_released_ns", "i8", "ns", description="when the end of the pulse was taken"),
 )
 """A row is stamped (`t_host_ns`) when its code was taken. The code rose between `t_before_ns` and
-`t_after_ns`, but for a delay of the device itself."""
+`t_after_ns`, plus any delay of the device itself."""
 
 
 class TriggerOut(HasLife):
     """Follow the `Device` and `TriggerOutput` contracts on a wire where a byte sets the lines.
 
-    `codes` gives the code, 1 to 255, of every mark that is sent; other marks are not.
+    `codes` gives the code, 1 to 255, of every mark to send; other marks are not sent.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class TriggerOut(HasLife):
             self._life.state = DeviceState.STREAMING
 
     def trigger(self, mark: str, t_ns: int) -> bool:
-        """Send the code of a mark, if it has one; say whether it has. Never raises."""
+        """Send the code of a mark, if it has one; return whether it has. Never raises."""
         code = self._codes.get(mark)
         if code is None or self._life.state not in (DeviceState.STREAMING, DeviceState.FAULT):
             return False
@@ -113,7 +113,7 @@ class TriggerOut(HasLife):
         return True
 
     def poll(self, timeout_s: float) -> int:
-        """End pulses that have stood long enough; deliver those that ended. See the contract."""
+        """End pulses that are due, and deliver the ended ones; see the contract."""
         self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
         if self._life.state is DeviceState.FAULT and self._gone is None:
             self._reconnect(timeout_s)
@@ -154,7 +154,7 @@ class TriggerOut(HasLife):
         return self._meter.health(self.state, self._clock.now_ns())
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell of marks that never reached the lines, and of answers that speak of errors."""
+        """Report marks that never reached the lines, and answers with errors."""
         faults = []
         for count, text in (
             (self._lost, "marks never reached the lines"),
@@ -199,7 +199,7 @@ class TriggerOut(HasLife):
                     return
 
     def _wait(self, timeout_s: float) -> None:
-        """Wait until the lines have to change, or a mark comes; with 0 not at all."""
+        """Wait until the lines have to change, or a mark comes; 0 does not wait."""
         due_ns = self._train.due_ns()
         now_ns = self._clock.now_ns()
         if due_ns is not None:
@@ -250,7 +250,7 @@ class TriggerOut(HasLife):
         self._drop()
 
     def _drop(self, released_ns: int = NO_DEVICE_TIME) -> None:
-        """Record the pulse that stood, and that the marks which wait were never sent."""
+        """Record the pulse on the lines, and the waiting marks as never sent."""
         active_pulse, never = self._train.forget()
         if active_pulse is not None:
             self._row(active_pulse, *self._begun.pop(active_pulse.number), released_ns)
@@ -273,7 +273,7 @@ class TriggerOut(HasLife):
             self._clock.sleep_until_ns(now_ns + round(timeout_s * NS_PER_S))
 
     def _rest(self) -> None:
-        """Bring the lines low, whatever stood on them."""
+        """Bring the lines low, and end a pulse on them."""
         released_ns = NO_DEVICE_TIME
         if self._life.state is not DeviceState.FAULT:
             with contextlib.suppress(DeviceError):  # it is gone, and so are its lines

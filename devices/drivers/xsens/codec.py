@@ -116,7 +116,7 @@ class Assembler:
 
 
 def decode_pose(sample: int, time_code_ms: int, items: bytes) -> Pose:
-    """Return the pose of whole items; a segment that is absent or no pose is NaN, not valid."""
+    """Return the pose of whole items; absent or malformed segments are NaN and not valid."""
     rows = np.frombuffer(items, SEGMENT_DTYPE)
     n = len(SEGMENTS)
     position = np.full((n, 3), np.nan)

@@ -2,7 +2,7 @@
 
 Codec: `visavis.devices.drivers.xsens.codec`. The stream goes one way: MVN's time code (ms since its
 session began) is `t_device_ns`, and `health` fits it to the host's clock by the lower envelope of
-the arrivals. MVN's z-up world becomes ours; where its x axis points is where −z points.
+the arrivals. MVN's z-up world becomes ours; its x axis becomes our −z.
 """
 
 from collections.abc import Iterable
