@@ -38,7 +38,7 @@ COUPLED_DRIVE, SKIN_IS_TOLD = 1, 2
 
 COMMAND_BYTES = 12
 """Payload of every command, padded with zeros: with the zero that leads it, a command is as long
-as its answer, so that round trips tell the band's clock without a bias."""
+as its answer, so that round trips give the band's clock without a bias."""
 
 _SET = struct.Struct("<H8B2x")
 _PATTERN = struct.Struct("<5BHH3x")

@@ -216,7 +216,7 @@ class ArmbandDriver(HasLife):
         self._traffic.keep_alive()
 
     def silence(self) -> int:
-        """Stop every motor now, whatever state this is in; see the contract."""
+        """Stop every motor now, in any state; see the contract."""
         if self._life.state is DeviceState.CLOSED:
             return -1
         return self._traffic.silence()

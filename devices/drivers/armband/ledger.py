@@ -41,7 +41,7 @@ class Command:
 
 @dataclass(slots=True)
 class Asked:
-    """A command without a row of its own, for whose answer somebody waits."""
+    """A command without a row of its own, whose answer is waited for."""
 
     seq: int
     t_write_ns: int = 0

@@ -160,7 +160,7 @@ class Traffic:
     def keep_up(self) -> None:
         """Send what is due: a waiting setting, silence for a stalled loop, refresh, retries.
 
-        Raises DeviceDisconnected when the band is gone or has started anew.
+        Raises DeviceDisconnected when the band is gone or has restarted.
         """
         now_ns = self._clock.now_ns()
         with self._wire:
@@ -381,7 +381,7 @@ class Traffic:
         command = self._under_way.pop(answer.seq, None)
         if command is None:
             return
-        if command.tries == 1:  # after a second try nobody knows which one was answered
+        if command.tries == 1:  # after a second try it is unknown which one was answered
             self._add_pair(command.t_write_ns, device_ns, t_host_ns)
         command.acknowledged = answer.status == codec.OK
         if not command.acknowledged:

@@ -244,7 +244,7 @@ class HostTimedBand(HasLife):
         self._traffic.keep_alive()
 
     def silence(self) -> int:
-        """Stop every motor now, whatever state this is in; see the contract."""
+        """Stop every motor now, in any state; see the contract."""
         return -1 if self._life.state is DeviceState.CLOSED else self._traffic.silence()
 
     # ---- watching ---------------------------------------------------------------------------

@@ -17,7 +17,7 @@ MAX_MODULATION_HZ = 50.0
 class Limits:
     """The limits of one band; every check raises DeviceError naming the role.
 
-    `rate_range_hz` is NaN where a band has not said it, or cannot be told a rate: `takes_rates`.
+    `rate_range_hz` is NaN until the band reports it, and if it takes no rates (`takes_rates`).
     `plays_patterns` is true for a band that makes a pattern's rates itself.
     """
 

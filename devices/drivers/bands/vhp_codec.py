@@ -118,8 +118,8 @@ def nearest_tone(rate_hz: float) -> int:
 class VhpReader:
     """Cut bytes, however chunked, into messages; bytes that fit none are skipped and counted.
 
-    `has_checksum` tells Bluetooth LE from serial. On serial the sleeve also sends single bytes
-    that ask for more samples; they come out as messages of type 23 without payload.
+    `has_checksum` is true for Bluetooth LE, false for serial. On serial the sleeve also sends
+    single bytes that ask for more samples; they come out as messages of type 23 without payload.
     """
 
     def __init__(self, *, has_checksum: bool) -> None:
@@ -257,7 +257,7 @@ class VhpSleeveLanguage(_VhpLanguage):
 class VhpSlimLanguage(_VhpLanguage):
     """Speak to the slim board over Bluetooth LE; see `BandLanguage`.
 
-    A refresh would fade in anew, so a pattern is as long as the time to live.
+    A refresh would fade in again, so a pattern is as long as the time to live.
     """
 
     rate_range_hz = (float(TONES_HZ[0]), float(TONES_HZ[-1]))

@@ -1,4 +1,4 @@
-"""Gamepads and USB button boxes that are HIDs: whatever buttons they describe.
+"""Gamepads and USB button boxes that are HIDs, with the buttons that they describe.
 
 A HID has no clock of its own. The computer asks it every 1 to 8 ms, which is the resolution of a
 press. Boxes that type like a keyboard belong to `keyboard`.
@@ -31,7 +31,8 @@ MAX_REPORT_BYTES = 256
 class HidButtonLink:
     """A HID's reports as chunks that begin with "R"; its descriptor, asked for, begins with "D".
 
-    Without `vid` and `pid` the first gamepad or joystick is taken; `library` stands in for hidapi.
+    Without `vid` and `pid` the first gamepad or joystick is taken. `library` replaces hidapi in
+    tests.
     """
 
     def __init__(

@@ -48,7 +48,7 @@ def eyelink_library() -> Any:
 
 
 class EyeLinkLibrary:
-    """Offer one tracker's link samples; `library` stands in for pylink in tests.
+    """Offer one tracker's link samples; `library` replaces pylink in tests.
 
     `screen_px` is sent to the tracker, whose gaze is in these pixels. After a request `record` it
     records to its own file, which is fetched when the wire is closed.

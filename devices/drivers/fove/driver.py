@@ -66,7 +66,7 @@ class Fove(GazeDevice):
         return outcome
 
     def finish_calibration(self) -> None:
-        """Do nothing: the runtime ends its own procedure and tells the verdict when asked."""
+        """Do nothing: the runtime ends its own procedure and gives the verdict when asked."""
         self._life.require("finish_calibration", DeviceState.STREAMING)
 
     def calibration_verdict(self) -> CalibrationOutcome | None:

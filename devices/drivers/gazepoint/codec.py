@@ -73,7 +73,7 @@ class Place:
 
 
 class LineReader:
-    """Cut a byte stream into tags; count lines that are none."""
+    """Cut a byte stream into tags; count lines without one."""
 
     def __init__(self) -> None:
         self.malformed = 0
@@ -117,7 +117,7 @@ def get_line(name: str) -> bytes:
 
 
 def number(values: Attributes, key: str) -> float:
-    """Return a finite number, or NaN when it is missing or none."""
+    """Return a number; NaN when it is missing, malformed or infinite."""
     try:
         value = float(values[key])
     except (KeyError, ValueError):

@@ -71,7 +71,7 @@ class Gazepoint(GazeDevice):
         return outcome
 
     def finish_calibration(self) -> None:
-        """Do nothing: the server ends its own procedure and tells the result."""
+        """Do nothing: the server ends its own procedure and sends the result."""
         self._life.require("finish_calibration", DeviceState.STREAMING)
 
     def calibration_verdict(self) -> CalibrationOutcome | None:

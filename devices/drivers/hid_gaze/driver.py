@@ -1,4 +1,4 @@
-"""Drive an eye tracker of HID usage page 0x12, whoever made it.
+"""Drive an eye tracker of HID usage page 0x12, from any maker.
 
 Codec: `hid_gaze.codec`. Transport: `hid_gaze.reports`. A screen-based
 tracker: one ray, in the head frame of `streaming.gaze_rays.Screen`; no pupils, no per-eye

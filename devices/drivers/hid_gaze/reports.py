@@ -42,7 +42,7 @@ def found_trackers(library: Any) -> list[Mapping[str, Any]]:
 class HidReports:
     """Offer one eye tracker's reports; an empty serial takes the first one found.
 
-    Requests: (descriptor,), (identity,), (feature:NN,). `library` stands in for hidapi in tests.
+    Requests: (descriptor,), (identity,), (feature:NN,). `library` replaces hidapi in tests.
     """
 
     def __init__(

@@ -25,7 +25,7 @@ VALID = "Valid"
 def read_layout(xml: bytes) -> dict[tuple[str, str], int]:
     """Return the channel of every (object, type) a stream's XML names.
 
-    Raises ProtocolViolation when it is no XML or names none.
+    Raises ProtocolViolation when it is no XML or names no objects.
     """
     try:
         root = ElementTree.fromstring(xml)  # noqa: S314 - of a peer in the lab, as LSL gives it

@@ -36,7 +36,7 @@ AXES = {DIRECTION: 3, PLACE: 3, POINT: 3, SCREEN: 2, PUPIL: 1, VALID: 1, CONFIDE
 
 
 class StreamInfo(NamedTuple):
-    """The description of a stream, as it gives it itself."""
+    """A stream's description of itself."""
 
     name: str
     source_id: str

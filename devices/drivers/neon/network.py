@@ -200,7 +200,7 @@ class NeonNetwork:
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
-        self._drop_echo()  # last: an exchange under way may have opened it anew
+        self._drop_echo()  # last: an exchange under way may have opened it again
         await asyncio.sleep(CLOSING_S)
 
     def _drop_echo(self) -> None:

@@ -313,7 +313,7 @@ class OpenVrTransport:
         return Exchange(answer, sent_ns, self._clock.now_ns())
 
     def post(self, frames: Frames) -> None:
-        """Make a call whose answer nobody needs."""
+        """Make a call and ignore its answer."""
         self._library.call(frames)
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:

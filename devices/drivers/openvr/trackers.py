@@ -1,8 +1,8 @@
-"""Track a body with OpenVR trackers worn on its segments, told apart by serial number.
+"""Track a body with OpenVR trackers worn on its segments, identified by serial number.
 
 Poses are asked for as they are now (prediction 0) at `rate_hz`; they carry no time of capture, so
 `t_device_ns` is the host's time just before the call. A tracker sits on a strap, not in a joint:
-`mounts` say how its segment stands in the tracker's frame, see `mount_of`.
+`mounts` give the pose of its segment in the tracker's frame, see `mount_of`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

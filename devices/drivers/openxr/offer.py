@@ -82,6 +82,6 @@ def offer() -> Offer:
 
 
 if __name__ == "__main__":
-    with contextlib.redirect_stdout(io.StringIO()):  # whatever the package has to say
+    with contextlib.redirect_stdout(io.StringIO()):  # keep the package's own output apart
         found = offer()
     print(json.dumps(asdict(found)))  # noqa: T201 - the parent reads it

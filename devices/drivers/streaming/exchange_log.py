@@ -20,7 +20,7 @@ class ExchangeLog:
         return len(self.pairs)
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Forget all exchanges."""
         self.pairs = []
         self._since_jump = 0
 

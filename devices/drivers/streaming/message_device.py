@@ -80,7 +80,7 @@ class MessageDevice(HasLife, ABC):
 
     @abstractmethod
     def _reset(self, now_ns: int) -> None:
-        """Begin counting anew; for `start`."""
+        """Reset all counts; for `start`."""
 
     # ---- the contract -----------------------------------------------------------------------
 

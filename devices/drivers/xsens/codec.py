@@ -89,7 +89,7 @@ def decode_datagram(data: bytes) -> Datagram | str | None:
 
 
 class Assembler:
-    """Put the datagrams of a sample together, in whatever order they come.
+    """Put the datagrams of a sample together, in any order of arrival.
 
     `incomplete` counts samples given up because a part never came.
     """
