@@ -38,7 +38,7 @@ COUPLED_DRIVE, SKIN_IS_TOLD = 1, 2
 
 COMMAND_BYTES = 12
 """Payload of every command, padded with zeros: with the zero that leads it, a command is as long
-as its answer, so that round trips tell the band's clock without a bias."""
+as its answer, so that round trips give the band's clock without a bias."""
 
 _SET = struct.Struct("<H8B2x")
 _PATTERN = struct.Struct("<5BHH3x")
@@ -77,7 +77,7 @@ class Acknowledgement:
 
     `battery_mv` and `temperature_c` are None when the band cannot measure them; the temperature is
     the skin's where the welcome says `SKIN_IS_TOLD`, else that of the processor's die. A motor
-    that waits for its turn to start is told with the duty that it will have.
+    that waits for its turn to start is reported with the duty that it will have.
     """
 
     kind: int
@@ -91,7 +91,7 @@ class Acknowledgement:
 
 @dataclass(frozen=True)
 class BandEvent:
-    """Something the band tells unasked; `code` indexes `visavis.devices.contracts.BAND_EVENTS`."""
+    """A message the band sends unasked; `code` indexes `visavis.devices.contracts.BAND_EVENTS`."""
 
     seq: int
     code: int
@@ -113,12 +113,12 @@ def encode_frame(kind: int, seq: int, payload: bytes = b"") -> bytes:
     raw += crc16(raw).to_bytes(2, "little")
     if len(raw) > MAX_RAW:
         raise ValueError(f"a frame holds at most {MAX_RAW - 4} bytes, not {len(payload)}")
-    stuffed = bytearray()
+    frame = bytearray()
     for block in raw.split(b"\0"):
-        stuffed.append(len(block) + 1)
-        stuffed += block
-    stuffed.append(0)
-    return bytes(stuffed)
+        frame.append(len(block) + 1)
+        frame += block
+    frame.append(0)
+    return bytes(frame)
 
 
 def decode_frame(stuffed: bytes) -> Frame | None:
@@ -162,7 +162,7 @@ class FrameReader:
         return frames
 
     def reset(self) -> None:
-        """Forget a begun frame."""
+        """Discard a frame that is only partly received."""
         self._tail = b""
 
 
@@ -170,7 +170,7 @@ class FrameReader:
 
 
 def encode_command(kind: int, seq: int, payload: bytes = b"") -> bytes:
-    """Return a command's frame, padded; led by a zero, so that noise before cannot hurt it."""
+    """Return a command's padded frame; a leading zero ends any noise that came before it."""
     return b"\0" + encode_frame(kind, seq, payload.ljust(COMMAND_BYTES, b"\0"))
 
 
@@ -305,6 +305,6 @@ def encode_acknowledgement(ack: Acknowledgement) -> bytes:
 
 
 def encode_event(event: BandEvent) -> bytes:
-    """Return an unasked message; for the band's side."""
+    """Return the frame of an event; for the band's side."""
     payload = _EVENT.pack(event.code, event.device_us, event.value)
     return encode_frame(EVENT, event.seq, payload)

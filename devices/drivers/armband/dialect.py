@@ -15,7 +15,7 @@ FULL = 255
 
 @dataclass(frozen=True)
 class Drive:
-    """What the motors shall do: amplitudes 0..1 and rates in Hz (None: amplitude decides)."""
+    """A setting of the motors: amplitudes 0..1 and rates in Hz (None: amplitude decides)."""
 
     amplitudes_01: tuple[float, ...]
     rates_hz: tuple[float, ...] | None = None
@@ -91,7 +91,7 @@ class FramedDialect:
         return answers
 
     def reset(self) -> None:
-        """Forget a begun frame."""
+        """Discard a frame that is only partly received."""
         self._reader.reset()
 
 

@@ -1,7 +1,8 @@
-"""Drive our armband over any byte link: commands at once, answers in `poll`, always silence.
+"""Drive our armband over any byte link: commands leave at once, `poll` reads the answers.
 
-A refresh twenty times a second repeats what should hold, so that neither a lost nor a falsely
-accepted frame lasts; what runs is refreshed only while the experiment loop says that it lives.
+Every way out silences the motors. A refresh twenty times a second repeats the current setting, so
+that a lost or falsely accepted frame has no lasting effect. Running motors are refreshed only while
+the experiment loop reports that it is alive.
 """
 
 import math
@@ -36,7 +37,7 @@ from visavis.lab.schema import StreamSchema
 
 GREETING_NS = 250 * NS_PER_MS
 START_NS = 2 * NS_PER_S
-"""A session's start can wait for a slow answer; what happens within it cannot."""
+"""Limit for the start of a session, which can wait for a slow answer; later commands cannot."""
 RECONNECT_S = 2.0
 OPENING_PINGS = 8
 RECENT_EXCHANGES = 200
@@ -131,7 +132,7 @@ class ArmbandDriver(HasLife):
         return self._traffic.due_ns if self._life.state is DeviceState.STREAMING else 0
 
     def poll(self, timeout_s: float) -> int:
-        """Take answers, refresh what should hold, give up what was lost, deliver rows."""
+        """Take answers, refresh the current setting, give up lost commands, deliver rows."""
         life = self._life
         if life.state is DeviceState.FAULT:
             return self._reconnect(timeout_s)
@@ -203,19 +204,19 @@ class ArmbandDriver(HasLife):
         """Start a pattern; never sent twice, so that nobody feels it twice."""
         self._life.require("play", DeviceState.STREAMING, DeviceState.FAULT)
         self._limits.check_pattern(pattern, motors, amplitude_01)
-        chosen = [motor in motors for motor in range(self.motor_count)]
+        motor_mask = [motor in motors for motor in range(self.motor_count)]
         drive = Drive(
-            tuple(amplitude_01 if on else 0.0 for on in chosen),
-            tuple(pattern.high_hz if on else math.nan for on in chosen),
+            tuple(amplitude_01 if on else 0.0 for on in motor_mask),
+            tuple(pattern.high_hz if on else math.nan for on in motor_mask),
         )
         return self._traffic.play(pattern, drive, tuple(motors))
 
     def keep_alive(self) -> None:
-        """Take the experiment loop's word that it runs."""
+        """Note that the experiment loop is alive."""
         self._traffic.keep_alive()
 
     def silence(self) -> int:
-        """Stop every motor now, whatever state this is in; see the contract."""
+        """Stop every motor now, in any state; see the contract."""
         if self._life.state is DeviceState.CLOSED:
             return -1
         return self._traffic.silence()
@@ -228,7 +229,7 @@ class ArmbandDriver(HasLife):
         self._attempt_ends_ns = None
 
     def _is_welcome(self) -> bool:
-        """Tell whether the band has answered HELLO; raises ProtocolViolation if it misfits."""
+        """Tell whether the band has answered HELLO; raises ProtocolViolation if it does not fit."""
         welcome = self._traffic.welcome
         if welcome is None:
             return False
@@ -271,7 +272,7 @@ class ArmbandDriver(HasLife):
             return  # stop and close go on: without a host the band's dead man acts
 
     def _reconnect(self, timeout_s: float) -> int:
-        """Go on with an attempt to come back; that the band is gone was told once.
+        """Continue the attempt to reconnect; the loss has been reported already.
 
         Blocks at most `timeout_s`, except that a link may take `RECONNECT_S` to connect and a
         band which answers a few exchanges to be armed.
@@ -299,16 +300,16 @@ class ArmbandDriver(HasLife):
         return self._deliver()
 
     def _deliver(self) -> int:
-        rows, told = self._traffic.collect()
+        rows, band_rows = self._traffic.collect()
         sink = self._sink
-        if sink is None or not (rows or told):
+        if sink is None or not (rows or band_rows):
             return 0
         if rows:
             self._meter.update([row.t_device_ns for row in rows], rows[-1].t_host_ns)
             sink(command_batch(rows, self._row_seq))
             self._row_seq += len(rows)
-        if told:
-            self._meter.update([row.t_device_ns for row in told], told[-1].t_host_ns)
-            sink(band_batch(told, self._band_seq))
-            self._band_seq += len(told)
-        return len(rows) + len(told)
+        if band_rows:
+            self._meter.update([row.t_device_ns for row in band_rows], band_rows[-1].t_host_ns)
+            sink(band_batch(band_rows, self._band_seq))
+            self._band_seq += len(band_rows)
+        return len(rows) + len(band_rows)

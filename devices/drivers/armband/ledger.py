@@ -1,4 +1,4 @@
-"""Keep account of an armband's commands: on their way, acknowledged or given up, as rows."""
+"""Rows for the commands of an armband: under way, acknowledged or given up."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ NO_PATTERN = 255
 
 @dataclass(slots=True)
 class Command:
-    """One command of ours and what is known of it so far."""
+    """One command of ours and what is known about it so far."""
 
     number: int
     kind: int
@@ -41,7 +41,7 @@ class Command:
 
 @dataclass(slots=True)
 class Asked:
-    """A command outside the account that somebody waits for."""
+    """A command without a row of its own, whose answer is waited for."""
 
     seq: int
     t_write_ns: int = 0
@@ -68,7 +68,7 @@ class DeviceMicros:
         self._last_us: int | None = None
 
     def unwrap_ns(self, device_us: int) -> int:
-        """Return ns that go on over the wrap; late answers may lie before earlier ones."""
+        """Return ns that continue over the wrap; a late answer may get an earlier time."""
         last = self._last_us
         if last is None:
             self._last_us = device_us
@@ -108,7 +108,7 @@ def command_batch(rows: Sequence[Command], first_seq: int) -> SampleBatch:
 
 
 def band_batch(rows: Sequence[BandRow], first_seq: int) -> SampleBatch:
-    """Return what the band told of itself as samples of `BAND`."""
+    """Return the band's reports about itself as samples of `BAND`."""
     values = empty_values(BAND, len(rows))
     for name in ("event", "battery_01", "electronics_temperature_c", "skin_temperature_c"):
         values[name] = [getattr(row, name) for row in rows]

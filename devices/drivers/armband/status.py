@@ -1,4 +1,4 @@
-"""What an armband's driver knows of its band's condition, and the words for the operator."""
+"""The condition of an armband as its driver knows it, and its faults for the operator."""
 
 from dataclasses import dataclass, field
 
@@ -31,7 +31,7 @@ REMEDIES = {
 
 
 UNANSWERED = "commands were not acknowledged"
-"""What a fault says of commands given up; a replay makes some, as it asks otherwise at its end."""
+"""Fault text for commands given up; a replay has some, as its last commands differ."""
 
 
 @dataclass
@@ -59,7 +59,7 @@ class BandStatus:
             self.temperature_c = answer.temperature_c
 
     def take_event(self, event: BandEvent) -> None:
-        """Take what the band told unasked."""
+        """Take an event of the band."""
         if event.code == DEAD_MAN:
             self.dead_man_fired += 1
         elif event.code in (BATTERY_LOW, BATTERY_GOOD):
@@ -75,35 +75,35 @@ class BandStatus:
         self.refusals[status] = self.refusals.get(status, 0) + 1
 
     def faults(self, damaged: int) -> tuple[Fault, ...]:
-        """Return what the operator must know."""
-        role, found = self.role, []
+        """Return the faults that the operator must know."""
+        role, faults = self.role, []
         if self.is_hot:
-            found.append(Fault(role, "blocking", "too hot: it refuses to run", "take it off"))
+            faults.append(Fault(role, "blocking", "too hot: it refuses to run", "take it off"))
         if self.resting:
             motors = ", ".join(str(m + 1) for m in range(8) if self.resting >> m & 1)
             text = f"motors that rest, their time being used up: {motors}"
-            found.append(Fault(role, "warning", text, REMEDIES[RESTING]))
+            faults.append(Fault(role, "warning", text, REMEDIES[RESTING]))
         if self.battery_is_low or (self.battery_01 is not None and self.battery_01 < LOW_01):
             charge = "" if self.battery_01 is None else f" ({self.battery_01:.0%})"
-            found.append(Fault(role, "warning", f"battery low{charge}", "charge it at the break"))
+            faults.append(Fault(role, "warning", f"battery low{charge}", "charge it at the break"))
         if self.loop_stalled:
             text = "silenced because the experiment loop stood still"
-            found.append(Fault(role, "warning", text, "close other programs on this computer"))
+            faults.append(Fault(role, "warning", text, "close other programs on this computer"))
         if self.dead_man_fired:
             text = f"silenced itself {self.dead_man_fired} times because no command came"
-            found.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
+            faults.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
         if self.unanswered:
             text = f"{self.unanswered} {UNANSWERED}"
-            found.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
+            faults.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
         for status, count in sorted(self.refusals.items()):
-            said = STATUS_TEXTS[status] if status < len(STATUS_TEXTS) else f"status {status}"
+            status_text = STATUS_TEXTS[status] if status < len(STATUS_TEXTS) else f"status {status}"
             if status != TOO_HOT:
                 remedy = REMEDIES.get(status, "report this")
-                found.append(Fault(role, "warning", f"{count} commands {said}", remedy))
+                faults.append(Fault(role, "warning", f"{count} commands {status_text}", remedy))
         if damaged:
             text = f"{damaged} messages could not be read"
-            found.append(Fault(role, "warning", text, "keep the .wire log and report it"))
-        return tuple(found)
+            faults.append(Fault(role, "warning", text, "keep the .wire log and report it"))
+        return tuple(faults)
 
 
 def charge_01(battery_mv: int) -> float:

@@ -1,7 +1,7 @@
 """Talk with an armband over a byte link: number commands, match answers, refresh, retry, give up.
 
-Nothing here knows of the life of a device; `visavis.devices.drivers.armband.driver` does. Commands
-may come from any thread, even from a signal handler in the midst of another command.
+The states of a device are the business of `visavis.devices.drivers.armband.driver`. Commands may
+come from any thread, even from a signal handler in the middle of another command.
 """
 
 import math
@@ -47,8 +47,8 @@ class Traffic:
     """Everything that goes to one band and comes from it, from one connection to the next.
 
     `running_seq` numbers the command that drives the motors (None: silent), `drive` is what a
-    setting asked; both hold until `runs_until_ns`. Before `due_ns` there is nothing to read or to
-    send unless a command comes; 0 where that is unknown.
+    setting asked for; both hold until `runs_until_ns`. Before `due_ns` there is nothing to read
+    or to send unless a command comes; 0 where that is unknown.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Traffic:
         self.restart()
 
     def restart(self) -> None:
-        """Begin a new account; the connection and its numbers go on."""
+        """Begin new rows; the connection and its sequence numbers go on."""
         now_ns = self._clock.now_ns()
         self._under_way: dict[int, Command] = {}
         self._finished: list[Command] = []
@@ -95,7 +95,7 @@ class Traffic:
         self.is_away = False
 
     def reconnected(self) -> None:
-        """Begin anew with a band that forgot everything; the account goes on."""
+        """Start again with a band that has lost its state; the rows go on."""
         with self._wire:
             self._dialect.reset()
             self._micros = DeviceMicros()
@@ -121,7 +121,7 @@ class Traffic:
         return command.number
 
     def play(self, pattern: VibrationPattern, drive: Drive, motors: tuple[int, ...]) -> int:
-        """Send a pattern once; `drive` is what its row tells."""
+        """Send a pattern once; `drive` is what its row records."""
         now_ns = self._clock.now_ns()
         with self._wire:
             self._alive_ns = now_ns
@@ -151,7 +151,7 @@ class Traffic:
         return command.number
 
     def keep_alive(self) -> None:
-        """Take the experiment loop's word that it runs."""
+        """Note that the experiment loop is alive."""
         self._alive_ns = self._clock.now_ns()
         self.band.loop_stalled = False
 
@@ -160,7 +160,7 @@ class Traffic:
     def keep_up(self) -> None:
         """Send what is due: a waiting setting, silence for a stalled loop, refresh, retries.
 
-        Raises DeviceDisconnected when the band is gone or has started anew.
+        Raises DeviceDisconnected when the band is gone or has restarted.
         """
         now_ns = self._clock.now_ns()
         with self._wire:
@@ -215,11 +215,11 @@ class Traffic:
         self.is_away = False
 
     def collect(self) -> tuple[list[Command], list[BandRow]]:
-        """Give up the finished commands and what the band told, in order of arrival."""
+        """Return the finished commands and the band's reports, once, in order of arrival."""
         with self._wire:
-            finished, self._finished = self._finished, []
-            told, self._told = self._told, []
-        return finished, told
+            commands, self._finished = self._finished, []
+            band_rows, self._told = self._told, []
+        return commands, band_rows
 
     def read(self, timeout_s: float) -> None:
         """Take what came; see `ByteLink.read`."""
@@ -228,7 +228,7 @@ class Traffic:
                 with self._wire:
                     self._take(answer, chunk.t_host_ns)
 
-    # ---- outside the account ----------------------------------------------------------------
+    # ---- commands without rows --------------------------------------------------------------
 
     def greet(self) -> None:
         """Send HELLO; the answer turns up as `welcome`."""
@@ -237,15 +237,15 @@ class Traffic:
     def confirm(self, encode: Callable[[int], bytes], deadline_ns: int) -> None:
         """Send one command again and again until it is answered; raises DeviceTimeout."""
         with self._wire:
-            asked = self._asked = Asked(self._next_seq())
-        data = encode(asked.seq)
+            request = self._asked = Asked(self._next_seq())
+        data = encode(request.seq)
 
         def send() -> None:
-            asked.tries += 1
-            asked.t_write_ns = self._clock.now_ns()
+            request.tries += 1
+            request.t_write_ns = self._clock.now_ns()
             self._link.write(data)
 
-        self.wait(send, lambda: asked.answered, TRY_NS, deadline_ns)
+        self.wait(send, lambda: request.answered, TRY_NS, deadline_ns)
 
     def wait(
         self,
@@ -326,7 +326,7 @@ class Traffic:
             self._waiting = None
 
     def _refresh(self, now_ns: int) -> None:
-        """Say again what should hold: the setting with what is left of its time, or a PING."""
+        """Repeat the current setting with the rest of its time, or send a PING."""
         if self._running_seq is not None and now_ns >= self._runs_until_ns:
             self._drive = self._running_seq = None
         drive = self._drive
@@ -371,17 +371,17 @@ class Traffic:
         if t_host_ns >= self._next_report_ns:
             self._next_report_ns = t_host_ns + REPORT_NS
             self._tell(0, t_host_ns, device_ns)
-        asked = self._asked
-        if asked is not None and answer.seq == asked.seq:
-            asked.answered = True
+        request = self._asked
+        if request is not None and answer.seq == request.seq:
+            request.answered = True
             self._asked = None
-            if asked.tries == 1:
-                self._add_pair(asked.t_write_ns, device_ns, t_host_ns)
+            if request.tries == 1:
+                self._add_pair(request.t_write_ns, device_ns, t_host_ns)
             return
         command = self._under_way.pop(answer.seq, None)
         if command is None:
             return
-        if command.tries == 1:  # after a second try nobody knows which one was answered
+        if command.tries == 1:  # after a second try it is unknown which one was answered
             self._add_pair(command.t_write_ns, device_ns, t_host_ns)
         command.acknowledged = answer.status == codec.OK
         if not command.acknowledged:
@@ -398,7 +398,7 @@ class Traffic:
         self._told.append(BandRow(t_host_ns, device_ns, event, battery, *heat_c))
 
     def _add_pair(self, send_ns: int, device_ns: int, receive_ns: int) -> None:
-        if send_ns <= receive_ns:  # an answer to what was not yet asked is none
+        if send_ns <= receive_ns:  # an answer cannot come before its question
             self.pairs.append(ClockPair(send_ns, device_ns, receive_ns))
         if len(self.pairs) > MAX_PAIRS:
             del self.pairs[: MAX_PAIRS // 2]
@@ -407,7 +407,7 @@ class Traffic:
 def _following(t_ns: int, every_ns: int) -> int:
     """Return the first multiple of a period after `t_ns`.
 
-    Refreshes keep to multiples on the session clock: what a trial's commands meet on the wire
-    then depends on the trial, and not on when the band last spoke before it.
+    Refreshes keep to multiples on the session clock. The traffic that a trial's commands meet
+    then depends on the trial, not on when the last command before it was sent.
     """
     return (t_ns // every_ns + 1) * every_ns

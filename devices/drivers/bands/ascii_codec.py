@@ -1,8 +1,8 @@
 """Speak the text commands of a laboratory's own firmware, from templates; pure.
 
 Templates are Python format strings. Per motor: {motor} (its number, from `first_motor`) and
-{amplitude} (0..`full_scale`). For all motors at once: {a0} {a1} {a2} ... and {ttl_ms}. Such a
-firmware is not known to silence itself, so all safety is on this side.
+{amplitude} (0..`full_scale`). For all motors at once: {a0} {a1} {a2} ... and {ttl_ms}. Such
+firmware may not silence itself, so all safety is on the host's side.
 """
 
 import math
@@ -38,25 +38,25 @@ class AsciiTemplates:
 
     def problems(self) -> tuple[str, ...]:
         """Return what is wrong, one sentence each."""
-        found: list[str] = []
+        problems: list[str] = []
         if bool(self.set_one) == bool(self.set_all):
-            found.append("give either set_one or set_all")
-        found += _misfits("set_one", self.set_one, {"motor", "amplitude", "ttl_ms"})
-        found += _misfits("set_all", self.set_all, self._all_names() | {"ttl_ms"})
-        found += _misfits("stop", self.stop, set())
+            problems.append("give either set_one or set_all")
+        problems += _misfits("set_one", self.set_one, {"motor", "amplitude", "ttl_ms"})
+        problems += _misfits("set_all", self.set_all, self._all_names() | {"ttl_ms"})
+        problems += _misfits("stop", self.stop, set())
         if self.set_one and not {"motor", "amplitude"} <= _names(self.set_one):
-            found.append("set_one needs {motor} and {amplitude}")
+            problems.append("set_one needs {motor} and {amplitude}")
         if self.set_all and not self._all_names() <= _names(self.set_all):
-            found.append(f"set_all needs {_listed(self._all_names())}")
+            problems.append(f"set_all needs {_listed(self._all_names())}")
         for name in ("battery_answer", "refusal_answer"):
             try:
                 groups = re.compile(getattr(self, name)).groups
             except re.error as cause:
-                found.append(f"{name} is no regular expression: {cause}")
+                problems.append(f"{name} is no regular expression: {cause}")
             else:
                 if name == "battery_answer" and self.battery_answer and groups < 1:
-                    found.append("battery_answer needs a group (…) around the percentage")
-        return tuple(found)
+                    problems.append("battery_answer needs a group (…) around the percentage")
+        return tuple(problems)
 
     def _all_names(self) -> set[str]:
         return {f"a{i}" for i in range(self.motor_count)}
@@ -79,7 +79,7 @@ class AsciiLanguage:
         self.motor_count = templates.motor_count
 
     def lasts_ms(self, ttl_ms: int) -> int | None:
-        """Return None: nothing is known of such a firmware."""
+        """Return None: such firmware may run for ever."""
         return None
 
     def opening(self) -> Sequence[bytes]:
@@ -118,15 +118,15 @@ class AsciiLanguage:
         return notices
 
     def reset(self) -> None:
-        """Forget a begun line."""
+        """Discard a line that is only partly received."""
         self._tail = b""
 
     def _read(self, line: str) -> list[Notice]:
         notices: list[Notice] = []
-        found = self._battery.search(line) if self._battery else None
-        if found is not None:
+        match = self._battery.search(line) if self._battery else None
+        if match is not None:
             try:
-                percent = float(found[1])
+                percent = float(match[1])
             except (TypeError, ValueError):
                 self.damaged += 1
             else:
@@ -161,11 +161,11 @@ def _misfits(label: str, template: str, known: set[str]) -> list[str]:
         unknown = _names(template) - known
         template.format(**dict.fromkeys(known, 1)).encode("ascii")
     except KeyError:
-        pass  # told below, with every unknown name
+        pass  # reported below, with every unknown name
     except (ValueError, IndexError, UnicodeEncodeError, AttributeError) as cause:
         return [f"{label} is no template: {cause}"]
-    allowed = _listed(known) or "no field"
-    return [f"{label}: unknown field {{{name}}}; it may hold {allowed}" for name in sorted(unknown)]
+    fields = _listed(known) or "no field"
+    return [f"{label}: unknown field {{{name}}}; it may hold {fields}" for name in sorted(unknown)]
 
 
 def _listed(names: set[str]) -> str:

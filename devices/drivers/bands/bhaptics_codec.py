@@ -3,7 +3,7 @@
 Source: bhaptics/tact-python, version 1 (the Player's WebSocket; `Submit` of type `frame` with
 position, dotPoints 0..100 and durationMillis; answers with `ConnectedPositions`). The unit has
 six points; `points` says which of them are our motors. A frame ends by itself after 100 ms, so
-nothing vibrates longer when the computer fails. The Player tells neither battery nor receipt.
+nothing vibrates longer when the computer fails. The Player reports no battery and no receipt.
 """
 
 import json
@@ -75,18 +75,18 @@ class BhapticsLanguage:
         return ()
 
     def inquiry(self) -> Sequence[bytes]:
-        """Return nothing: the Player tells by itself."""
+        """Return nothing: the Player reports by itself."""
         return ()
 
     def feed(self, data: bytes) -> Sequence[Notice]:
         """Return whether the unit is connected to the Player."""
         notices: list[Notice] = []
         for _, message in self._reader.feed(data):
-            connected = message.get("ConnectedPositions")
-            if isinstance(connected, list):
-                notices += [Ready(), Condition(is_worn=self._position in connected)]
+            positions = message.get("ConnectedPositions")
+            if isinstance(positions, list):
+                notices += [Ready(), Condition(is_worn=self._position in positions)]
         return notices
 
     def reset(self) -> None:
-        """Forget a begun message."""
+        """Discard a message that is only partly received."""
         self._reader.reset()

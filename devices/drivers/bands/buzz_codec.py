@@ -34,8 +34,8 @@ def command(text: str) -> bytes:
 
 def vibrate(levels: Sequence[int]) -> bytes:
     """Return the command that sets the motors, one byte each."""
-    encoded = base64.b64encode(bytes(levels)).decode("ascii")
-    return command(f'motors vibrate "{encoded}"')
+    payload = base64.b64encode(bytes(levels)).decode("ascii")
+    return command(f'motors vibrate "{payload}"')
 
 
 class BuzzLanguage:
@@ -97,7 +97,7 @@ class BuzzLanguage:
         return notices
 
     def reset(self) -> None:
-        """Forget a begun answer."""
+        """Discard an answer that is only partly received."""
         self._reader.reset()
         self._confirmed = 0
 
@@ -106,8 +106,8 @@ class BuzzLanguage:
         fields = data if isinstance(data, dict) else {}
         status = answer.get("status_code")
         if isinstance(status, int) and status != OK:
-            said = str(answer.get("message", ""))[:80]
-            return [Refused(f"refused {echo or 'a command'!r}: {said}", DEVELOPER_REMEDY)]
+            message = str(answer.get("message", ""))[:80]
+            return [Refused(f"refused {echo or 'a command'!r}: {message}", DEVELOPER_REMEDY)]
         notices: list[Notice] = []
         charge = fields.get("battery_soc")
         if isinstance(charge, int | float) and 0 <= charge <= 100:
@@ -118,7 +118,7 @@ class BuzzLanguage:
             self._known = Ready(f"Buzz (firmware {version})", serial)
         if status == OK:
             self._confirmed += 1
-            unnamed = not echo and self._confirmed >= len(self.opening())
-            if unnamed or echo.endswith("motors start"):
+            is_opening_done = not echo and self._confirmed >= len(self.opening())
+            if is_opening_done or echo.endswith("motors start"):
                 notices.append(self._known)
         return notices

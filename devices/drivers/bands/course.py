@@ -1,4 +1,4 @@
-"""What a band driven from this side runs; pure."""
+"""The course of amplitudes on a band that the host drives; pure."""
 
 import math
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from visavis.devices.contracts import VibrationPattern
 
 @dataclass(slots=True)
 class Course:
-    """What runs: amplitudes as a function of ns since `start_ns`, until `until_ns`."""
+    """A running course: amplitudes as a function of ns since `start_ns`, until `until_ns`."""
 
     start_ns: int
     until_ns: int

@@ -1,9 +1,9 @@
 """Drive a band that neither acknowledges nor falls silent by itself, in any `BandLanguage`.
 
-Everything our own firmware would do is done on this side: the end of a time to live, courses of
-a pattern, silence when the experiment loop stands still. Rows of `HAPTICS` say `acknowledged`
-False and bear no device time. While a motor runs, a thread of its own watches besides `poll`, so
-that a pump that died leaves no motor on; when the computer itself dies, only the band can help.
+The host does everything that our own firmware would do: end a time to live, run the course of a
+pattern, silence the motors when the experiment loop stands still. Rows of `HAPTICS` have
+`acknowledged` False and no device time. A separate thread watches running motors besides `poll`, so
+that no motor stays on when the pump dies; when the computer itself dies, only the band can help.
 """
 
 import contextlib
@@ -57,7 +57,7 @@ class HostTimedBand(HasLife):
     """Follow the `Armband` contract; see the module.
 
     At most `max_rate_hz` settings leave per second: a sooner one waits, and a newer one takes
-    its place. A silence never waits, and is said three times because nobody confirms it.
+    its place. A silence never waits, and is sent three times because nobody confirms it.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class HostTimedBand(HasLife):
     # ---- life -------------------------------------------------------------------------------
 
     def open(self, deadline_s: float) -> None:
-        """Connect, say the opening, wait for its answer where there is one, and silence."""
+        """Connect, send the opening, wait for its answer if there is one, silence the motors."""
         self._life.require("open", DeviceState.CLOSED)
         deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
         self._condition = Condition()
@@ -164,9 +164,9 @@ class HostTimedBand(HasLife):
         self.silence()
         self._deliver()
         self._sink = None
-        gone = self._traffic.failure is not None or self._life.state is DeviceState.FAULT
+        is_away = self._traffic.failure is not None or self._life.state is DeviceState.FAULT
         self._life.state = DeviceState.OPEN
-        if gone:
+        if is_away:
             self._link.close()
 
     def close(self) -> None:
@@ -182,36 +182,36 @@ class HostTimedBand(HasLife):
         open_bands.discard(self)
 
     def health(self) -> Health:
-        """Report rows delivered and the battery where the band tells it."""
+        """Report rows delivered, and the battery where the band reports it."""
         health = self._meter.health(self.state, self._clock.now_ns())
         return replace(health, battery_01=self._condition.battery_01)
 
     def check(self) -> tuple[Fault, ...]:
         """Name what is wrong with the band, and what it cannot promise."""
-        role, found = self._role, []
+        role, faults = self._role, []
         if HOST_SIDE_ONLY in self.info.capabilities:
             text = "this band goes on vibrating when the computer or the link fails"
-            found.append(Fault(role, "warning", text, "stay near its switch"))
+            faults.append(Fault(role, "warning", text, "stay near its switch"))
         battery = self._condition.battery_01
         if battery is not None and battery < LOW_BATTERY_01:
             text = f"battery low ({battery:.0%})"
-            found.append(Fault(role, "warning", text, "charge it at the break"))
+            faults.append(Fault(role, "warning", text, "charge it at the break"))
         if self._condition.is_worn is False:
-            found.append(
+            faults.append(
                 Fault(role, "blocking", "its program does not see the band", "switch it on, pair")
             )
         if self._traffic.loop_stalled:
             text = "silenced because the experiment loop stood still"
-            found.append(Fault(role, "warning", text, "close other programs on this computer"))
+            faults.append(Fault(role, "warning", text, "close other programs on this computer"))
         for text, remedy in self._refusals.items():
-            found.append(Fault(role, "warning", text, remedy))
+            faults.append(Fault(role, "warning", text, remedy))
         if self._language.damaged:
             text = f"{self._language.damaged} messages could not be read"
-            found.append(Fault(role, "warning", text, "keep the .wire log and report it"))
-        return tuple(found)
+            faults.append(Fault(role, "warning", text, "keep the .wire log and report it"))
+        return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: these bands tell no time."""
+        """Return nothing: these bands have no clock to ask."""
         return ()
 
     # ---- commands ---------------------------------------------------------------------------
@@ -230,9 +230,9 @@ class HostTimedBand(HasLife):
     def play(
         self, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float = 1.0
     ) -> int:
-        """Play a pattern from this side: the course of its rate becomes one of amplitude.
+        """Play a pattern from the host: the course of its rate becomes one of amplitude.
 
-        A band driven so has no rate to follow; the amplitude is the share of `high_hz`. Every
+        Such a band has no rate to follow; the amplitude is the share of `high_hz`. Every
         step is a row of its own (`kind` 3).
         """
         self._life.require("play", DeviceState.STREAMING, DeviceState.FAULT)
@@ -240,11 +240,11 @@ class HostTimedBand(HasLife):
         return self._traffic.play(pattern, motors, amplitude_01)
 
     def keep_alive(self) -> None:
-        """Take the experiment loop's word that it runs."""
+        """Note that the experiment loop is alive."""
         self._traffic.keep_alive()
 
     def silence(self) -> int:
-        """Stop every motor now, whatever state this is in; see the contract."""
+        """Stop every motor now, in any state; see the contract."""
         return -1 if self._life.state is DeviceState.CLOSED else self._traffic.silence()
 
     # ---- watching ---------------------------------------------------------------------------
@@ -287,19 +287,19 @@ class HostTimedBand(HasLife):
                 raise ProtocolViolation(notice.message, role=self._role, remedy=notice.remedy)
             self._refusals[notice.message] = notice.remedy
         else:
-            known = self._condition
+            previous = self._condition
             self._condition = Condition(
-                known.battery_01 if notice.battery_01 is None else notice.battery_01,
-                known.temperature_c if notice.temperature_c is None else notice.temperature_c,
-                known.is_worn if notice.is_worn is None else notice.is_worn,
+                previous.battery_01 if notice.battery_01 is None else notice.battery_01,
+                previous.temperature_c if notice.temperature_c is None else notice.temperature_c,
+                previous.is_worn if notice.is_worn is None else notice.is_worn,
             )
             if notice.battery_01 is not None or notice.temperature_c is not None:
                 self._tell_band(REPORT, t_host_ns)
 
     def _tell_band(self, event: int, t_host_ns: int) -> None:
-        told = self._condition
-        battery = math.nan if told.battery_01 is None else told.battery_01
-        heat = math.nan if told.temperature_c is None else told.temperature_c
+        condition = self._condition
+        battery = math.nan if condition.battery_01 is None else condition.battery_01
+        heat = math.nan if condition.temperature_c is None else condition.temperature_c
         if self._band_rows:
             t_host_ns = max(t_host_ns, self._band_rows[-1].t_host_ns)
         self._band_rows.append(BandRow(t_host_ns, NO_DEVICE_TIME, event, battery, heat))
@@ -308,7 +308,7 @@ class HostTimedBand(HasLife):
         rows = self._traffic.take_rows()
         while self._traffic.expired_ns:
             self._tell_band(EXPIRED, self._traffic.expired_ns.pop(0))
-        told, self._band_rows = self._band_rows, []
+        band_rows, self._band_rows = self._band_rows, []
         sink = self._sink
         if sink is None:
             return 0
@@ -316,11 +316,11 @@ class HostTimedBand(HasLife):
             self._meter.update([], rows[-1].t_host_ns)
             sink(command_batch(rows, self._row_seq))
             self._row_seq += len(rows)
-        if told:
-            sink(band_batch(told, self._band_seq))
-            self._band_seq += len(told)
-        self._meter.received += len(rows) + len(told)
-        return len(rows) + len(told)
+        if band_rows:
+            sink(band_batch(band_rows, self._band_seq))
+            self._band_seq += len(band_rows)
+        self._meter.received += len(rows) + len(band_rows)
+        return len(rows) + len(band_rows)
 
     # ---- connection -------------------------------------------------------------------------
 
@@ -349,7 +349,7 @@ class HostTimedBand(HasLife):
         self._link.close()
 
     def _reconnect(self, timeout_s: float) -> int:
-        """Go on with an attempt to come back; that the band is gone was told once."""
+        """Continue the attempt to reconnect; the loss has been reported already."""
         now_ns = self._clock.now_ns()
         if now_ns < self._retry_ns:
             if timeout_s > 0:

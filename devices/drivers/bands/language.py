@@ -1,4 +1,4 @@
-"""What a band that cannot acknowledge must offer to `visavis.devices.drivers.bands.driver`.
+"""The languages that `visavis.devices.drivers.bands.driver` speaks to bands.
 
 A language turns commands into messages and bytes into notices; it keeps no time and does no I/O.
 A message is what one `ByteLink.write` carries: a datagram, a notification, a report or a line.
@@ -31,7 +31,7 @@ class Refused:
 
 @dataclass(frozen=True)
 class Condition:
-    """What the band told of itself; None where it did not."""
+    """The band's report about itself; None for what it does not report."""
 
     battery_01: float | None = None
     temperature_c: float | None = None
@@ -50,7 +50,7 @@ class BandLanguage(Protocol):
         ...
 
     def lasts_ms(self, ttl_ms: int) -> int | None:
-        """How long `drive` with this time to live runs by itself; None when it runs for ever."""
+        """Return how long `drive` with this time to live runs by itself; None: for ever."""
         ...
 
     @property
@@ -82,15 +82,15 @@ class BandLanguage(Protocol):
         ...
 
     def inquiry(self) -> Sequence[bytes]:
-        """Return the messages that ask for its condition; empty when it tells by itself."""
+        """Return the messages that ask for its condition; empty when it reports by itself."""
         ...
 
     def feed(self, data: bytes) -> Sequence[Notice]:
-        """Return what the band said in these bytes and those before."""
+        """Return what the band said in these bytes, together with those before."""
         ...
 
     def reset(self) -> None:
-        """Forget half a message; called when a connection starts."""
+        """Discard a message that is only partly received; called when a connection starts."""
         ...
 
     @property
@@ -107,8 +107,8 @@ def level(amplitude_01: float, full: int) -> int:
 class JsonReader:
     """Cut JSON objects out of a text stream, however chunked, with the text before each.
 
-    A `fence` is text that never stands inside an object: what is unfinished there is given up.
-    `damaged` counts what looked like an object and was none.
+    A `fence` is text that never occurs inside an object: an object unfinished there is discarded.
+    `damaged` counts texts that look like an object but are none.
     """
 
     def __init__(self, fence: str = "") -> None:
@@ -120,19 +120,19 @@ class JsonReader:
     def feed(self, data: bytes) -> list[tuple[str, dict[str, Any]]]:
         """Return (text before it, object) for every object completed by these bytes."""
         self._buffer += self._decoder.decode(data)
-        found: list[tuple[str, dict[str, Any]]] = []
+        objects: list[tuple[str, dict[str, Any]]] = []
         while self._fence and self._fence in self._buffer:
             piece, _, self._buffer = self._buffer.partition(self._fence)
-            rest = self._cut(piece, found)
+            rest = self._cut(piece, objects)
             self.damaged += "{" in rest
-        self._buffer = self._cut(self._buffer, found)
+        self._buffer = self._cut(self._buffer, objects)
         if len(self._buffer) > MAX_JSON:
             self.damaged += "{" in self._buffer
             self._buffer = self._buffer[-len(self._fence) :] if self._fence else ""
-        return found
+        return objects
 
     def reset(self) -> None:
-        """Forget a begun object."""
+        """Discard an object that is only partly received."""
         self._buffer = ""
         self._decoder.reset()
 
@@ -150,14 +150,14 @@ class JsonReader:
 
 
 def _closing_brace(text: str, start: int) -> int | None:
-    depth, in_string, escaped = 0, False, False
+    depth, in_string, after_backslash = 0, False, False
     for at in range(start, len(text)):
         letter = text[at]
         if in_string:
-            if escaped:
-                escaped = False
+            if after_backslash:
+                after_backslash = False
             elif letter == "\\":
-                escaped = True
+                after_backslash = True
             elif letter == '"':
                 in_string = False
         elif letter == '"':

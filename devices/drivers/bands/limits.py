@@ -1,4 +1,4 @@
-"""What may be asked of an armband; a wrong command is refused before it reaches the wire."""
+"""Limits of commands to an armband; a wrong one is refused before it reaches the wire."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ MAX_MODULATION_HZ = 50.0
 class Limits:
     """The limits of one band; every check raises DeviceError naming the role.
 
-    `rate_range_hz` is NaN where a band has not said it, or cannot be told a rate: `takes_rates`.
+    `rate_range_hz` is NaN until the band reports it, and if it takes no rates (`takes_rates`).
     `plays_patterns` is true for a band that makes a pattern's rates itself.
     """
 
@@ -46,7 +46,7 @@ class Limits:
     def check_pattern(
         self, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float
     ) -> None:
-        """Check a pattern, the motors it shall play on and its amplitude, above 0."""
+        """Check a pattern, the motors it plays on and its amplitude, which must be above 0."""
         self._check_amplitudes([amplitude_01] * self.motor_count)
         if not motors or amplitude_01 == 0:
             raise self._wrong("a pattern needs a motor and an amplitude; use silence() for none")

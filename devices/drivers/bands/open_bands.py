@@ -1,4 +1,4 @@
-"""Which bands are open that only this computer can stop; all fall silent when it ends."""
+"""The open bands that only this computer can stop; all are silenced when Python exits."""
 
 import atexit
 import weakref
@@ -9,7 +9,7 @@ open_bands: "weakref.WeakSet[Any]" = weakref.WeakSet()
 
 
 def silence_every_open_band() -> None:
-    """Silence whatever band is open; registered to run when the interpreter ends."""
+    """Silence every open band; registered to run when the interpreter exits."""
     for band in list(open_bands):
         band.silence()
 

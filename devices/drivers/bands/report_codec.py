@@ -18,7 +18,7 @@ MAX_REPORT_TTL_MS = 255 * TTL_STEP_MS
 
 @dataclass(frozen=True)
 class ReportLayout:
-    """Where things stand, in bytes from the start of the report without its number.
+    """Positions in bytes from the start of the report, without its number.
 
     `report_id` leads every output report of a HID, 0 when they bear no number; None for a
     vendor-class endpoint, which has no such byte.
@@ -35,18 +35,18 @@ class ReportLayout:
 
     def problems(self) -> tuple[str, ...]:
         """Return what does not fit, one sentence each."""
-        found: list[str] = []
+        misfits: list[str] = []
         motors = range(self.first_motor_byte, self.first_motor_byte + self.motor_count)
         if motors.stop > self.report_bytes:
-            found.append(f"{self.motor_count} motors from byte {motors.start} overrun the report")
+            misfits.append(f"{self.motor_count} motors from byte {motors.start} overrun the report")
         if motors.start < len(self.prefix):
-            found.append("the prefix overlaps the motors")
+            misfits.append("the prefix overlaps the motors")
         if self.ttl_byte is not None:
             if not len(self.prefix) <= self.ttl_byte < self.report_bytes:
-                found.append("ttl_byte lies outside the report or in its prefix")
+                misfits.append("ttl_byte lies outside the report or in its prefix")
             if self.ttl_byte in motors:
-                found.append("ttl_byte overlaps the motors")
-        return tuple(found)
+                misfits.append("ttl_byte overlaps the motors")
+        return tuple(misfits)
 
 
 class ReportLanguage:
@@ -93,7 +93,7 @@ class ReportLanguage:
         return ()
 
     def inquiry(self) -> Sequence[bytes]:
-        """Return nothing: such a band tells by itself."""
+        """Return nothing: such a band reports by itself."""
         return ()
 
     def feed(self, data: bytes) -> Sequence[Notice]:

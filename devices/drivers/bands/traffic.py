@@ -1,4 +1,4 @@
-"""What leaves for a band driven from this side, and when: settings, steps, repetitions, silence."""
+"""Send settings, pattern steps, repetitions and silence to a band that the host drives."""
 
 import math
 import threading
@@ -27,7 +27,7 @@ INQUIRY_NS = 10 * NS_PER_S
 
 
 class BandTraffic:
-    """Send for one band, from any thread; `take_rows` gives up what was sent or given up.
+    """Send to one band, from any thread; `take_rows` returns the commands sent or given up.
 
     Nothing here raises because the band is away, except `write` and `keep_up`; `is_up` false
     keeps commands from the link. `expired_ns` collects ends of times to live.
@@ -36,7 +36,7 @@ class BandTraffic:
     def __init__(
         self, link: ByteLink, language: BandLanguage, clock: Clock, max_rate_hz: float
     ) -> None:
-        self.lock = threading.RLock()  # a signal handler may silence in the midst of a command
+        self.lock = threading.RLock()  # a signal handler may silence in the middle of a command
         self._link = link
         self._language = language
         self._clock = clock
@@ -62,7 +62,7 @@ class BandTraffic:
         self.expired_ns: list[int] = []
 
     def lose(self) -> None:
-        """Give up what waits or runs: the band is gone."""
+        """Give up the waiting and the running command: the band is gone."""
         with self.lock:
             self._drop_waiting(self._clock.now_ns())
             self._running = None
@@ -102,23 +102,23 @@ class BandTraffic:
     def play(self, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float) -> int:
         """Play a pattern step by step; return the command's number."""
         now_ns = self._clock.now_ns()
-        chosen = tuple(
+        peaks_01 = tuple(
             amplitude_01 if m in motors else 0.0 for m in range(self._language.motor_count)
         )
 
         def amplitudes_at(since_ns: int) -> tuple[float, ...]:
             share = share_01(pattern, since_ns / NS_PER_S)
-            return tuple(share * amplitude for amplitude in chosen)
+            return tuple(share * amplitude for amplitude in peaks_01)
 
         until_ns = now_ns + pattern.duration_ms * NS_PER_MS
-        command = self._new(PATTERN, now_ns, chosen, None, duration_ms=float(pattern.duration_ms))
+        command = self._new(PATTERN, now_ns, peaks_01, None, duration_ms=float(pattern.duration_ms))
         command.pattern = PATTERN_NAMES.index(pattern.name)
         command.low_hz, command.modulation_hz = pattern.low_hz, pattern.modulation_hz
         changes = pattern.name != "steady"
         return self._begin(command, Course(now_ns, until_ns, amplitudes_at, None, changes))
 
     def keep_alive(self) -> None:
-        """Take the experiment loop's word that it runs."""
+        """Note that the experiment loop is alive."""
         self._alive_ns = self._clock.now_ns()
         self.loop_stalled = False
 
@@ -251,7 +251,7 @@ class BandTraffic:
         return lasts_ms < left_ms and waited_ns >= lasts_ms * NS_PER_MS // 2
 
     def end_if_due(self, now_ns: int, grace_ns: int) -> None:
-        """Silence what has ended, or what a loop that stands still left running."""
+        """Silence a course that has ended, or that runs although the loop stands still."""
         with self.lock:
             course = self._running
             if course is None:

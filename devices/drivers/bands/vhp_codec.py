@@ -67,7 +67,7 @@ def encode_ble(kind: int, payload: bytes = b"") -> bytes:
 def sleeve_samples(amplitudes_01: Sequence[float], channels: Sequence[int]) -> bytes:
     """Return one buffer, (sample, tactor) interleaved; an idle tactor gets zeros.
 
-    A running one gets a cycle of a sine about the middle of the PWM's range.
+    A running tactor gets one cycle of a sine around the middle of the PWM's range.
     """
     buffer = bytearray(TACTORS * SAMPLES)
     for amplitude, channel in zip(amplitudes_01, channels, strict=True):
@@ -116,10 +116,10 @@ def nearest_tone(rate_hz: float) -> int:
 
 
 class VhpReader:
-    """Cut bytes, however chunked, into messages; what fits none is skipped and counted.
+    """Cut bytes, however chunked, into messages; bytes that fit none are skipped and counted.
 
-    `has_checksum` tells Bluetooth LE from serial. On serial the sleeve also sends single bytes
-    that ask for more samples; they come out as messages of type 23 without payload.
+    `has_checksum` is true for Bluetooth LE, false for serial. On serial the sleeve also sends
+    single bytes that ask for more samples; they come out as messages of type 23 without payload.
     """
 
     def __init__(self, *, has_checksum: bool) -> None:
@@ -133,7 +133,7 @@ class VhpReader:
         return list(self._cut_checked() if self._has_checksum else self._cut_serial())
 
     def reset(self) -> None:
-        """Forget a begun message."""
+        """Discard a message that is only partly received."""
         self._buffer.clear()
 
     def _cut_serial(self) -> Iterator[VhpMessage]:
@@ -180,7 +180,7 @@ class VhpReader:
 
 
 class _VhpLanguage:
-    """What both ways in have in common."""
+    """The common part of both languages."""
 
     answers = False
 
@@ -195,7 +195,7 @@ class _VhpLanguage:
         return self._reader.damaged
 
     def inquiry(self) -> Sequence[bytes]:
-        """Return nothing: the board tells every few seconds by itself."""
+        """Return nothing: the board reports every few seconds by itself."""
         return ()
 
     def feed(self, data: bytes) -> Sequence[Notice]:
@@ -214,7 +214,7 @@ class _VhpLanguage:
         return notices
 
     def reset(self) -> None:
-        """Forget a begun message."""
+        """Discard a message that is only partly received."""
         self._reader.reset()
 
 
@@ -257,7 +257,7 @@ class VhpSleeveLanguage(_VhpLanguage):
 class VhpSlimLanguage(_VhpLanguage):
     """Speak to the slim board over Bluetooth LE; see `BandLanguage`.
 
-    A refresh would fade in anew, so a pattern is as long as the time to live.
+    A refresh would fade in again, so a pattern is as long as the time to live.
     """
 
     rate_range_hz = (float(TONES_HZ[0]), float(TONES_HZ[-1]))

@@ -60,11 +60,13 @@ def band_that_speaks(
         if hasattr(options, "model"):
             spec = replace(spec, product=replace(spec.product, model=options.model()))
         try:
-            spoken = language(options)
+            band_language = language(options)
         except ValueError as cause:
             raise ConfigError(f"devices.{site.role}: {cause}; correct its options") from cause
         rate_hz = options.max_rate_hz
-        return HostTimedBand(site.role, link, spoken, site.clock, spec=spec, max_rate_hz=rate_hz)
+        return HostTimedBand(
+            site.role, link, band_language, site.clock, spec=spec, max_rate_hz=rate_hz
+        )
 
     return make
 

@@ -1,4 +1,4 @@
-"""Button boxes that send one byte a press, as scanners' boxes and boards of a lab's own do."""
+"""Button boxes that send one byte per press: boxes at scanners, boards made in the lab."""
 
 from collections.abc import Iterable, Mapping
 
@@ -9,9 +9,9 @@ from visavis.lab.clock import Clock
 
 
 class ByteButtons(ButtonDevice):
-    """Follow the `ResponseInput` contract over bytes that each are a press; no release is told.
+    """Follow the `ResponseInput` contract over bytes of one press each; releases are not reported.
 
-    A button is called by its byte's character ("1"), or by `keys` as studies ask for it. Other
+    The name of a button is its byte's character ("1"), or the name that `keys` gives it. Other
     bytes are counted.
     """
 
@@ -32,7 +32,7 @@ class ByteButtons(ButtonDevice):
 
     @property
     def damaged(self) -> int:
-        """How many bytes were no button's."""
+        """How many bytes belonged to no button."""
         return self._damaged
 
     def _fresh(self) -> None:

@@ -29,7 +29,7 @@ RECONNECT_S = 0.2
 
 
 class Press(NamedTuple):
-    """One change of a button or axis: its name, 0 to 1, and the device's time if it told one."""
+    """One change of a button or axis: its name, its value, and the device's time if it has one."""
 
     button: str
     value_01: float
@@ -39,8 +39,8 @@ class Press(NamedTuple):
 class ButtonDevice(HasLife):
     """Follow the `ResponseInput` contract over a byte link; a driver says what bytes mean.
 
-    `buttons` are the device's own names; `keys` calls some of them otherwise, as studies ask for
-    them ({"space": "trigger"}). A button whose name is in neither is counted and told.
+    `buttons` are the device's own names; `keys` gives some of them the names that studies use
+    ({"space": "trigger"}). `check` reports a pressed button whose name is in neither.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class ButtonDevice(HasLife):
 
     @abstractmethod
     def _fresh(self) -> None:
-        """Forget half a message: the wire begins anew."""
+        """Discard a message that is only partly received: the wire was opened again."""
 
     @property
     @abstractmethod
@@ -83,12 +83,12 @@ class ButtonDevice(HasLife):
         """How much could not be read since the start."""
 
     def _greet(self, deadline_ns: int) -> None:
-        """Find out who is there; raises DeviceError. Most devices with buttons say nothing."""
+        """Identify the device; raises DeviceError. Most devices with buttons say nothing."""
 
     # ---- the contract -----------------------------------------------------------------------
 
     def open(self, deadline_s: float) -> None:
-        """Connect, and ask who is there where the device answers."""
+        """Connect, and identify the device if it answers."""
         self._life.require("open", DeviceState.CLOSED)
         self._connect(deadline_s)
         self.info = replace(self.info, transport=self._link.kind)
@@ -99,7 +99,7 @@ class ButtonDevice(HasLife):
         return (RESPONSES,)
 
     def start(self, sink: Sink) -> None:
-        """Begin delivering; what was pressed before counts for nothing."""
+        """Begin delivering; earlier presses are ignored."""
         self._life.require("start", DeviceState.OPEN)
         self._begin()
         self._from_ns = self._clock.now_ns()
@@ -139,7 +139,7 @@ class ButtonDevice(HasLife):
         return replace(health, reconnects=self._reconnects)
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell bytes that could not be read, and buttons nobody has named."""
+        """Report messages that could not be read, and buttons without a name."""
         faults = []
         if self.damaged:
             text = f"{self.damaged} messages could not be read"
@@ -150,7 +150,7 @@ class ButtonDevice(HasLife):
         return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: the device tells no time when asked."""
+        """Return nothing: the device cannot be asked for its time."""
         return ()
 
     # ---- for drivers ------------------------------------------------------------------------
@@ -163,9 +163,11 @@ class ButtonDevice(HasLife):
                 f"{self._role}: keys names {', '.join(unknown)}, but the device has "
                 f"{', '.join(buttons)}"
             )
-        called = [self._keys.get(button, button) for button in buttons]
-        self.controls = tuple(dict.fromkeys(called))
-        self._index = {b: self.controls.index(c) for b, c in zip(buttons, called, strict=True)}
+        control_names = [self._keys.get(button, button) for button in buttons]
+        self.controls = tuple(dict.fromkeys(control_names))
+        self._index = {
+            b: self.controls.index(c) for b, c in zip(buttons, control_names, strict=True)
+        }
 
     # ---- inside -----------------------------------------------------------------------------
 
@@ -195,11 +197,11 @@ class ButtonDevice(HasLife):
         values["control"] = [self._index[p.button] for _, p in rows]
         values["value_01"] = [p.value_01 for _, p in rows]
         host = np.array([t_ns for t_ns, _ in rows], np.int64)
-        told = [p.t_device_ns for _, p in rows]
-        device = np.array([NO_DEVICE_TIME if t is None else t for t in told], np.int64)
+        device_times_ns = [p.t_device_ns for _, p in rows]
+        device = np.array([NO_DEVICE_TIME if t is None else t for t in device_times_ns], np.int64)
         seq = np.arange(self._seq, self._seq + len(rows))
         self._seq += len(rows)
-        self._meter.update((host if None in told else device).tolist(), int(host[-1]))
+        self._meter.update((host if None in device_times_ns else device).tolist(), int(host[-1]))
         self._sink(SampleBatch(RESPONSES, seq, device, host, values))
         return len(rows)
 

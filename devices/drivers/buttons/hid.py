@@ -1,7 +1,7 @@
-"""Gamepads and USB button boxes that are HIDs: whatever buttons they describe.
+"""Gamepads and USB button boxes that are HIDs, with the buttons that they describe.
 
-A HID tells no time of its own; it is asked by the computer every 1 to 8 ms, which is the grain of
-a press. Its keyboard-like relatives type: those are `keyboard`.
+A HID has no clock of its own. The computer asks it every 1 to 8 ms, which is the resolution of a
+press. Boxes that type like a keyboard belong to `keyboard`.
 """
 
 from collections import deque
@@ -29,9 +29,10 @@ MAX_REPORT_BYTES = 256
 
 
 class HidButtonLink:
-    """A HID's reports, each a chunk after "R"; asked to describe itself it answers after "D".
+    """A HID's reports as chunks that begin with "R"; its descriptor, asked for, begins with "D".
 
-    Without `vid` and `pid` the first gamepad or joystick is taken; `library` stands in for hidapi.
+    Without `vid` and `pid` the first gamepad or joystick is taken. `library` replaces hidapi in
+    tests.
     """
 
     def __init__(
@@ -82,10 +83,10 @@ class HidButtonLink:
         now_ns = self._clock.now_ns()
         if data == DESCRIBE:
             try:
-                described = bytes(self._device.get_report_descriptor())
+                descriptor = bytes(self._device.get_report_descriptor())
             except (OSError, ValueError) as cause:
                 raise self._gone(cause) from cause
-            self._answers.append(Chunk(now_ns, DESCRIPTOR + described))
+            self._answers.append(Chunk(now_ns, DESCRIPTOR + descriptor))
         return now_ns
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
@@ -103,7 +104,7 @@ class HidButtonLink:
                 chunks.append(Chunk(self._clock.now_ns(), REPORT + bytes(report)))
                 wait_ms = 1
         except (OSError, ValueError) as cause:
-            if not chunks:  # what came before the end counts; the next call tells the end
+            if not chunks:  # earlier reports count; the next call raises
                 raise self._gone(cause) from cause
         return chunks
 
@@ -142,7 +143,7 @@ class HidButtons(ButtonDevice):
         return self._reader.damaged
 
     def _fresh(self) -> None:
-        """Keep what is held down: a HID tells changes of its whole state."""
+        """Keep the buttons that are held down: every report carries the whole state."""
 
     def _read(self, data: bytes) -> Iterable[Press]:
         return self._reader.feed(data[1:]) if data[:1] == REPORT else ()

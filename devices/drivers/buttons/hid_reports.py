@@ -1,6 +1,6 @@
-"""What a gamepad or USB button box says of its reports, and a report of its buttons; pure.
+"""Read the descriptor and the reports of a gamepad or USB button box; pure.
 
-A HID describes its own reports. Read are buttons (usage page 9), axes and hat switches (page 1), of
+A HID describes its own reports. Buttons (usage page 9), axes and hat switches (page 1) are read, of
 any width and at any bit. Source: USB-IF's "Device class definition for HID" 1.11 and usage tables.
 """
 
@@ -15,7 +15,7 @@ HAT = 0x39
 HAT_SIDES = ("up", "right", "down", "left")
 """Sides of a hat switch, clockwise; each is a button of its own, and between two both are down."""
 STEP_01 = 1 / 16
-"""An axis that moved by less than this is not told."""
+"""A smaller movement of an axis is not reported."""
 MAX_BITS = 8 * 4096
 MAX_USAGES = 512
 
@@ -36,7 +36,7 @@ class Control:
     is_hat: bool = False
 
     def buttons(self) -> tuple[str, ...]:
-        """Return the names under which it is told."""
+        """Return the names of its buttons."""
         if self.is_hat:
             return HAT_SIDES
         return (f"{self.name}-", f"{self.name}+") if self.name in AXES.values() else (self.name,)
@@ -65,60 +65,60 @@ class _Globals:
 
 
 def layout_of(descriptor: bytes) -> Layout:
-    """Return where a report descriptor puts buttons and axes; no controls for nonsense."""
+    """Return the positions of buttons and axes in reports; no controls if it is malformed."""
     state, stack = _Globals(), list[_Globals]()
     usages: list[tuple[int, int]] = []
     first = 0
     offset: dict[int, int] = {}
-    found: list[Control] = []
+    controls: list[Control] = []
     is_numbered = False
     at = 0
     while at < len(descriptor):
         head = descriptor[at]
         length = _LENGTHS[head & 3]
         raw = descriptor[at + 1 : at + 1 + length]
-        if head == 0xFE or len(raw) < length:
+        if head == 0xFE or len(raw) < length:  # a long item, or the descriptor is cut
             return Layout((), is_numbered=False)
         data, signed = (int.from_bytes(raw, "little", signed=s) for s in (False, True))
         at += 1 + length
-        match head & 0xFC:
-            case 0x04:
+        match head & 0xFC:  # tag and type of a short item (HID 1.11, 6.2.2)
+            case 0x04:  # usage page
                 state.page = data
-            case 0x14:
+            case 0x14:  # logical minimum
                 state.low = signed
-            case 0x24:
+            case 0x24:  # logical maximum
                 state.high = signed if state.low < 0 else data
-            case 0x74:
+            case 0x74:  # report size, bits
                 state.size = data
-            case 0x94:
+            case 0x94:  # report count
                 state.count = data
-            case 0x84:
+            case 0x84:  # report ID
                 state.report, is_numbered = data, True
-            case 0xA4:
+            case 0xA4:  # push
                 stack.append(_Globals(**vars(state)))
-            case 0xB4 if stack:
+            case 0xB4 if stack:  # pop
                 state = stack.pop()
-            case 0x08:
+            case 0x08:  # usage
                 usages.append(_usage(data, length, state.page))
-            case 0x18:
+            case 0x18:  # usage minimum
                 first = data
-            case 0x28:
+            case 0x28:  # usage maximum
                 page, last = _usage(data, length, state.page)
                 start = first & 0xFFFF
                 usages += [(page, u) for u in range(start, min(last, start + MAX_USAGES) + 1)]
-            case 0x80:
+            case 0x80:  # input
                 bit = offset.get(state.report, 0)
                 if state.size * state.count + bit > MAX_BITS:
                     return Layout((), is_numbered=False)
                 if state.size and data & _VARIABLE and not data & _CONSTANT:
-                    found += _controls(state, usages, bit)
+                    controls += _controls(state, usages, bit)
                 offset[state.report] = bit + state.size * state.count
                 usages, first = [], 0
-            case 0xA0 | 0xC0 | 0xB0 | 0x90:
+            case 0xA0 | 0xC0 | 0xB0 | 0x90:  # collection, its end, feature, output
                 usages, first = [], 0
             case _:
                 pass
-    return Layout(tuple(found), is_numbered)
+    return Layout(tuple(controls), is_numbered)
 
 
 def _usage(data: int, length: int, page: int) -> tuple[int, int]:
@@ -127,17 +127,17 @@ def _usage(data: int, length: int, page: int) -> tuple[int, int]:
 
 
 def _controls(state: _Globals, usages: Sequence[tuple[int, int]], bit: int) -> list[Control]:
-    found = []
+    controls = []
     for k in range(state.count if usages else 0):
         page, usage = usages[min(k, len(usages) - 1)]
         place = (state.report, bit + k * state.size, state.size, state.low, state.high)
         if page == BUTTON_PAGE and usage:
-            found.append(Control(f"button_{usage}", *place))
+            controls.append(Control(f"button_{usage}", *place))
         elif page == DESKTOP_PAGE and usage in AXES:
-            found.append(Control(AXES[usage], *place))
+            controls.append(Control(AXES[usage], *place))
         elif page == DESKTOP_PAGE and usage == HAT:
-            found.append(Control("hat", *place, is_hat=True))
-    return found
+            controls.append(Control("hat", *place, is_hat=True))
+    return controls
 
 
 class ReportReader:
@@ -154,13 +154,13 @@ class ReportReader:
         if self._layout.is_numbered:
             number, body = (report[0] if report else 0), report[1:]
         value = int.from_bytes(body, "little")
-        found: list[Press] = []
+        presses: list[Press] = []
         for control in self._layout.controls:
             if control.report != number:
                 continue
             if control.bit + control.bits > 8 * len(body):
                 self.damaged += 1
-                return found
+                return presses
             raw = value >> control.bit & ((1 << control.bits) - 1)
             if control.low < 0 and raw >> (control.bits - 1):
                 raw -= 1 << control.bits
@@ -169,8 +169,8 @@ class ReportReader:
                 is_end = level in (0.0, 1.0) and level != before
                 if is_end or abs(level - before) >= STEP_01:
                     self._last[name] = level
-                    found.append(Press(name, level))
-        return found
+                    presses.append(Press(name, level))
+        return presses
 
 
 def _levels(control: Control, raw: int) -> list[tuple[str, float]]:

@@ -1,6 +1,6 @@
 """The keyboard of this computer, as the participant's window hears it.
 
-The window tells a press at the moment the system does; its stamp is the session clock then. The
+The window reports a press when the system does, and stamps it with the session clock. The
 system adds the keyboard's own delay (USB polling, debouncing: 2 to 15 ms, different for every
 keyboard), which only a measurement with a sensor shows.
 """
@@ -27,7 +27,7 @@ DOWN, UP = b"+", b"-"
 
 
 class KeyLink:
-    """What the window hears, as bytes: one line a press ("+space") or release ("-space")."""
+    """The keys of the window as bytes: one line per press ("+space") or release ("-space")."""
 
     kind = "keyboard"
     is_simulated = False
@@ -48,7 +48,7 @@ class KeyLink:
         self._heard.clear()
 
     def write(self, data: bytes) -> int:
-        """Say nothing to it: a keyboard listens to nobody."""
+        """Do nothing: a keyboard takes no messages."""
         return self._clock.now_ns()
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
@@ -59,10 +59,10 @@ class KeyLink:
             else:
                 self._something.wait(timeout_s)
         self._something.clear()
-        found = []
+        chunks = []
         while self._heard:
-            found.append(self._heard.popleft())
-        return found
+            chunks.append(self._heard.popleft())
+        return chunks
 
     def close(self) -> None:
         """Do nothing: the window is not ours."""
@@ -71,8 +71,8 @@ class KeyLink:
 class Keyboard(ButtonDevice):
     """Follow the `ResponseInput` contract over the keys of a window; `hear` takes them.
 
-    A key that repeats while it is held is pressed once. Keys of other names ("key 94", of layouts
-    with more) are told and left out.
+    A key that repeats while it is held counts as pressed once. Keys with other names ("key 94", of
+    layouts with more) are reported and left out.
     """
 
     def __init__(self, role: str, link: ByteLink, clock: Clock, *, keys: Mapping[str, str]) -> None:

@@ -30,7 +30,7 @@ BUTTONS = tuple(
 
 
 class XidReader:
-    """Cut bytes into presses; what is none is skipped to the next that may begin one."""
+    """Cut bytes into presses; other bytes are skipped up to the next possible start of one."""
 
     def __init__(self) -> None:
         self.damaged = 0
@@ -39,7 +39,7 @@ class XidReader:
     def feed(self, data: bytes) -> list[Press]:
         """Return the presses these bytes complete."""
         data = self._rest + data
-        found: list[Press] = []
+        presses: list[Press] = []
         at = 0
         while at < len(data):
             if data[at : at + 1] != b"k" or (at + 1 < len(data) and data[at + 1] & NO_PORT):
@@ -50,13 +50,15 @@ class XidReader:
             elif len(data) - at < PRESS.size:
                 break
             else:
-                _, said, ticks_ms = PRESS.unpack_from(data, at)
-                port, button = said & 0x0F, said >> 5 or BUTTONS_OF_A_PORT
+                _, port_and_button, ticks_ms = PRESS.unpack_from(data, at)
+                port, button = port_and_button & 0x0F, port_and_button >> 5 or BUTTONS_OF_A_PORT
                 name = BUTTONS[port * BUTTONS_OF_A_PORT + button - 1]
-                found.append(Press(name, float(bool(said & IS_DOWN)), ticks_ms * NS_PER_MS))
+                presses.append(
+                    Press(name, float(bool(port_and_button & IS_DOWN)), ticks_ms * NS_PER_MS)
+                )
                 at += PRESS.size
         self._rest = data[at:]
-        return found
+        return presses
 
 
 class XidButtons(ButtonDevice):
@@ -78,7 +80,7 @@ class XidButtons(ButtonDevice):
         return self._reader.feed(data)
 
     def _greet(self, deadline_ns: int) -> None:
-        """Ask who is there, and switch a pad of another mode to XID."""
+        """Ask for the mode, and switch a pad in another mode to XID."""
         answer = self._asked(deadline_ns)
         if answer != IN_XID_MODE:
             self._link.write(TO_XID_MODE)
@@ -91,16 +93,16 @@ class XidButtons(ButtonDevice):
             )
 
     def _asked(self, deadline_ns: int) -> bytes:
-        heard = b""
+        data = b""
         while self._clock.now_ns() < deadline_ns:
             self._link.write(WHO)
             again_ns = min(deadline_ns, self._clock.now_ns() + round(ASK_AGAIN_S * NS_PER_S))
             while (now_ns := self._clock.now_ns()) < again_ns:
                 for chunk in self._link.read((again_ns - now_ns) / NS_PER_S):
-                    heard += chunk.data
-                at = heard.find(b"_xid")
-                if 0 <= at <= len(heard) - ANSWER_LENGTH:
-                    return heard[at : at + ANSWER_LENGTH]
+                    data += chunk.data
+                at = data.find(b"_xid")
+                if 0 <= at <= len(data) - ANSWER_LENGTH:
+                    return data[at : at + ANSWER_LENGTH]
         raise DeviceTimeout(
             "no pad answers there in XID", role=self._role, remedy=self._spec.remedy
         )

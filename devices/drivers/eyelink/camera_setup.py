@@ -1,7 +1,7 @@
 """Set the EyeLink's camera up and calibrate it, with targets drawn on the participant's screen.
 
 The host computer leads: it says where a target belongs, and takes keys pressed at either computer
-(C calibrates, V validates, Enter accepts, Esc ends). Without somebody who draws, it waits in vain.
+(C calibrates, V validates, Enter accepts, Esc ends). Without drawn targets it waits for ever.
 """
 
 from collections import deque
@@ -45,7 +45,7 @@ class TargetScreen(Protocol):
 
 
 def display_on(library: Any, screen: TargetScreen) -> Any:
-    """Return what the library draws through: an `EyeLinkCustomDisplay` over a screen.
+    """Return an `EyeLinkCustomDisplay`, through which the library draws on a screen.
 
     The picture of the camera stays on the host's own display.
     """
@@ -93,7 +93,7 @@ def display_on(library: Any, screen: TargetScreen) -> Any:
 
 
 def set_up(address: str | None, screen: TargetScreen, library: Any) -> str:
-    """Let the host's setup run until Esc; return what became of the calibration.
+    """Let the host's setup run until Esc; return the result of the calibration in words.
 
     Raises:
         DeviceNotFound: no tracker answers there.
@@ -162,9 +162,9 @@ class FullScreen:
     def keys(self) -> Sequence[int]:
         """Return the keys pressed since the last call, as the host knows them."""
         self._glfw.poll_events()
-        found = tuple(self._pressed)
+        key_codes = tuple(self._pressed)
         self._pressed.clear()
-        return found
+        return key_codes
 
     def close(self) -> None:
         """Give the screen back."""
@@ -174,6 +174,6 @@ class FullScreen:
     def _take_key(self, window: Any, key: int, scan: int, action: int, mods: int) -> None:
         if action == self._glfw.PRESS:
             letter = ord(chr(key).lower()) if 65 <= key <= 90 else None
-            known = KEYS.get(key, letter)
-            if known is not None:
-                self._pressed.append(known)
+            host_key = KEYS.get(key, letter)
+            if host_key is not None:
+                self._pressed.append(host_key)

@@ -48,10 +48,10 @@ def decode_sample(
         (RIGHT, half_m, numbers[3:]),
     ):
         at = (x_m, 0.0, 0.0)
-        seen = bool(eyes & bit) and abs(x) < MISSING_BEYOND and abs(y) < MISSING_BEYOND
-        point = screen.point_m(x / screen_px[0], y / screen_px[1]) if seen else LOST
+        has_gaze = bool(eyes & bit) and abs(x) < MISSING_BEYOND and abs(y) < MISSING_BEYOND
+        point = screen.point_m(x / screen_px[0], y / screen_px[1]) if has_gaze else LOST
         ray = ray_between(at, point)
-        size = diameter_mm(pupil * pupil_mm_per_unit) if seen and math.isfinite(pupil) else NAN
+        size = diameter_mm(pupil * pupil_mm_per_unit) if has_gaze and math.isfinite(pupil) else NAN
         rows.append(Eye(ray, at, ray[0] == ray[0], size))
     return Sample(round(time_ms * 1e6), None, gaze_row(rows[0], rows[1]))
 
@@ -64,7 +64,7 @@ def screen_coordinates(screen_px: tuple[int, int]) -> str:
 def edf_name(session: SessionName) -> str:
     """Return the name of a session's file on the host computer, "S0011_02" for S001's part 2.
 
-    The host takes eight capitals, digits and dashes below: of long labels the end is kept.
+    The host takes at most eight capitals, digits and underscores: a long label keeps its end.
     """
     rest = f"{session.session}_{session.part:02d}"
     label = "".join(c for c in session.participant.upper() if c.isascii() and c.isalnum())
@@ -72,9 +72,9 @@ def edf_name(session: SessionName) -> str:
 
 
 def delayed_message(text: str, late_ns: int) -> str:
-    """Return a marker with the whole milliseconds since what it marks.
+    """Return a marker that begins with its delay in whole milliseconds.
 
-    The vendor's Data Viewer takes a leading integer off the time of the message.
+    The vendor's Data Viewer subtracts a leading integer from the time of the message.
     """
     return f"{round(max(0, late_ns) / 1e6)} {text}"
 

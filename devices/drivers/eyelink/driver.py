@@ -2,8 +2,8 @@
 
 Codec: `visavis.devices.drivers.eyelink.codec`. Transport:
 `visavis.devices.drivers.eyelink.library`. A screen-based tracker: rays are in the head frame of
-`streaming.gaze_rays.Screen`, from eyes at the viewing place. Proven on pylink's own dummy and a
-stand-in of its surface; never yet on a real tracker.
+`streaming.gaze_rays.Screen`, from eyes at the viewing place. Tested with pylink's own dummy and a
+stand-in for pylink; never yet with a real tracker.
 """
 
 from collections.abc import Iterable
@@ -23,7 +23,7 @@ from visavis.lab.errors import DeviceTimeout
 
 ASK_WITHIN_NS = NS_PER_S // 5
 NO_RESULT = 1000
-"""What the library returns while no calibration was made since it connected."""
+"""Result of the library as long as nothing was calibrated since it connected."""
 VERDICTS = {1: "poor calibration", 27: "calibration was ended with Esc", -1: "calibration failed"}
 RECORD_WITHIN_NS = 10 * NS_PER_S
 
@@ -66,7 +66,7 @@ class EyeLink(GazeDevice):
         )
 
     def annotate(self, text: str, t_host_ns: int) -> None:
-        """Send a message into the tracker's file; how late it is is said in it, in ms."""
+        """Send a message into the tracker's file; it begins with its delay in ms."""
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
 
         def send() -> None:
@@ -76,7 +76,7 @@ class EyeLink(GazeDevice):
         self._mark(send)
 
     def begin_recording(self, name: SessionName, folder: Path) -> None:
-        """Let the host record to a file of the session's name, `<role>.edf` once it is fetched."""
+        """Let the host record to a file of the session's name; it is fetched as `<role>.edf`."""
         self._life.require("begin_recording", DeviceState.OPEN)
         path = folder / f"{self.info.role}.edf"
         frames = (b"record", codec.edf_name(name).encode(), str(path).encode())
@@ -93,7 +93,7 @@ class EyeLink(GazeDevice):
         try:
             self._take_time(self._ask((b"time",), now_ns + ASK_WITHIN_NS))
         except DeviceTimeout:
-            return  # told by `check` once it lasts
+            return  # reported by `check` if it lasts
 
     def _decode(self, message: Message) -> Iterable[Sample]:
         sample = codec.decode_sample(

@@ -1,7 +1,7 @@
 """Carry EyeLink samples out of pylink, the vendor's library, on an optional extra.
 
-The link's own protocol is private, so the library's surface is the wire: what its functions give
-becomes messages that can be teed to a `.wire` log and replayed without it.
+The link's own protocol is private, so the library's functions serve as the wire: their results
+become messages that can be copied to a `.wire` log and replayed without the library.
 """
 
 import importlib
@@ -48,10 +48,10 @@ def eyelink_library() -> Any:
 
 
 class EyeLinkLibrary:
-    """Offer one tracker's link samples; `library` stands in for pylink in tests.
+    """Offer one tracker's link samples; `library` replaces pylink in tests.
 
-    `screen_px` is told to the tracker, whose gaze is in these pixels. Once `record` was asked for,
-    it records to its own file, which is fetched when the wire is closed.
+    `screen_px` is sent to the tracker, whose gaze is in these pixels. After a request `record` it
+    records to its own file, which is fetched when the wire is closed.
     """
 
     def __init__(
@@ -99,9 +99,8 @@ class EyeLinkLibrary:
             "file_sample_data = LEFT,RIGHT,GAZE,AREA,GAZERES,HREF,STATUS,INPUT",
         ):
             tracker.sendCommand(command)
-        if (
-            self._file is not None
-        ):  # the link broke: what the host has stays, and it goes on in another
+        if self._file is not None:
+            # The link broke: the host keeps its file, and the recording goes on in another.
             name, path = self._file
             self._breaks += 1
             mark = string.ascii_uppercase[min(self._breaks, 26) - 1]
@@ -110,7 +109,7 @@ class EyeLinkLibrary:
             self._start(0)
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Ask (time,), (version,) or (verdict,), or to (record, name, path)."""
+        """Answer (time,), (version,) or (verdict,); with (record, name, path), begin to record."""
         self._must_be_there()
         tracker = self._tracker
         sent_ns = self._clock.now_ns()
@@ -132,7 +131,7 @@ class EyeLinkLibrary:
         """Do nothing: the library answers at once, so the driver asks by `request`."""
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: samples come since open."""
+        """Do nothing: samples have been coming since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the samples in the library's queue; waits in steps of a fifth of a millisecond."""
@@ -205,7 +204,7 @@ class EyeLinkLibrary:
         received_ns = self._clock.now_ns()
         if not 0 < time_ms < NO_TIME:
             raise DeviceTimeout("the EyeLink does not know its time")
-        # It tells whole milliseconds: the middle of the one that it is in.
+        # The tracker answers in whole milliseconds: take the middle of that millisecond.
         answer = TIME.pack(time_ms * NS_PER_MS + NS_PER_MS // 2)
         return Exchange((b"time", answer), sent_ns, received_ns)
 
@@ -236,10 +235,10 @@ def _packed(sample: Any) -> bytes:
         (LEFT, sample.isLeftSample() or sample.isBinocular(), sample.getLeftEye),
         (RIGHT, sample.isRightSample() or sample.isBinocular(), sample.getRightEye),
     ):
-        found = eye() if present else None
-        if found is None:
+        eye_data = eye() if present else None
+        if eye_data is None:
             numbers += [-32768.0, -32768.0, 0.0]
             continue
         eyes |= bit
-        numbers += [*map(float, found.getGaze()), float(found.getPupilSize())]
+        numbers += [*map(float, eye_data.getGaze()), float(eye_data.getPupilSize())]
     return SAMPLE.pack(float(sample.getTime()), eyes, *numbers)

@@ -92,8 +92,8 @@ def decode_eye_frame(payload: bytes, eye_distance_m: float) -> tuple[Sample, fro
 
 def _eye(v: tuple[float, ...], x_m: float) -> Eye:
     code, x, y, z, state_code, state, radius_code, radius_m = v
-    seen = code in VALUE_COMES_WITH and state_code in VALUE_COMES_WITH and state != 0
-    ray = unit_triple(x, y, -z) if seen else LOST
+    has_gaze = code in VALUE_COMES_WITH and state_code in VALUE_COMES_WITH and state != 0
+    ray = unit_triple(x, y, -z) if has_gaze else LOST
     valid = code in VALID_WITH and state == EYE_OPEN and ray[0] == ray[0]
-    known = radius_code in VALUE_COMES_WITH and 0.0 < radius_m < 0.01
-    return Eye(ray, (x_m, 0.0, 0.0), valid, 2e3 * radius_m if known else NAN)
+    has_pupil = radius_code in VALUE_COMES_WITH and 0.0 < radius_m < 0.01
+    return Eye(ray, (x_m, 0.0, 0.0), valid, 2e3 * radius_m if has_pupil else NAN)

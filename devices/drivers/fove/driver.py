@@ -66,7 +66,7 @@ class Fove(GazeDevice):
         return outcome
 
     def finish_calibration(self) -> None:
-        """Do nothing: the runtime ends its own procedure and tells the verdict when asked."""
+        """Do nothing: the runtime ends its own procedure and gives the verdict when asked."""
         self._life.require("finish_calibration", DeviceState.STREAMING)
 
     def calibration_verdict(self) -> CalibrationOutcome | None:
@@ -83,21 +83,21 @@ class Fove(GazeDevice):
                 role=self.info.role,
                 remedy="install runtime and library of one version",
             )
-        code, connected = ANSWER.unpack(self._ask((b"hardware",), deadline_ns).frames[1])
-        if code != codec.OK or not connected:
+        code, is_connected = ANSWER.unpack(self._ask((b"hardware",), deadline_ns).frames[1])
+        if code != codec.OK or not is_connected:
             reason = codec.error_text(code if code != codec.OK else codec.HARDWARE_GONE)
             raise DeviceNotFound(reason, role=self.info.role, remedy=SERVICE_REMEDY)
         self.info = replace(self.info, model=f"FOVE headset ({text})")
-        code, calibrated = ANSWER.unpack(self._ask((b"calibrated",), deadline_ns).frames[1])
-        self._note_calibrated(code == codec.OK and bool(calibrated))
+        code, is_calibrated = ANSWER.unpack(self._ask((b"calibrated",), deadline_ns).frames[1])
+        self._note_calibrated(code == codec.OK and bool(is_calibrated))
 
     def _begin_stream(self, earlier: Sequence[Message]) -> None:
         self._flagged = {}
         self._state_asked_ns = self._clock.now_ns()
 
     def poll(self, timeout_s: float) -> int:
-        """Decode what came; ask for states now and then. See the contract."""
-        delivered = super().poll(timeout_s)
+        """Decode new messages, and ask for the states at intervals; see the contract."""
+        sample_count = super().poll(timeout_s)
         now_ns = self._clock.now_ns()
         every_ns = STATE_EVERY_NS if self._calibrating else PROBE_EVERY_NS
         if self._life.state is DeviceState.STREAMING and now_ns - self._state_asked_ns >= every_ns:
@@ -107,17 +107,17 @@ class Fove(GazeDevice):
             else:
                 for question in STATE_QUESTIONS:
                     self._transport.post((question,))
-        return delivered
+        return sample_count
 
     def _decode(self, message: Message) -> Iterable[Sample]:
         if message.t_sent_ns is not None:
             self._take_answer(message.frames)
             return
-        found = codec.decode_eye_frame(message.frames[0], self._eye_distance_m)
-        if found is None:
+        eye_frame = codec.decode_eye_frame(message.frames[0], self._eye_distance_m)
+        if eye_frame is None:
             self._malformed += 1
             return
-        sample, codes = found
+        sample, codes = eye_frame
         for code in codes:
             self._flagged[code] = self._flagged.get(code, 0) + 1
         yield sample
@@ -132,19 +132,19 @@ class Fove(GazeDevice):
         elif question == b"calibrated":
             self._note_calibrated(code == codec.OK and bool(value))
         elif question == b"hardware":
-            gone = code in codec.GONE or (code == codec.OK and not value)
+            is_missing = code in codec.GONE or (code == codec.OK and not value)
             fault = self._blocking("the headset is not connected", SERVICE_REMEDY)
-            self._note("hardware", fault if gone else None)
+            self._note("hardware", fault if is_missing else None)
 
     def _take_state(self, code: int, state: int) -> None:
         if code != codec.OK or not self._calibrating:
             return
         self._calibration_state = state
-        succeeded = state in codec.SUCCEEDED
-        if succeeded or state >= codec.FIRST_FAILED:
+        is_success = state in codec.SUCCEEDED
+        if is_success or state >= codec.FIRST_FAILED:
             self._calibrating = False
-            self._calibration = CalibrationOutcome(succeeded, codec.calibration_text(state))
-            if succeeded:
+            self._calibration = CalibrationOutcome(is_success, codec.calibration_text(state))
+            if is_success:
                 self._note_calibrated(True)
 
     def _note_calibrated(self, calibrated: bool) -> None:

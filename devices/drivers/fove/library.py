@@ -99,7 +99,7 @@ class FoveLibrary:
         self._thread.start()
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Call what the first frame names; the answer repeats it, then code and value, text."""
+        """Call what the first frame names; the answer is that name, code and value, text."""
         sent_ns = self._clock.now_ns()
         answer = (frames[0], *self._answers[frames[0]](self))
         return Exchange(answer, sent_ns, self._clock.now_ns())
@@ -110,7 +110,7 @@ class FoveLibrary:
         self._arrivals.add(Message(exchange.t_receive_ns, exchange.frames, exchange.t_send_ns))
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: frames come since open."""
+        """Do nothing: frames have been coming since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return what the waiting thread fetched; raises DeviceDisconnected when it cannot."""
@@ -188,13 +188,13 @@ class FoveLibrary:
         return (ANSWER.pack(code, int(value.value)),)
 
     def _versions(self) -> Frames:
-        found = _Versions()
+        versions = _Versions()
         with self._calls:
-            code = self._call("getSoftwareVersions", ctypes.byref(found))
+            code = self._call("getSoftwareVersions", ctypes.byref(versions))
             if code == OK:
                 code = self._call("checkSoftwareVersions")
-        client = f"{found.client_major}.{found.client_minor}.{found.client_build}"
-        runtime = f"{found.runtime_major}.{found.runtime_minor}.{found.runtime_build}"
+        client = f"{versions.client_major}.{versions.client_minor}.{versions.client_build}"
+        runtime = f"{versions.runtime_major}.{versions.runtime_minor}.{versions.runtime_build}"
         return ANSWER.pack(code, 0), f"client {client}, runtime {runtime}".encode()
 
     def _calibration_state(self) -> Frames:

@@ -35,7 +35,7 @@ STREAMS = (
     "USER_DATA",
     "DATA",
 )
-"""What is enabled, `DATA` last: it starts the stream."""
+"""The streams to enable; `DATA` is last because it starts them."""
 
 _TAG = re.compile(r"<(REC|ACK|NACK|CAL)\b([^<>]*)/>")
 _ATTRIBUTE = re.compile(r'([A-Za-z_][A-Za-z0-9_]*)="([^"]*)"')
@@ -73,7 +73,7 @@ class Place:
 
 
 class LineReader:
-    """Cut a byte stream into tags; count lines that are none."""
+    """Cut a byte stream into tags; count lines without one."""
 
     def __init__(self) -> None:
         self.malformed = 0
@@ -98,11 +98,11 @@ class LineReader:
 def parse_line(raw: bytes) -> Line | None:
     """Return a line's tag; None when it holds none or more than one."""
     text = raw.decode("utf-8", "replace").strip()
-    found = _TAG.fullmatch(text)
-    if found is None:
+    match = _TAG.fullmatch(text)
+    if match is None:
         return None
-    values = {key: unescape(value, _UNQUOTES) for key, value in _ATTRIBUTE.findall(found[2])}
-    return Line(found[1], values)
+    values = {key: unescape(value, _UNQUOTES) for key, value in _ATTRIBUTE.findall(match[2])}
+    return Line(match[1], values)
 
 
 def set_line(name: str, **values: str) -> bytes:
@@ -117,7 +117,7 @@ def get_line(name: str) -> bytes:
 
 
 def number(values: Attributes, key: str) -> float:
-    """Return a finite number, or NaN when it is missing or none."""
+    """Return a number; NaN when it is missing, malformed or infinite."""
     try:
         value = float(values[key])
     except (KeyError, ValueError):
@@ -150,7 +150,7 @@ def decode_record(values: Attributes, place: Place, ticks_per_s: int) -> Sample 
 
 
 def calibration_errors_deg(values: Attributes, screen: Screen) -> tuple[list[float], int]:
-    """Return, for each eye and point that counts, its error, and how many points there were."""
+    """Return the error of each eye at each valid point, and the number of points."""
     errors: list[float] = []
     points = 0
     while f"CALX{points + 1}" in values:
@@ -159,10 +159,10 @@ def calibration_errors_deg(values: Attributes, screen: Screen) -> tuple[list[flo
         for eye in "LR":
             if values.get(f"{eye}V{points}") != "1":
                 continue
-            seen = screen.point_m(
+            gaze_point = screen.point_m(
                 number(values, f"{eye}X{points}"), number(values, f"{eye}Y{points}")
             )
-            a, b = ray_between((0.0, 0.0, 0.0), target), ray_between((0.0, 0.0, 0.0), seen)
+            a, b = ray_between((0.0, 0.0, 0.0), target), ray_between((0.0, 0.0, 0.0), gaze_point)
             chord = math.dist(a, b)
             if chord == chord:
                 errors.append(math.degrees(2 * math.asin(min(1.0, chord / 2))))
@@ -174,8 +174,8 @@ def _eye(values: Attributes, eye: str, side: float, place: Place) -> Eye | None:
         return None
     at = _eye_place(values, eye, side, place)
     x, y = number(values, f"{eye}POGX"), number(values, f"{eye}POGY")
-    seen = values.get(f"{eye}POGV") == "1"
-    ray = ray_between(at, place.screen.point_m(x, y)) if seen else LOST
+    is_valid = values.get(f"{eye}POGV") == "1"
+    ray = ray_between(at, place.screen.point_m(x, y)) if is_valid else LOST
     pupil = number(values, f"{eye}PUPILD") if values.get(f"{eye}PUPILV") != "0" else NAN
     return Eye(ray, at, ray[0] == ray[0], diameter_mm(pupil * 1e3))
 
@@ -192,8 +192,10 @@ def _best_only(values: Attributes, place: Place) -> bytes:
     for prefix in ("BPOG", "FPOG"):
         if f"{prefix}X" in values:
             x, y = number(values, f"{prefix}X"), number(values, f"{prefix}Y")
-            seen = values.get(f"{prefix}V") == "1"
+            is_valid = values.get(f"{prefix}V") == "1"
             origin = (0.0, 0.0, 0.0)
-            ray = ray_between(origin, place.screen.point_m(x, y)) if seen else LOST
-            return gaze_row(Eye(), Eye(), ray=ray, origin=origin, valid=seen, used=3 if seen else 0)
+            ray = ray_between(origin, place.screen.point_m(x, y)) if is_valid else LOST
+            return gaze_row(
+                Eye(), Eye(), ray=ray, origin=origin, valid=is_valid, used=3 if is_valid else 0
+            )
     return gaze_row(Eye(), Eye())

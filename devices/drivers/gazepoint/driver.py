@@ -71,7 +71,7 @@ class Gazepoint(GazeDevice):
         return outcome
 
     def finish_calibration(self) -> None:
-        """Do nothing: the server ends its own procedure and tells the result."""
+        """Do nothing: the server ends its own procedure and sends the result."""
         self._life.require("finish_calibration", DeviceState.STREAMING)
 
     def calibration_verdict(self) -> CalibrationOutcome | None:
@@ -81,7 +81,7 @@ class Gazepoint(GazeDevice):
         return self._calibration
 
     def annotate(self, text: str, t_host_ns: int) -> None:
-        """Write USER_DATA for one record; it stands at the record that follows, not at the time."""
+        """Write USER_DATA for one record: the next one, whatever the time of the marker."""
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
         self._post(codec.set_line("USER_DATA", VALUE=text, DUR="1"))
 

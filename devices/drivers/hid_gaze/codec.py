@@ -62,9 +62,9 @@ class TrackingLayout:
 
 
 def walk_descriptor(raw: bytes) -> dict[tuple[str, int], ReportLayout]:
-    """Return the layouts of usage page 0x12 by kind and report number; {} for nonsense.
+    """Return the layouts of usage page 0x12 by kind and report number; {} if it is malformed.
 
-    A field of 8-bit items with fewer usages than items is one value of all its bytes.
+    A field of 8-bit items with a single usage is one value made of all its bytes.
     """
     at = 0
     page = size = count = number = 0
@@ -72,7 +72,7 @@ def walk_descriptor(raw: bytes) -> dict[tuple[str, int], ReportLayout]:
     usage_min = 0
     collections: list[int] = []
     bits: dict[tuple[str, int], int] = {}
-    found: dict[tuple[str, int], dict[tuple[int, int], Place]] = {}
+    field_places: dict[tuple[str, int], dict[tuple[int, int], Place]] = {}
     while at < len(raw):
         head = raw[at]
         length = (0, 1, 2, 4)[head & 3]
@@ -108,19 +108,19 @@ def walk_descriptor(raw: bytes) -> dict[tuple[str, int], ReportLayout]:
             if size * count > MAX_BITS or start + size * count > MAX_BITS:
                 return {}
             if not data & 1 and page == USAGE_PAGE:
-                places = found.setdefault((kind, number), {})
+                places = field_places.setdefault((kind, number), {})
                 _place(places, collections[-1] if collections else 0, usages, start, size, count)
             bits[kind, number] = start + size * count
             usages = []
     return {
-        key: ReportLayout((end + 7) // 8, found.get(key, {}))
+        key: ReportLayout((end + 7) // 8, field_places.get(key, {}))
         for key, end in bits.items()
         if key[0] in (INPUT, FEATURE)
     }
 
 
 def tracking_layout(reports: Mapping[tuple[str, int], ReportLayout]) -> TrackingLayout | None:
-    """Return the layout of the tracking report, found by what it holds; None without one."""
+    """Return the layout of the report with time and gaze point; None without one."""
     for (kind, _), report in reports.items():
         places = report.places
         stamp = next((p for (_, usage), p in places.items() if usage == TIMESTAMP), None)
@@ -142,7 +142,7 @@ def feature_value(raw: bytes, layout: ReportLayout | None, usage: int) -> int | 
     """Return an unsigned value of a feature report; None when it is not there."""
     if layout is None or len(raw) < layout.size:
         return None
-    place = next((p for (_, found), p in layout.places.items() if found == usage), None)
+    place = next((p for (_, place_usage), p in layout.places.items() if place_usage == usage), None)
     return (
         None if place is None else int.from_bytes(raw[place.at : place.at + place.size], "little")
     )
@@ -153,7 +153,7 @@ def decode_report(
 ) -> tuple[int, bytes] | None:
     """Return time stamp (ticks) and a row; None when the size is not the report's.
 
-    One gaze point serves both eyes, so there is one ray, from between the eyes that are seen;
+    One gaze point serves both eyes, so there is one ray, which starts between the tracked eyes;
     per-eye directions are missing.
     """
     if len(raw) != layout.size:
@@ -164,10 +164,10 @@ def decode_report(
         for places in (layout.left, layout.right)
     ]
     half_m = eye_distance_mm * 5e-4
-    known = [at for at in eyes if at is not None]
+    eye_places = [at for at in eyes if at is not None]
     used = (1 if eyes[0] is not None else 0) | (2 if eyes[1] is not None else 0)
-    if len(known) == 2:
-        origin = tuple((a + b) / 2 for a, b in zip(*known, strict=True))
+    if len(eye_places) == 2:
+        origin = tuple((a + b) / 2 for a, b in zip(*eye_places, strict=True))
     elif eyes[0] is not None:
         origin = (eyes[0][0] + half_m, *eyes[0][1:])
     elif eyes[1] is not None:
@@ -179,15 +179,15 @@ def decode_report(
     if gx != UNAVAILABLE and gy != UNAVAILABLE:
         x, y, z = origin
         ray = ray_between((x, y, z), screen.from_top_left_m(gx * 1e-6, gy * 1e-6))
-    seen = ray[0] == ray[0]
+    has_gaze = ray[0] == ray[0]
     blind = layout.left is None and layout.right is None
     row = gaze_row(
         NO_EYE,
         NO_EYE,
         ray=ray,
         origin=(origin[0], origin[1], origin[2]),
-        valid=seen and (used > 0 or blind),
-        used=3 if seen and blind else used if seen else 0,
+        valid=has_gaze and (used > 0 or blind),
+        used=3 if has_gaze and blind else used if has_gaze else 0,
     )
     return ticks, row
 
@@ -223,9 +223,9 @@ def _place(
 def _triple(
     places: Mapping[tuple[int, int], Place], collection: int, axes: tuple[int, ...]
 ) -> tuple[Place, ...] | None:
-    found = [places.get((collection, axis)) for axis in axes]
-    kept = tuple(place for place in found if place is not None and place.size == 4)
-    return kept if len(kept) == len(axes) else None
+    candidates = [places.get((collection, axis)) for axis in axes]
+    axis_places = tuple(place for place in candidates if place is not None and place.size == 4)
+    return axis_places if len(axis_places) == len(axes) else None
 
 
 def _eye_m(raw: bytes, places: tuple[Place, Place, Place], screen: Screen) -> Triple | None:

@@ -1,8 +1,8 @@
-"""Drive an eye tracker of HID usage page 0x12, whoever made it.
+"""Drive an eye tracker of HID usage page 0x12, from any maker.
 
 Codec: `hid_gaze.codec`. Transport: `hid_gaze.reports`. A screen-based
 tracker: one ray, in the head frame of `streaming.gaze_rays.Screen`; no pupils, no per-eye
-directions. Its clock cannot be asked, and the unit of its stamps is found from the rate.
+directions. Its clock cannot be asked, and the unit of its stamps is estimated from the rate.
 """
 
 from collections.abc import Iterable
@@ -24,8 +24,8 @@ MODE_GAZE_AND_EYES = 2
 class HidGaze(GazeDevice):
     """Follow the `EyeTracker` contract over HID reports.
 
-    `time_unit_us` is microseconds per tick of the stamps; 0 finds it. The tracker's own screen
-    size replaces the screen's when it tells one.
+    `time_unit_us` is microseconds per tick of the stamps; 0 estimates it from the rate. A screen
+    size that the tracker reports replaces that of `screen`.
     """
 
     def __init__(
@@ -84,11 +84,11 @@ class HidGaze(GazeDevice):
         layout = self._layout
         if layout is None or message.t_sent_ns is not None:
             return
-        found = codec.decode_report(message.frames[0], layout, self._screen, self._eye_distance_mm)
-        if found is None or found[0] * self._tick_ns >= 2**62:
+        report = codec.decode_report(message.frames[0], layout, self._screen, self._eye_distance_mm)
+        if report is None or report[0] * self._tick_ns >= 2**62:
             self._malformed += 1
             return
-        ticks, row = found
+        ticks, row = report
         if len(self._ticks) <= STEPS_FOR_UNIT:
             self._ticks.append(ticks)
         yield Sample(ticks * self._tick_ns, None, row)

@@ -42,7 +42,7 @@ def found_trackers(library: Any) -> list[Mapping[str, Any]]:
 class HidReports:
     """Offer one eye tracker's reports; an empty serial takes the first one found.
 
-    Requests: (descriptor,), (identity,), (feature:NN,). `library` stands in for hidapi in tests.
+    Requests: (descriptor,), (identity,), (feature:NN,). `library` replaces hidapi in tests.
     """
 
     def __init__(
@@ -69,11 +69,11 @@ class HidReports:
         self.close()
         library = self._given if self._given is not None else hid_library()
         rows = found_trackers(library)
-        wanted = [r for r in rows if not self._serial or r.get("serial_number") == self._serial]
-        if not wanted:
-            seen = ", ".join(str(row.get("serial_number")) for row in rows) or "none"
-            raise DeviceNotFound(f"no HID eye tracker {self._serial!r} (found: {seen})".strip())
-        self._row = wanted[0]
+        matches = [r for r in rows if not self._serial or r.get("serial_number") == self._serial]
+        if not matches:
+            serials = ", ".join(str(row.get("serial_number")) for row in rows) or "none"
+            raise DeviceNotFound(f"no HID eye tracker {self._serial!r} (found: {serials})".strip())
+        self._row = matches[0]
         device = library.device()
         try:
             device.open_path(self._row["path"])
@@ -91,7 +91,7 @@ class HidReports:
         self._size = max(sizes)
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Read the descriptor, who it is, or a feature report."""
+        """Read the descriptor, the identity, or a feature report."""
         sent_ns = self._clock.now_ns()
         kind = frames[0]
         if kind == b"descriptor":
@@ -116,7 +116,7 @@ class HidReports:
         """Do nothing: reports come by themselves."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
-        """Return the reports that wait; raises DeviceDisconnected once it was unplugged."""
+        """Return the waiting reports; raises DeviceDisconnected once the tracker is unplugged."""
         if self._device is None:
             raise DeviceDisconnected("the eye tracker is not open")
         messages: list[Message] = []
@@ -160,7 +160,7 @@ class HidReports:
         try:
             return bytes(self._device.get_feature_report(number, 256))
         except (OSError, ValueError):
-            return b""  # optional: the driver goes on with its options
+            return b""  # optional: the driver uses its options instead
 
     def _gone(self, cause: Exception) -> DeviceError:
         self.close()

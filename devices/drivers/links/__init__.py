@@ -1,1 +1,1 @@
-"""Wires that carry bytes, whatever device is at their other end."""
+"""Wires that carry bytes, for any device at their other end."""

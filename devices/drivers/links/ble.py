@@ -1,8 +1,8 @@
 """Reach a band over Bluetooth LE's Nordic UART service, through bleak.
 
-asyncio lives here and nowhere else: one thread with one loop serves every link. An attempt to
-connect goes on after `open` ran out of time, and the next `open` takes it over, because finding
-and connecting takes longer than one poll.
+One thread with one asyncio loop serves every link. An attempt to connect continues after `open` ran
+out of time, and the next `open` takes it over, because finding and connecting takes longer than one
+poll.
 """
 
 import asyncio
@@ -74,8 +74,8 @@ SHARED = BleThread()
 class BleLink:
     """A `ByteLink` over notifications and writes without response.
 
-    `address` or the advertised `name` (its beginning is enough) finds the band. Where `splits`,
-    what is longer than a packet goes in several; otherwise it is refused, because the band takes
+    `address` or the advertised `name` (its beginning is enough) finds the band. With `splits`, a
+    message longer than a packet goes in several; otherwise it is refused, because the band takes
     one message per packet.
     """
 
@@ -113,7 +113,7 @@ class BleLink:
 
     @property
     def kind(self) -> str:
-        """Name the band as it is looked for."""
+        """Name the address or the name that is searched for."""
         return f"ble {self._address or self._name}"
 
     def open(self, deadline_s: float) -> None:
@@ -176,7 +176,7 @@ class BleLink:
         return chunks
 
     def close(self) -> None:
-        """Disconnect; an attempt under way goes on for the next `open`. Idempotent."""
+        """Disconnect; an attempt under way continues for the next `open`. Idempotent."""
         self._is_open = False
         if self._attempt is None:
             self._release()
@@ -217,8 +217,8 @@ class BleLink:
             await client.write_gatt_char(self._characteristic, piece, response=False)
 
     def _is_it(self, device: Any, advertisement: Any) -> bool:
-        told = advertisement.local_name or device.name or ""
-        return bool(told.startswith(self._name))
+        name = advertisement.local_name or device.name or ""
+        return bool(name.startswith(self._name))
 
     def _on_data(self, _: Any, data: bytearray) -> None:
         with self._something:
@@ -236,14 +236,14 @@ class BleLink:
             self._orphan = asyncio.ensure_future(client.disconnect())
 
     def _not_found(self, cause: BaseException) -> DeviceNotFound:
-        said = str(cause) or type(cause).__name__
+        reason = str(cause) or type(cause).__name__
         if isinstance(cause, FileNotFoundError):
-            said = "this computer runs no Bluetooth service"
-        return DeviceNotFound(f"cannot reach {self.kind}: {said}", remedy=REMEDY)
+            reason = "this computer runs no Bluetooth service"
+        return DeviceNotFound(f"cannot reach {self.kind}: {reason}", remedy=REMEDY)
 
 
 async def _say_goodbye(client: Any) -> None:
-    """Let packets without receipt, such as a silence, leave before the link goes."""
+    """Let packets without receipt, such as a silence, leave before the link is closed."""
     with contextlib.suppress(TimeoutError):
         await asyncio.wait_for(asyncio.Event().wait(), LINGER_S)
     await client.disconnect()
@@ -258,7 +258,7 @@ async def _cancel_all() -> None:
 
 
 def ble_band(site: Site[BleBandOptions]) -> BleLink:
-    """Return a band's `real`: the link to the first one that its options fit."""
+    """Return a band's `real`: the link to the first band that fits its options."""
     options = site.options
     return BleLink(site.clock, address=options.address, name=options.name, splits=options.splits)
 

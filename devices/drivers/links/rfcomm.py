@@ -50,22 +50,22 @@ class RfcommLink:
         """Connect."""
         self.close()
         try:
-            opened = self._connect(self._address, self._channel, deadline_s)
+            connection = self._connect(self._address, self._channel, deadline_s)
         except TimeoutError as cause:
             raise DeviceTimeout(f"{self.kind} does not answer", remedy=REMEDY) from cause
         except OSError as cause:
             raise DeviceNotFound(f"cannot reach {self.kind}: {cause}", remedy=REMEDY) from cause
-        opened.settimeout(WRITE_TIMEOUT_S)
-        self._socket = opened
+        connection.settimeout(WRITE_TIMEOUT_S)
+        self._socket = connection
 
     def write(self, data: bytes) -> int:
         """Hand over the bytes; see `ByteLink`."""
-        opened = self._socket
-        if opened is None:
+        connection = self._socket
+        if connection is None:
             raise DeviceDisconnected(f"{self.kind} is closed", remedy=REMEDY)
         try:
             with self._writing:
-                opened.sendall(data)
+                connection.sendall(data)
         except TimeoutError as cause:
             raise DeviceTimeout(f"{self.kind} takes no bytes", remedy=REMEDY) from cause
         except OSError as cause:
@@ -74,14 +74,14 @@ class RfcommLink:
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
         """Return what came; see `ByteLink`."""
-        opened = self._socket
-        if opened is None:
+        connection = self._socket
+        if connection is None:
             raise DeviceDisconnected(f"{self.kind} is closed", remedy=REMEDY)
         try:
-            ready, _, _ = select.select([opened], [], [], max(0.0, timeout_s))
+            ready, _, _ = select.select([connection], [], [], max(0.0, timeout_s))
             if not ready:
                 return ()
-            data = opened.recv(MAX_BYTES)
+            data = connection.recv(MAX_BYTES)
         except (OSError, ValueError) as cause:
             raise DeviceDisconnected(f"{self.kind} is gone: {cause}", remedy=REMEDY) from cause
         if not data:
@@ -90,10 +90,10 @@ class RfcommLink:
 
     def close(self) -> None:
         """Close the socket; idempotent."""
-        opened, self._socket = self._socket, None
-        if opened is not None:
+        connection, self._socket = self._socket, None
+        if connection is not None:
             with contextlib.suppress(OSError):
-                opened.close()
+                connection.close()
 
 
 def connect_rfcomm(address: str, channel: int, deadline_s: float) -> socket.socket:
@@ -106,11 +106,11 @@ def connect_rfcomm(address: str, channel: int, deadline_s: float) -> socket.sock
             remedy="pair the band and give the serial port it gets as `port`, or use the "
             "system's own Python",
         )
-    opened = socket.socket(family, socket.SOCK_STREAM, protocol)
+    connection = socket.socket(family, socket.SOCK_STREAM, protocol)
     try:
-        opened.settimeout(max(0.05, deadline_s))
-        opened.connect((address, channel))
+        connection.settimeout(max(0.05, deadline_s))
+        connection.connect((address, channel))
     except BaseException:
-        opened.close()
+        connection.close()
         raise
-    return opened
+    return connection

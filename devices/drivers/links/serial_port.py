@@ -68,7 +68,7 @@ class SerialLink:
         self._library = serial = _library()
         name = self._opened_as = self._port or find_port(*self._wanted)
         try:
-            opened = serial.serial_for_url(
+            port = serial.serial_for_url(
                 name,
                 baudrate=self._baud,
                 timeout=0,
@@ -76,15 +76,15 @@ class SerialLink:
                 do_not_open=True,
             )
             if "://" not in name:
-                opened.exclusive = True
-                opened.dtr = False
-            opened.open()
+                port.exclusive = True
+                port.dtr = False
+            port.open()
         except (serial.SerialException, OSError, ValueError) as cause:
             errno = cause.errno if isinstance(cause, OSError) else None
             why = os.strerror(errno) if errno else str(cause)
             remedy = ACCESS_REMEDY if errno == EACCES else REMEDY
             raise DeviceNotFound(f"cannot open {name}: {why}", remedy=remedy) from cause
-        self._serial = opened
+        self._serial = port
 
     def write(self, data: bytes) -> int:
         """Hand over the bytes; see `ByteLink`."""
@@ -121,7 +121,7 @@ class SerialLink:
             return ()
         stamp_ns = self._clock.now_ns()
         with contextlib.suppress(self._library.SerialException, OSError, TypeError):
-            # what came before the end counts; the next call tells that it was the end
+            # earlier bytes count; the next call raises at the end of the link
             if waiting := port.in_waiting:
                 data += port.read(min(waiting, MAX_BYTES))
         return (Chunk(stamp_ns, data),)
@@ -130,16 +130,16 @@ class SerialLink:
         """Close the port; idempotent."""
         port, self._serial = self._serial, None
         if port is not None:
-            # The library forgets the socket of a URL unclosed when the other end was reset.
-            held = getattr(port, "_socket", None)
+            # The library leaves the socket of a URL open when the other end was reset.
+            url_socket = getattr(port, "_socket", None)
             with contextlib.suppress(OSError, self._library.SerialException):
                 port.close()
-            if held is not None:
-                held.close()
+            if url_socket is not None:
+                url_socket.close()
 
 
 def serial_port(baud: int | None = None) -> Callable[[Site[Any]], ByteLink]:
-    """Return a `real`: the port that a device's options name, at their `baud` or at this one."""
+    """Return a `real`: the port named by a device's options, at their `baud` or at this one."""
     where = ("port", "vid", "pid", "serial_number")
     if baud is None:
         return linked_by(SerialLink, *where, "baud")
@@ -147,7 +147,7 @@ def serial_port(baud: int | None = None) -> Callable[[Site[Any]], ByteLink]:
 
 
 def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
-    """Return the name of the one port that fits; raises DeviceNotFound naming those there are."""
+    """Return the name of the one port that fits; raises DeviceNotFound, which lists the ports."""
     _library()
     from serial.tools import list_ports
 
@@ -161,23 +161,23 @@ def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
     ]
     if len(fitting) == 1:
         return str(fitting[0])
-    described = ", ".join(
+    port_list = ", ".join(
         f"{port.device} (vid {_hex(port.vid)}, pid {_hex(port.pid)}, serial {port.serial_number})"
         for port in ports
         if port.vid is not None
     )
-    unnamed = [port.device for port in ports if port.vid is None]
-    if unnamed:
-        others = f"without a USB identity, to be given as port: {', '.join(unnamed)}"
-        described = f"{described}; {others}" if described else others
-    wanted = f"vid {_hex(vid)}, pid {_hex(pid)}, serial {serial_number or 'any'}"
+    ports_without_usb = [port.device for port in ports if port.vid is None]
+    if ports_without_usb:
+        others = f"without a USB identity, to be given as port: {', '.join(ports_without_usb)}"
+        port_list = f"{port_list}; {others}" if port_list else others
+    criteria = f"vid {_hex(vid)}, pid {_hex(pid)}, serial {serial_number or 'any'}"
     if fitting:
         raise DeviceNotFound(
-            f"{len(fitting)} serial ports fit {wanted}: {', '.join(fitting)}",
+            f"{len(fitting)} serial ports fit {criteria}: {', '.join(fitting)}",
             remedy="give serial_number in lab_config.yaml",
         )
     raise DeviceNotFound(
-        f"no serial port fits {wanted}; plugged in: {described or 'none'}", remedy=REMEDY
+        f"no serial port fits {criteria}; plugged in: {port_list or 'none'}", remedy=REMEDY
     )
 
 

@@ -34,7 +34,7 @@ class StreamSocket:
         """Connect; raises DeviceNotFound when nobody listens, DeviceTimeout at the deadline."""
         self.close()
         try:
-            made = socket.create_connection((self._host, self._port), timeout=deadline_s)
+            connection = socket.create_connection((self._host, self._port), timeout=deadline_s)
         except TimeoutError as cause:
             raise DeviceTimeout(
                 f"{self.kind} did not take a connection within {deadline_s:g} s",
@@ -44,12 +44,12 @@ class StreamSocket:
             raise DeviceNotFound(
                 f"nobody answers at {self.kind} ({cause.strerror or cause})", remedy=self._remedy
             ) from cause
-        made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        made.settimeout(WRITE_TIMEOUT_S)
-        self._socket = made
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.settimeout(WRITE_TIMEOUT_S)
+        self._socket = connection
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Write and return the next chunk, whatever it is."""
+        """Write, and return the next chunk as the answer."""
         sent_ns = self._clock.now_ns()
         self.post(frames)
         messages = self.receive(timeout_s)

@@ -1,6 +1,6 @@
 """Carry reports to a USB band: HID through hidapi, vendor-class endpoints through pyusb.
 
-One `write` is one report, one chunk one input report. Bands are found by vendor, product and
+One `write` is one report; one chunk is one input report. Bands are found by vendor, product and
 serial number.
 """
 
@@ -50,16 +50,16 @@ class HidLink:
         self.close()
         library = self._library if self._library is not None else _hidapi()
         vid, pid, serial_number = self._wanted
-        found = [
+        entries = [
             entry
             for entry in library.enumerate(vid, pid)
             if not serial_number or entry.get("serial_number") == serial_number
         ]
-        if not found:
+        if not entries:
             raise DeviceNotFound(f"no HID {vid:04x}:{pid:04x} {serial_number}", remedy=REMEDY)
         device = library.device()
         try:
-            device.open_path(found[0]["path"])
+            device.open_path(entries[0]["path"])
         except OSError as cause:
             text = f"cannot open HID {vid:04x}:{pid:04x}: {cause}"
             raise DeviceNotFound(text, remedy=LINUX_REMEDY) from cause
@@ -73,10 +73,10 @@ class HidLink:
             raise DeviceDisconnected("the HID is closed", remedy=REMEDY)
         try:
             with self._writing:
-                taken = device.write(data)
+                byte_count = device.write(data)
         except (OSError, ValueError) as cause:
             raise DeviceDisconnected(f"{self.kind} is gone: {cause}", remedy=REMEDY) from cause
-        if taken < 0:
+        if byte_count < 0:
             raise DeviceDisconnected(f"{self.kind} takes no report", remedy=REMEDY)
         return self._clock.now_ns()
 
@@ -145,7 +145,7 @@ class UsbLink:
         usb = self._usb = _pyusb()
         vid, pid, serial_number = self._wanted
         try:
-            found = usb.core.find(
+            candidates = usb.core.find(
                 find_all=True,
                 idVendor=vid,
                 idProduct=pid,
@@ -153,14 +153,14 @@ class UsbLink:
             )
             devices = [
                 device
-                for device in found
+                for device in candidates
                 if not serial_number or device.serial_number == serial_number
             ]
         except usb.core.NoBackendError as cause:
             raise DeviceNotFound(
                 "libusb is not there", remedy="run: pip install libusb-package"
             ) from cause
-        except (usb.core.USBError, ValueError) as cause:  # its serial number cannot be read
+        except (usb.core.USBError, ValueError) as cause:  # the serial number cannot be read
             text = f"cannot use USB device {vid:04x}:{pid:04x}: {cause}"
             raise DeviceNotFound(text, remedy=LINUX_REMEDY) from cause
         if not devices:

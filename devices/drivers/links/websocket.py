@@ -11,11 +11,11 @@ from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 MAX_AT_ONCE = 64
 MIN_WAIT_S = 0.0005
-"""A wait of 0 would give up before it looked at the socket."""
+"""A wait of 0 would give up before looking at the socket."""
 
 
 class WebSocketLink:
-    """One `write` is one text message, one chunk one received message."""
+    """One `write` is one text message; one chunk is one received message."""
 
     def __init__(self, url: str, clock: Clock, *, remedy: str, is_simulated: bool = False) -> None:
         self.is_simulated = is_simulated
@@ -85,8 +85,8 @@ class WebSocketLink:
 
     def close(self) -> None:
         """Close the connection; idempotent."""
-        opened, self._socket = self._socket, None
-        if opened is not None:
+        connection, self._socket = self._socket, None
+        if connection is not None:
             with contextlib.suppress(OSError, self._library.exceptions.WebSocketException):
                 self._held.close()
 

@@ -25,7 +25,7 @@ VALID = "Valid"
 def read_layout(xml: bytes) -> dict[tuple[str, str], int]:
     """Return the channel of every (object, type) a stream's XML names.
 
-    Raises ProtocolViolation when it is no XML or names none.
+    Raises ProtocolViolation when it is no XML or names no objects.
     """
     try:
         root = ElementTree.fromstring(xml)  # noqa: S314 - of a peer in the lab, as LSL gives it
@@ -79,9 +79,9 @@ class LslBody(BodyDevice):
         for name in self._objects:
             missing = [kind for kind in (*POSITION, *TURN) if (name, kind) not in layout]
             if missing:
-                known = ", ".join(sorted({n for n, _ in layout}))
+                objects = ", ".join(sorted({n for n, _ in layout}))
                 raise ProtocolViolation(
-                    f"the stream has no {', '.join(missing)} of {name!r}; its objects: {known}",
+                    f"the stream has no {', '.join(missing)} of {name!r}; its objects: {objects}",
                     remedy="name the objects as the stream does",
                 )
             self._places.append(
@@ -110,7 +110,7 @@ class LslBody(BodyDevice):
             p, q = values[at], values[facing]
             with np.errstate(over="ignore", invalid="ignore"):
                 length = float(np.sqrt((q * q).sum()))
-            told = flag is None or values[flag] > 0.5
-            if told and abs(length - 1) < 0.02:
+            is_valid = flag is None or values[flag] > 0.5
+            if is_valid and abs(length - 1) < 0.02:
                 position[row], turn[row], valid[row] = p, q / length, True
         return (BodySample(None, round(stamp_s * NS_PER_S), position, turn, valid),)

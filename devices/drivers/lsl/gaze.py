@@ -1,9 +1,9 @@
-"""Drive any eye tracker that is offered as an LSL gaze stream; Tobii trackers by TittaLSL's too.
+"""Drive any eye tracker that an LSL gaze stream offers, such as Tobii trackers by TittaLSL.
 
 Codec: `visavis.devices.drivers.lsl.gaze_codec`. Transport:
 `visavis.devices.drivers.lsl.inlet.LslInlet`. The device's time is the sender's raw stamp; offsets
-are LSL's own measurements, all kept. LSL numbers no samples, so lost ones show in the spacing of
-stamps alone.
+are LSL's own measurements, all kept. LSL does not number samples, so lost samples show only in the
+spacing of the stamps.
 """
 
 from collections.abc import Iterable
@@ -115,6 +115,6 @@ class LslGaze(GazeDevice):
 
 
 class TobiiLsl(LslGaze):
-    """A Tobii tracker sent by TittaLSL: the same driver, named for what it is."""
+    """A Tobii tracker sent by TittaLSL: the same driver under the tracker's name."""
 
     spec = TOBII_LSL

@@ -36,7 +36,7 @@ AXES = {DIRECTION: 3, PLACE: 3, POINT: 3, SCREEN: 2, PUPIL: 1, VALID: 1, CONFIDE
 
 
 class StreamInfo(NamedTuple):
-    """What a stream says of itself."""
+    """A stream's description of itself."""
 
     name: str
     source_id: str
@@ -85,7 +85,7 @@ def parse_info(xml: bytes) -> StreamInfo | None:
 
 
 def layout_of(info: StreamInfo, screen_px: tuple[int, int] = (1920, 1080)) -> GazeLayout | None:
-    """Return where gaze lies among the channels; None when they name none."""
+    """Return the places of gaze among the channels; None when none is named as gaze."""
     if len(info.channels) != info.n_channels:
         return None
     labels = [row.get("label", "") for row in info.channels]
@@ -105,10 +105,14 @@ def decode_sample(raw: bytes, layout: GazeLayout, screen: Screen, half_m: float)
     left, right = reading.eye("left", -half_m), reading.eye("right", half_m)
     ray, origin = reading.ray("both", 0.0)
     confidence = reading.one("both", CONFIDENCE)
-    given = reading.one("both", VALID)
+    validity = reading.one("both", VALID)
     stamp_ns = round(stamp_s * 1e9)
     if ray[0] == ray[0]:
-        valid = given > 0 if given == given else (left.valid or right.valid or not layout.per_eye)
+        valid = (
+            validity > 0
+            if validity == validity
+            else (left.valid or right.valid or not layout.per_eye)
+        )
         used = None if left.valid or right.valid else 3 if valid else 0
         row = gaze_row(
             left, right, ray=ray, origin=origin, valid=valid, used=used, confidence_01=confidence
@@ -131,12 +135,12 @@ class _Reading:
         if at is None:
             return None
         factors = self._layout.factors.get((eye, kind), (1.0,) * len(at))
-        found = tuple(self._values[i] * f for i, f in zip(at, factors, strict=True))
-        return found if all(abs(v) < 1e9 for v in found) else None
+        numbers = tuple(self._values[i] * f for i, f in zip(at, factors, strict=True))
+        return numbers if all(abs(v) < 1e9 for v in numbers) else None
 
     def one(self, eye: str, kind: str) -> float:
-        found = self.many(eye, kind)
-        return NAN if found is None else found[0]
+        numbers = self.many(eye, kind)
+        return NAN if numbers is None else numbers[0]
 
     def ray(self, eye: str, x_m: float) -> tuple[Triple, Triple]:
         place = self.many(eye, PLACE)
@@ -159,12 +163,12 @@ class _Reading:
 
     def eye(self, eye: str, x_m: float) -> Eye:
         ray, at = self.ray(eye, x_m)
-        given = self.one(eye, VALID)
-        known = ray[0] == ray[0]
+        validity = self.one(eye, VALID)
+        has_ray = ray[0] == ray[0]
         pupil = diameter_mm(self.one(eye, PUPIL))
-        if not known and pupil != pupil:
+        if not has_ray and pupil != pupil:
             return NO_EYE
-        valid = known and (given > 0 if (eye, VALID) in self._layout.places else True)
+        valid = has_ray and (validity > 0 if (eye, VALID) in self._layout.places else True)
         return Eye(ray, at, valid, pupil)
 
 
@@ -203,8 +207,8 @@ def _xdf(rows: Sequence[Mapping[str, str]], screen_px: tuple[int, int]) -> GazeL
     whole = {key: tuple(at) for key, at in places.items() if len(at) == AXES[key[1]]}
     if not any(kind in (DIRECTION, SCREEN, POINT) for _, kind in whole):
         return None
-    kept = {key: tuple(factors[key]) for key in whole}
-    return GazeLayout(len(rows), whole, kept, states_frame)
+    whole_factors = {key: tuple(factors[key]) for key in whole}
+    return GazeLayout(len(rows), whole, whole_factors, states_frame)
 
 
 def _titta(labels: Sequence[str]) -> GazeLayout | None:
@@ -219,9 +223,9 @@ def _titta(labels: Sequence[str]) -> GazeLayout | None:
     }
     for eye in ("left", "right"):
         for kind, endings in names.items():
-            wanted = [f"{eye}_{ending}" for ending in endings]
-            if all(label in labels for label in wanted):
-                places[eye, kind] = tuple(labels.index(label) for label in wanted)
+            channel_labels = [f"{eye}_{ending}" for ending in endings]
+            if all(label in labels for label in channel_labels):
+                places[eye, kind] = tuple(labels.index(label) for label in channel_labels)
                 if kind in (PLACE, POINT):
                     factors[eye, kind] = (1e-3,) * 3
     if not any(kind in (SCREEN, POINT) for _, kind in places):

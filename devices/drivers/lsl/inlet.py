@@ -40,8 +40,8 @@ def read_offset(frames: Sequence[bytes], t_host_ns: int) -> ClockPair | None:
 class LslInlet:
     """Find a stream by name, type and source (empty: any) and read it.
 
-    `configuration` is liblsl's, taken only by the first user of LSL in this process: it sets
-    the session and who may meet. Give the one that the outlets of the study have.
+    `configuration` is liblsl's. It sets the session and the reach on the network, and only the
+    first user of LSL in this process can set it. Use that of the study's outlets.
     """
 
     is_simulated = False
@@ -57,8 +57,8 @@ class LslInlet:
     ) -> None:
         self._clock = clock
         self._configuration = configuration
-        wanted = {"name": name, "type": content_type, "source_id": source_id}
-        self._wanted = " and ".join(f"{k}='{_plain(v)}'" for k, v in wanted.items() if v)
+        criteria = {"name": name, "type": content_type, "source_id": source_id}
+        self._wanted = " and ".join(f"{k}='{_plain(v)}'" for k, v in criteria.items() if v)
         self._lsl: Any = None
         self._inlet: Any = None
         self._info = b""
@@ -69,7 +69,7 @@ class LslInlet:
 
     @property
     def kind(self) -> str:
-        """Name what was looked for."""
+        """Name the stream that is searched for."""
         return f"lsl {self._wanted}"
 
     def open(self, deadline_s: float) -> None:
@@ -79,16 +79,16 @@ class LslInlet:
         if self._configuration:
             pylsl.set_config_content(self._configuration)
             self._configuration = ""
-        found = pylsl.resolve_bypred(self._wanted or "true()", 1, max(0.1, deadline_s * 0.5))
-        if not found:
+        streams = pylsl.resolve_bypred(self._wanted or "true()", 1, max(0.1, deadline_s * 0.5))
+        if not streams:
             raise DeviceTimeout(f"no stream with {self._wanted} was found on the network")
-        inlet = pylsl.StreamInlet(found[0], max_buflen=60, recover=True)
+        inlet = pylsl.StreamInlet(streams[0], max_buflen=60, recover=True)
         try:
             inlet.open_stream(timeout=max(0.1, deadline_s * 0.5))
             self._info = inlet.info(timeout=1.0).as_xml().encode()
         except (pylsl.TimeoutError, pylsl.LostError) as cause:
             inlet.close_stream()
-            raise DeviceTimeout(f"the stream {found[0].name()!r} does not open") from cause
+            raise DeviceTimeout(f"the stream {streams[0].name()!r} does not open") from cause
         self._inlet = inlet
         self._answers.clear()
         self._stopping.clear()
@@ -101,17 +101,17 @@ class LslInlet:
         sent_ns = self._clock.now_ns()
         if frames[0] == b"info":
             return Exchange((b"info", self._info), sent_ns, self._clock.now_ns())
-        found = self._offset(timeout_s)
-        if found is None:
+        measurement = self._offset(timeout_s)
+        if measurement is None:
             raise DeviceTimeout(f"no clock offset within {timeout_s:g} s")
-        return Exchange((b"time", OFFSET.pack(*found)), sent_ns, self._clock.now_ns())
+        return Exchange((b"time", OFFSET.pack(*measurement)), sent_ns, self._clock.now_ns())
 
     def post(self, frames: Frames) -> None:
         """Ask the measuring thread for an offset."""
         self._asked.set()
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: the stream is subscribed since open."""
+        """Do nothing: the stream has been open since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return waiting samples, each stamped when it is pulled."""
@@ -160,9 +160,9 @@ class LslInlet:
                 return
             self._asked.clear()
             sent_ns = self._clock.now_ns()
-            found = self._offset(2.0)
-            if found is not None:
-                frames = (b"time", OFFSET.pack(*found))
+            measurement = self._offset(2.0)
+            if measurement is not None:
+                frames = (b"time", OFFSET.pack(*measurement))
                 self._answers.append(Message(self._clock.now_ns(), frames, sent_ns))
 
     def _offset(self, timeout_s: float) -> tuple[float, float] | None:

@@ -1,7 +1,7 @@
 """Stream gaze, poses and events to Lab Streaming Layer while a session runs.
 
-Channels bear the XDF meta-data names, so other labs' tools read them. Stamps are on LSL's clock:
-a sample's own time where its device's offset is known, its arrival otherwise.
+Channels have the XDF meta-data names, so other labs' tools can read them. Stamps are on LSL's
+clock: a sample's own time where its device's offset is known, its arrival otherwise.
 """
 
 import json
@@ -25,7 +25,7 @@ OffsetOf = Callable[[str], int | None]
 
 @dataclass(frozen=True)
 class LslScope:
-    """Who may meet on the network: `session` separates, `machine_only` keeps it on this one.
+    """The reach of streams: `session` separates groups, `machine_only` keeps to this computer.
 
     With neither, LSL's own settings hold (its file `lsl_api.cfg`), as for every other program.
     """
@@ -37,8 +37,8 @@ class LslScope:
         """Return the library's configuration text; empty to leave its own in force."""
         if not self.session and not self.machine_only:
             return ""
-        kept = "".join(c for c in self.session if c not in UNSAFE) or "default"
-        lines = ["[lab]", f"SessionID = {kept}"]
+        session_id = "".join(c for c in self.session if c not in UNSAFE) or "default"
+        lines = ["[lab]", f"SessionID = {session_id}"]
         if self.machine_only:
             lines = ["[multicast]", "ResolveScope = machine", *lines, "KnownPeers = {127.0.0.1}"]
         return "\n".join(lines) + "\n"
@@ -89,7 +89,7 @@ class LslOutlets:
         self._events: Any = self._lsl.StreamOutlet(events, 1)
 
     def take(self, role: str, batch: SampleBatch) -> None:
-        """Push a batch; a stream that was not announced is left out."""
+        """Push a batch; streams that were not announced are ignored."""
         outlet = self._outlets.get((role, batch.schema.name))
         if outlet is None or not len(batch):
             return
@@ -126,9 +126,9 @@ class LslOutlets:
         desc = info.desc()
         desc.append_child_value("is_simulated", "true" if is_simulated else "false")
         if schema is not None:
-            described = Element("desc")
-            describe(described, schema)
-            _copy(described, desc)
+            description = Element("desc")
+            describe(description, schema)
+            _copy(description, desc)
 
 
 class _Nowhere:

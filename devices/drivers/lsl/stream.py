@@ -31,7 +31,7 @@ TEXT_BYTES = 256
 MAX_CHANNELS = 4096
 MAX_STAMP_S = 4e9
 NEVER_S = 1e6
-"""An irregular stream says nothing for as long as it likes."""
+"""Time without samples after which an irregular stream counts as lost: in effect never."""
 
 
 @dataclass(frozen=True)
@@ -44,29 +44,29 @@ class StreamSample:
 
 
 def schema_of(info: StreamInfo, name: str) -> StreamSchema:
-    """Return the columns of a stream by its own labels and units, as far as it states any.
+    """Return the columns of a stream by its own labels and units, as far as it states them.
 
-    A unit that UCUM does not have stands in the column's description alone.
+    A unit that UCUM does not know is named only in the description of the column.
     """
     if info.is_text:
-        described = f"UTF-8, at most {TEXT_BYTES} bytes, the rest zero"
-        fields = [Field("text", "u1", "", shape=(TEXT_BYTES,), description=described)]
+        description = f"UTF-8, at most {TEXT_BYTES} bytes, the rest zero"
+        fields = [Field("text", "u1", "", shape=(TEXT_BYTES,), description=description)]
         return StreamSchema(name, tuple(fields), info.rate_hz)
     fields = []
-    taken: set[str] = set()
+    column_names: set[str] = set()
     for i in range(info.n_channels):
         channel = info.channels[i] if len(info.channels) == info.n_channels else {}
         label, unit = channel.get("label", ""), channel.get("unit", "")
         plain = re.sub(r"\W+", "_", label, flags=re.ASCII).strip("_").lower() or f"channel_{i + 1}"
-        while plain in taken:
+        while plain in column_names:
             plain += "_"
-        taken.add(plain)
-        described = label if not unit else f"{label} in {unit}"
+        column_names.add(plain)
+        description = label if not unit else f"{label} in {unit}"
         try:
-            fields.append(Field(plain, "f8", code_of(unit), description=described))
-        except DataError:  # the label ends as another unit's names do
-            fields.append(Field(f"{plain}_", "f8", "", description=described))
-            taken.add(f"{plain}_")
+            fields.append(Field(plain, "f8", code_of(unit), description=description))
+        except DataError:  # the label ends like a name with another unit
+            fields.append(Field(f"{plain}_", "f8", "", description=description))
+            column_names.add(f"{plain}_")
     return StreamSchema(name, tuple(fields), info.rate_hz)
 
 
@@ -97,8 +97,8 @@ class LslStream(StreamDevice[StreamSample]):
         )
 
     def check(self) -> tuple[Fault, ...]:
-        """Name everything odd about stream and clock since start."""
-        found = list(self._notes.values())
+        """Return the faults of stream and clock since start."""
+        faults = list(self._notes.values())
         for count, text, remedy in (
             (self._malformed, "samples could not be read", "keep the .wire log and report it"),
             (self._cut, f"texts were longer than {TEXT_BYTES} bytes and cut", "send shorter ones"),
@@ -106,8 +106,8 @@ class LslStream(StreamDevice[StreamSample]):
             (self._meter.gaps, "gaps in the stream", "use a cable; close other programs"),
         ):
             if count:
-                found.append(self._warning(f"{count} {text}", remedy))
-        return tuple(found)
+                faults.append(self._warning(f"{count} {text}", remedy))
+        return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return LSL's clock offsets as exchanges, oldest first."""
@@ -181,8 +181,8 @@ class LslStream(StreamDevice[StreamSample]):
         values = np.zeros(len(samples), self._schema.dtype)
         for row, sample in zip(values, samples, strict=True):
             self._cut += len(sample.text) > TEXT_BYTES
-            kept = np.frombuffer(sample.text[:TEXT_BYTES], np.uint8)
-            row["text"][: kept.size] = kept
+            text_bytes = np.frombuffer(sample.text[:TEXT_BYTES], np.uint8)
+            row["text"][: text_bytes.size] = text_bytes
         return values
 
     def _reset(self, now_ns: int) -> None:

@@ -2,8 +2,8 @@
 
 Sources: OptiTrack's description of the stream and a public client (TimSchneider42,
 python-natnet-client, MIT) that agree. Little-endian; header u16 message, u16 size of what
-follows. The layout depends on the protocol version the server tells: 3.0 to 4.2 are read here;
-from 4.1 on every section states its size, so that what is not needed is stepped over.
+follows. The layout depends on the protocol version of the server: 3.0 to 4.2 are read here. From
+4.1 on every section states its size, so that sections not needed here can be skipped.
 """
 
 import struct
@@ -18,7 +18,7 @@ OLDEST, NEWEST_KNOWN = (3, 0), (4, 2)
 SIZED_FROM, ASSETS_FROM, OFFSET_TURN_FROM, MARKER_NAMES_FROM = (4, 1), (4, 1), (4, 2), (4, 0)
 RIGID_BODY = struct.Struct("<i3f4ffh")
 MOST = 10_000
-"""More of anything than this in one message is taken for damage."""
+"""A message that counts more items than this is taken as damaged."""
 
 Version = tuple[int, int]
 
@@ -65,7 +65,7 @@ class Models:
 
 
 class _Reader:
-    """Step through a message; every read that runs over its end is a DataError."""
+    """Step through a message; a read beyond its end raises DataError."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -129,7 +129,7 @@ def split(data: bytes) -> tuple[int, bytes]:
 
 
 def decode_server(payload: bytes) -> Server:
-    """Read message 1; a server before 3.0 tells no clock and is refused by its version."""
+    """Read message 1; a server before 3.0 has no clock and is refused for its version."""
     reader = _Reader(payload)
     name, *numbers = reader.take(_SERVER)
     program = name.partition(b"\0")[0].decode("utf-8", "replace")
@@ -144,7 +144,7 @@ def decode_server(payload: bytes) -> Server:
 def decode_models(payload: bytes, version: Version) -> Models:
     """Read message 5: the names of rigid bodies, skeletons and their bones.
 
-    Before 4.1 sections state no size, so reading ends at the first of a kind not needed here.
+    Before 4.1 sections state no size, so reading ends at the first section not needed here.
     """
     reader = _Reader(payload)
     bodies: dict[str, int] = {}
@@ -178,18 +178,18 @@ def decode_frame(payload: bytes, version: Version) -> Frame:
     """Read message 7."""
     reader = _Reader(payload)
     number = reader.integer()
-    sized = version >= SIZED_FROM
+    has_sizes = version >= SIZED_FROM
 
     def section() -> tuple[int, int | None]:
         n = reader.count()
-        return n, reader.integer() if sized else None
+        return n, reader.integer() if has_sizes else None
 
     def over() -> None:
-        """Step over a section that states its size."""
+        """Skip a section that states its size."""
         _, size = section()
         reader.skip(size or 0)
 
-    if sized:
+    if has_sizes:
         over()
         over()
     else:
@@ -207,7 +207,7 @@ def decode_frame(payload: bytes, version: Version) -> Frame:
         for _ in range(reader.count()):
             bone = _body(reader)
             bones[skeleton, bone.number & 0xFFFF] = bone
-    if sized:
+    if has_sizes:
         for _ in range(4):  # assets, labelled markers, force plates, devices
             over()
     else:
@@ -218,7 +218,7 @@ def decode_frame(payload: bytes, version: Version) -> Frame:
                 for _ in range(reader.count()):
                     reader.skip(4 * reader.count())
     ticks = int(reader.take(_SUFFIX)[3])
-    if sized:
+    if has_sizes:
         reader.take(_PRECISION)
     flags = int(reader.take(_FLAGS)[0])
     return Frame(number, bodies, bones, ticks, bool(flags & 2))

@@ -1,9 +1,9 @@
 """Receive a moving body from OptiTrack Motive over NatNet (UDP 1510 and 1511).
 
 Codec: `visavis.devices.drivers.natnet.codec`. Device time is the middle of the cameras' exposure on
-Motive's clock; it goes one way, so `health` fits it by the lower envelope of the arrivals. Motive
-must stream with y up; a T-pose faces +z there and −z here, so its world is turned by 180° about y,
-or by what `yaw_deg` says.
+Motive's clock, which cannot be asked, so `health` fits it by the lower envelope of the arrivals.
+Motive must stream with y up. A T-pose faces +z there and −z here, so its world is turned about y by
+180°, or by `yaw_deg`.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -28,8 +28,8 @@ class NatNet(BodyDevice):
     """Follow the `BodyTracker` contract over Motive's stream.
 
     `bodies` maps names of rigid bodies in Motive to segments; without it the bones of `skeleton`
-    (or of the only one) are taken by `MOTIVE_BONES`. A name Motive does not know is told by
-    `check`, and its segment is not valid.
+    (or of the only one) are taken by `MOTIVE_BONES`. `check` reports a name that Motive does not
+    know, and its segment is not valid.
     """
 
     def __init__(
@@ -96,8 +96,8 @@ class NatNet(BodyDevice):
             self._transport.post((codec.encode(message, payload),))
             until_ns = min(now_ns + ASK_AGAIN_NS, deadline_ns)
             while not is_there() and (left_ns := until_ns - self._clock.now_ns()) > 0:
-                for found in self._transport.receive(left_ns / NS_PER_S):
-                    tuple(self._decode(found))
+                for reply in self._transport.receive(left_ns / NS_PER_S):
+                    tuple(self._decode(reply))
 
     def _resume(self) -> None:
         self._transport.post((codec.encode(codec.CONNECT, b"Ping\0"),))
@@ -127,20 +127,20 @@ class NatNet(BodyDevice):
     def _map_names(self, models: codec.Models) -> None:
         rows = {segment: row for row, segment in enumerate(self.segments)}
         self._row_of = {}
-        found: set[str] = set()
+        mapped_names: set[str] = set()
         if self._by_bones:
             skeletons = sorted({skeleton for skeleton, _ in models.bones})
-            chosen = self._skeleton or (skeletons[0] if skeletons else "")
+            skeleton_name = self._skeleton or (skeletons[0] if skeletons else "")
             for (skeleton, bone), at in models.bones.items():
-                if skeleton == chosen and bone in self._names:
+                if skeleton == skeleton_name and bone in self._names:
                     self._row_of[at] = rows[self._names[bone]]
-                    found.add(bone)
+                    mapped_names.add(bone)
         else:
             for name, number in models.bodies.items():
                 if name in self._names:
                     self._row_of[number] = rows[self._names[name]]
-                    found.add(name)
-        missing = [name for name in self._names if name not in found]
+                    mapped_names.add(name)
+        missing = [name for name in self._names if name not in mapped_names]
         text = f"Motive does not know {', '.join(missing)}"
         fault = self._warning(text, "create it in Motive, or name the bodies as they are there")
         self._note("names", fault if missing else None)
@@ -152,9 +152,9 @@ class NatNet(BodyDevice):
         position = np.full((n, 3), np.nan)
         turn = np.full((n, 4), np.nan)
         valid = np.zeros(n, np.bool_)
-        found: Mapping[int, codec.RigidBody] | Mapping[tuple[int, int], codec.RigidBody]
-        found = frame.bones if self._by_bones else frame.bodies
-        for key, body in found.items():
+        bodies: Mapping[int, codec.RigidBody] | Mapping[tuple[int, int], codec.RigidBody]
+        bodies = frame.bones if self._by_bones else frame.bodies
+        for key, body in bodies.items():
             row = self._row_of.get(key)
             if row is None or not body.is_tracked:
                 continue
@@ -167,7 +167,7 @@ class NatNet(BodyDevice):
         turn[valid] = quat_multiply(
             quat_multiply(self._turn, turn[valid]), quat_conjugate(self._turn)
         )
-        with np.errstate(invalid="ignore", over="ignore"):  # infinite places: refused later
+        with np.errstate(invalid="ignore", over="ignore"):  # infinite places are refused later
             position[valid] = rotate(self._turn, position[valid])
         clock_hz = self._server.clock_hz if self._server is not None else 0
         device_ns = frame.exposure_ticks * NS_PER_S // clock_hz if clock_hz else 0

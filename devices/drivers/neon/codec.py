@@ -1,6 +1,6 @@
 """Turn Neon's gaze payloads into samples; pure, never raises on bad bytes.
 
-Source: pupil-labs-realtime-api 1.9. The kind of a payload is known by its length alone. Points
+Source: pupil-labs-realtime-api 1.9. Only the length of a payload tells its kind. Points
 are scene-camera pixels, origin top left; eye positions and axes are in that camera's frame (x
 right, y down, z forward), millimetres; pupils are diameters in mm, lids apertures in mm.
 """
@@ -110,11 +110,11 @@ def decode_calibration(raw: bytes, pitch_deg: float) -> tuple[SceneCamera, str] 
 
 
 def decode_gaze(stamp_ns: int, counter: int, payload: bytes, camera: SceneCamera) -> Sample | None:
-    """Return the sample of a payload; None for a length that is not known."""
+    """Return the sample of a payload; None for an unknown length."""
     parts = LAYOUTS.get(len(payload))
     if parts is None:
         return None
-    x, y, worn = MONO.unpack_from(payload)
+    x, y, worn_code = MONO.unpack_from(payload)
     floats: Floats = struct.unpack_from(f"!{(len(payload) - 9) // 4}f", payload, 9)
     left_px = right_px = (NAN, NAN)
     state: Floats = ()
@@ -127,7 +127,7 @@ def decode_gaze(stamp_ns: int, counter: int, payload: bytes, camera: SceneCamera
         left_px, right_px = (x, y), (floats[0], floats[1])
     elif "dual" in parts:
         left_px, right_px = (floats[0], floats[1]), (floats[2], floats[3])
-    is_worn = worn == WORN
+    is_worn = worn_code == WORN
     left = _eye(left_px, state[:7], lids[:3], camera, is_worn)
     right = _eye(right_px, state[7:], lids[3:], camera, is_worn)
     if parts == "dual":
@@ -145,7 +145,7 @@ def decode_gaze(stamp_ns: int, counter: int, payload: bytes, camera: SceneCamera
 
 
 def unwrapped(number: int, last: int | None) -> int:
-    """Return a 16-bit packet number as one that goes on rising, near the last one."""
+    """Return a 16-bit packet number without its wraps, near the last one."""
     if last is None:
         return number
     step = (number - last) & 0xFFFF

@@ -28,13 +28,14 @@ from visavis.lab.geometry import Vector
 ECHO = struct.Struct("!Q")
 HALF_MS_NS = NS_PER_MS // 2
 RAYS = ("direction_head", "origin_m", "left_direction_head", "right_direction_head")
-"""What turns with the camera."""
+"""Columns that turn with the camera."""
 NEWER_APP = "update Visavis; until then choose fewer gaze data in the Companion app"
 
 
 class Neon(GazeDevice):
-    """Follow the `EyeTracker` contract over the Companion app; it is not calibrated, but how
-    its camera sits on the head is fitted by the session (`turn_to_head`).
+    """Follow the `EyeTracker` contract over the Companion app.
+
+    Neon is not calibrated; the session fits how its camera sits on the head (`turn_to_head`).
 
     Directions use the module's own camera calibration when the app gives it, else the pinhole
     of the options. Per-eye rays and pupils are there when the app computes them.
@@ -79,7 +80,7 @@ class Neon(GazeDevice):
         return replace(super().health(), battery_01=self._battery_01)
 
     def annotate(self, text: str, t_host_ns: int) -> None:
-        """Send an event stamped on the phone's clock; it stands in the phone's recording."""
+        """Send an event with a stamp of the phone's clock; the phone records it."""
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
         frames: Frames = (b"event", text.encode(), str(self._to_device_ns(t_host_ns)).encode())
         self._mark(lambda: self._transport.send(0, frames))
@@ -106,15 +107,15 @@ class Neon(GazeDevice):
         status = self._ask((b"status",), deadline_ns).frames
         self._take_status(status)
         raw = self._ask((b"calibration",), deadline_ns).frames[1]
-        found = codec.decode_calibration(raw, self._pitch_deg)
-        if found is None:
+        calibration = codec.decode_calibration(raw, self._pitch_deg)
+        if calibration is None:
             fault = self._warning(
                 "the module's camera calibration is not known; rays are a pinhole's",
                 "update the Companion app, or set focal_length_px and the centre",
             )
             self._note("camera", fault)
         else:
-            self._camera, serial = found
+            self._camera, serial = calibration
             self.info = replace(self.info, serial=serial)
         for _ in range(self._opening_exchanges):
             exchange = self._ask((b"time",), deadline_ns)
@@ -158,7 +159,7 @@ class Neon(GazeDevice):
             self._malformed += 1
             return
         (phone_ms,) = ECHO.unpack(frames[1])
-        if phone_ms < 2**43:  # the middle of the millisecond it counts
+        if phone_ms < 2**43:  # take the middle of that millisecond
             device_ns = phone_ms * NS_PER_MS + HALF_MS_NS
             self._add_pair(ClockPair(sent_ns, device_ns, received_ns))
 
@@ -175,15 +176,15 @@ class Neon(GazeDevice):
             elif model == "Hardware" and data.get("module_serial", "unknown") != "unknown":
                 self.info = replace(self.info, serial=str(data["module_serial"]))
             elif model == "Sensor" and data.get("sensor") == "gaze":
-                gone = not data.get("connected") and data.get("conn_type") == "DIRECT"
-                if gone and self._life.state is DeviceState.CLOSED:
+                is_disconnected = not data.get("connected") and data.get("conn_type") == "DIRECT"
+                if is_disconnected and self._life.state is DeviceState.CLOSED:
                     raise DeviceNotFound(
                         "the phone sees no gaze sensor",
                         role=self.info.role,
                         remedy="connect the glasses to the phone and wait for the gaze circle",
                     )
                 fault = self._blocking("the glasses are not connected", "check their cable")
-                self._note("sensor", fault if gone else None)
+                self._note("sensor", fault if is_disconnected else None)
 
     def _take_phone(self, data: Mapping[str, Any]) -> None:
         level = data.get("battery_level")

@@ -1,7 +1,7 @@
 """Carry Neon's network messages: HTTP, WebSocket, RTSP and time echo, by the vendor's client.
 
-An asyncio loop lives in one thread of this module and nowhere else. Everything that arrives gets
-its host stamp in that thread, as soon as the loop hands it over.
+One thread of this module runs an asyncio loop. Every message gets its host stamp in that thread, as
+soon as the loop hands it over.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ ECHO = struct.Struct("!Q")
 ECHO_TIMEOUT_S = 1.0
 GOODBYE_S = 0.5
 CLOSING_S = 0.02
-"""The loop closes sockets in the turns after they were given up."""
+"""Time for the loop to close sockets after they were given up."""
 
 WIRE_LOGGERS = ("aiortsp", "rtp.session", "rtsp_client", "pupil_labs.realtime_api", "websockets")
 
@@ -88,12 +88,12 @@ class NeonNetwork:
         return Exchange(answer, sent_ns, self._clock.now_ns())
 
     def post(self, frames: Frames) -> None:
-        """Ask for the time without waiting; an answer that never comes is none."""
+        """Ask for the time without waiting; a missing answer is no error."""
         if frames[0] == b"time" and self._loop is not None:
             asyncio.run_coroutine_threadsafe(self._post_time(), self._loop)
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: the stream runs since open."""
+        """Do nothing: the stream has been running since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return what came; raises DeviceDisconnected once the stream has ended."""
@@ -200,7 +200,7 @@ class NeonNetwork:
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
-        self._drop_echo()  # last: an exchange under way may have opened it anew
+        self._drop_echo()  # last: an exchange under way may have opened it again
         await asyncio.sleep(CLOSING_S)
 
     def _drop_echo(self) -> None:

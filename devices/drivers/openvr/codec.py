@@ -28,7 +28,7 @@ POSE_DTYPE = np.dtype(
 """`TrackedDevicePose_t`, 80 bytes."""
 
 MAX_AGE_S = 60.0
-"""An event that says it is older is taken as new."""
+"""An event with a greater age counts as new."""
 RUNNING_OK = 200
 HMD, CONTROLLER, TRACKER, BASE_STATION = 1, 2, 3, 4
 LEFT_HAND, RIGHT_HAND = 1, 2
@@ -80,7 +80,7 @@ class VrEvent:
 
 @dataclass(frozen=True)
 class FrameTiming:
-    """What the compositor says of one of its frames."""
+    """The compositor's report on one of its frames."""
 
     frame: int
     presents: int
@@ -98,7 +98,7 @@ def decode_pose(pose: npt.NDArray[np.void]) -> tuple[Triple, Quadruple] | None:
 
 
 def decode_matrix(m: Sequence[float]) -> tuple[Triple, Quadruple] | None:
-    """Return position and orientation of a 3x4 matrix (12 numbers); None when it is no pose."""
+    """Return position and orientation of a 3x4 matrix (12 numbers); None if it is no pose."""
     r00, r01, r02, x, r10, r11, r12, y, r20, r21, r22, z = m
     if not math.isfinite(sum(m)):
         return None
@@ -130,7 +130,7 @@ def decode_poses(raw: bytes) -> npt.NDArray[np.void]:
 
 
 def decode_event(raw: bytes) -> VrEvent | None:
-    """Return an event of `VREvent_t`; None when it is cut, or of a kind nobody here needs."""
+    """Return an event of `VREvent_t`; None when it is cut, or of a kind that is not used."""
     if len(raw) < 12:
         return None
     kind_number, slot, age_s = struct.unpack_from("<IIf", raw)
@@ -150,7 +150,7 @@ def decode_event(raw: bytes) -> VrEvent | None:
 
 
 def decode_frame_timing(raw: bytes) -> FrameTiming | None:
-    """Return the compositor's account of a frame; None when it gave none."""
+    """Return the compositor's report on a frame; None when it gave none."""
     if len(raw) < _TIMING.size:
         return None
     numbers = _TIMING.unpack_from(raw)

@@ -1,7 +1,7 @@
 """Take buttons, axes and rays of OpenVR controllers, and let them buzz.
 
-The runtime's events say how old they are; a press bears the time at which it happened. Axes and
-poses have no time of their own: they bear that of asking, once per `poll`.
+The runtime's events state their age, so a press has the time at which it happened. Axes and poses
+have no time of their own: they get the time of the request, once per `poll`.
 """
 
 import math
@@ -66,21 +66,21 @@ class OpenVrControllers(RuntimeControllers):
             self._take(message, changes)
         if self._has_axes and self._hand_of:
             self._take_axes(changes)
-        told = self._ask_rays() if self._rays else 0
-        told += self._tell(changes)
+        row_count = self._ask_rays() if self._rays else 0
+        row_count += self._tell(changes)
         if self.state is DeviceState.FAULT:
             raise DeviceDisconnected(
                 "the OpenVR runtime was closed", role=self.info.role, remedy=self._spec.remedy
             )
-        return told
+        return row_count
 
     def health(self) -> Health:
-        """Report rows so far and the weakest battery when it was last looked at."""
+        """Report rows so far and the weakest battery at the last reading."""
         weakest = min(self._batteries.values(), default=None)
         return replace(super().health(), battery_01=weakest)
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell missing controllers and weak batteries."""
+        """Report missing controllers and weak batteries."""
         faults = []
         if not self._hand_of:
             faults.append(self._blocking("no controller is on", self._spec.remedy))
@@ -96,7 +96,7 @@ class OpenVrControllers(RuntimeControllers):
     # ---- private --------------------------------------------------------------------------
 
     def _connect(self, deadline_ns: int) -> None:
-        """See which controllers are on; without any `check` tells."""
+        """Find the controllers that are on; `check` reports when there are none."""
         frames = self._transport.request((b"devices",), CALL_TIMEOUT_S).frames
         if frames[0] or len(frames) < 2:
             raise ProtocolViolation("the runtime lists no devices")
@@ -135,7 +135,7 @@ class OpenVrControllers(RuntimeControllers):
         if exchange.frames[0] or len(exchange.frames) < 2:
             return
         try:
-            found = [
+            hand_axes = [
                 (self._hand_of.get(slot), {p: float(axes[n]) for p, n in AXES.items()})
                 for slot, axes in msgpack.unpackb(exchange.frames[1])
                 if axes is not None
@@ -146,7 +146,7 @@ class OpenVrControllers(RuntimeControllers):
         for control, (hand, part) in enumerate(self._wanted):
             levels = [
                 axes[part]
-                for side, axes in found
+                for side, axes in hand_axes
                 if part in AXES and hand in ("any", side) and math.isfinite(axes[part])
             ]
             if levels:

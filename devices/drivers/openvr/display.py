@@ -1,4 +1,4 @@
-"""What an OpenVR runtime says of display and frames, and whether base stations stay in place."""
+"""Display and frame timing of an OpenVR runtime, and movements of its base stations."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,34 +33,38 @@ class DisplayFacts:
 def read_display(
     display: bytes, eyes: tuple[bytes, bytes], *, role: str, remedy: str
 ) -> DisplayFacts:
-    """Read the runtime's account of display and eyes; raises ProtocolViolation."""
+    """Read the runtime's description of display and eyes; raises ProtocolViolation."""
     with legible("the runtime's account of the display", remedy):
         rate_hz, photons_s, width, height = (float(n) for n in msgpack.unpackb(display))
-        told = [msgpack.unpackb(eye) for eye in eyes]
+        eye_rows = [msgpack.unpackb(eye) for eye in eyes]
         size_px = (int(width), int(height))
         photons_ns = round(photons_s * NS_PER_S)
-        placed = [codec.decode_matrix([float(n) for n in eye[1]]) for eye in told]
-        tangents = [[float(n) for n in eye[0]] for eye in told]
-        # Captures of before it was asked say nothing of what is hidden.
-        hidden = [[(float(u), float(v)) for u, v in (eye[2] if eye[2:] else [])] for eye in told]
-    if placed[0] is None or placed[1] is None:
+        eye_poses = [codec.decode_matrix([float(n) for n in eye[1]]) for eye in eye_rows]
+        tangents = [[float(n) for n in eye[0]] for eye in eye_rows]
+        # Older captures have no hidden areas, because these were not asked for.
+        hidden_corners = [
+            [(float(u), float(v)) for u, v in (eye[2] if eye[2:] else [])] for eye in eye_rows
+        ]
+    if eye_poses[0] is None or eye_poses[1] is None:
         raise ProtocolViolation("the runtime gives no places of the eyes", role=role, remedy=remedy)
-    if not all(len(both) % 3 == 0 and np.isfinite(both).all() for both in hidden):
+    if not all(len(both) % 3 == 0 and np.isfinite(both).all() for both in hidden_corners):
         raise ProtocolViolation(
             "the runtime's account of what the lenses hide is not of triangles",
             role=role,
             remedy=remedy,
         )
-    midpoint_m = (np.array(placed[0][0]) + np.array(placed[1][0])) / 2
+    midpoint_m = (np.array(eye_poses[0][0]) + np.array(eye_poses[1][0])) / 2
     left, right = (
         _view(four, np.array(place[0]) - midpoint_m, place[1], corners)
-        for four, place, corners in zip(tangents, (placed[0], placed[1]), hidden, strict=True)
+        for four, place, corners in zip(
+            tangents, (eye_poses[0], eye_poses[1]), hidden_corners, strict=True
+        )
     )
     return DisplayFacts(float(rate_hz), size_px, photons_ns, midpoint_m, (left, right))
 
 
 def add_timing(row: np.void, timing_raw: bytes) -> None:
-    """Write the compositor's account of a frame, if it gave one, into its `FRAME_TIMING` row."""
+    """Write the compositor's report on a frame, if it gave one, into its `FRAME_TIMING` row."""
     timing = codec.decode_frame_timing(timing_raw)
     if timing is not None:
         row["timing_known"] = True
@@ -73,7 +77,7 @@ def add_timing(row: np.void, timing_raw: bytes) -> None:
 
 @dataclass
 class BaseStations:
-    """Where base stations stood first, and how far each has moved since; `slots` names them."""
+    """First places of base stations, and how far each has moved since; `slots` names them."""
 
     slots: Mapping[int, str] = field(default_factory=dict)
     moved_m: dict[str, float] = field(default_factory=dict)
@@ -97,16 +101,17 @@ def _view(
     turn: tuple[float, float, float, float],
     hidden_01: Sequence[tuple[float, float]],
 ) -> EyeView:
-    """Return the view of getProjectionRaw's left, right, top, bottom and getHiddenAreaMesh's
-    corners.
+    """Return a view from getProjectionRaw's tangents and getHiddenAreaMesh's corners.
 
-    In the projection the runtime makes of them its "top" bounds the view below; openvr.h names
-    them for an axis that points down. Corners are shares of the view's width and height, from its
-    left and from below: openvr.h does not say so, but Unreal Engine draws them thus, the mesh of
-    an Index has its nose there, and OpenComposite and xrizer, which play SteamVR to games, count
-    them so.
+    The tangents are left, right, top, bottom, but the runtime's "top" bounds the view below,
+    because openvr.h names them for an axis that points down. Corners are shares of the view's
+    width and height, from its left and from below. openvr.h does not say so; Unreal Engine draws
+    them this way, the mesh of an Index has its nose there, and OpenComposite and xrizer, which
+    replace SteamVR for games, count them so.
     """
     left, right, below, above = (*raw[:2], min(raw[2:]), max(raw[2:]))
     x, y, z = (float(v) for v in offset_m)
-    hidden = tuple((left + u * (right - left), below + v * (above - below)) for u, v in hidden_01)
-    return EyeView((x, y, z), turn, left, right, below, above, hidden=hidden)
+    hidden_area = tuple(
+        (left + u * (right - left), below + v * (above - below)) for u, v in hidden_01
+    )
+    return EyeView((x, y, z), turn, left, right, below, above, hidden=hidden_area)

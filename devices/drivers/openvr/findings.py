@@ -1,4 +1,4 @@
-"""What is wrong with a headset of an OpenVR runtime, said as faults an operator can act on."""
+"""Faults of a headset of an OpenVR runtime, with remedies for the operator."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ COMPOSITOR_REMEDIES = {
 
 @dataclass
 class Findings:
-    """What holds now; `submit_problem` is the error with which images were refused."""
+    """Current problems; `submit_problem` is the error with which images were refused."""
 
     standby: bool = False
     taken_off: bool = False
@@ -31,7 +31,7 @@ class Findings:
     submit_problem: str = ""
 
     def faults(self, role: str, lost: str, moved_m: Mapping[str, float]) -> tuple[Fault, ...]:
-        """Return the faults; `lost` tells a runtime that is gone, `moved_m` base stations."""
+        """Return the faults; `lost` says why the runtime is gone, `moved_m` is per base station."""
         faults = []
         if lost:
             faults.append(Fault(role, "blocking", lost, OPENVR_HEADSET.remedy))

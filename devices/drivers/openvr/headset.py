@@ -2,9 +2,9 @@
 
 Codec: `visavis.devices.drivers.openvr.codec`. Wire: `visavis.devices.drivers.openvr.library`, a
 `.wire` replay, or any `MessageTransport` with the same requests. The pose of a frame is the
-runtime's prediction for that frame's light; its `t_device_ns` is `predicted_display_ns`. Images
-drawn from a later pose (`late_head`) are handed over with it. All of it, `wait_frame` and `submit`
-included, belongs to the thread that draws.
+runtime's prediction for the time of display; its `t_device_ns` is `predicted_display_ns`. Images
+drawn from a later pose (`late_head`) are handed over with that pose. Call all of it, `wait_frame`
+and `submit` included, from the thread that draws.
 """
 
 import math
@@ -67,45 +67,45 @@ class OpenVrHeadset(RuntimeHeadset):
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("wait_frame", DeviceState.STREAMING)
         exchange = self._transport.request((b"wait_poses",), CALL_TIMEOUT_S)
-        self._clock.sleep_until_ns(exchange.t_receive_ns)  # a replay has yet to get there
+        self._clock.sleep_until_ns(exchange.t_receive_ns)  # on a replay that time is still to come
         error = exchange.frames[0].decode("ascii", "replace")
         self._found.unfocused = error == FOCUS_LOST
         if error and not self._found.unfocused:
             self._lose(error)
             return self._wait_without_runtime()
         t_ns = max(exchange.t_receive_ns, self._last_t_ns + 1)
-        known, since_ns, count = self._vsync(exchange, t_ns)
+        has_vsync, since_ns, count = self._vsync(exchange, t_ns)
         remaining_ns = self._remaining_ns(exchange)
         if remaining_ns is None:
             predicted_ns = t_ns - since_ns + self._period_ns + self._photons_ns
-            skipped = self._skipped(known, count, t_ns)
+            skipped_count = self._skipped(has_vsync, count, t_ns)
         else:
             predicted_ns = t_ns + remaining_ns + self._photons_ns
-            skipped = self._skipped_to(predicted_ns)
-            self._last_count = count if known else None
+            skipped_count = self._skipped_to(predicted_ns)
+            self._last_count = count if has_vsync else None
         self._timing_raw = exchange.frames[3] if len(exchange.frames) > 3 else b""
         self._close_frame()
         poses = codec.decode_poses(exchange.frames[1] if len(exchange.frames) > 1 else b"")
-        return self._begin_with(t_ns, max(predicted_ns, t_ns), skipped, poses)
+        return self._begin_with(t_ns, max(predicted_ns, t_ns), skipped_count, poses)
 
     def late_head(self) -> Pose | None:
-        """Return the head as the runtime now foresees it for the light of the last frame."""
+        """Return the head as the runtime now predicts it for the display of the last frame."""
         if self._frame is None:
             return None
         ahead_s = (self._frame.predicted_display_ns - self._clock.now_ns()) / NS_PER_S
         raw = self._late_answer((b"late", f"{max(ahead_s, 0.0):.9f}".encode()))
         poses = codec.decode_poses(raw)
-        found = codec.decode_pose(poses[0]) if len(poses) else None
-        if found is None:
+        pose = codec.decode_pose(poses[0]) if len(poses) else None
+        if pose is None:
             return None
         self._drawn_from = poses[0]["matrix"].tobytes()
-        return self._between_eyes(found)
+        return self._between_eyes(pose)
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
         """Hand over one GL texture name per eye, left first; none shows nothing new.
 
         Raises DeviceError with the remedy when the runtime refuses an image, except when it only
-        says that another program has the focus; `check` tells that.
+        says that another program has the focus, which `check` reports.
         """
         self._life.require("submit", DeviceState.STREAMING, DeviceState.FAULT)
         if not images or self._life.state is DeviceState.FAULT:
@@ -137,18 +137,18 @@ class OpenVrHeadset(RuntimeHeadset):
         self._submitted_ns = self._clock.now_ns()
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell standby, a headset not worn, lost tracking, moved base stations, lost focus."""
-        gone = self._gone if self.state is DeviceState.FAULT else ""
+        """Report standby, a headset not worn, lost tracking, moved base stations, lost focus."""
+        loss = self._gone if self.state is DeviceState.FAULT else ""
         self._found.untracked = self._untracked
-        return self._found.faults(self.info.role, gone, self._bases.moved_m)
+        return self._found.faults(self.info.role, loss, self._bases.moved_m)
 
     def poses_by_serial(self) -> dict[str, Pose | None]:
-        """Return where every device stood in the present frame, None where it was not tracked."""
-        found: dict[str, Pose | None] = {}
+        """Return the pose of every device in the present frame; None where it was not tracked."""
+        poses: dict[str, Pose | None] = {}
         for slot, serial in self._serials.items():
             pose = codec.decode_pose(self._last_poses[slot]) if len(self._last_poses) else None
-            found[serial] = None if pose is None else Pose(np.array(pose[0]), np.array(pose[1]))
-        return found
+            poses[serial] = None if pose is None else Pose(np.array(pose[0]), np.array(pose[1]))
+        return poses
 
     # ---- private --------------------------------------------------------------------------
 
@@ -163,11 +163,11 @@ class OpenVrHeadset(RuntimeHeadset):
         self._learn_devices()
         eyes = (self._answer("eye 0"), self._answer("eye 1"))
         role, remedy = self.info.role, OPENVR_HEADSET.remedy
-        found = read_display(self._answer("display"), eyes, role=role, remedy=remedy)
-        self._set_rate(found.rate_hz)
-        self.render_size_px = found.render_size_px
-        self._photons_ns, self._midpoint = found.photons_ns, found.midpoint_m
-        self._views = found.views
+        facts = read_display(self._answer("display"), eyes, role=role, remedy=remedy)
+        self._set_rate(facts.rate_hz)
+        self.render_size_px = facts.render_size_px
+        self._photons_ns, self._midpoint = facts.photons_ns, facts.midpoint_m
+        self._views = facts.views
         self.info = replace(self.info, driver_version=f"1 ({runtime})")
 
     def _learn_devices(self) -> None:
@@ -187,17 +187,17 @@ class OpenVrHeadset(RuntimeHeadset):
         raw = exchange.frames[2] if len(exchange.frames) > 2 else b""
         if len(raw) != codec.VSYNC.size:
             return False, 0, 0
-        known, since_s, count = codec.VSYNC.unpack(raw)
-        if not known or not 0 <= since_s < 1:
+        is_known, since_s, count = codec.VSYNC.unpack(raw)
+        if not is_known or not 0 <= since_s < 1:
             return False, 0, 0
         return True, round(since_s * NS_PER_S), int(count)
 
     def _remaining_ns(self, exchange: Exchange) -> int | None:
-        """Return the time to the sync at which the frame is shown; None where it is not told.
+        """Return the time to the sync at which the frame is shown; None where it is unknown.
 
-        Runtimes hand a frame out some milliseconds before the sync at which it begins (running
-        start): counted from the last sync, its light would be foreseen a whole frame too early.
-        The runtime's own count of the time that is left knows of it.
+        Runtimes hand out a frame some milliseconds before the sync at which it begins (running
+        start). Counted from the last sync, its display would be predicted a whole frame too
+        early. The runtime's own remaining time takes the running start into account.
         """
         raw = exchange.frames[4] if len(exchange.frames) > 4 else b""
         if len(raw) != REMAINING.size:
@@ -222,18 +222,18 @@ class OpenVrHeadset(RuntimeHeadset):
 
     def _begin_with(self, t_ns: int, predicted_ns: int, skipped: int, poses: Array) -> FrameInfo:
         self._last_poses = poses
-        found = codec.decode_pose(poses[0]) if len(poses) else None
-        if found is not None:
-            x, y, z = self._between_eyes(found).position_m
-            found = (x, y, z), found[1]
+        head_pose = codec.decode_pose(poses[0]) if len(poses) else None
+        if head_pose is not None:
+            x, y, z = self._between_eyes(head_pose).position_m
+            head_pose = (x, y, z), head_pose[1]
         self._drawn_from = b""
         if t_ns >= self._base_due_ns:
             self._base_due_ns = t_ns + BASE_STATIONS_EVERY_NS
             self._bases.look(poses)
-        return self._begin_frame(t_ns, predicted_ns, skipped, found)
+        return self._begin_frame(t_ns, predicted_ns, skipped, head_pose)
 
     def _between_eyes(self, found: tuple[codec.Triple, codec.Quadruple]) -> Pose:
-        """Return the pose of the midpoint between the eyes, of the headset's."""
+        """Return the pose of the midpoint between the eyes from that of the headset."""
         turn = np.array(found[1])
         return Pose(np.array(found[0]) + rotate(turn, self._midpoint), turn)
 

@@ -3,7 +3,7 @@
 A process has one connection to the runtime, so one `OpenVrLibrary` is shared by headset,
 controllers and trackers; each gets its own `OpenVrTransport`. Every call is a request (its name,
 its arguments) with an answer (the name of the error, empty for none, then what the runtime
-filled in); events arrive as messages. A `TeeTransport` around it thus writes a `.wire` log.
+filled in); events arrive as messages. So a `TeeTransport` around it can write a `.wire` log.
 
 Requests: `runtime`, `devices`, `display`, `eye 0`, `eye 1`, `wait_poses`, `late`, `poses`,
 `activity`, `submit 0`, `submit 1`, `axes`, `haptic`.
@@ -25,7 +25,7 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceError, DeviceNotFound
 
 SIMULATED_RUNTIME = "Visavis"
-"""A runtime whose version begins so is our simulator."""
+"""A runtime whose version begins with this is our simulator."""
 
 APPLICATIONS = {"scene": 1, "other": 0, "background": 3}
 
@@ -50,8 +50,8 @@ class OpenVrLibrary:
 
     def __init__(self, clock: Clock, *, application: str = "scene") -> None:
         if application not in APPLICATIONS:
-            known = ", ".join(APPLICATIONS)
-            raise DeviceError(f"OpenVR application {application!r} is unknown", remedy=known)
+            names = ", ".join(APPLICATIONS)
+            raise DeviceError(f"OpenVR application {application!r} is unknown", remedy=names)
         self.clock = clock
         self.is_simulated = False
         self.version = ""
@@ -81,11 +81,11 @@ class OpenVrLibrary:
         return OpenVrTransport(self)
 
     def show_images(self) -> None:
-        """Connect as a scene application, whatever was said before; call it before any open."""
+        """Connect as a scene application from now on; call it before any open."""
         self._application = "scene"
 
     def attach(self, user: "OpenVrTransport") -> None:
-        """Connect when it is the first; raises DeviceNotFound with what to do."""
+        """Connect for the first user; raises DeviceNotFound with a remedy."""
         with self._guard:
             if self._openvr is None:
                 self._connect()
@@ -93,7 +93,7 @@ class OpenVrLibrary:
                 self._users.append(user)
 
     def detach(self, user: "OpenVrTransport") -> None:
-        """Disconnect when it is the last."""
+        """Disconnect after the last user."""
         with self._guard:
             if user in self._users:
                 self._users.remove(user)
@@ -164,7 +164,7 @@ class OpenVrLibrary:
 
     def _devices(self, _: Frames) -> Frames:
         vr, system = self._openvr, self._system
-        found = []
+        devices = []
         for slot in range(MAX_DEVICES):
             kind = int(system.getTrackedDeviceClass(slot))
             if kind and system.isTrackedDeviceConnected(slot):
@@ -172,9 +172,9 @@ class OpenVrLibrary:
                 texts = (vr.Prop_SerialNumber_String, vr.Prop_ModelNumber_String)
                 maker = vr.Prop_ManufacturerName_String
                 names = [self._property(slot, prop) for prop in (*texts, maker)]
-                found.append([slot, kind, role, *names, self._battery(slot)])
-        packed: bytes = msgpack.packb(found)
-        return (packed,)
+                devices.append([slot, kind, role, *names, self._battery(slot)])
+        payload: bytes = msgpack.packb(devices)
+        return (payload,)
 
     def _property(self, slot: int, prop: Any) -> str:
         try:
@@ -199,8 +199,8 @@ class OpenVrLibrary:
         rate_hz = system.getFloatTrackedDeviceProperty(0, vr.Prop_DisplayFrequency_Float)
         photons_s = system.getFloatTrackedDeviceProperty(0, vr.Prop_SecondsFromVsyncToPhotons_Float)
         width, height = system.getRecommendedRenderTargetSize()
-        packed: bytes = msgpack.packb([float(rate_hz), float(photons_s), int(width), int(height)])
-        return (packed,)
+        payload: bytes = msgpack.packb([float(rate_hz), float(photons_s), int(width), int(height)])
+        return (payload,)
 
     def _eye(self, frames: Frames) -> Frames:
         eye = int(frames[0][-1:])
@@ -208,22 +208,22 @@ class OpenVrLibrary:
         matrix = self._system.getEyeToHeadTransform(eye)
         mesh = self._system.getHiddenAreaMesh(eye, self._openvr.k_eHiddenAreaMesh_Standard)
         corners = mesh.pVertexData[: 3 * mesh.unTriangleCount] if mesh.pVertexData else []
-        hidden = [[float(corner.v[0]), float(corner.v[1])] for corner in corners]
+        hidden_corners = [[float(corner.v[0]), float(corner.v[1])] for corner in corners]
         rows = [float(x) for row in matrix.m for x in row]
-        packed: bytes = msgpack.packb([tangents, rows, hidden])
-        return (packed,)
+        payload: bytes = msgpack.packb([tangents, rows, hidden_corners])
+        return (payload,)
 
     def _wait_poses(self, _: Frames) -> Frames:
         self._compositor.waitGetPoses(self._poses, None)
         poses = bytes(self._poses)
-        known, since_s, count = self._system.getTimeSinceLastVsync()
-        vsync = VSYNC.pack(bool(known), float(since_s), int(count))
+        is_known, since_s, count = self._system.getTimeSinceLastVsync()
+        vsync = VSYNC.pack(bool(is_known), float(since_s), int(count))
         remaining = struct.pack("<d", self._compositor.getFrameTimeRemaining())
-        filled, timing = self._compositor.getFrameTiming(1)
-        return poses, vsync, bytes(timing) if filled else b"", remaining
+        has_timing, timing = self._compositor.getFrameTiming(1)
+        return poses, vsync, bytes(timing) if has_timing else b"", remaining
 
     def _late_pose(self, frames: Frames) -> Frames:
-        """Return the headset's pose as foreseen now, so many seconds ahead."""
+        """Return the headset's pose as predicted now for a time in seconds ahead."""
         poses = self._poses_here()
         self._system.getDeviceToAbsoluteTrackingPose(
             self._openvr.TrackingUniverseStanding, float(frames[1]), poses
@@ -237,7 +237,7 @@ class OpenVrLibrary:
         return (bytes(self._poses_here()),)
 
     def _poses_here(self) -> Any:
-        """Return an array of this thread's own: trackers and headset may poll side by side."""
+        """Return an array of this thread: trackers and headset may poll at the same time."""
         local = _LOCAL.__dict__
         if "poses" not in local:
             local["poses"] = (self._openvr.TrackedDevicePose_t * MAX_DEVICES)()
@@ -268,14 +268,14 @@ class OpenVrLibrary:
         return ()
 
     def _axes(self, frames: Frames) -> Frames:
-        """Return the axes of the controllers in the slots named: x and y of five each."""
-        found = []
+        """Return the axes of the controllers in the given slots: x and y of five axes each."""
+        rows = []
         for slot in (int(part) for part in frames[1].split()):
-            known, state = self._system.getControllerState(slot)
+            is_known, state = self._system.getControllerState(slot)
             numbers = [float(v) for axis in state.rAxis for v in (axis.x, axis.y)]
-            found.append([slot, numbers if known else None])
-        packed: bytes = msgpack.packb(found)
-        return (packed,)
+            rows.append([slot, numbers if is_known else None])
+        payload: bytes = msgpack.packb(rows)
+        return (payload,)
 
     def _haptic(self, frames: Frames) -> Frames:
         slot, microseconds = (int(part) for part in frames[1].split())
@@ -313,11 +313,11 @@ class OpenVrTransport:
         return Exchange(answer, sent_ns, self._clock.now_ns())
 
     def post(self, frames: Frames) -> None:
-        """Make a call whose answer nobody needs."""
+        """Make a call and ignore its answer."""
         self._library.call(frames)
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: every event comes."""
+        """Do nothing: every event is received."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the events since the last call; waits in steps of 1 ms for the first."""

@@ -1,8 +1,8 @@
-"""Track a body with OpenVR trackers worn on its segments, told apart by serial number.
+"""Track a body with OpenVR trackers worn on its segments, identified by serial number.
 
 Poses are asked for as they are now (prediction 0) at `rate_hz`; they carry no time of capture, so
 `t_device_ns` is the host's time just before the call. A tracker sits on a strap, not in a joint:
-`mounts` say how its segment stands in the tracker's frame, see `mount_of`.
+`mounts` give the pose of its segment in the tracker's frame, see `mount_of`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,7 +23,7 @@ NOWHERE = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 def mount_of(tracker: Pose, segment: Pose) -> Pose:
-    """Return how a segment stands in its tracker's frame, from both in world (in a T-pose)."""
+    """Return a segment's pose in its tracker's frame, from both poses in world (in a T-pose)."""
     back = quat_conjugate(tracker.orientation_wxyz)
     return Pose(
         rotate(back, segment.position_m - tracker.position_m),
@@ -95,12 +95,12 @@ class OpenVrTrackers(BodyDevice):
         valid = np.zeros(n, np.bool_)
         for row, serial in enumerate(self._worn):
             slot = self._slot_of.get(serial)
-            found = (
+            pose = (
                 codec.decode_pose(poses[slot]) if slot is not None and slot < len(poses) else None
             )
-            if found is None:
+            if pose is None:
                 continue
-            at, q = np.array(found[0]), np.array(found[1])
+            at, q = np.array(pose[0]), np.array(pose[1])
             mount = self._mounts.get(serial, NOWHERE)
             position[row] = at + rotate(q, mount.position_m)
             turn[row] = quat_multiply(q, mount.orientation_wxyz)
@@ -110,7 +110,7 @@ class OpenVrTrackers(BodyDevice):
 
 
 class PolledPoses:
-    """Make a stream of a runtime that only answers: one request per period, of `ask`."""
+    """Make a stream from a runtime that only answers: one request `ask` per period."""
 
     def __init__(
         self, inner: MessageTransport, clock: Clock, rate_hz: float, *, ask: bytes = b"poses"
@@ -128,7 +128,7 @@ class PolledPoses:
 
     @property
     def is_simulated(self) -> bool:
-        """Tell what the wire tells."""
+        """Tell whether the wire itself is simulated."""
         return self._inner.is_simulated
 
     def open(self, deadline_s: float) -> None:
@@ -162,7 +162,7 @@ class PolledPoses:
         try:
             exchange = self._inner.request((self.ask,), 1.0)
         except DeviceError:
-            return []  # silence is told in time
+            return []  # the body device reports a silence that lasts
         if exchange.frames[0]:
             return []
         frames = (self.ask, *exchange.frames)

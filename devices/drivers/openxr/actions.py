@@ -1,7 +1,7 @@
-"""What an OpenXR runtime is asked for beside frames: where the eyes and both hands point, buttons.
+"""The actions of an OpenXR session: directions of the eyes and both hands, and buttons.
 
-Bindings are suggested first, everything is attached at once, and spaces come last: a runtime
-insists on that order, and a session takes action sets only once.
+Bindings are suggested first, everything is attached at once, and spaces come last. Runtimes require
+this order, and a session takes action sets only once.
 """
 
 import ctypes
@@ -99,7 +99,7 @@ class OpenXrActions:
             self.spaces["gaze"] = self._space("gaze")
 
     def sync(self) -> None:
-        """Take the present state of everything; without the focus there is none."""
+        """Update the state of every action; without the focus there is none."""
         xr = self._xr
         xr.sync_actions(
             self._session, xr.ActionsSyncInfo(active_action_sets=[xr.ActiveActionSet(self._set, 0)])
@@ -107,11 +107,11 @@ class OpenXrActions:
 
     def buttons(self, hand: int) -> tuple[int, ...]:
         """Return the state of `BUTTONS`: 1 down, 0 up, −1 not there."""
-        xr, found = self._xr, []
+        xr, states = self._xr, []
         for name in BUTTONS:
             state = xr.get_action_state_boolean(self._session, self._get_info(name, hand))
-            found.append(int(bool(state.current_state)) if state.is_active else -1)
-        return tuple(found)
+            states.append(int(bool(state.current_state)) if state.is_active else -1)
+        return tuple(states)
 
     def trigger(self, hand: int) -> float | None:
         """Return how far the trigger is pulled, 0 to 1; None where nothing measures that."""
@@ -146,11 +146,11 @@ class OpenXrActions:
 
     def _suggest(self, profile: str, bindings: list[tuple[Any, str]]) -> None:
         xr = self._xr
-        suggested = [xr.ActionSuggestedBinding(a, self._path(path)) for a, path in bindings]
+        suggestions = [xr.ActionSuggestedBinding(a, self._path(path)) for a, path in bindings]
         xr.suggest_interaction_profile_bindings(
             self._instance,
             xr.InteractionProfileSuggestedBinding(
-                interaction_profile=self._path(profile), suggested_bindings=suggested
+                interaction_profile=self._path(profile), suggested_bindings=suggestions
             ),
         )
 

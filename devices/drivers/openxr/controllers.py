@@ -1,7 +1,7 @@
 """Take buttons, triggers and rays of the controllers of an OpenXR runtime; let them buzz.
 
-The state of both hands is asked for at a steady rate; a press bears the time of the answer in
-which it was first seen. A controller that is off or out of sight points nowhere.
+The state of both hands is asked for at a steady rate; a press has the time of the answer in which
+it was first seen. A controller that is off or out of sight points nowhere.
 """
 
 import struct
@@ -46,9 +46,9 @@ class OpenXrControllers(RuntimeControllers):
         *,
         controls: Mapping[str, str] | None = None,
     ) -> None:
-        polled = PolledPoses(transport, clock, RATE_HZ, ask=b"hands")
+        poller = PolledPoses(transport, clock, RATE_HZ, ask=b"hands")
         self._is_there = (False, False)
-        super().__init__(role, polled, clock, OPENXR_CONTROLLERS, controls=controls, rays=True)
+        super().__init__(role, poller, clock, OPENXR_CONTROLLERS, controls=controls, rays=True)
 
     def poll(self, timeout_s: float) -> int:
         """Deliver what changed and where both hands point."""
@@ -56,15 +56,15 @@ class OpenXrControllers(RuntimeControllers):
             self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
             self._try_again("still away")
             self._last_ns = self._clock.now_ns()
-        delivered = sum(self._take(message) for message in self._transport.receive(timeout_s))
+        row_count = sum(self._take(message) for message in self._transport.receive(timeout_s))
         if self._clock.now_ns() - self._last_ns > SILENT_NS:
             self._life.state = DeviceState.FAULT
             text = "the OpenXR session gives no state of the hands"
             raise DeviceDisconnected(text, role=self.info.role, remedy=self._spec.remedy)
-        return delivered
+        return row_count
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell missing controllers."""
+        """Report missing controllers and a lost session."""
         remedy = self._spec.remedy
         if self.state is DeviceState.FAULT:
             return (self._blocking("lost the OpenXR session", remedy),)
@@ -75,7 +75,7 @@ class OpenXrControllers(RuntimeControllers):
     # ---- private --------------------------------------------------------------------------
 
     def _connect(self, deadline_ns: int) -> None:
-        """Ask which runtime it is; the session needs no controller to open."""
+        """Ask for the name of the runtime; the session opens without a controller too."""
         frames = self._transport.request((b"runtime",), 1.0).frames
         if frames[0] or len(frames) < 2:
             raise ProtocolViolation("the OpenXR runtime does not answer")
@@ -83,7 +83,7 @@ class OpenXrControllers(RuntimeControllers):
         self.info = replace(self.info, model=f"OpenXR controllers ({name})")
 
     def _begin_stream(self, earlier: Sequence[Message]) -> None:
-        """Let what is held down now count as pressed before."""
+        """Let buttons that are held down now count as pressed earlier."""
         for message in earlier:
             self._take(message)
 
@@ -113,9 +113,9 @@ class OpenXrControllers(RuntimeControllers):
             rays.append(pose_of(int(numbers[5]), numbers[6:], fully_tracked=False))
         self._is_there = (rays[0] is not None, rays[1] is not None)
         changes: list[Change] = []
-        for control, (wanted, part) in enumerate(self._wanted):
+        for control, (wanted_hand, part) in enumerate(self._wanted):
             sides = zip(HANDS, states, strict=True)
-            level = max(state[part] for side, state in sides if wanted in ("any", side))
+            level = max(state[part] for side, state in sides if wanted_hand in ("any", side))
             level = min(level, 1.0)
             if level >= 0.0 and self._levels.changed(control, level, axis=part == TRIGGER_AXIS):
                 changes.append((message.t_host_ns, message.t_host_ns, control, level))

@@ -1,8 +1,8 @@
 """Ask an OpenXR runtime for either eye: XR_HTC_eye_tracker and XR_FB_eye_tracking_social.
 
-Meta's gives a ray and a confidence per eye, HTC's a ray, the pupil's diameter and how open the eye
-is. The first stands in Khronos' registry and so in pyopenxr; the second only in HTC's own plugins,
-whose numbers, structures and functions these are.
+Meta's gives a ray and a confidence per eye, HTC's a ray, the pupil's diameter and the openness of
+the eye. The first is in Khronos' registry and so in pyopenxr. The second is only in HTC's own
+plugins; its numbers, structures and functions are taken from there.
 """
 
 import ctypes
@@ -16,18 +16,18 @@ from visavis.lab.clock import NS_PER_S, Clock
 
 HTC, FB = "XR_HTC_eye_tracker", "XR_FB_eye_tracking_social"
 PER_EYE = (HTC, FB)
-"""Extensions with rays per eye, the one that says more first."""
+"""Extensions with rays per eye, the one with more values first."""
 
 EYES = struct.Struct("<qqq" + 2 * "?10f")
 """Host ns and XrTime of one instant, XrTime of the sample (0: unknown); of the left and the right
-eye: valid, position, quaternion (x, y, z, w), confidence, pupil (mm), openness; NaN if untold."""
+eye: valid, position, quaternion (x, y, z, w), confidence, pupil (mm), openness; NaN: unknown."""
 
 RETRY_NS = NS_PER_S
-"""A runtime whose tracker has not started refuses, and must be left alone for a while."""
+"""Wait after a refusal: a tracker that has not started must not be asked again at once."""
 
 
 class EyeReading(NamedTuple):
-    """One eye in the head's view space: its pose's numbers, and what the runtime says beside."""
+    """One eye in the head's view space: the numbers of its pose, and its other values."""
 
     valid: bool
     pose: tuple[float, ...]
@@ -40,22 +40,22 @@ class EyesOfRuntime(Protocol):
     """Either eye of a running session."""
 
     def read(self, space: Any, now: int) -> tuple[int, tuple[EyeReading, EyeReading]]:
-        """Return the sample's XrTime (0: untold) and both eyes, seen from a space."""
+        """Return the sample's XrTime (0: unknown) and both eyes relative to a space."""
         ...
 
 
 def extension_for_eyes(offered: Iterable[str]) -> str:
-    """Return the extension to ask for either eye; empty where a runtime has none."""
-    known = set(offered)
-    return next((name for name in PER_EYE if name in known), "")
+    """Return the best extension with rays per eye; empty where a runtime has none."""
+    names = set(offered)
+    return next((name for name in PER_EYE if name in names), "")
 
 
 def packed_eyes(host_ns: int, now: int, sampled: int, eyes: Iterable[EyeReading]) -> bytes:
     """Return both eyes for the wire."""
-    told: list[Any] = []
+    values: list[Any] = []
     for eye in eyes:
-        told += [eye.valid, *eye.pose, eye.confidence_01, eye.pupil_mm, eye.openness_01]
-    return EYES.pack(host_ns, now, sampled, *told)
+        values += [eye.valid, *eye.pose, eye.confidence_01, eye.pupil_mm, eye.openness_01]
+    return EYES.pack(host_ns, now, sampled, *values)
 
 
 # ---- Meta -----------------------------------------------------------------------------------
@@ -72,19 +72,19 @@ class FbEyes:
         """Return the sample's time and both eyes."""
         xr = self._xr
         info = xr.EyeGazesInfoFB(base_space=space, time=now)
-        found = xr.get_eye_gazes_fb(self._tracker, info)
+        gazes = xr.get_eye_gazes_fb(self._tracker, info)
         left, right = (
             EyeReading(bool(eye.is_valid), numbers(eye.gaze_pose), float(eye.gaze_confidence))
-            for eye in found.gaze
+            for eye in gazes.gaze
         )
-        return int(number(found.time)), (left, right)
+        return int(number(gazes.time)), (left, right)
 
 
 def supports_fb(xr: Any, instance: Any, system: Any) -> bool:
     """Tell whether the headset of a system tracks either eye, by Meta's extension."""
-    told = xr.SystemEyeTrackingPropertiesFB()
-    _system_properties(xr, instance, system, told)
-    return bool(told.supports_eye_tracking)
+    properties = xr.SystemEyeTrackingPropertiesFB()
+    _system_properties(xr, instance, system, properties)
+    return bool(properties.supports_eye_tracking)
 
 
 # ---- HTC ------------------------------------------------------------------------------------
@@ -171,14 +171,14 @@ class HtcEyes:
         self._tracker = ctypes.c_void_p(tracker.value)
 
     def read(self, space: Any, now: int) -> tuple[int, tuple[EyeReading, EyeReading]]:
-        """Return the sample's time and both eyes; lost ones while the tracker must be left alone.
+        """Return the sample's time and both eyes, which are lost until `RETRY_NS` after a refusal.
 
         Raises:
             XrException: the runtime refused, for the first time since `RETRY_NS`.
         """
         if self._clock.now_ns() < self._retry_ns:
-            lost = EyeReading(False, (0.0,) * 6 + (1.0,))
-            return now, (lost, lost)
+            lost_eye = EyeReading(False, (0.0,) * 6 + (1.0,))
+            return now, (lost_eye, lost_eye)
         info = _GazeInfo(GAZE_INFO, None, ctypes.cast(space, ctypes.c_void_p), now)
         gaze, pupils, shapes = _Gaze(GAZE), _Pupils(PUPILS), _Shapes(SHAPES)
         gaze.time = pupils.time = shapes.time = now
@@ -191,12 +191,12 @@ class HtcEyes:
             raise
         left, right = (
             EyeReading(
-                bool(seen.is_valid),
-                (*seen.place, *seen.turn),
+                bool(eye_gaze.is_valid),
+                (*eye_gaze.place, *eye_gaze.turn),
                 pupil_mm=pupil.diameter_mm if pupil.is_diameter_valid else math.nan,
                 openness_01=shape.openness if shape.is_valid else math.nan,
             )
-            for seen, pupil, shape in zip(gaze.eyes, pupils.eyes, shapes.eyes, strict=True)
+            for eye_gaze, pupil, shape in zip(gaze.eyes, pupils.eyes, shapes.eyes, strict=True)
         )
         return int(gaze.time), (left, right)
 
@@ -211,9 +211,9 @@ class HtcEyes:
 
 def supports_htc(xr: Any, instance: Any, system: Any) -> bool:
     """Tell whether the headset of a system tracks either eye, by HTC's extension."""
-    told = _Supports(SUPPORTS)
-    _system_properties(xr, instance, system, told)
-    return bool(told.supports_eye_tracking)
+    properties = _Supports(SUPPORTS)
+    _system_properties(xr, instance, system, properties)
+    return bool(properties.supports_eye_tracking)
 
 
 SUPPORTED: dict[str, Callable[[Any, Any, Any], bool]] = {HTC: supports_htc, FB: supports_fb}

@@ -1,11 +1,11 @@
 """Take eye gaze from an OpenXR runtime.
 
-XR_EXT_eye_gaze_interaction gives one combined ray, no eyes and no pupils. Where a runtime tells
-each eye (`visavis.devices.drivers.openxr.eyes`) these are taken: two rays, with HTC's extension
-also pupils and how open the eyes are. Runtimes may smooth or predict either without saying so
+XR_EXT_eye_gaze_interaction gives one combined ray, no single eyes and no pupils. If a runtime gives
+each eye (`visavis.devices.drivers.openxr.eyes`), these are taken: two rays, and with HTC's
+extension also pupils and openness. Runtimes may smooth or predict gaze without saying so
 ("may_be_smoothed" among the capabilities in the manifest): use it for looking-at measures, not for
-saccades. A location without its valid flags is "no data". The sample's own time comes with it where
-the runtime tells it.
+saccades. A location without its valid flags is "no data". A sample has its own time if the runtime
+gives it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -40,11 +40,11 @@ CAPABILITIES = {
     HTC: frozenset({"per_eye", "pupil", "openness"}),
     FB: frozenset({"per_eye"}),
 }
-"""What a tracker can do beside the combined ray, by the extension that tells each eye."""
+"""Capabilities besides the combined ray, by the extension with rays per eye."""
 
 
 class OpenXrGaze(GazeAndOpenness):
-    """Follow the `EyeTracker` contract; calibration is the vendor's affair."""
+    """Follow the `EyeTracker` contract; it is calibrated in the vendor's program."""
 
     def __init__(
         self,
@@ -83,21 +83,21 @@ class OpenXrGaze(GazeAndOpenness):
         )
 
     def _decode(self, message: Message) -> Iterable[Sample]:
-        asked, error, *rest = message.frames
-        layout = EYES if asked == b"eyes" else LOCATED
+        question, error, *rest = message.frames
+        layout = EYES if question == b"eyes" else LOCATED
         if error or not rest or len(rest[0]) != layout.size:
             self._malformed += 1
             return ()
-        _host_ns, now, sampled, *told = layout.unpack(rest[0])
+        _host_ns, now, sample_time, *values = layout.unpack(rest[0])
         if message.t_sent_ns is not None:
             self._add_pair(ClockPair(message.t_sent_ns, now, message.t_host_ns))
-        stamp = sampled or now
+        stamp = sample_time or now
         if stamp == self._last_sample:
             return ()
         self._last_sample = stamp
         if layout is LOCATED:
-            return (Sample(stamp, None, _row(int(told[0]), told[1:])),)
-        return (_sample(stamp, told[:EYE_VALUES], told[EYE_VALUES:]),)
+            return (Sample(stamp, None, _row(int(values[0]), values[1:])),)
+        return (_sample(stamp, values[:EYE_VALUES], values[EYE_VALUES:]),)
 
 
 def _sample(stamp: int, left: Sequence[float], right: Sequence[float]) -> Sample:
@@ -110,8 +110,10 @@ def _sample(stamp: int, left: Sequence[float], right: Sequence[float]) -> Sample
 def _eye(told: Sequence[float]) -> Eye:
     ray = _ray(told[4:8])
     at: Triple = (told[1], told[2], told[3])
-    seen = bool(told[0]) and ray[0] == ray[0]
-    return Eye(ray, at, True, diameter_mm(told[9])) if seen else Eye(pupil_mm=diameter_mm(told[9]))
+    has_gaze = bool(told[0]) and ray[0] == ray[0]
+    return (
+        Eye(ray, at, True, diameter_mm(told[9])) if has_gaze else Eye(pupil_mm=diameter_mm(told[9]))
+    )
 
 
 def _open_01(told: Sequence[float]) -> float:
@@ -119,7 +121,7 @@ def _open_01(told: Sequence[float]) -> float:
 
 
 def _ray(turn: Sequence[float]) -> Triple:
-    """Return where −z points after a turn (x, y, z, w); NaN for what is no turn."""
+    """Return the direction of −z after a rotation (x, y, z, w); NaN if it is no rotation."""
     i, j, k, w = turn
     if not 0.9 < w * w + i * i + j * j + k * k < 1.1:
         return LOST

@@ -61,7 +61,7 @@ class _Windows(ctypes.Structure):
 
 
 class GraphicsBinding:
-    """The context that is current now, as a session is created with it.
+    """The current OpenGL context, in the form with which a session is created.
 
     Raises:
         DeviceNotFound: the runtime cannot take this kind of context.
@@ -83,7 +83,7 @@ class GraphicsBinding:
 
     @property
     def link(self) -> ctypes.c_void_p:
-        """What the session's information points to; lives as long as this object."""
+        """Pointer for the session's create info; valid as long as this object lives."""
         return ctypes.cast(ctypes.pointer(self._made), _p)
 
 
@@ -107,27 +107,29 @@ def _binding(context: GlContext) -> ctypes.Structure:
 
 
 def ask_graphics_requirements(xr: Any, instance: Any, system: Any) -> None:
-    """Ask which OpenGL the runtime wants; the specification has it asked before a session."""
+    """Ask for the OpenGL version; the specification requires this before a session."""
     name = "xrGetOpenGLGraphicsRequirementsKHR"
     function = ctypes.cast(
         xr.get_instance_proc_addr(instance, name), xr.PFN_xrGetOpenGLGraphicsRequirementsKHR
     )
-    wanted = xr.GraphicsRequirementsOpenGLKHR()
-    problem = xr.check_result(xr.Result(function(instance, system, ctypes.byref(wanted))))
+    requirements = xr.GraphicsRequirementsOpenGLKHR()
+    problem = xr.check_result(xr.Result(function(instance, system, ctypes.byref(requirements))))
     if problem.is_exception():
         raise problem
 
 
 def hidden_area(xr: Any, ask: Any, session: Any, eye: int) -> list[tuple[float, float]]:
-    """Return the corners (tangents right and up, three a triangle) of what the lens hides of a
-    view, as the runtime's `xrGetVisibilityMaskKHR` tells; empty where nothing is hidden.
+    """Return the corners of the area that the lens hides from a view, three per triangle.
+
+    Corners are tangents to the right and up, from the runtime's `xrGetVisibilityMaskKHR`; empty
+    where nothing is hidden.
     """
     kind = xr.ViewConfigurationType.PRIMARY_STEREO.value
-    hidden = xr.VisibilityMaskTypeKHR.HIDDEN_TRIANGLE_MESH.value
+    mask_type = xr.VisibilityMaskTypeKHR.HIDDEN_TRIANGLE_MESH.value
     mask = xr.VisibilityMaskKHR()
 
     def told() -> None:
-        problem = xr.check_result(xr.Result(ask(session, kind, eye, hidden, ctypes.byref(mask))))
+        problem = xr.check_result(xr.Result(ask(session, kind, eye, mask_type, ctypes.byref(mask))))
         if problem.is_exception():
             raise problem
 
@@ -170,7 +172,7 @@ class EyeImages:
 
     @property
     def layers(self) -> list[Any]:
-        """What a frame that shows nothing new ends with: the images before, or none."""
+        """Layers to end a frame with: the last images, or none before the first."""
         return [] if self._layer is None else [ctypes.pointer(self._layer)]
 
     def take(self, raw: bytes) -> str:
@@ -207,12 +209,12 @@ class EyeImages:
         return ""
 
     def close(self) -> None:
-        """Let go of the swap chains; the session may be gone already."""
+        """Release the swap chains; the session may be gone already."""
         self._layer = None
         for chain, _ in self._chains:
             try:
                 self._xr.destroy_swapchain(chain)
-            except self._xr.exception.XrException:  # went with its session
+            except self._xr.exception.XrException:  # it ended with its session
                 continue
         self._chains = []
         self._copies.close()

@@ -2,11 +2,10 @@
 
 `show_images` before `open` makes it a session with graphics, in the OpenGL context that is then
 current; otherwise it is headless and refuses images. The pose of a frame is the runtime's
-prediction for the frame's light, with the view space's origin taken as the midpoint between the
+prediction for its time of display, with the view space's origin taken as the midpoint between the
 eyes; `late_head` asks for it again. Images are handed over with the pose and the views they were
-drawn from. OpenXR has no frame
-timing: frames that the display went on without are told from its own display times. All of it
-belongs to the thread that draws.
+drawn from. OpenXR has no frame timing: skipped frames are found from the runtime's display times.
+Call all of it from the thread that draws.
 """
 
 import math
@@ -29,10 +28,10 @@ from visavis.lab.frame import EyeView, FrameInfo
 from visavis.lab.geometry import Pose, Vector, quat_multiply, rotate
 
 MAX_AHEAD_NS = 60 * NS_PER_S
-"""A display time further off is none."""
+"""A display time further ahead is not believed."""
 Corners = tuple[tuple[float, float], ...]
 USUAL_EYE_PX = (1440, 1600)
-"""Until the runtime has been asked; only a session with graphics asks."""
+"""Size until the runtime was asked; only a session with graphics asks."""
 
 
 class OpenXrHeadset(RuntimeHeadset):
@@ -57,7 +56,7 @@ class OpenXrHeadset(RuntimeHeadset):
         )
 
     def show_images(self) -> None:
-        """Begin the coming session with graphics; the context is current when it is opened."""
+        """Begin the next session with graphics, in the context that is current at `open`."""
         self._life.require("show_images", DeviceState.CLOSED)
         self._transport.post((b"images",))
         self._shows_images = True
@@ -67,7 +66,9 @@ class OpenXrHeadset(RuntimeHeadset):
         """Block until the runtime lets the next frame begin, and locate the head in it."""
         if self._life.state is DeviceState.STREAMING:
             exchange = self._transport.request((b"frame",), CALL_TIMEOUT_S)
-            self._clock.sleep_until_ns(exchange.t_receive_ns)  # a replay has yet to get there
+            self._clock.sleep_until_ns(
+                exchange.t_receive_ns
+            )  # on a replay that time is still to come
             error, *rest = exchange.frames
             if not error and rest and len(rest[0]) == FRAME.size:
                 self._unfocused = rest[1:] == [b"0"]
@@ -77,14 +78,14 @@ class OpenXrHeadset(RuntimeHeadset):
         return self._wait_alone()
 
     def late_head(self) -> Pose | None:
-        """Return the head as the runtime now foresees it for the light of the last frame."""
+        """Return the head as the runtime now predicts it for the display of the last frame."""
         if not self._shows_images:
             return None
         answer = self._late_answer((b"late",))
         if len(answer) != LATE.size:
             return None
-        flags, *located = LATE.unpack(answer)
-        pose = pose_of(int(flags), located, fully_tracked=True)
+        flags, *numbers = LATE.unpack(answer)
+        pose = pose_of(int(flags), numbers, fully_tracked=True)
         self._draw_from(pose)
         return None if pose is None else Pose(*self._drawn_from)
 
@@ -122,7 +123,7 @@ class OpenXrHeadset(RuntimeHeadset):
             self._submitted_ns = self._clock.now_ns()
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell a lost session, lost tracking, a lost focus and refused images."""
+        """Report a lost session, lost tracking, a lost focus and refused images."""
         role = self.info.role
         if self.state is DeviceState.FAULT:
             return (Fault(role, "blocking", self._gone, OPENXR_HEADSET.remedy),)
@@ -143,8 +144,8 @@ class OpenXrHeadset(RuntimeHeadset):
 
     def _connect(self, deadline_ns: int) -> None:
         """Begin the session, read the views and one frame's period."""
-        name, *told = msgpack.unpackb(self._answer("runtime"))
-        self._tells_hidden = told[2:3] == [True]  # captures of before it was asked say less
+        name, *facts = msgpack.unpackb(self._answer("runtime"))
+        self._tells_hidden = facts[2:3] == [True]  # missing in older captures
         self._learn_views()
         if self._shows_images:
             width, height = msgpack.unpackb(self._answer("size"))
@@ -173,14 +174,14 @@ class OpenXrHeadset(RuntimeHeadset):
                 (row[0], row[1], row[2]),
                 (row[6], row[3], row[4], row[5]),
                 *(math.tan(angle) for angle in row[7:11]),
-                hidden=hidden,
+                hidden=corners,
             )
-            for row, hidden in zip(rows, self._hidden_areas(), strict=True)
+            for row, corners in zip(rows, self._hidden_areas(), strict=True)
         )
         self._views = (left, right)
 
     def _hidden_areas(self) -> tuple[Corners, Corners]:
-        """Return what the lens hides of either view; nothing where the runtime does not tell."""
+        """Return the areas that the lenses hide; empty where the runtime does not say."""
         if not self._tells_hidden:
             return (), ()
         with legible("what the lenses hide", OPENXR_HEADSET.remedy):
@@ -199,21 +200,21 @@ class OpenXrHeadset(RuntimeHeadset):
     def _begin(self, numbers: tuple[float, ...], t_receive_ns: int) -> FrameInfo:
         _host_ns, now, display, period, flags = (int(n) for n in numbers[:5])
         t_ns = max(t_receive_ns, self._last_t_ns + 1)
-        # Both stamps are of one instant; on a replay the whole log is moved in time.
+        # Both stamps are of one instant, so their difference also holds on a replay, moved in time.
         ahead_ns = max(0, display - now)
         predicted_ns = t_ns + (ahead_ns if ahead_ns < MAX_AHEAD_NS else self._period_ns)
-        skipped = 0
+        skipped_count = 0
         before = self._last_display
         if before is not None and period > 0 and abs(display - before) < MAX_AHEAD_NS:
-            skipped = max(0, round((display - before) / period) - 1)
+            skipped_count = max(0, round((display - before) / period) - 1)
         self._last_display = display
         pose = pose_of(flags, numbers[5:], fully_tracked=True)
         self._draw_from(pose)
         self._close_frame()
-        return self._begin_frame(t_ns, predicted_ns, skipped, pose)
+        return self._begin_frame(t_ns, predicted_ns, skipped_count, pose)
 
     def _draw_from(self, pose: HeadPose) -> None:
-        """Say from now on that images are drawn from here; an unknown place changes nothing."""
+        """Take this pose as the one that images are drawn from; None changes nothing."""
         if pose is not None:
             drawn_from = np.array((*pose[0], *pose[1]), np.float32).astype(np.float64)
             self._drawn_from = (drawn_from[:3], drawn_from[3:])

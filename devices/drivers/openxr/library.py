@@ -81,7 +81,7 @@ _REFUSALS = {
         "update the runtime",
     ),
 }
-"""What the runtime's errors mean at connecting, and what to do; by the name of the error."""
+"""Meaning and remedy of the runtime's errors while connecting, by the error's name."""
 
 
 class OpenXrLibrary:
@@ -129,7 +129,7 @@ class OpenXrLibrary:
         return OpenXrTransport(self)
 
     def attach(self, user: OpenXrTransport, deadline_s: float) -> None:
-        """Begin the session when it is the first; raises DeviceNotFound with what to do."""
+        """Begin the session for the first user; raises DeviceNotFound with a remedy."""
         if self._instance is None:
             try:
                 self._connect(deadline_s)
@@ -140,7 +140,7 @@ class OpenXrLibrary:
             self._users.append(user)
 
     def detach(self, user: OpenXrTransport) -> None:
-        """End the session when it is the last."""
+        """End the session after the last user."""
         if user in self._users:
             self._users.remove(user)
             if not self._users:
@@ -177,48 +177,51 @@ class OpenXrLibrary:
             self._begin(deadline_s)
         except xr.exception.XrException as cause:
             name = type(cause).__name__
-            told = _REFUSALS.get(name, (f"the OpenXR runtime refused: {name}", _NO_RUNTIME))
-            raise DeviceNotFound(told[0], remedy=told[1]) from cause
+            refusal = _REFUSALS.get(name, (f"the OpenXR runtime refused: {name}", _NO_RUNTIME))
+            raise DeviceNotFound(refusal[0], remedy=refusal[1]) from cause
 
     def _begin(self, deadline_s: float) -> None:
         xr = self._xr
+        # Choose extensions: a clock to convert is required; gaze, eyes and the mask are optional.
         with loader_output_logged("OpenXR"):
-            offered = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
-        offered = {n.decode() if isinstance(n, bytes) else n for n in offered}
-        if not self._shows_images and HEADLESS not in offered:
+            offered_names = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
+        offered_names = {n.decode() if isinstance(n, bytes) else n for n in offered_names}
+        if not self._shows_images and HEADLESS not in offered_names:
             raise DeviceNotFound(
                 f"the OpenXR runtime does not offer {HEADLESS}",
                 remedy="show images in the headset (display.show: headset), which does without; or "
                 "use SteamVR or Monado as the OpenXR runtime",
             )
-        timing = time_extension(offered)
-        self._binding = GraphicsBinding(offered) if self._shows_images else None
+        timing = time_extension(offered_names)
+        self._binding = GraphicsBinding(offered_names) if self._shows_images else None
         way = (HEADLESS,) if self._binding is None else self._binding.extensions
-        per_eye = extension_for_eyes(offered)
-        enabled = [*way, timing, *([EYE_GAZE] if EYE_GAZE in offered else [])]
-        enabled += [per_eye] if per_eye else []
-        self.tells_hidden = self._shows_images and VISIBILITY_MASK in offered
-        enabled += [VISIBILITY_MASK] if self.tells_hidden else []
+        per_eye = extension_for_eyes(offered_names)
+        enabled_names = [*way, timing, *([EYE_GAZE] if EYE_GAZE in offered_names else [])]
+        enabled_names += [per_eye] if per_eye else []
+        self.tells_hidden = self._shows_images and VISIBILITY_MASK in offered_names
+        enabled_names += [VISIBILITY_MASK] if self.tells_hidden else []
         application = xr.ApplicationInfo(
             application_name="Visavis", api_version=xr.Version(1, 0, 0)
         )
-        wanted = xr.InstanceCreateInfo(
-            application_info=application, enabled_extension_names=enabled
+        create_info = xr.InstanceCreateInfo(
+            application_info=application, enabled_extension_names=enabled_names
         )
         with loader_output_logged("OpenXR"):
-            self._instance = xr.create_instance(wanted)
+            self._instance = xr.create_instance(create_info)
         self._time = RuntimeTime(xr, self._instance, self.clock, timing, self._counter)
         properties = xr.get_instance_properties(self._instance)
         name = properties.runtime_name
         self.version = name.decode() if isinstance(name, bytes) else str(name)
         self.is_simulated = self.version.startswith(SIMULATED_RUNTIME)
+        # An extension that is enabled does not mean that this headset tracks eyes: ask the system.
         system = xr.get_system(
             self._instance, xr.SystemGetInfo(form_factor=xr.FormFactor.HEAD_MOUNTED_DISPLAY)
         )
         self._system = system
-        self.offers_gaze = EYE_GAZE in enabled and supports_gaze(xr, self._instance, system)
+        self.offers_gaze = EYE_GAZE in enabled_names and supports_gaze(xr, self._instance, system)
         is_tracked = bool(per_eye) and SUPPORTED[per_eye](xr, self._instance, system)
         self.eyes_by = per_eye if is_tracked else ""
+        # Graphics requirements must be asked for before the session, spaces come after it.
         link = None
         if self._binding is not None:
             ask_graphics_requirements(xr, self._instance, system)
@@ -245,18 +248,18 @@ class OpenXrLibrary:
 
     def _await_running(self, deadline_s: float) -> None:
         deadline_ns = self.clock.now_ns() + round(deadline_s * NS_PER_S)
-        focused = int(self._xr.SessionState.FOCUSED.value)
-        while focused not in self.states:
+        focus_state = int(self._xr.SessionState.FOCUSED.value)
+        while focus_state not in self.states:
             self._pump_events()
             now_ns = self.clock.now_ns()
-            if focused not in self.states and now_ns >= deadline_ns:
+            if focus_state not in self.states and now_ns >= deadline_ns:
                 raise DeviceNotFound(
                     "the OpenXR session did not get the focus in time",
                     remedy="close other VR programs and put the headset on",
                 )
-            if focused not in self.states:
+            if focus_state not in self.states:
                 if self._running and self._images is not None:
-                    self._begin_frame()  # the focus comes only to who keeps up frames
+                    self._begin_frame()  # only a session that submits frames gets the focus
                     self._end_frame()
                 else:
                     self.clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)
@@ -272,10 +275,10 @@ class OpenXrLibrary:
             kind = struct.unpack_from("<i", raw)[0]
             if kind != int(xr.StructureType.EVENT_DATA_SESSION_STATE_CHANGED.value):
                 continue
-            changed = ctypes.cast(
+            state_change = ctypes.cast(
                 ctypes.byref(event), ctypes.POINTER(xr.EventDataSessionStateChanged)
             ).contents
-            self._follow(int(changed.state.value))
+            self._follow(int(state_change.state.value))
 
     def _follow(self, state: int) -> None:
         xr = self._xr
@@ -299,7 +302,7 @@ class OpenXrLibrary:
             self._disconnect()
 
     def _disconnect(self) -> None:
-        """Let go of everything; the instance takes its children with it."""
+        """Release everything; destroying the instance destroys its children."""
         instance, self._instance = self._instance, None
         images, self._images, self._begun = self._images, None, None
         if images is not None:
@@ -319,9 +322,9 @@ class OpenXrLibrary:
         return self._time.now()
 
     def _runtime(self, _: Frames) -> Frames:
-        told = [self.version, self.offers_gaze, self.eyes_by, self.tells_hidden]
-        packed: bytes = msgpack.packb(told)
-        return (packed,)
+        facts = [self.version, self.offers_gaze, self.eyes_by, self.tells_hidden]
+        payload: bytes = msgpack.packb(facts)
+        return (payload,)
 
     def _locate(self, space: str, base: str, at: int, chained: Any = None) -> tuple[int, Any]:
         xr = self._xr
@@ -344,17 +347,17 @@ class OpenXrLibrary:
             return ()
         self._actions.sync()
         host_ns, now = self._now()
-        sampled = self._xr.EyeGazeSampleTimeEXT()
-        flags, pose = self._locate("gaze", "view", now, sampled)
-        packed = LOCATED.pack(host_ns, now, int(number(sampled.time)), flags, *numbers(pose))
-        return (packed,)
+        sample_time = self._xr.EyeGazeSampleTimeEXT()
+        flags, pose = self._locate("gaze", "view", now, sample_time)
+        payload = LOCATED.pack(host_ns, now, int(number(sample_time.time)), flags, *numbers(pose))
+        return (payload,)
 
     def _both_eyes(self, _: Frames) -> Frames:
         if self._eyes is None:
             return ()
         host_ns, now = self._now()
-        sampled, eyes = self._eyes.read(self._spaces["view"], now)
-        return (packed_eyes(host_ns, now, sampled, eyes),)
+        sample_time, eyes = self._eyes.read(self._spaces["view"], now)
+        return (packed_eyes(host_ns, now, sample_time, eyes),)
 
     def _hands(self, _: Frames) -> Frames:
         actions = self._actions
@@ -364,11 +367,11 @@ class OpenXrLibrary:
         host_ns, now = self._now()
         parts = [INSTANT.pack(host_ns, now)]
         for hand, name in enumerate(HANDS):
-            pulled = actions.trigger(hand)
+            trigger_01 = actions.trigger(hand)
             flags, pose = self._locate(f"aim {name}", "stage", now)
             parts.append(BUTTON_STATES.pack(*actions.buttons(hand)))
-            known = (pulled is not None, 0.0 if pulled is None else pulled)
-            parts.append(HAND.pack(*known, flags, *numbers(pose)))
+            axis_state = (trigger_01 is not None, 0.0 if trigger_01 is None else trigger_01)
+            parts.append(HAND.pack(*axis_state, flags, *numbers(pose)))
         return (b"".join(parts),)
 
     def _buzz(self, frames: Frames) -> Frames:
@@ -387,37 +390,37 @@ class OpenXrLibrary:
         return int(number(self._begun)), int(number(state.predicted_display_period))
 
     def _end_frame(self, layers: Sequence[Any] = ()) -> None:
-        xr, begun, self._begun = self._xr, self._begun, None
+        xr, display_time, self._begun = self._xr, self._begun, None
         xr.end_frame(
             self._session,
             xr.FrameEndInfo(
-                display_time=begun,
+                display_time=display_time,
                 environment_blend_mode=xr.EnvironmentBlendMode.OPAQUE,
                 layers=list(layers),
             ),
         )
 
     def _frame(self, _: Frames) -> Frames:
-        predicted, period = self._begin_frame()
-        flags, pose = self._locate("view", "stage", predicted)
+        display_time, period = self._begin_frame()
+        flags, pose = self._locate("view", "stage", display_time)
         if self._images is None:
             self._end_frame()
         host_ns, now = self._now()
-        packed = FRAME.pack(host_ns, now, predicted, period, flags, *numbers(pose))
+        payload = FRAME.pack(host_ns, now, display_time, period, flags, *numbers(pose))
         has_focus = bool(self.states) and self.states[-1] == int(
             self._xr.SessionState.FOCUSED.value
         )
-        return packed, b"1" if has_focus else b"0"
+        return payload, b"1" if has_focus else b"0"
 
     def _late(self, _: Frames) -> Frames:
-        """Foresee the head once more for the frame that has begun."""
+        """Predict the head once more for the frame that has begun."""
         if self._begun is None:
             raise _Refused("NoFrameBegun")
         flags, pose = self._locate("view", "stage", int(number(self._begun)))
         return (LATE.pack(flags, *numbers(pose)),)
 
     def _show(self, frames: Frames) -> Frames:
-        """End the frame with two new images, or with those before."""
+        """End the frame with two new images, or with the last ones."""
         if self._images is None or self._begun is None:
             raise _Refused("NoFrameToShowImagesIn")
         if len(frames) > 1 and (problem := self._images.take(frames[1])):
@@ -431,19 +434,19 @@ class OpenXrLibrary:
         kind = xr.ViewConfigurationType.PRIMARY_STEREO
         view = xr.enumerate_view_configuration_views(self._instance, self._system, kind)[0]
         size = [view.recommended_image_rect_width, view.recommended_image_rect_height]
-        packed: bytes = msgpack.packb([int(n) for n in size])
-        return (packed,)
+        payload: bytes = msgpack.packb([int(n) for n in size])
+        return (payload,)
 
     def _hidden(self, _: Frames) -> Frames:
-        """Return what the lens hides of either view: corners (tangents), three a triangle."""
+        """Return the areas hidden by the lenses: corners (tangents), three per triangle."""
         if not self.tells_hidden or self._session is None:
             raise _Refused("NothingToldOfHiddenAreas")
         xr = self._xr
-        found = xr.get_instance_proc_addr(self._instance, "xrGetVisibilityMaskKHR")
-        ask = ctypes.cast(found, xr.PFN_xrGetVisibilityMaskKHR)
+        address = xr.get_instance_proc_addr(self._instance, "xrGetVisibilityMaskKHR")
+        ask = ctypes.cast(address, xr.PFN_xrGetVisibilityMaskKHR)
         both = [hidden_area(xr, ask, self._session, eye) for eye in (0, 1)]
-        packed: bytes = msgpack.packb(both)
-        return (packed,)
+        payload: bytes = msgpack.packb(both)
+        return (payload,)
 
     def _views(self, _: Frames) -> Frames:
         xr = self._xr
@@ -460,4 +463,4 @@ class OpenXrLibrary:
 
 
 class _Refused(Exception):
-    """Something that the runtime was not even asked for."""
+    """A call refused here, before it reaches the runtime."""

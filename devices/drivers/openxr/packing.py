@@ -24,7 +24,7 @@ FRAME = struct.Struct("<qqqqQ7f")
 """Host ns and XrTime of one instant, predicted display XrTime, period ns, flags, head pose."""
 
 LATE = struct.Struct("<Q7f")
-"""Flags and head pose, foreseen once more for a frame that has begun."""
+"""Flags and head pose, predicted once more for a frame that has begun."""
 
 
 def numbers(pose: Any) -> tuple[float, ...]:
@@ -38,12 +38,13 @@ def pose_of(
 ) -> tuple[Triple, Quadruple] | None:
     """Return position and orientation (w, x, y, z) of a located space; None when it is not valid.
 
-    Of the head both must be tracked, of a hand its orientation: its place may be inferred.
+    A head must have both tracked. A hand needs only its orientation tracked, because its place may
+    be inferred.
     """
     x, y, z, i, j, k, w = numbers
-    tracked = TRACKED if fully_tracked else ORIENTATION_TRACKED
+    tracking_flags = TRACKED if fully_tracked else ORIENTATION_TRACKED
     length = math.sqrt(w * w + i * i + j * j + k * k)
-    if flags & VALID != VALID or flags & tracked != tracked or not 0.9 < length < 1.1:
+    if flags & VALID != VALID or flags & tracking_flags != tracking_flags or not 0.9 < length < 1.1:
         return None
     return (x, y, z), (w / length, i / length, j / length, k / length)
 
@@ -54,7 +55,7 @@ def number(value: Any) -> Any:
 
 
 def packed_views(views: Iterable[Any]) -> bytes:
-    """Return what the eyes see: pose, then angles (rad) left, right, down, up, row by row."""
+    """Return the views, a row per eye: pose, then angles (rad) left, right, down, up."""
     rows = [
         [
             *numbers(v.pose),
@@ -65,5 +66,5 @@ def packed_views(views: Iterable[Any]) -> bytes:
         ]
         for v in views
     ]
-    packed: bytes = msgpack.packb([[float(x) for x in row] for row in rows])
-    return packed
+    payload: bytes = msgpack.packb([[float(x) for x in row] for row in rows])
+    return payload

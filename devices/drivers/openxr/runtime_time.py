@@ -1,4 +1,4 @@
-"""What an OpenXR runtime's clock shows at an instant of the session's clock.
+"""Read an OpenXR runtime's clock at an instant of the session's clock.
 
 Linux runtimes convert CLOCK_MONOTONIC (XR_KHR_convert_timespec_time), those of Windows its
 performance counter (XR_KHR_win32_convert_performance_counter_time).
@@ -30,9 +30,9 @@ def time_extension(offered: Iterable[str]) -> str:
         DeviceNotFound: the runtime offers none.
     """
     names = (TIMESPEC, PERFORMANCE_COUNTER)
-    known = [name for name in names if name in offered]
-    if known:
-        return known[-1] if platform.system() == "Windows" else known[0]
+    extensions = [name for name in names if name in offered]
+    if extensions:
+        return extensions[-1] if platform.system() == "Windows" else extensions[0]
     raise DeviceNotFound(
         f"the OpenXR runtime offers neither {' nor '.join(names)}, so its times mean nothing here",
         remedy="use SteamVR or Monado as the OpenXR runtime, or another driver",
@@ -62,18 +62,18 @@ class RuntimeTime:
             stamp = xr.timespec(now_ns // NS_PER_S, now_ns % NS_PER_S)
             return now_ns, int(xr.convert_timespec_time_to_time_khr(self._instance, stamp).value)
         now_ns, read = self._paired()
-        ticks, found = ctypes.c_int64(read), ctypes.c_int64()
+        ticks, xr_time = ctypes.c_int64(read), ctypes.c_int64()
         instance = ctypes.cast(self._instance, ctypes.c_void_p)
-        result = self._convert(instance, ctypes.byref(ticks), ctypes.byref(found))
+        result = self._convert(instance, ctypes.byref(ticks), ctypes.byref(xr_time))
         problem = xr.check_result(xr.Result(result))
         if problem.is_exception():
             raise problem
-        return now_ns, int(found.value)
+        return now_ns, int(xr_time.value)
 
     def _paired(self) -> tuple[int, int]:
         """Return session time and counter of one instant: the closest of a few readings.
 
-        Both are the performance counter; between two readings this thread may be set aside.
+        Both are the performance counter; this thread may be interrupted between two readings.
         """
         best = (2**62, 0, 0)
         for _ in range(READINGS):

@@ -8,7 +8,7 @@ from visavis.lab.clock import Clock
 
 
 class SharedSession(Protocol):
-    """What a wire needs of the session's owner."""
+    """The part of the session's owner that a wire uses."""
 
     @property
     def clock(self) -> Clock:
@@ -58,7 +58,7 @@ class OpenXrTransport:
         return Exchange(answer, sent_ns, self._clock.now_ns())
 
     def post(self, frames: Frames) -> None:
-        """Make a call whose answer nobody needs."""
+        """Make a call and ignore its answer."""
         self._library.call(frames)
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:

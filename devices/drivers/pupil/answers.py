@@ -1,4 +1,4 @@
-"""What Pupil Capture answers when a driver opens, and what its rows say of the eyes."""
+"""Check Pupil Capture's answers while a driver opens, and count the eyes in its rows."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -37,5 +37,5 @@ def read_port(text: str, name: str, *, role: str, remedy: str) -> int:
 
 
 def eyes_seen(rows: bytes) -> tuple[int, int]:
-    """Return in how many rows of `GAZE` the left and the right eye were seen."""
+    """Return the numbers of rows of `GAZE` with a valid left and a valid right eye."""
     return sum(rows[_LEFT_VALID_AT::ROW_BYTES]), sum(rows[_RIGHT_VALID_AT::ROW_BYTES])

@@ -1,4 +1,4 @@
-"""Pupil Capture's headset calibration: what is sent for one, and its verdict."""
+"""Pupil Capture's headset calibration: its messages and its verdict."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -9,9 +9,9 @@ from visavis.lab.geometry import Vector
 
 
 class HmdCalibration:
-    """One 3-D headset calibration after the other; `notify` sends a notification to Capture.
+    """Run 3-D headset calibrations, one at a time; `notify` sends a notification to Capture.
 
-    `outcome` is the verdict on the one begun last, None until it came.
+    `outcome` is the verdict on the latest calibration; None until it came.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class HmdCalibration:
         )
 
     def finish(self) -> None:
-        """Send the targets and let Capture work it out."""
+        """Send the targets and let Capture compute the calibration."""
         self._notify("calibration.add_ref_data", ref_data=self._references)
         self._notify("calibration.should_stop")
 

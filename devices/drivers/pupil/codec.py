@@ -20,7 +20,7 @@ from visavis.lab.geometry import Vector
 GAZE_TOPIC = b"gaze.3d."
 NOTIFY_TOPIC = b"notify."
 CONFIDENCE_THRESHOLD_01 = 0.6
-"""Below this the vendor's notes on data quality advise to discard a sample."""
+"""Samples below this should be discarded, by the vendor's notes on data quality."""
 
 _SCALAR_CODES = {"f4": "f", "f8": "d", "?": "?", "u1": "B", "u2": "H", "i8": "q"}
 _ROW = struct.Struct(
@@ -47,6 +47,7 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
         stamp_ns = round(datum[b"timestamp"] * 1e9)
         if not -(2**63) <= stamp_ns < 2**63:
             return None
+        # Confidence and pupil of each eye, then its ray; eye 0 is the right one.
         confidence = float(datum[b"confidence"])
         left_sure = right_sure = 0.0
         left_mm = right_mm = _NAN
@@ -64,16 +65,18 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
             right, right_at = _of_eye(normals, centers, _EYE_0_KEYS)
             left, left_at = _of_eye(normals, centers, _EYE_1_KEYS)
         else:
-            seen = _direction(datum[b"gaze_normal_3d"])
+            direction = _direction(datum[b"gaze_normal_3d"])
             at = _position(datum[b"eye_center_3d"])
             right = left = right_at = left_at = _LOST
             if _single_eye(datum) == 0:
-                right, right_at = seen, at
+                right, right_at = direction, at
             else:
-                left, left_at = seen, at
+                left, left_at = direction, at
+        # NaN is not equal to itself, so these ask whether an eye has a ray.
         left_seen, right_seen = left[0] == left[0], right[0] == right[0]
         left_valid = left_seen and left_sure >= threshold_01
         right_valid = right_seen and right_sure >= threshold_01
+        # Combine the valid eyes, or both if neither is valid.
         if left_valid == right_valid and left_seen and right_seen:
             lx, ly, lz = left
             rx, ry, rz = right
@@ -117,12 +120,12 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
 def decode_notification(payload: bytes) -> Mapping[str, Any] | None:
     """Return a notification's fields; None when malformed."""
     try:
-        found = msgpack.unpackb(payload, strict_map_key=False)
+        notification = msgpack.unpackb(payload, strict_map_key=False)
     except (*_MALFORMED, msgpack.UnpackException):
         return None
-    if not isinstance(found, dict) or not isinstance(found.get("subject"), str):
+    if not isinstance(notification, dict) or not isinstance(notification.get("subject"), str):
         return None
-    return found
+    return notification
 
 
 def encode_notification(subject: str, **fields: Any) -> tuple[bytes, bytes]:
@@ -146,14 +149,14 @@ def encode_annotation(text: str, device_ns: int) -> tuple[bytes, bytes]:
 def encode_reference(direction_head: Vector, device_ns: int, distance_m: float) -> dict[str, Any]:
     """Return one calibration target: a direction in the head frame, in mm, y up and z forward.
 
-    Capture turns y over itself: this is its only field that is not in the camera's frame.
+    Capture flips y by itself: this is its only field that is not in the camera's frame.
     """
     x, y, z = (float(v) * distance_m * 1e3 for v in direction_head)
     return {"mm_pos": [x, y, -z], "timestamp": device_ns / 1e9}
 
 
 def decode_time(frames: Sequence[bytes]) -> int | None:
-    """Return the device time (ns) in an answer to `t`; None when it is no finite number."""
+    """Return the device time (ns) in an answer to `t`; None if it is no finite number."""
     try:
         seconds = float(frames[0])
     except (ValueError, IndexError):

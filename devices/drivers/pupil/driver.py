@@ -2,8 +2,8 @@
 
 Codec: `visavis.devices.drivers.pupil.codec`. Transport: any
 `visavis.devices.transports.MessageTransport`. Capture's clock is never set: offsets come from
-repeated `t` requests, all of them kept. Its stream has no sample counter, so `seq` counts what
-arrived and loss shows in the stamps alone.
+repeated `t` requests, all of them kept. Its stream has no sample counter, so `seq` counts the
+samples that arrived, and loss shows only in the stamps.
 """
 
 import contextlib
@@ -39,14 +39,14 @@ from visavis.lab.geometry import Vector
 TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
 COMMAND_TIMEOUT_S = 1.0
 MIN_RUN = 4
-"""From so many messages on it pays to decode gaze together."""
+"""With at least so many messages it is faster to decode gaze together."""
 
 
 class PupilCore(GazeDevice):
     """Follow the `EyeTracker` contract over Pupil Capture.
 
     `rate_hz` is what the eye cameras are set to; `eye_distance_mm` and `reference_distance_m`
-    go into the headset calibration. A time exchange is made every `exchange_interval_s` while
+    are used by the headset calibration. A time exchange is made every `exchange_interval_s` while
     polling; the peer counts as lost when nothing came for `lost_after_s`.
     """
 
@@ -120,7 +120,7 @@ class PupilCore(GazeDevice):
         self._mark(lambda: self._transport.send(self._publish_port, frames))
 
     def begin_recording(self, name: SessionName, folder: Path) -> None:
-        """Let Capture record, annotations too: it takes them only while that plug-in runs.
+        """Let Capture record, with the plug-in without which it ignores annotations.
 
         The recording stays on Capture's computer, under the session's name.
         """
@@ -140,7 +140,7 @@ class PupilCore(GazeDevice):
         if self._is_recording:
             self._is_recording = False
             self._wire.release()
-            with contextlib.suppress(DeviceError):  # it is away: whoever sees it ends it there
+            with contextlib.suppress(DeviceError):  # it is away: the recording must be ended there
                 self._answer(b"r", self._clock.now_ns() + round(COMMAND_TIMEOUT_S * NS_PER_S))
         super().close()
 
@@ -160,7 +160,7 @@ class PupilCore(GazeDevice):
         self.info = replace(self.info, model=f"Core (Capture {version})")
         subscribe_port = self._port("SUB_PORT", deadline_ns)
         self._publish_port = self._port("PUB_PORT", deadline_ns)
-        # A publisher drops what it is given before ZeroMQ has connected it: not the first mark.
+        # A publisher drops messages until ZeroMQ has connected it: let it drop this, not a mark.
         self._transport.send(self._publish_port, codec.encode_notification("visavis.connected"))
         for _ in range(max(1, self._opening_exchanges)):
             exchange = self._ask((b"t",), deadline_ns)
@@ -214,7 +214,7 @@ class PupilCore(GazeDevice):
             yield self._uncalibrated("not calibrated since it was opened", "calibrate")
 
     def _decode(self, message: Message) -> Iterable[Sample]:
-        """Take what is not gaze; gaze is decoded by the batch."""
+        """Take one message; `_take` decodes gaze in batches."""
         self._take((message,))
         return ()
 
@@ -259,7 +259,7 @@ class PupilCore(GazeDevice):
 
     def _take_answer(self, message: Message) -> None:
         answer = message.frames[0]
-        if answer.isdigit() and len(answer) < 6:  # a port, asked for when the data stopped
+        if answer.isdigit() and len(answer) < 6:  # the port that `_resume` asked for
             self._transport.subscribe(int(answer), TOPICS)
             return
         device_ns = codec.decode_time(message.frames)
@@ -269,14 +269,14 @@ class PupilCore(GazeDevice):
             self._add_pair(ClockPair(message.t_sent_ns, device_ns, message.t_host_ns))
 
     def _take_notification(self, payload: bytes) -> None:
-        found = codec.decode_notification(payload)
-        if found is None:
+        notification = codec.decode_notification(payload)
+        if notification is None:
             self._malformed += 1
-        elif self._procedure.take(found):
+        elif self._procedure.take(notification):
             self._calibration = self._procedure.outcome
             self._is_calibrated |= self._procedure.has_succeeded
         else:
-            self._parts.note(found["subject"], found.get("eye_id"))
+            self._parts.note(notification["subject"], notification.get("eye_id"))
 
 
 def _is_gaze(message: Message) -> bool:

@@ -1,9 +1,9 @@
-"""Read gaze data whose layout is known without taking each apart: the codec's short cut.
+"""Read gaze data of a known layout without unpacking each: a faster way than the codec.
 
 Capture packs the same keys in the same order for every datum of two eyes, so two payloads of one
-length differ in nothing but their 64-bit floats. Where those lie is learnt from a datum that the
-codec has read; a later payload whose other bytes are all equal has the same layout and is read
-from these places. Anything else goes to the codec, which alone decides what is malformed.
+length differ only in their 64-bit floats. Their places are learnt from a datum that the codec has
+read. A later payload has the same layout if all its other bytes are equal, and is then read from
+these places. Everything else goes to the codec, which alone decides what is malformed.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ Places = npt.NDArray[np.int64]
 
 MAX_LAYOUTS = 16
 MAX_ATTEMPTS = 4
-"""Attempts to learn from data of one length; what still fails is not laid out regularly."""
+"""Attempts to learn from data of one length; after that its layout is not regular."""
 
 _FIRST_MARK = 1e300
 _TIMESTAMP, _CONFIDENCE, _NORMALS, _CENTERS, _SURE, _MM, _N_PLACES = 0, 1, 2, 8, 14, 16, 18
@@ -39,29 +39,29 @@ class Layout:
 
     def __init__(self, example: bytes, floats: list[int], places: list[int]) -> None:
         self.example = np.frombuffer(example, np.uint8)
-        fixed = np.ones(len(example), np.bool_)
+        is_fixed = np.ones(len(example), np.bool_)
         for at in floats:
-            fixed[at : at + 8] = False
-        self.fixed = np.flatnonzero(fixed)
+            is_fixed[at : at + 8] = False
+        self.fixed = np.flatnonzero(is_fixed)
         self.places = np.array(places, np.int64)
 
 
 def learn_layout(payload: bytes) -> Layout | None:
-    """Return the layout of a well-formed datum of two eyes; None when it is laid out otherwise.
+    """Return the layout of a well-formed datum of two eyes; None if its layout is different.
 
-    Numbers are found by packing the datum again with a mark in the place of every float, so it
-    must be packed as msgpack packs it.
+    Numbers are found by packing the datum again with a mark in the place of every float, so its
+    bytes must be those that msgpack packs.
     """
     try:
         datum = msgpack.unpackb(payload, strict_map_key=False)
         if msgpack.packb(datum) != payload:
             return None
         count = [0]
-        marked = _marked(datum, count)
-        packed: bytes = msgpack.packb(marked)
+        marked_datum = _marked(datum, count)
+        marked_bytes: bytes = msgpack.packb(marked_datum)
         marks = [_FIRST_MARK * (1 + i / 65536) for i in range(count[0])]
-        at = {mark: packed.index(msgpack.packb(mark)) + 1 for mark in marks}
-        places = [at[mark] for mark in _wanted(marked)]
+        at = {mark: marked_bytes.index(msgpack.packb(mark)) + 1 for mark in marks}
+        places = [at[mark] for mark in _wanted(marked_datum)]
     except (ValueError, TypeError, KeyError, IndexError, msgpack.UnpackException):
         return None
     return Layout(payload, list(at.values()), places)
@@ -95,7 +95,7 @@ class GazeDecoder:
         return self._take_apart(payload, rows, stamps_ns, i)
 
     def decode_run(self, payloads: Sequence[bytes], rows: Bytes, stamps_ns: Places) -> int:
-        """Write rows 0 to n - 1 of as many first payloads as have one known layout; return n."""
+        """Write rows 0 to n - 1 from the first n payloads, which share a known layout; return n."""
         size = len(payloads[0]) if payloads else 0
         layout = self._layouts.get(size)
         if layout is None:
@@ -112,11 +112,11 @@ class GazeDecoder:
         )
 
     def _take_apart(self, payload: bytes, rows: Bytes, stamps_ns: Places, i: int) -> bool:
-        decoded = codec.decode_gaze(payload, self._threshold_01)
-        if decoded is None:
+        sample = codec.decode_gaze(payload, self._threshold_01)
+        if sample is None:
             return False
-        stamps_ns[i] = decoded[0]
-        rows[i * _ROW_BYTES : (i + 1) * _ROW_BYTES] = np.frombuffer(decoded[1], np.uint8)
+        stamps_ns[i] = sample[0]
+        rows[i * _ROW_BYTES : (i + 1) * _ROW_BYTES] = np.frombuffer(sample[1], np.uint8)
         size = len(payload)
         attempts = self._attempts.get(size, 0)
         if attempts < MAX_ATTEMPTS and (size in self._layouts or len(self._layouts) < MAX_LAYOUTS):
@@ -146,14 +146,14 @@ def _wanted(marked: dict[str, Any]) -> list[float]:
     if len(marked["base_data"]) != 2 or pupils.keys() != {0, 1}:
         raise KeyError("base_data")
     keys = ["0", "1"] if "0" in normals else [0, 1]
-    found = [marked["timestamp"], marked["confidence"]]
+    marks = [marked["timestamp"], marked["confidence"]]
     for vectors in (normals, centers):
         for key in keys:
             x, y, z = vectors[key]
-            found += [x, y, z]
-    found += [pupils[eye]["confidence"] for eye in (0, 1)]
-    found += [pupils[eye]["diameter_3d"] for eye in (0, 1)]
-    return found
+            marks += [x, y, z]
+    marks += [pupils[eye]["confidence"] for eye in (0, 1)]
+    marks += [pupils[eye]["diameter_3d"] for eye in (0, 1)]
+    return marks
 
 
 @compiled
@@ -167,7 +167,8 @@ def _read(
     stamps_ns: Places,
     i: int,
 ) -> bool:
-    """Write a sample as `decode_gaze` would; False for whatever that must look at itself."""
+    """Write a sample as `decode_gaze` would; False where `decode_gaze` must decide."""
+    # Every byte outside the floats must equal the example; the floats are big-endian.
     for at in fixed:
         if payload[at] != example[at]:
             return False
@@ -182,7 +183,7 @@ def _read(
     # Directions and positions of the right eye (0) and the left (1), NaN when there is none.
     ray = np.empty((2, 3))
     at_m = np.empty((2, 3))
-    seen = np.empty(2, np.bool_)
+    has_ray = np.empty(2, np.bool_)
     for eye in range(2):
         x, y, z = (
             number[_NORMALS + 3 * eye],
@@ -190,21 +191,22 @@ def _read(
             number[_NORMALS + 3 * eye + 2],
         )
         length = np.sqrt(x * x + y * y + z * z)
-        seen[eye] = 1e-6 < length < np.inf
-        if seen[eye]:
+        has_ray[eye] = 1e-6 < length < np.inf
+        if has_ray[eye]:
             ray[eye, 0], ray[eye, 1], ray[eye, 2] = x / length, -y / length, -z / length
         else:
             ray[eye] = np.nan
         at_m[eye, 0] = number[_CENTERS + 3 * eye] * 1e-3
         at_m[eye, 1] = number[_CENTERS + 3 * eye + 1] * -1e-3
         at_m[eye, 2] = number[_CENTERS + 3 * eye + 2] * -1e-3
-    right_valid = seen[0] and number[_SURE] >= threshold_01
-    left_valid = seen[1] and number[_SURE + 1] >= threshold_01
+    # The combined ray: the mean of both eyes, or the only valid (or only present) one.
+    right_valid = has_ray[0] and number[_SURE] >= threshold_01
+    left_valid = has_ray[1] and number[_SURE + 1] >= threshold_01
     single = np.empty(15, np.float32)
     both = np.empty(3)
     origin = np.empty(3)
     used = 0
-    if left_valid == right_valid and seen[0] and seen[1]:
+    if left_valid == right_valid and has_ray[0] and has_ray[1]:
         x, y, z = ray[1, 0] + ray[0, 0], ray[1, 1] + ray[0, 1], ray[1, 2] + ray[0, 2]
         length = np.sqrt(x * x + y * y + z * z)
         if length > 1e-6:
@@ -214,11 +216,11 @@ def _read(
         for k in range(3):
             origin[k] = (at_m[1, k] + at_m[0, k]) / 2
         used = 3
-    elif left_valid or (seen[1] and not right_valid):
+    elif left_valid or (has_ray[1] and not right_valid):
         both[:] = ray[1]
         origin[:] = at_m[1]
         used = 1
-    elif seen[0]:
+    elif has_ray[0]:
         both[:] = ray[0]
         origin[:] = at_m[0]
         used = 2
@@ -226,7 +228,7 @@ def _read(
         both[:] = np.nan
         origin[:] = np.nan
     confidence = number[_CONFIDENCE]
-    if origin[0] == origin[0]:  # whatever is no place is the codec's to judge
+    if origin[0] == origin[0]:  # the codec decides about impossible places
         for k in range(3):
             if not abs(origin[k]) <= MAX_FAR_M:
                 return False
@@ -242,6 +244,7 @@ def _read(
     for eye in range(2):
         mm = number[_MM + eye]
         single[14 - 4 * eye] = mm if MIN_PUPIL_MM <= mm < MAX_PUPIL_MM else np.nan
+    # Pack the row byte by byte in the order of `GAZE.dtype`, which has no padding.
     bits = single.view(np.uint8)
     row = i * _ROW_BYTES
     for k in range(24):

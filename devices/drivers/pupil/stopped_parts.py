@@ -1,4 +1,4 @@
-"""Which parts of Pupil Capture have stopped, by its own notifications, in the operator's words."""
+"""The stopped parts of Pupil Capture, from its notifications, in words for the operator."""
 
 from dataclasses import dataclass, field
 
@@ -15,7 +15,7 @@ EYE_NAMES = {0: "right", 1: "left"}
 
 @dataclass
 class StoppedParts:
-    """What has stopped since start and not started again, by part and eye."""
+    """Parts that stopped since start and have not started again, by part and eye."""
 
     stopped: dict[str, str] = field(default_factory=dict)
 

@@ -1,1 +1,1 @@
-"""What the drivers of both headset runtimes share."""
+"""The common part of the drivers of both headset runtimes."""

@@ -1,4 +1,4 @@
-"""What controllers of both runtimes share: which part is which control, rows, pulses."""
+"""The common part of both runtimes' controllers: mapping of controls, rows, pulses."""
 
 import math
 import struct
@@ -21,28 +21,28 @@ from visavis.lab.schema import SampleBatch, StreamSchema
 SIDES = ("left", "right")
 ATTEMPT_S = 0.2
 MIN_STEP_01 = 0.01
-"""An axis is told when it has moved by this much, or got to an end."""
+"""An axis is reported when it has moved by this much, or has reached an end."""
 
 Ray = tuple[Sequence[float], Sequence[float]] | None
 """Position and orientation (w, x, y, z); None: not tracked."""
 Change = tuple[int, int, int, float]
-"""When it happened, when it was known, control, value."""
+"""Time of the event, time of its arrival (ns), control, value."""
 
 _RAY_ROW = struct.Struct("<B3f4f?")
 
 
 class Levels:
-    """Remember every control's value; tell those that changed."""
+    """Remember the value of every control, and find changes."""
 
     def __init__(self) -> None:
         self._told: dict[int, float] = {}
 
     def changed(self, control: int, value_01: float, *, axis: bool) -> bool:
-        """Tell whether a control's value is new enough to be told, and remember it then."""
+        """Tell whether a value differs enough to be reported; if so, remember it."""
         before = self._told.get(control, 0.0)
-        moved = abs(value_01 - before)
-        at_end = axis and value_01 in (0.0, 1.0) and moved > 0.0
-        if moved < MIN_STEP_01 and not at_end:
+        change = abs(value_01 - before)
+        at_end = axis and value_01 in (0.0, 1.0) and change > 0.0
+        if change < MIN_STEP_01 and not at_end:
             return False
         self._told[control] = value_01
         return True
@@ -50,32 +50,32 @@ class Levels:
 
 def response_batch(seq: int, rows: Sequence[Change]) -> SampleBatch:
     """Return rows of `RESPONSES` from `seq` on."""
-    happened, known, controls, levels = zip(*rows, strict=True)
+    event_times_ns, arrival_times_ns, controls, levels = zip(*rows, strict=True)
     values = np.empty(len(rows), RESPONSES.dtype)
     values["control"], values["value_01"] = controls, levels
     return SampleBatch(
         RESPONSES,
         np.arange(seq, seq + len(rows)),
-        np.array(happened, np.int64),
-        np.array(known, np.int64),
+        np.array(event_times_ns, np.int64),
+        np.array(arrival_times_ns, np.int64),
         values,
     )
 
 
 def ray_batch(seq: int, t_device_ns: int, t_host_ns: int, rays: Sequence[Ray]) -> SampleBatch:
     """Return rows of `POINTER` from `seq` on, one per hand, left first."""
-    packed = []
+    row_bytes = []
     for hand, ray in enumerate(rays):
-        known = ray if ray is not None and is_place(*ray[0]) else None
-        numbers = [math.nan] * 7 if known is None else [*known[0], *known[1]]
-        packed.append(_RAY_ROW.pack(hand, *numbers, known is not None))
-    n = len(packed)
+        pose = ray if ray is not None and is_place(*ray[0]) else None
+        numbers = [math.nan] * 7 if pose is None else [*pose[0], *pose[1]]
+        row_bytes.append(_RAY_ROW.pack(hand, *numbers, pose is not None))
+    n = len(row_bytes)
     return SampleBatch(
         POINTER,
         np.arange(seq, seq + n),
         np.full(n, t_device_ns, np.int64),
         np.full(n, t_host_ns, np.int64),
-        np.frombuffer(b"".join(packed), POINTER.dtype),
+        np.frombuffer(b"".join(row_bytes), POINTER.dtype),
     )
 
 
@@ -100,9 +100,9 @@ class RuntimeControllers(MessageDevice):
         controls: Mapping[str, str] | None,
         rays: bool,
     ) -> None:
-        chosen = dict(controls or self.usual_controls)
-        self.controls = tuple(chosen)
-        self._wanted = [self._parsed(role, name, text) for name, text in chosen.items()]
+        control_map = dict(controls or self.usual_controls)
+        self.controls = tuple(control_map)
+        self._wanted = [self._parsed(role, name, text) for name, text in control_map.items()]
         super().__init__(role, transport, clock, spec)
         self._rays = rays
         self._reset(clock.now_ns())
@@ -142,7 +142,7 @@ class RuntimeControllers(MessageDevice):
         self._seq = self._ray_seq = self._malformed = 0
 
     def _tell(self, changes: Sequence[Change]) -> int:
-        """Deliver what changed; return how many rows."""
+        """Deliver the changes; return the number of rows."""
         if changes and self._sink is not None:
             self._meter.update([change[0] for change in changes], changes[-1][1])
             self._sink(response_batch(self._seq, changes))
@@ -150,7 +150,7 @@ class RuntimeControllers(MessageDevice):
         return len(changes)
 
     def _tell_rays(self, t_device_ns: int, t_host_ns: int, rays: Sequence[Ray]) -> int:
-        """Deliver where both hands point; return how many rows."""
+        """Deliver the rays of both hands; return the number of rows."""
         if self._sink is None:
             return 0
         self._sink(ray_batch(self._ray_seq, t_device_ns, t_host_ns, rays))
@@ -158,7 +158,7 @@ class RuntimeControllers(MessageDevice):
         return len(rays)
 
     def _try_again(self, what: str) -> None:
-        """Reach for a runtime that is gone, now and then; raises DeviceDisconnected until then."""
+        """Try at intervals to reach a lost runtime; raises DeviceDisconnected until it is back."""
         if not self._attempt_is_due():
             raise DeviceDisconnected(what, role=self.info.role, remedy=self._spec.remedy)
         try:

@@ -1,4 +1,4 @@
-"""The life that headsets of both runtimes share: frames, their timing, a runtime that is gone."""
+"""The common part of both runtimes' headsets: frames, frame timing, a lost runtime."""
 
 import math
 from abc import abstractmethod
@@ -28,7 +28,7 @@ HeadPose = tuple[tuple[float, float, float], tuple[float, float, float, float]] 
 class RuntimeHeadset(MessageDevice):
     """Follow the `Headset` contract over a runtime that is asked for frames.
 
-    Streams: the head (`HEAD`) and what became of every frame (`FRAME_TIMING`). While the runtime
+    Streams: the head (`HEAD`) and the timing of every frame (`FRAME_TIMING`). While the runtime
     is gone `wait_frame` keeps the pace by the clock with invalid poses, and `poll` raises
     DeviceDisconnected until it is back. `display_rate_hz` and the views are known once open.
     """
@@ -57,16 +57,16 @@ class RuntimeHeadset(MessageDevice):
 
     @abstractmethod
     def _connect_again(self) -> None:
-        """Say hello to a runtime that was gone, keeping count of the frames."""
+        """Connect to a runtime that was lost; the frame count goes on."""
 
     def _take_events(self) -> None:
-        """Take what the runtime tells of its own accord."""
+        """Take the events that the runtime sends by itself."""
         return
 
     # ---- the contract -----------------------------------------------------------------------
 
     def open(self, deadline_s: float) -> None:
-        """Connect to the runtime; read what it says of headset, display and views."""
+        """Connect to the runtime; read its headset, display and views."""
         super().open(deadline_s)
         self._reset(self._clock.now_ns())
 
@@ -85,17 +85,17 @@ class RuntimeHeadset(MessageDevice):
     def poll(self, timeout_s: float) -> int:
         """Hand over the frames since the last call; while the runtime is gone, try again.
 
-        `timeout_s` counts for nothing: the frames come from `wait_frame` in this same thread.
+        `timeout_s` is not used: the frames come from `wait_frame` in this same thread.
         """
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
-        delivered = self._streams.deliver(self._sink)
+        row_count = self._streams.deliver(self._sink)
         if self.state is DeviceState.FAULT and self._attempt_is_due():
             self._reconnect()
         self._take_events()
-        if self.state is DeviceState.FAULT and not delivered:
+        if self.state is DeviceState.FAULT and not row_count:
             raise DeviceDisconnected(self._gone, role=self.info.role, remedy=self._spec.remedy)
-        return delivered
+        return row_count
 
     def close(self) -> None:
         """Leave the runtime; idempotent."""
@@ -119,8 +119,9 @@ class RuntimeHeadset(MessageDevice):
         return frames[1]
 
     def _late_answer(self, frames: tuple[bytes, ...]) -> bytes:
-        """Return what the runtime answers about a frame that has begun; nothing where it cannot,
-        as on a capture of before it was asked: the frame's own pose is as good as before.
+        """Return the runtime's answer about a frame that has begun.
+
+        Empty where it cannot answer, as on older captures; the frame's own pose is then used.
         """
         if self._life.state is not DeviceState.STREAMING:
             return b""
@@ -135,13 +136,13 @@ class RuntimeHeadset(MessageDevice):
         self._life.state = DeviceState.FAULT
 
     def _wait_alone(self) -> FrameInfo:
-        """Keep the pace by the clock, so that the session can pause and the loop goes on."""
+        """Keep the frame rate by the clock, so that the session can pause and the loop goes on."""
         self._close_frame()
         t_ns = self._last_t_ns + self._period_ns
-        skipped = max(0, (self._clock.now_ns() - t_ns) // self._period_ns)
-        t_ns += skipped * self._period_ns
+        skipped_count = max(0, (self._clock.now_ns() - t_ns) // self._period_ns)
+        t_ns += skipped_count * self._period_ns
         self._clock.sleep_until_ns(t_ns)
-        return self._begin_frame(t_ns, t_ns + self._period_ns, skipped, None)
+        return self._begin_frame(t_ns, t_ns + self._period_ns, skipped_count, None)
 
     def _begin_frame(self, t_ns: int, predicted_ns: int, skipped: int, pose: HeadPose) -> FrameInfo:
         if pose is None or not is_place(*pose[0]):
@@ -156,7 +157,7 @@ class RuntimeHeadset(MessageDevice):
         return self._frame
 
     def _close_frame(self) -> None:
-        """Tell what became of the frame before."""
+        """Record the timing of the previous frame."""
         frame = self._frame
         if frame is None:
             return
@@ -165,7 +166,7 @@ class RuntimeHeadset(MessageDevice):
         self._streams.add_timing(values, frame.predicted_display_ns, self._clock.now_ns())
 
     def _add_timing(self, row: np.void) -> None:
-        """Write the runtime's own account of the frame into its row, where it gives one."""
+        """Write the runtime's own timing of the frame into its row, where it gives one."""
         return
 
     def _set_rate(self, rate_hz: float) -> None:

@@ -1,4 +1,4 @@
-"""Keep what a runtime's loader prints of itself off the operator's screen: it is logged."""
+"""Log the output of a runtime's loader, to keep it off the operator's screen."""
 
 import logging
 import os
@@ -12,10 +12,10 @@ _LOG = logging.getLogger(__name__)
 
 @contextmanager
 def loader_output_logged(loader: str) -> Iterator[None]:
-    """Log what native code writes to standard error meanwhile, line by line, at level INFO.
+    """Log the lines that native code writes to standard error meanwhile, at level INFO.
 
-    What goes wrong is told by the errors the loader returns; its own lines would stand between
-    the command's.
+    The loader returns its errors, so its own lines are not needed; they would mix with the
+    lines of the command.
     """
     if sys.stderr is not None:
         sys.stderr.flush()
@@ -24,13 +24,13 @@ def loader_output_logged(loader: str) -> Iterator[None]:
     except OSError:  # a program without a terminal has nothing to keep clear
         yield
         return
-    with tempfile.TemporaryFile() as caught:
-        os.dup2(caught.fileno(), 2)
+    with tempfile.TemporaryFile() as log_file:
+        os.dup2(log_file.fileno(), 2)
         try:
             yield
         finally:
             os.dup2(screen, 2)
             os.close(screen)
-            caught.seek(0)
-            for line in caught.read().decode("utf-8", "replace").splitlines():
+            log_file.seek(0)
+            for line in log_file.read().decode("utf-8", "replace").splitlines():
                 _LOG.info("%s: %s", loader, line)

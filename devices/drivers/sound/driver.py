@@ -1,9 +1,9 @@
-"""Play sounds through the computer's sound card (sounddevice, PortAudio), and tell when they came.
+"""Play sounds through the computer's sound card (sounddevice, PortAudio), and record their times.
 
-The card asks for a block of samples some time before it comes out and says when that will be, by
-its own clock; that clock is read against the session's all the while. So every sound has the time
-at which its first sample leaves the card. What comes behind the card (a headset's radio link, a
-receiver, an equaliser) adds to it: `visavis sync-test --speaker` measures the whole way.
+The card asks for a block of samples some time before it plays it and states that time by its own
+clock, which is compared with the session's clock again and again. So every sound has the time at
+which its first sample leaves the card. Devices behind the card (a headset's radio link, a receiver,
+an equaliser) add a delay: `visavis sync-test --speaker` measures all of it.
 """
 
 import contextlib
@@ -42,8 +42,8 @@ MAX_GAIN_DB: Final = 20.0
 class SoundCard(HasLife):
     """Follow the `SoundOutput` contract over PortAudio's output stream.
 
-    `load` returns sounddevice, or what stands for it; it is called when the device is opened.
-    Commands are taken by the card's own thread with the block that it asks for next.
+    `load` returns sounddevice or a stand-in; it is called when the device is opened. The card's
+    own thread takes commands with the next block that it asks for.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class SoundCard(HasLife):
         self._mixer = Mixer(48_000)
         self._wanted: deque[Voice | int] = deque()
         self._told: deque[tuple[int, int, float, bool]] = deque()
-        """Of the card's thread: number, event, the card's own time in seconds, whether stamped."""
+        """From the card's thread: number, event, the card's own time (s), whether stamped."""
         self._resampled: dict[tuple[str, int], Sound] = {}
         self._pairs: deque[ClockPair] = deque(maxlen=KEPT_PAIRS)
         self._sink: Sink | None = None
@@ -88,7 +88,7 @@ class SoundCard(HasLife):
         self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[Any, ...]:
-        """Return the stream of what sounded."""
+        """Return the stream of sound events."""
         return (SOUND,)
 
     def start(self, sink: Sink) -> None:
@@ -124,7 +124,7 @@ class SoundCard(HasLife):
         return number
 
     def prepare(self, sound: Sound) -> None:
-        """Bring a sound to the card's rate, which takes longer than a frame."""
+        """Resample a sound to the card's rate in advance, as this takes longer than a frame."""
         if self._stream is not None:
             rate_hz = int(self._stream.samplerate)
             self._resampled.setdefault((sound.sha256, rate_hz), sound.at_rate(rate_hz))
@@ -134,11 +134,11 @@ class SoundCard(HasLife):
         self._wanted.append(NOBODY if number is None else number)
 
     def hear_from(self, head: Pose) -> None:
-        """Say where the participant's head is; sources with a place are heard from there."""
+        """Set the pose of the participant's head, from which sources with a place are heard."""
         self._mixer.head = head
 
     def poll(self, timeout_s: float) -> int:
-        """Read the card's clock; deliver what sounded. See the contract."""
+        """Read the card's clock and deliver sound events; see the contract."""
         self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
         if self._life.state is DeviceState.FAULT:
             self._reconnect()
@@ -149,10 +149,10 @@ class SoundCard(HasLife):
             )
         else:
             self._read_clock()
-        delivered = self._deliver()
-        if timeout_s > 0 and not delivered:
+        row_count = self._deliver()
+        if timeout_s > 0 and not row_count:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
-        return delivered
+        return row_count
 
     def stop(self) -> None:
         """Fall silent; the card stays open."""
@@ -172,12 +172,12 @@ class SoundCard(HasLife):
                 stream.close()
 
     def health(self) -> Health:
-        """Report what sounded."""
+        """Report the sound events so far."""
         return self._meter.health(self.state, self._clock.now_ns())
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell of holes, of sounds too loud together, and of sounds that nobody heard."""
-        found = []
+        """Report gaps, sounds that are too loud together, and sounds that were not played."""
+        faults = []
         for count, text, remedy in (
             (
                 self._underflows,
@@ -192,11 +192,11 @@ class SoundCard(HasLife):
             (self._lost, "sounds were not heard: the card was away", self._spec.remedy),
         ):
             if count:
-                found.append(Fault(self.info.role, "warning", f"{count} {text}", remedy))
-        return tuple(found)
+                faults.append(Fault(self.info.role, "warning", f"{count} {text}", remedy))
+        return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return readings of the card's clock between two of the session's."""
+        """Return readings of the card's clock, each between two of the session's clock."""
         return tuple(self._pairs)
 
     # ---- inside -----------------------------------------------------------------------------
@@ -260,7 +260,7 @@ class SoundCard(HasLife):
     def _fill(self, out: npt.NDArray[np.float32], n: int, times: Any, status: Any) -> None:
         """Give the card its next block; it runs in the card's own thread."""
         at_s, is_stamped = float(times.outputBufferDacTime), True
-        if at_s <= 0.0:  # some of the systems' interfaces do not say
+        if at_s <= 0.0:  # some audio interfaces of operating systems give no stamp
             at_s, is_stamped = float(times.currentTime) + float(self._stream.latency), False
         while self._wanted:
             self._take(self._wanted.popleft(), at_s, is_stamped)

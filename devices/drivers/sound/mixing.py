@@ -1,9 +1,9 @@
-"""Mix sounds for two ears, block by block: where a source stands is heard by time and shadow.
+"""Mix sounds for two ears, block by block; a source's direction is heard by delay and shadow.
 
 A source with a place reaches the nearer ear first and the farther one later and duller. The model
 is of a rigid sphere (Brown and Duda 1998, 10.1109/89.709673: Woodworth's delay and a head shadow
-of one pole and one zero for each ear) and falls off with distance. It has no pinnae and no room:
-above and below, before and behind sound alike.
+of one pole and one zero for each ear), with a level that falls with distance. It has no pinnae and
+no room: above and below sound alike, and so do front and back.
 """
 
 from collections.abc import Iterator
@@ -19,15 +19,15 @@ HEAD_RADIUS_M = 0.0875
 SOUND_M_S = 343.0
 SHADOW_MIN = 0.1
 SHADOW_MIN_DEG = 150.0
-"""Direction, from an ear, from which the least of high tones reaches it, and how much that is."""
+"""The weakest gain of high tones at an ear, and the direction, from the ear, where it occurs."""
 NEAREST_M = 0.25
 """Sources nearer than this are no louder."""
 EARS = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-"""Where the ears look from the middle of the head, left first; x is to the right."""
+"""Directions of the ears from the middle of the head, left first; x is to the right."""
 EYES_TO_EARS_M = np.array([0.0, 0.0, 0.09])
 """A head's pose is that between the eyes; the ears lie behind it."""
 MAX_LATE_S = HEAD_RADIUS_M / SOUND_M_S * (1 + np.pi / 2)
-"""How much later than the nearer ear the farther one hears, at most."""
+"""The longest delay of the farther ear after the nearer one."""
 Samples = npt.NDArray[np.float32]
 
 
@@ -51,29 +51,29 @@ class Voice:
 
 
 class Mixer:
-    """Everything that sounds; `block` goes on from where the block before ended."""
+    """Mix all playing sounds; each `block` continues where the last one ended."""
 
     def __init__(self, rate_hz: int) -> None:
         self.rate_hz = rate_hz
         self.head: Pose | None = None
         self.voices: list[Voice] = []
         self.clipped = 0
-        """Blocks in which sounds together were louder than the card can play."""
+        """Number of blocks in which the sounds together were louder than the card can play."""
 
     def block(self, n: int) -> tuple[Samples, list[tuple[Voice, int]]]:
-        """Return the next n samples (n, 2), and which sounds ended before which of them."""
-        mixed = np.zeros((n, 2))
+        """Return the next n samples (n, 2), and the sounds that ended, each with a sample index."""
+        mix = np.zeros((n, 2))
         over: list[tuple[Voice, int]] = []
         for voice in self.voices:
-            mixed += self._of(voice, n)
+            mix += self._of(voice, n)
             if voice.ends:
                 over.append((voice, n))
             elif not voice.loops and voice.done >= len(voice.samples) + self._tail(voice):
                 over.append((voice, max(0, n - (voice.done - len(voice.samples)))))
-        ended = {id(voice) for voice, _ in over}
-        self.voices = [voice for voice in self.voices if id(voice) not in ended]
-        self.clipped += bool(np.abs(mixed).max(initial=0.0) > 1.0)
-        return np.clip(mixed, -1.0, 1.0).astype(np.float32), over
+        ended_ids = {id(voice) for voice, _ in over}
+        self.voices = [voice for voice in self.voices if id(voice) not in ended_ids]
+        self.clipped += bool(np.abs(mix).max(initial=0.0) > 1.0)
+        return np.clip(mix, -1.0, 1.0).astype(np.float32), over
 
     def _tail(self, voice: Voice) -> int:
         return 0 if voice.at_m is None else int(np.ceil(MAX_LATE_S * self.rate_hz)) + 1
@@ -98,7 +98,7 @@ class Mixer:
         return out
 
     def _read(self, voice: Voice, at: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Return samples at places between them (n, 2); silence before and behind the sound."""
+        """Return the sound at fractional sample positions (n, 2); silence before and after it."""
         samples = voice.samples
         count = len(samples)
         below = np.floor(at).astype(np.int64)
@@ -117,7 +117,7 @@ class Mixer:
         return value(below) * (1.0 - share) + value(below + 1) * share
 
     def _to(self, at_m: Vector) -> tuple[float, Vector]:
-        """Return how far a place is from the middle of the head, and its direction from there."""
+        """Return the distance (m) and direction of a place from the middle of the head."""
         if self.head is None:
             way = at_m
         else:
@@ -127,7 +127,7 @@ class Mixer:
         return far_m, way / far_m if far_m > 1e-6 else np.array([0.0, 0.0, -1.0])
 
     def _heard_at(self, at_m: Vector) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Return how many samples later than the nearer one each ear hears, and how loud."""
+        """Return each ear's delay after the nearer one, in samples, and its gain."""
         far_m, to = self._to(at_m)
         late_s = ear_delays_s(to)
         loud = np.full(2, 1.0 / max(far_m, NEAREST_M))
@@ -140,9 +140,9 @@ class Mixer:
 
 
 def ear_delays_s(to: Vector) -> npt.NDArray[np.float64]:
-    """Return when a far sound from a direction (3,) reaches left and right ear (2,), in seconds.
+    """Return the arrival times (2,), s, of a far sound from a direction (3,) at both ears.
 
-    Zero is when it would reach the middle of the head (Woodworth).
+    They are relative to the middle of the head, left ear first (Woodworth).
     """
     angle = np.arccos(np.clip(EARS @ to, -1.0, 1.0))
     radius_s = HEAD_RADIUS_M / SOUND_M_S

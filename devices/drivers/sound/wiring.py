@@ -12,17 +12,17 @@ from visavis.devices.sync.audio import sound_library
 from visavis.devices.wiring import Site, Wiring
 
 Load = Callable[[], Any]
-"""Returns sounddevice, or what stands for it."""
+"""Returns sounddevice, or a stand-in."""
 
 
 @dataclass(frozen=True)
 class SimulatedCard:
-    """Stands where sounddevice would be loaded."""
+    """Load a simulated card instead of sounddevice."""
 
     site: Site[SoundCardOptions]
 
     def __call__(self) -> SimulatedPortAudio:
-        """Return the library of a card that plays to nobody."""
+        """Return the library of a simulated card."""
         options = self.site.options
         return SimulatedPortAudio(
             self.site.clock,

@@ -30,14 +30,14 @@ ORIGIN, DIRECTION, PUPIL, OPENNESS = 1, 2, 4, 8
 
 
 class EyeFrame(NamedTuple):
-    """One frame: gaze with the openness of both eyes (NaN where unknown), and who is there."""
+    """One frame: gaze with the openness of both eyes (NaN if unknown), and if it is worn."""
 
     sample: Sample
     is_worn: bool
 
 
 def decode_eye_data(payload: bytes) -> EyeFrame | None:
-    """Return a frame; None when the bytes are none."""
+    """Return a frame; None when the bytes are malformed."""
     if len(payload) != EYE_DATA.size:
         return None
     no_user, frame, stamp_ms, *values = EYE_DATA.unpack(payload)

@@ -2,7 +2,7 @@
 
 Codec: `visavis.devices.drivers.sranipal.codec`. Transport:
 `visavis.devices.drivers.sranipal.library`. A frame that was missed leaves a hole in `seq`.
-Calibration is the vendor's own, in SteamVR. How open the eyes are is a second stream, `openness`.
+It is calibrated in SteamVR. The openness of the eyes is a second stream, `openness`.
 """
 
 from collections.abc import Iterable
@@ -40,10 +40,10 @@ class ViveProEye(GazeAndOpenness):
             )
 
     def _decode(self, message: Message) -> Iterable[Sample]:
-        found = codec.decode_eye_data(message.frames[0])
-        if found is None:
+        frame = codec.decode_eye_data(message.frames[0])
+        if frame is None:
             self._malformed += 1
             return ()
         fault = self._warning("nobody wears the headset", "put it on")
-        self._note("worn", None if found.is_worn else fault)
-        return (found.sample,)
+        self._note("worn", None if frame.is_worn else fault)
+        return (frame.sample,)

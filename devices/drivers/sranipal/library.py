@@ -1,7 +1,7 @@
 """Carry eye data out of SRanipal, the vendor's library, by ctypes.
 
-The library only answers when asked: a thread asks it more often than frames come, and hands on
-every frame once, stamped when it was first seen, as messages of a wire. `start` asks whether the
+The library only answers when asked. A thread asks it more often than frames come and passes on
+every frame once, stamped when it was first seen, as a message of a wire. `start` asks whether the
 headset is a Vive Pro Eye.
 """
 
@@ -23,9 +23,9 @@ ASK_EVERY_NS = NS_PER_S // 500
 JOIN_S = 1.0
 HELD_FRAMES = 10_000
 NUMBER = slice(4, 8)
-"""Where the number of the frame lies."""
+"""Bytes of the frame number."""
 SPARE_BYTES = 256
-"""A later library may fill in more than is read."""
+"""A later library may write more bytes than are read."""
 LIBRARY_REMEDY = "install SR_Runtime and write the full path of SRanipal.dll under library_path"
 RUNTIME_REMEDY = "start SR_Runtime as administrator, and SteamVR with the headset connected"
 
@@ -49,7 +49,7 @@ class SranipalLibrary:
         return f"library {self._path}"
 
     def open(self, deadline_s: float) -> None:
-        """Load the library and start its eye module; raises DeviceNotFound with what to do."""
+        """Load the library and start its eye module; raises DeviceNotFound with a remedy."""
         self.close()
         try:
             library = ctypes.CDLL(self._path)
@@ -74,14 +74,14 @@ class SranipalLibrary:
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
         """Say whether the headset is a Vive Pro Eye."""
         sent_ns = self._clock.now_ns()
-        found = self._library is not None and self._library.IsViveProEye()
-        return Exchange((frames[0], bytes((found,))), sent_ns, self._clock.now_ns())
+        is_vive_pro_eye = self._library is not None and self._library.IsViveProEye()
+        return Exchange((frames[0], bytes((is_vive_pro_eye,))), sent_ns, self._clock.now_ns())
 
     def post(self, frames: Frames) -> None:
-        """Do nothing: nothing is asked without waiting."""
+        """Do nothing: every question waits for its answer."""
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: frames come since open."""
+        """Do nothing: frames have been coming since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the frames that came; raises DeviceDisconnected while the library gives none."""
@@ -109,8 +109,8 @@ class SranipalLibrary:
             number = raw[NUMBER]
             if error != before:
                 before = error
-                gone = "" if error == WORK else f"SRanipal gives no eye data (error {error})"
-                self._arrivals.end(gone)
+                problem = "" if error == WORK else f"SRanipal gives no eye data (error {error})"
+                self._arrivals.end(problem)
             if error == WORK and number != last:
                 last = number
                 self._arrivals.add(Message(now_ns, (raw,)))

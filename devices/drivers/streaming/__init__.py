@@ -1,1 +1,1 @@
-"""What the drivers of eye and body trackers share: life, clocks, rows of gaze."""
+"""The common part of the drivers of eye and body trackers: states, clocks, rows of gaze."""

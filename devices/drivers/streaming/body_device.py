@@ -1,7 +1,7 @@
-"""The life that body trackers on a message wire share: segments, order of samples, places.
+"""The common part of body trackers on a message wire: segments, order of samples, places.
 
-A driver adds a codec: how to connect, what a message holds, what keeps the stream alive. Samples
-that arrive after a later one are left out and counted; a hole in `seq` is a lost sample.
+A driver adds a codec: how to connect, how to read a message, how to keep the stream alive. Samples
+that arrive after a later one are dropped and counted; a hole in `seq` is a lost sample.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ Severity = Literal["warning", "blocking"]
 Flags = npt.NDArray[np.bool_]
 
 RESTART_AFTER_S = 10.0
-"""A counter further off than this much of the stream is a stream that began anew."""
+"""A counter that steps by more than this time means that the stream was restarted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class BodySample:
 class BodyDevice(StreamDevice[BodySample]):
     """Follow the `BodyTracker` contract over a message transport.
 
-    A segment whose place cannot be one (infinite, or beyond a kilometre) is not valid.
+    A segment with an impossible place (infinite, or beyond a kilometre) is not valid.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class BodyDevice(StreamDevice[BodySample]):
         super().__init__(role, transport, clock, spec, schema, lost_after_s=lost_after_s)
 
     def check(self) -> tuple[Fault, ...]:
-        """Name everything odd about stream, clock and segments since start."""
+        """Return the faults of stream, clock and segments since start."""
         role = self.info.role
         faults = list(self._notes.values())
         jumps_ms = self._one_way.jumps_ms
@@ -78,10 +78,14 @@ class BodyDevice(StreamDevice[BodySample]):
             if count:
                 faults.append(Fault(role, "warning", f"{count} {text}", remedy))
         if self._seen is not None and not self._seen.all():
-            lost = [s for s, seen in zip(self.segments, self._seen, strict=True) if not seen]
-            text = f"not tracked now: {', '.join(lost)}"
+            lost_segments = [
+                s for s, is_seen in zip(self.segments, self._seen, strict=True) if not is_seen
+            ]
+            text = f"not tracked now: {', '.join(lost_segments)}"
             remedy = "check markers, sensors and line of sight"
-            severity: Severity = "blocking" if len(lost) == len(self.segments) else "warning"
+            severity: Severity = (
+                "blocking" if len(lost_segments) == len(self.segments) else "warning"
+            )
             faults.append(Fault(role, severity, text, remedy))
         frozen = self._watch.fault(role)
         if frozen is not None:
@@ -102,8 +106,8 @@ class BodyDevice(StreamDevice[BodySample]):
 
     def _values(self, samples: Sequence[BodySample]) -> npt.NDArray[np.void]:
         values = np.empty(len(samples), self._schema.dtype)
-        for i, told in enumerate(samples):
-            sample, row = self._with_places(told), values[i]
+        for i, raw_sample in enumerate(samples):
+            sample, row = self._with_places(raw_sample), values[i]
             row["position_m"] = sample.position_m
             row["orientation_wxyz"] = sample.orientation_wxyz
             row["valid"] = sample.valid
@@ -114,7 +118,7 @@ class BodyDevice(StreamDevice[BodySample]):
         return values
 
     def _with_places(self, sample: BodySample) -> BodySample:
-        """Return the sample without segments whose places can be none."""
+        """Return the sample without segments in impossible places."""
         position_m, turn = sample.position_m, sample.orientation_wxyz
         bad = sample.valid & ~(are_places(position_m) & np.isfinite(turn).all(axis=-1))
         if not bad.any():
@@ -128,7 +132,7 @@ class BodyDevice(StreamDevice[BodySample]):
         )
 
     def _number(self, sample: BodySample) -> int | None:
-        """Return the sample's `seq`; None when it is older than one that was delivered."""
+        """Return the sample's `seq`; None when a later one was delivered already."""
         counter, before = sample.counter, self._counter
         if counter is None:
             self._seq += 1

@@ -6,11 +6,11 @@ from visavis.lab.clock import NS_PER_MS
 JUMP_NS = 20 * NS_PER_MS
 RECENT = 60
 MAX_KEPT = 4096
-"""Of which at least half are there: half an hour of one a second."""
+"""Limit of pairs; half of them stay when it is reached: half an hour at one a second."""
 
 
 class ExchangeLog:
-    """The latest exchanges since open; `recent` are those that one straight line fits."""
+    """The latest exchanges since open; one straight line fits the `recent` ones."""
 
     def __init__(self) -> None:
         self.pairs: list[ClockPair] = []
@@ -20,25 +20,27 @@ class ExchangeLog:
         return len(self.pairs)
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Forget all exchanges."""
         self.pairs = []
         self._since_jump = 0
 
     def add(self, pair: ClockPair) -> float | None:
-        """Keep an exchange; return by how many milliseconds the clock has jumped, if it has."""
+        """Keep an exchange; return the clock's jump in ms, None if there was none."""
         jump_ms = None
         if self.pairs:
             last = self.pairs[-1]
             moved_ns = abs(_offset(pair) - _offset(last))
-            # An offset is known to half its round trip: a slow exchange moves it, clock or not.
+            # An offset is uncertain by half its round trip, so a slow exchange alone can move it.
             if moved_ns > JUMP_NS + (_round_trip_ns(pair) + _round_trip_ns(last)) // 2:
                 jump_ms = moved_ns / NS_PER_MS
                 self._since_jump = len(self.pairs)
         self.pairs.append(pair)
         if len(self.pairs) > MAX_KEPT:
-            gone = MAX_KEPT // 2
-            self.pairs = self.pairs[gone:]  # a new list: another thread may be reading the old one
-            self._since_jump = max(0, self._since_jump - gone)
+            excess = MAX_KEPT // 2
+            self.pairs = self.pairs[
+                excess:
+            ]  # a new list: another thread may be reading the old one
+            self._since_jump = max(0, self._since_jump - excess)
         return jump_ms
 
     @property

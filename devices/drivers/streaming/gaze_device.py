@@ -1,8 +1,7 @@
-"""The life every eye tracker's driver shares: exchanges of time, eyes seen, commands, refusals.
+"""The common part of eye trackers' drivers: time exchanges, tracked eyes, commands, refusals.
 
-A driver adds a codec and says how to connect, what a message holds and which verbs it has. All
-wires are `visavis.devices.transports.MessageTransport`s, so each can be teed to a `.wire` log and
-replayed.
+A driver adds a codec: how to connect, how to read a message, which commands it has. All wires are
+`visavis.devices.transports.MessageTransport`s, so each can be copied to a `.wire` log and replayed.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -67,21 +66,19 @@ class GazeDevice(StreamDevice[Sample]):
         return
 
     def _own_faults(self) -> Iterable[Fault]:
-        """Return what this device alone can find."""
+        """Return the faults that only this device has."""
         return ()
 
     # ---- the contract -----------------------------------------------------------------------
 
     def poll(self, timeout_s: float) -> int:
-        """Take the wire for this thread and decode what came; see the contract."""
+        """Take the wire for this thread and decode new messages; see the contract."""
         if self._life.state in (DeviceState.STREAMING, DeviceState.FAULT):
             self._wire.claim()
         return super().poll(timeout_s)
 
     def put_off(self) -> bool:
-        """Tell whether a later poll may deliver what has come; see
-        `visavis.devices.pump.Postponing`.
-        """
+        """Tell whether delivery can wait for a later poll (`visavis.devices.pump.Postponing`)."""
         if self._put_off is None or self._life.state is not DeviceState.STREAMING:
             return False
         if self._interval_ns is not None and self._clock.now_ns() >= self._next_exchange_ns:
@@ -99,7 +96,7 @@ class GazeDevice(StreamDevice[Sample]):
         super().close()
 
     def check(self) -> tuple[Fault, ...]:
-        """Name everything odd about stream, clock and tracker since start."""
+        """Return the faults of stream, clock and tracker since start."""
         waited_ns = 0 if self._asked_ns is None else self._clock.now_ns() - self._asked_ns
         one_way = not self._exchanges.pairs
         return (
@@ -134,7 +131,7 @@ class GazeDevice(StreamDevice[Sample]):
         raise self._refusal("calibrated from here", "calibrate it in its own program")
 
     def annotate(self, text: str, t_host_ns: int) -> None:
-        """Refuse: this tracker keeps no recording that could be annotated."""
+        """Refuse: this tracker has no recording that could be annotated."""
         raise self._refusal("annotated", "the marker stands in Visavis' own recording")
 
     @property
@@ -151,14 +148,14 @@ class GazeDevice(StreamDevice[Sample]):
             self._jumps_ms.append(jump_ms)
 
     def _to_device_ns(self, t_host_ns: int) -> int:
-        """Map a host time to the device's clock; the time itself while nothing is known."""
-        count, known = len(self._exchanges), self._offset_of
+        """Map a host time to the device's clock; the same time while no offset is known."""
+        count, cache = len(self._exchanges), self._offset_of
         if not count:
             fit = self._one_way.fit()
             return t_host_ns if fit is None else t_host_ns - fit.offset_ns
-        if known is None or known[0] != count:
-            known = self._offset_of = (count, offset_ns(self._exchanges.recent))
-        return t_host_ns - known[1]
+        if cache is None or cache[0] != count:
+            cache = self._offset_of = (count, offset_ns(self._exchanges.recent))
+        return t_host_ns - cache[1]
 
     def _wait_until(
         self, reached: Callable[[], bool], deadline_ns: int, what: str, remedy: str = ""

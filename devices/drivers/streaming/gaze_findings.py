@@ -1,4 +1,4 @@
-"""What an eye tracker's driver noticed, said as faults an operator can act on."""
+"""Faults of an eye tracker, with remedies for the operator."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ MIN_SAMPLES = 20
 
 
 class SeenEyes:
-    """Count in how many of the samples of the last polls each eye was valid."""
+    """Count the samples of the last polls in which each eye was valid."""
 
     def __init__(self, polls: int) -> None:
         self._polls = polls
@@ -42,11 +42,11 @@ def stream_faults(
     unanswered_s: float,
     remedy: str,
 ) -> list[Fault]:
-    """Name what is odd about stream and clock; `remedy` is for a tracker that does not answer."""
-    found: list[Fault] = []
+    """Return faults of stream and clock; `remedy` is for a tracker that does not answer."""
+    faults: list[Fault] = []
 
     def warn(message: str, remedy: str) -> None:
-        found.append(Fault(role, "warning", message, remedy))
+        faults.append(Fault(role, "warning", message, remedy))
 
     if malformed:
         text = f"{malformed} messages could not be read"
@@ -61,16 +61,16 @@ def stream_faults(
             warn(f"{count} {what} time stamps", "restart the tracker if they go on")
     if unanswered_s > ANSWERS_MISSED_S:
         warn(f"no answer to time requests for {unanswered_s:.0f} s", remedy)
-    return found
+    return faults
 
 
 def eye_faults(role: str, seen: SeenEyes) -> list[Fault]:
-    """Name eyes that were hardly seen of late."""
+    """Return faults for eyes that were hardly seen lately."""
     if seen.samples < MIN_SAMPLES:
         return []
     counts = {"left": seen.left, "right": seen.right}
-    lost = [eye for eye, n in counts.items() if n / seen.samples < EYES_LOST_BELOW_01]
+    lost_eyes = [eye for eye, n in counts.items() if n / seen.samples < EYES_LOST_BELOW_01]
     remedy = "adjust the tracker and its wearer, then calibrate again"
-    if len(lost) == len(counts):
+    if len(lost_eyes) == len(counts):
         return [Fault(role, "blocking", "neither eye is seen", remedy)]
-    return [Fault(role, "warning", f"the {eye} eye is not seen", remedy) for eye in lost]
+    return [Fault(role, "warning", f"the {eye} eye is not seen", remedy) for eye in lost_eyes]

@@ -1,4 +1,4 @@
-"""Build rows of canonical gaze from what each eye's tracker says; pure, missing stays NaN."""
+"""Build rows of canonical gaze from the values of each eye; pure, missing stays NaN."""
 
 import math
 import struct
@@ -15,7 +15,7 @@ from visavis.devices.plausible import is_place
 LOST: Triple = (NAN, NAN, NAN)
 MAX_F4 = 3.4e38
 MIN_PUPIL_MM, MAX_PUPIL_MM = 0.5, 20.0
-"""Far outside what pupils do (1.5 to 9 mm): beyond, a number is no diameter."""
+"""Far outside the range of pupils (1.5 to 9 mm): other numbers are no diameter."""
 
 _CODES = {"f4": "f", "?": "?", "u1": "B"}
 _ROW = struct.Struct("<" + "".join(_CODES[f.dtype] * math.prod(f.shape) for f in GAZE.fields))
@@ -32,7 +32,7 @@ class Eye(NamedTuple):
 
 class Sample(NamedTuple):
     """A decoded sample: device time, the device's own counter if any, a row of `GAZE.dtype`, and
-    how open the left and the right eye are where the device tells it.
+    the openness of the left and the right eye if the device measures it.
     """
 
     t_device_ns: int
@@ -45,7 +45,7 @@ NO_EYE = Eye()
 
 
 def unit_triple(x: float, y: float, z: float) -> Triple:
-    """Scale to length one; NaN for what has no direction."""
+    """Scale to length one; NaN if there is no direction."""
     length = math.sqrt(x * x + y * y + z * z) if abs(x) + abs(y) + abs(z) < 1e150 else math.inf
     if not 1e-9 < length < math.inf:
         return LOST
@@ -99,7 +99,7 @@ def gaze_row(
 
 
 def combine(left: Eye, right: Eye) -> tuple[Triple, Triple, int]:
-    """Return the mean line of the eyes that count, where it starts, and which they are."""
+    """Return the mean ray of the usable eyes, its origin, and a mask of these eyes."""
     left_seen, right_seen = left.ray[0] == left.ray[0], right.ray[0] == right.ray[0]
     if left_seen and right_seen and left.valid == right.valid:
         (ax, ay, az), (bx, by, bz) = left.ray, right.ray

@@ -1,7 +1,7 @@
-"""Record any device that tells a sample per line of text, on a serial port or another byte link.
+"""Record any device that sends one sample per line of text, on a serial port or another byte link.
 
-A driver states its columns, what to say when it is opened and how a line is read. The stream is
-named for the role, so that two such devices lie side by side in one recording.
+A driver states its columns, what to write when it is opened and how a line is read. The stream is
+named after the role, so that one recording can hold two such devices.
 """
 
 import math
@@ -25,13 +25,13 @@ from visavis.lab.schema import Field, StreamSchema
 MAX_LINE = 4096
 MAX_STAMP_NS = 2**62
 LOST_PERIODS = 5
-"""A device is away when as many samples in a row did not come, however slow it is."""
+"""A device counts as lost when this many samples in a row are missing, even a slow one."""
 
 
 class Line(NamedTuple):
-    """One sample: the device's own time (None where it tells none), a number per column.
+    """One sample: the device's own time (None if it sends none), a number per column.
 
-    NaN is what is not known: a zero that the device writes for it does not belong here.
+    NaN means unknown; do not pass on a zero that the device writes for it.
     """
 
     t_device_ns: int | None
@@ -71,35 +71,37 @@ class LineDevice(StreamDevice[_Sample]):
 
     @abstractmethod
     def read(self, line: bytes) -> Line | None:
-        """Return the sample of a line, None where it is none; any exception: it is damaged."""
+        """Return the sample of a line; None if it holds none. An exception marks it as damaged."""
 
     def check(self) -> tuple[Fault, ...]:
-        """Name everything odd about the lines since start."""
-        found = list(self._notes.values())
+        """Return the faults of the lines since start."""
+        faults = list(self._notes.values())
         for count, text, remedy in (
             (self._malformed, "lines could not be read", "look at the cable and the baud rate"),
             (self._meter.gaps, "gaps in the stream", "look at the device and its cable"),
             (len(self._one_way.jumps_ms), "jumps of the device's clock", "was it switched off?"),
         ):
             if count:
-                found.append(self._warning(f"{count} {text}", remedy))
-        return tuple(found)
+                faults.append(self._warning(f"{count} {text}", remedy))
+        return tuple(faults)
 
     # ---- inside -----------------------------------------------------------------------------
 
     def _connect(self, deadline_ns: int) -> None:
-        """Wait for a first sample, or, of a device that speaks when it likes, for nothing."""
+        """Wait for a first sample; do not wait for a device without a steady rate."""
         self._resume()
         if not self.rate_hz:
             return
-        heard = 0
+        byte_count = 0
         while (now_ns := self._clock.now_ns()) < deadline_ns:
             for message in self._transport.receive((deadline_ns - now_ns) / NS_PER_S):
-                heard += len(message.frames[0])
+                byte_count += len(message.frames[0])
                 for line in self._lines(message.frames[0]):
                     if self._sample(line, message.t_host_ns) is not None:
                         return
-        text = f"{heard} bytes came, but no sample" if heard else "the device says nothing"
+        text = (
+            f"{byte_count} bytes came, but no sample" if byte_count else "the device says nothing"
+        )
         raise DeviceTimeout(text, remedy=self._spec.remedy)
 
     def _resume(self) -> None:
@@ -123,18 +125,18 @@ class LineDevice(StreamDevice[_Sample]):
 
     def _sample(self, line: bytes, t_host_ns: int) -> _Sample | None:
         try:
-            found = self.read(line)
-            if found is None:
+            reading = self.read(line)
+            if reading is None:
                 return None
-            fits = _fits(self.columns, found)
+            fits = _fits(self.columns, reading)
         except UNREADABLE:
-            fits, found = False, None
+            fits, reading = False, None
         self._seq += 1
-        if not fits or found is None:
+        if not fits or reading is None:
             self._malformed += 1
             return None
-        stamp_ns = t_host_ns if found.t_device_ns is None else found.t_device_ns
-        return _Sample(self._seq, stamp_ns, found.numbers)
+        stamp_ns = t_host_ns if reading.t_device_ns is None else reading.t_device_ns
+        return _Sample(self._seq, stamp_ns, reading.numbers)
 
     def _number(self, sample: _Sample) -> int:
         return sample.seq
@@ -151,7 +153,7 @@ class LineDevice(StreamDevice[_Sample]):
 
 
 def _fits(columns: Sequence[Field], line: Line) -> bool:
-    """Say whether every number has its column and can be held there."""
+    """Tell whether there is one number per column, each within the range of its type."""
     if len(line.numbers) != len(columns):
         return False
     if line.t_device_ns is not None and not abs(line.t_device_ns) < MAX_STAMP_NS:
@@ -190,7 +192,7 @@ class LinkMessages:
         self._link.open(deadline_s)
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Refuse: an answer on a link of bytes is for its codec to find."""
+        """Refuse: on a byte link only the codec can recognise an answer."""
         raise NotImplementedError("post, and read what comes")
 
     def post(self, frames: Frames) -> None:

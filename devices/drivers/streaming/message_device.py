@@ -1,4 +1,4 @@
-"""The life that every driver on a message wire shares: open, start, stop, close, being named."""
+"""The common part of drivers on a message wire: open, start, stop, close, faults."""
 
 import struct
 from abc import ABC, abstractmethod
@@ -27,12 +27,12 @@ UNREADABLE = (
     OverflowError,
     AttributeError,
 )
-"""What taking an answer apart raises when it is none."""
+"""Errors that reading a malformed answer can raise."""
 
 
 @contextmanager
 def legible(what: str, remedy: str) -> Iterator[None]:
-    """Take a peer's answer apart; one that cannot be read is a ProtocolViolation."""
+    """Turn errors while reading a peer's answer into a ProtocolViolation."""
     try:
         yield
     except UNREADABLE as cause:
@@ -48,7 +48,7 @@ def named(problem: DeviceError, role: str, remedy: str) -> DeviceError:
 
 
 class MessageDevice(HasLife, ABC):
-    """Open a wire, say hello, deliver to a sink, close; a driver says what crosses the wire."""
+    """Open a wire, say hello, deliver to a sink, close; a driver adds the messages."""
 
     def __init__(self, role: str, transport: MessageTransport, clock: Clock, spec: AnySpec) -> None:
         self._transport = transport
@@ -67,20 +67,20 @@ class MessageDevice(HasLife, ABC):
         """Say hello on the open wire: identity, version, streams. Raises DeviceError."""
 
     def _prepare(self) -> None:
-        """Forget what was known of an earlier connection; for `open`."""
+        """Forget an earlier connection; for `open`."""
         return
 
     def _subscribe(self) -> None:
-        """Ask the open wire for what it sends by itself, before anything is said."""
+        """Subscribe to the messages that the peer sends by itself, before `_connect`."""
         return
 
     def _begin_stream(self, earlier: Sequence[Message]) -> None:
-        """Prepare for `start`, before anything is delivered, with what came before it."""
+        """Prepare for `start`, before any delivery; `earlier` are the messages before it."""
         return
 
     @abstractmethod
     def _reset(self, now_ns: int) -> None:
-        """Begin counting anew; for `start`."""
+        """Reset all counts; for `start`."""
 
     # ---- the contract -----------------------------------------------------------------------
 
@@ -105,7 +105,7 @@ class MessageDevice(HasLife, ABC):
         self._life.state = DeviceState.OPEN
 
     def start(self, sink: Sink) -> None:
-        """Begin delivering; what came before is thrown away."""
+        """Begin delivering; earlier messages are dropped."""
         self._life.require("start", DeviceState.OPEN)
         earlier = self._transport.receive(0.0)
         self._reset(self._clock.now_ns())
@@ -126,7 +126,7 @@ class MessageDevice(HasLife, ABC):
         self._life.state = DeviceState.CLOSED
 
     def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: its clock is not asked."""
+        """Return nothing: no times are exchanged with its clock."""
         return ()
 
     # ---- for drivers ------------------------------------------------------------------------
@@ -142,7 +142,7 @@ class MessageDevice(HasLife, ABC):
             ) from cause
 
     def _attempt_is_due(self) -> bool:
-        """Tell whether to try and reach a peer that is gone, and remember that it was tried."""
+        """Tell whether an attempt to reach a lost peer is due, and note the attempt if so."""
         now_ns = self._clock.now_ns()
         if now_ns < self._attempt_ns:
             return False

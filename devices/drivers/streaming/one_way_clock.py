@@ -16,8 +16,8 @@ class OneWayClock:
     """Keep, per 100 ms of arrival, the sample with the least arrival − device time.
 
     A device stamp that steps further ahead than the arrivals do by more than 250 ms, or back by
-    more, is a jump: what was kept is forgotten, because no one line fits both sides. Smaller
-    steps are the meter's gaps, repeats and backward stamps.
+    more, is a jump. All samples are then forgotten, because no single line fits both sides. The
+    meter counts smaller steps as gaps, repeats and backward stamps.
     """
 
     def __init__(self) -> None:
@@ -32,12 +32,12 @@ class OneWayClock:
             self._add(device, host)
 
     def restart(self) -> None:
-        """Forget everything kept, as after a reconnect to a device that began anew."""
+        """Forget all samples, as after reconnecting to a device that was restarted."""
         self._best.clear()
         self._last = None
 
     def fit(self) -> ClockFit | None:
-        """Return the lower-envelope fit; None while there is too little."""
+        """Return the lower-envelope fit; None while there are too few samples."""
         if len(self._best) < 2 or self._best[0][0] == self._best[-1][0]:
             return None
         table = np.array(self._best, np.int64)

@@ -1,4 +1,4 @@
-"""How open the eyes are: the second stream of eye trackers that tell it."""
+"""The openness of the eyes: the second stream of eye trackers that measure it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,12 +24,12 @@ OPENNESS = StreamSchema(
 
 
 class GazeAndOpenness(GazeDevice):
-    """Deliver gaze, and with every sample how open both eyes are while `tells_openness`."""
+    """Deliver gaze, and the openness of both eyes with every sample if `tells_openness`."""
 
     tells_openness = True
 
     def describe(self) -> tuple[StreamSchema, ...]:
-        """Return gaze, and how open the eyes are where that is told."""
+        """Return the gaze stream, and that of openness if it is measured."""
         gaze = super().describe()
         return (*gaze, self._of_openness) if self.tells_openness else gaze
 
@@ -48,11 +48,11 @@ class GazeAndOpenness(GazeDevice):
         return super()._values(samples)
 
     def _deliver(self, seqs: Any, stamps: Any, arrivals: Any, values: npt.NDArray[np.void]) -> int:
-        delivered = super()._deliver(seqs, stamps, arrivals, values)
-        if not delivered or self._sink is None or not self.tells_openness:
-            return delivered
+        row_count = super()._deliver(seqs, stamps, arrivals, values)
+        if not row_count or self._sink is None or not self.tells_openness:
+            return row_count
         schema = self._of_openness
         rows = np.array(self._opened, schema.dtype)
         seq, device, host = (np.asarray(column, np.int64) for column in (seqs, stamps, arrivals))
         self._sink(SampleBatch(schema, seq, device, host, rows))
-        return 2 * delivered
+        return 2 * row_count

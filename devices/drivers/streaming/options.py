@@ -32,8 +32,10 @@ class ScreenOptions(GazeTiming, StreamOptions):
 
     def for_driver(self) -> dict[str, Any]:
         """Return the driver's options, the screen as one."""
-        kept = super().for_driver().items()
-        own = {name: value for name, value in kept if name not in ScreenOptions.__annotations__}
+        option_items = super().for_driver().items()
+        own = {
+            name: value for name, value in option_items if name not in ScreenOptions.__annotations__
+        }
         return {**own, "screen": self.screen()}
 
     def for_simulator(self) -> dict[str, Any]:

@@ -2,9 +2,9 @@
 
 
 class SampleNumbers:
-    """Turn a counter, which may begin anew or be missing, into `seq`; `lost` counts the holes.
+    """Turn a counter, which may restart or be missing, into `seq`; `lost` counts the holes.
 
-    A step of more than `most_lost` is a counter that began anew, not a loss.
+    A step of more than `most_lost` is a restarted counter, not a loss.
     """
 
     def __init__(self, most_lost: int) -> None:
@@ -14,7 +14,7 @@ class SampleNumbers:
         self.lost = 0
 
     def reconnected(self) -> None:
-        """Take the next counter as it comes: what was missed meanwhile is a gap, not a loss."""
+        """Accept any next counter: samples missed meanwhile are a gap, not a loss."""
         self._counter = None
 
     def following(self, counter: int | None) -> int:

@@ -14,8 +14,8 @@ class Screen:
 
     The head frame of a screen-based tracker is that of a head which faces the screen upright
     from the viewing place: its axes are the screen's (x right, y up, −z into the screen) and its
-    origin lies `distance_mm` before the screen, `center_right_mm` and `center_up_mm` give where
-    the screen's centre stands as seen from there. Turns of the head are not in it.
+    origin lies `distance_mm` before the screen; `center_right_mm` and `center_up_mm` are the place
+    of the screen's centre as seen from there. Turns of the head do not move this frame.
     """
 
     width_mm: float = 531.0
@@ -38,7 +38,7 @@ class Screen:
         return x + right_m, y - down_m, z + toward_m
 
     def shares_of(self, at: Triple, ray: Triple) -> tuple[float, float]:
-        """Return where a line meets the screen, in shares from its top left; NaN if nowhere."""
+        """Return the point where a ray meets the screen, in shares from its top left, or NaN."""
         if not ray[2] < -1e-6:
             return NAN, NAN
         reach = (-self.distance_mm * 1e-3 - at[2]) / ray[2]

@@ -1,4 +1,4 @@
-"""The life that eye and body trackers share: polling, numbers, one-way clock, reconnecting."""
+"""The common part of eye and body trackers: polling, numbers, one-way clock, reconnecting."""
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
@@ -25,7 +25,7 @@ EVERYTHING = (b"",)
 
 
 class Stamped(Protocol):
-    """A decoded sample, by the device's own time (ns)."""
+    """A decoded sample with the device's own time (ns)."""
 
     @property
     def t_device_ns(self) -> int:
@@ -39,8 +39,8 @@ S = TypeVar("S", bound=Stamped)
 class StreamDevice(MessageDevice, Generic[S]):
     """Deliver one stream of samples that a peer sends by itself.
 
-    The peer counts as lost when nothing came for `lost_after_s`; the driver then tries again
-    twice a second by itself and goes on with the first sample.
+    The peer counts as lost when nothing came for `lost_after_s`. The driver then tries to connect
+    twice a second by itself and goes on with the first new sample.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class StreamDevice(MessageDevice, Generic[S]):
 
     @abstractmethod
     def _decode(self, message: Message) -> Iterable[S]:
-        """Return the samples a message completes; count what cannot be read."""
+        """Return the samples that a message completes; count unreadable messages."""
 
     @abstractmethod
     def _number(self, sample: S) -> int | None:
@@ -81,11 +81,11 @@ class StreamDevice(MessageDevice, Generic[S]):
         self._transport.subscribe(0, EVERYTHING)
 
     def _resume(self) -> None:
-        """Ask for the stream again after the wire was opened anew; must not wait."""
+        """Ask for the stream again after the wire was reopened; must not wait."""
         return
 
     def _came_back(self) -> None:
-        """Take note that a peer that was gone is there again."""
+        """Note that a lost peer is back."""
         return
 
     def _tick(self, now_ns: int) -> None:
@@ -99,7 +99,7 @@ class StreamDevice(MessageDevice, Generic[S]):
         return (self._schema,)
 
     def poll(self, timeout_s: float) -> int:
-        """Decode what came; see the contract. While the peer is gone, try again."""
+        """Decode new messages; see the contract. While the peer is lost, try to reconnect."""
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
             return self._reconnect(timeout_s)
@@ -107,13 +107,13 @@ class StreamDevice(MessageDevice, Generic[S]):
             messages = self._transport.receive(timeout_s)
         except DeviceDisconnected as gone:
             raise self._lose(gone) from gone
-        delivered = self._take(messages) if messages else 0
+        row_count = self._take(messages) if messages else 0
         now_ns = self._clock.now_ns()
         if now_ns - self._heard_ns > self._lost_after_ns:
             quiet_s = (now_ns - self._heard_ns) / NS_PER_S
             raise self._lose(DeviceDisconnected(f"nothing came for {quiet_s:.1f} s"))
         self._tick(now_ns)
-        return delivered
+        return row_count
 
     def health(self) -> Health:
         """Report deliveries and the clock's fit."""
@@ -141,7 +141,7 @@ class StreamDevice(MessageDevice, Generic[S]):
     def _reset(self, now_ns: int) -> None:
         rate_hz = self._schema.nominal_rate_hz
         self._meter = StreamMeter(rate_hz)
-        if rate_hz:  # opening anew loses what is under way: a sample must have time to come
+        if rate_hz:  # reopening loses data under way: leave time for a sample to come
             slow_ns = round(ATTEMPT_PERIODS * NS_PER_S / rate_hz)
             self._attempt_every_ns = max(ATTEMPT_EVERY_NS, slow_ns)
         self._one_way = OneWayClock()
@@ -176,20 +176,22 @@ class StreamDevice(MessageDevice, Generic[S]):
         return len(values)
 
     def _lose(self, gone: DeviceError) -> DeviceError:
-        """Count the peer as gone and return what to raise."""
+        """Mark the peer as lost and return the error to raise."""
         self._life.state = DeviceState.FAULT
         self._attempt_ns = self._clock.now_ns()
         return named(gone, self.info.role, self._spec.remedy)
 
     def _reconnect(self, timeout_s: float) -> int:
-        """Try to reach the peer; what fails was told already, and the next attempt follows."""
+        """Try to reach the peer; its loss has been reported, so a failed attempt raises nothing."""
         try:
             if self._attempt_is_due():
                 self._transport.close()
                 self._transport.open(ATTEMPT_S)
                 self._subscribe()
                 self._resume()
-                if not self._schema.nominal_rate_hz:  # it may say nothing for long: it is there
+                if (
+                    not self._schema.nominal_rate_hz
+                ):  # it may be silent for long: an open wire is enough
                     self._back()
             messages = self._transport.receive(timeout_s)
         except DeviceError as problem:
@@ -202,10 +204,10 @@ class StreamDevice(MessageDevice, Generic[S]):
         if not messages:
             return 0
         self._came_back()
-        delivered = self._take(messages)
-        if delivered:
+        row_count = self._take(messages)
+        if row_count:
             self._back()
-        return delivered
+        return row_count
 
     def _back(self) -> None:
         self._note("away", None)

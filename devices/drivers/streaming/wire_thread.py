@@ -10,7 +10,7 @@ from visavis.lab.errors import DeviceError, DeviceTimeout
 
 
 class WireThread:
-    """Whose a wire is now, and what other threads want done on it."""
+    """The thread that owns a wire now, and the commands of other threads for it."""
 
     def __init__(self, role: str, *, remedy: str, timeout_s: float) -> None:
         self._role = role
@@ -25,7 +25,7 @@ class WireThread:
         return self._owner not in (None, threading.get_ident())
 
     def claim(self) -> None:
-        """Take the wire for this thread and do what others asked for."""
+        """Take the wire for this thread and run the commands of other threads."""
         self._owner = threading.get_ident()
         while self._mailbox:
             command, done = self._mailbox.popleft()
@@ -37,7 +37,7 @@ class WireThread:
                 done.set_result(None)
 
     def later(self, command: Callable[[], None], failed: Callable[[DeviceError], None]) -> None:
-        """Run a command in the thread that polls without waiting; `failed` hears of its error."""
+        """Run a command in the thread that polls without waiting; `failed` gets its error."""
 
         def tried() -> None:
             try:

@@ -1,6 +1,6 @@
 """Put the session's marks as codes on lines: parallel port, serial box, LabJack, LSL.
 
-A mark is written from the thread that makes it, at once; the end of its pulse, and marks that have
+A mark is written at once, from the thread that makes it. The end of its pulse, and marks that have
 to wait for it, are written while the device is polled. Every pulse is a row of its stream.
 """
 
@@ -33,13 +33,13 @@ PULSES = (
     Field("t_released_ns", "i8", "ns", description="when the end of the pulse was taken"),
 )
 """A row is stamped (`t_host_ns`) when its code was taken. The code rose between `t_before_ns` and
-`t_after_ns`, but for a delay of the device itself."""
+`t_after_ns`, plus any delay of the device itself."""
 
 
 class TriggerOut(HasLife):
     """Follow the `Device` and `TriggerOutput` contracts on a wire where a byte sets the lines.
 
-    `codes` gives the code, 1 to 255, of every mark that is sent; other marks are not.
+    `codes` gives the code, 1 to 255, of every mark to send; other marks are not sent.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class TriggerOut(HasLife):
             self._life.state = DeviceState.STREAMING
 
     def trigger(self, mark: str, t_ns: int) -> bool:
-        """Send the code of a mark, if it has one; say whether it has. Never raises."""
+        """Send the code of a mark, if it has one; return whether it has. Never raises."""
         code = self._codes.get(mark)
         if code is None or self._life.state not in (DeviceState.STREAMING, DeviceState.FAULT):
             return False
@@ -113,7 +113,7 @@ class TriggerOut(HasLife):
         return True
 
     def poll(self, timeout_s: float) -> int:
-        """End pulses that have stood long enough; deliver those that ended. See the contract."""
+        """End pulses that are due, and deliver the ended ones; see the contract."""
         self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
         if self._life.state is DeviceState.FAULT and self._gone is None:
             self._reconnect(timeout_s)
@@ -123,13 +123,13 @@ class TriggerOut(HasLife):
             if self._life.state is DeviceState.STREAMING:
                 self._write_what_is_due()
                 self._hear()
-            delivered = self._deliver()
-            gone, self._gone = self._gone, None
-        if gone is not None:
+            row_count = self._deliver()
+            problem, self._gone = self._gone, None
+        if problem is not None:
             raise DeviceDisconnected(
-                str(gone), role=self.info.role, remedy=self._spec.remedy
-            ) from gone
-        return delivered
+                str(problem), role=self.info.role, remedy=self._spec.remedy
+            ) from problem
+        return row_count
 
     def stop(self) -> None:
         """Bring the lines low and stop sending; the wire stays open."""
@@ -154,8 +154,8 @@ class TriggerOut(HasLife):
         return self._meter.health(self.state, self._clock.now_ns())
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell of marks that never reached the lines, and of answers that speak of errors."""
-        found = []
+        """Report marks that never reached the lines, and answers with errors."""
+        faults = []
         for count, text in (
             (self._lost, "marks never reached the lines"),
             (self._refused, "codes were refused by the device"),
@@ -163,8 +163,8 @@ class TriggerOut(HasLife):
         ):
             if count:
                 fault = Fault(self.info.role, "warning", f"{count} {text}", self._spec.remedy)
-                found.append(fault)
-        return tuple(found)
+                faults.append(fault)
+        return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return nothing: lines have no clock."""
@@ -199,7 +199,7 @@ class TriggerOut(HasLife):
                     return
 
     def _wait(self, timeout_s: float) -> None:
-        """Wait until the lines have to change, or a mark comes; with 0 not at all."""
+        """Wait until the lines have to change, or a mark comes; 0 does not wait."""
         due_ns = self._train.due_ns()
         now_ns = self._clock.now_ns()
         if due_ns is not None:
@@ -250,10 +250,10 @@ class TriggerOut(HasLife):
         self._drop()
 
     def _drop(self, released_ns: int = NO_DEVICE_TIME) -> None:
-        """Record the pulse that stood, and that the marks which wait were never sent."""
-        stood, never = self._train.forget()
-        if stood is not None:
-            self._row(stood, *self._begun.pop(stood.number), released_ns)
+        """Record the pulse on the lines, and the waiting marks as never sent."""
+        active_pulse, never = self._train.forget()
+        if active_pulse is not None:
+            self._row(active_pulse, *self._begun.pop(active_pulse.number), released_ns)
         for pulse in never:
             self._lost += 1
             self._row(pulse, NO_DEVICE_TIME, NO_DEVICE_TIME, NO_DEVICE_TIME)
@@ -273,7 +273,7 @@ class TriggerOut(HasLife):
             self._clock.sleep_until_ns(now_ns + round(timeout_s * NS_PER_S))
 
     def _rest(self) -> None:
-        """Bring the lines low, whatever stood on them."""
+        """Bring the lines low, and end a pulse on them."""
         released_ns = NO_DEVICE_TIME
         if self._life.state is not DeviceState.FAULT:
             with contextlib.suppress(DeviceError):  # it is gone, and so are its lines
@@ -285,16 +285,16 @@ class TriggerOut(HasLife):
             return 0
         rows, self._rows = self._rows, []
         values = np.array([row[1:] for row in rows], np.int64)
-        packed = np.zeros(len(rows), self._schema.dtype)
+        pulse_rows = np.zeros(len(rows), self._schema.dtype)
         for column, field in zip(values.T, self._schema.fields, strict=True):
-            packed[field.name] = column
+            pulse_rows[field.name] = column
         now_ns = self._clock.now_ns()
         numbers = np.arange(self._seq, self._seq + len(rows))
         self._seq += len(rows)
         nothing = np.full(len(rows), NO_DEVICE_TIME)
         self._meter.update(values[:, 3].tolist(), now_ns)
         host = np.where(values[:, 3] == NO_DEVICE_TIME, now_ns, values[:, 3])  # t_after_ns
-        self._sink(SampleBatch(self._schema, numbers, nothing, host, packed))
+        self._sink(SampleBatch(self._schema, numbers, nothing, host, pulse_rows))
         return len(rows)
 
 

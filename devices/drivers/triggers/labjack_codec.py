@@ -1,6 +1,6 @@
 """Low-level function Feedback of LabJack's U3 and U6: eight lines EIO0-7 set at once.
 
-Held against LabJackPython, which packs the same bytes. Source: U3 User's Guide, 5.2.5.
+Compared with LabJackPython, which packs the same bytes. Source: U3 User's Guide, 5.2.5.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ def set_lines(code: int) -> bytes:
 
 
 class AnswerReader:
-    """Find answers to Feedback in bytes cut anywhere; `damaged` counts bytes that are none."""
+    """Find answers to Feedback, however chunked; `damaged` counts bytes outside of them."""
 
     def __init__(self) -> None:
         self._rest = b""
@@ -43,14 +43,14 @@ class AnswerReader:
         """Yield the error code of every answer, 0 where it was carried out."""
         self._rest += data
         while len(self._rest) >= HEADER:
-            found = _answer(self._rest)
-            if found is None:
+            answer_length = _answer(self._rest)
+            if answer_length is None:
                 self.damaged += 1
                 self._rest = self._rest[1:]
-            elif len(self._rest) < found:
+            elif len(self._rest) < answer_length:
                 return
             else:
-                packet, self._rest = self._rest[:found], self._rest[found:]
+                packet, self._rest = self._rest[:answer_length], self._rest[answer_length:]
                 total = sum(packet[HEADER:]) & 0xFFFF
                 if packet[4] | packet[5] << 8 == total:
                     yield packet[6]
@@ -59,7 +59,7 @@ class AnswerReader:
 
 
 def _answer(data: bytes) -> int | None:
-    """Return how long the answer is that begins here; None where none does."""
+    """Return the length of the answer that begins here; None if none does."""
     if data[1] != COMMAND or data[3] != 0 or not 0 < data[2] <= 29:
         return None
     return HEADER + 2 * data[2] if data[0] == _folded(data[1:HEADER]) else None

@@ -1,6 +1,6 @@
-"""Wires of triggers that are no serial port: a parallel port, an LSL outlet of markers.
+"""Wires of triggers other than serial ports: a parallel port, an LSL outlet of markers.
 
-Each is a `ByteLink` on which a byte is what the lines show from then on.
+Each is a `ByteLink` on which a byte sets the lines until the next one.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ PARALLEL_REMEDY = (
 
 
 class _Lines:
-    """What links have in common that only write: reading waits, and nothing ever comes."""
+    """The common part of links that only write: reading waits and returns nothing."""
 
     is_simulated = False
 
@@ -31,7 +31,7 @@ class _Lines:
         self._clock = clock
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
-        """Wait, and return nothing: the lines say nothing back."""
+        """Wait, and return nothing: the lines do not answer."""
         if timeout_s > 0:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
         return ()
@@ -50,7 +50,7 @@ class ParallelLink(_Lines):
     """The eight data lines D0-D7 (pins 2-9) of a parallel port.
 
     `port` is a device of Linux's ppdev ("/dev/parport0"), or on Windows the port's address
-    ("0x378"), which the library inpoutx64 writes to. `library` stands for it in tests.
+    ("0x378"), to which the library inpoutx64 writes. `library` replaces it in tests.
     """
 
     def __init__(self, clock: Clock, port: str, library: Any = None) -> None:
@@ -103,18 +103,18 @@ class ParallelLink(_Lines):
 
 
 def _claimed(port: str) -> int:
-    opened = -1
+    handle = -1
     try:
-        opened = os.open(port, os.O_RDWR)
-        _ask(opened, PPEXCL)
-        _ask(opened, PPCLAIM)
-        _ask(opened, PPDATADIR, struct.pack("i", 0))
+        handle = os.open(port, os.O_RDWR)
+        _ask(handle, PPEXCL)
+        _ask(handle, PPCLAIM)
+        _ask(handle, PPDATADIR, struct.pack("i", 0))
     except OSError as cause:
-        if opened >= 0:
-            os.close(opened)
+        if handle >= 0:
+            os.close(handle)
         text = f"cannot use {port}: {cause.strerror or cause}"
         raise DeviceNotFound(text, remedy=PARALLEL_REMEDY) from cause
-    return opened
+    return handle
 
 
 def _release(handle: int) -> None:

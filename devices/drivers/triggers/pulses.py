@@ -1,6 +1,6 @@
-"""Put codes on lines one after another: how long each stands, and how long nothing stands between.
+"""Put codes on lines one after another, each for a fixed time and with a rest between them.
 
-Pure: time comes in, what has to be written comes out.
+Pure: it takes times and returns the steps to write.
 """
 
 from collections import deque
@@ -20,14 +20,14 @@ class Pulse:
 
 @dataclass(frozen=True)
 class Step:
-    """What is due on the lines: a pulse that begins, or the end of the one that stands."""
+    """The next change of the lines: the beginning of a pulse, or the end of the present one."""
 
     pulse: Pulse
     begins: bool
 
 
 class PulseTrain:
-    """Codes wait for the one before: each stands `width_ms`, then the lines rest `settle_ms`."""
+    """Codes in a queue: each is on the lines for `width_ms`, then they rest for `settle_ms`."""
 
     def __init__(self, width_ms: float, settle_ms: float) -> None:
         self._width_ns = round(width_ms * NS_PER_MS)
@@ -38,20 +38,20 @@ class PulseTrain:
         self._count = 0
 
     def ask(self, code: int, t_ns: int) -> int:
-        """Put a code in the line; return its number."""
+        """Add a code to the queue; return its number."""
         pulse = Pulse(self._count, code, t_ns)
         self._waiting.append(pulse)
         self._count += 1
         return pulse.number
 
     def due_ns(self) -> int | None:
-        """Return when the lines have to change next; None while nothing is asked."""
+        """Return the time of the next change of the lines; None while the queue is empty."""
         if self._standing is not None:
             return self._since_ns + self._width_ns
         return self._since_ns + self._settle_ns if self._waiting else None
 
     def step(self, t_ns: int) -> Step | None:
-        """Return what is due by now, if anything; tell `written` when it was done."""
+        """Return the step that is due, if any; call `written` when it was done."""
         due_ns = self.due_ns()
         if due_ns is None or t_ns < due_ns:
             return None
@@ -60,7 +60,7 @@ class PulseTrain:
         return Step(self._waiting[0], begins=True)
 
     def written(self, step: Step, t_ns: int) -> None:
-        """Take note that a step was written at this time."""
+        """Note that a step was written at this time."""
         self._since_ns = t_ns
         if step.begins:
             self._standing = self._waiting.popleft()
@@ -68,8 +68,8 @@ class PulseTrain:
             self._standing = None
 
     def forget(self) -> tuple[Pulse | None, list[Pulse]]:
-        """Drop everything; return the pulse that stood, and those that never began."""
-        stood, never = self._standing, list(self._waiting)
+        """Drop everything; return the pulse on the lines, and those that never began."""
+        active_pulse, never = self._standing, list(self._waiting)
         self._waiting.clear()
         self._standing = None
-        return stood, never
+        return active_pulse, never

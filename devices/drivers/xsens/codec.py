@@ -89,7 +89,7 @@ def decode_datagram(data: bytes) -> Datagram | str | None:
 
 
 class Assembler:
-    """Put the datagrams of a sample together, in whatever order they come.
+    """Put the datagrams of a sample together, in any order of arrival.
 
     `incomplete` counts samples given up because a part never came.
     """
@@ -116,15 +116,15 @@ class Assembler:
 
 
 def decode_pose(sample: int, time_code_ms: int, items: bytes) -> Pose:
-    """Return the pose of whole items; a segment that is absent or no pose is NaN, not valid."""
+    """Return the pose of whole items; absent or malformed segments are NaN and not valid."""
     rows = np.frombuffer(items, SEGMENT_DTYPE)
     n = len(SEGMENTS)
     position = np.full((n, 3), np.nan)
     turn = np.full((n, 4), np.nan)
     valid = np.zeros(n, np.bool_)
     ids = rows["id"].astype(np.int64)
-    known = (ids >= 1) & (ids <= BODY_SEGMENTS)
-    at = _ROWS[np.where(known, ids, 0)]
+    is_known = (ids >= 1) & (ids <= BODY_SEGMENTS)
+    at = _ROWS[np.where(is_known, ids, 0)]
     with np.errstate(invalid="ignore", over="ignore"):
         q = rows["turn"].astype(np.float64)
         p = rows["position"].astype(np.float64)

@@ -2,7 +2,7 @@
 
 Codec: `visavis.devices.drivers.xsens.codec`. The stream goes one way: MVN's time code (ms since its
 session began) is `t_device_ns`, and `health` fits it to the host's clock by the lower envelope of
-the arrivals. MVN's z-up world becomes ours; where its x axis points is where −z points.
+the arrivals. MVN's z-up world becomes ours; its x axis becomes our −z.
 """
 
 from collections.abc import Iterable
@@ -46,13 +46,13 @@ class XsensMvn(BodyDevice):
         while (now_ns := self._clock.now_ns()) < deadline_ns:
             left_s = (deadline_ns - now_ns) / 1e9
             for message in self._transport.receive(min(0.05, left_s)):
-                found = codec.decode_datagram(message.frames[0])
-                if isinstance(found, codec.Datagram):
+                datagram = codec.decode_datagram(message.frames[0])
+                if isinstance(datagram, codec.Datagram):
                     return
-                if found is not None:
-                    others.add(found)
-        heard = f"only types {', '.join(sorted(others))}" if others else "nothing"
-        raise DeviceTimeout(f"heard {heard} from MVN in time", remedy=XSENS.remedy)
+                if datagram is not None:
+                    others.add(datagram)
+        summary = f"only types {', '.join(sorted(others))}" if others else "nothing"
+        raise DeviceTimeout(f"heard {summary} from MVN in time", remedy=XSENS.remedy)
 
     def _decode(self, message: Message) -> Iterable[BodySample]:
         datagram = codec.decode_datagram(message.frames[0])
