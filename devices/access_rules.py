@@ -61,9 +61,9 @@ def access_rules(devices: Mapping[str, DeviceConfig]) -> AccessRules:
 
 def _without_numbers(role: str, wire: str, port: object) -> str:
     if wire == "serial port":
-        named = f" ({port})" if port and re.match(r"[\w/.:-]+$", str(port)) else ""
+        hint = f" ({port})" if port and re.match(r"[\w/.:-]+$", str(port)) else ""
         return (
-            f"{role}: its port is not known by vid and pid{named}; give both, or join the group of "
+            f"{role}: its port is not known by vid and pid{hint}; give both, or join the group of "
             f"serial ports and log in again: sudo usermod -aG {SERIAL_GROUP} $USER"
         )
     return (

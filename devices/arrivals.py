@@ -38,7 +38,7 @@ class Arrivals:
                 self._something.wait(timeout_s)
             messages = list(self._messages)
             self._messages.clear()
-            gone = self._gone
-        if gone and not messages:
-            raise DeviceDisconnected(gone, remedy=remedy)
+            reason = self._gone
+        if reason and not messages:
+            raise DeviceDisconnected(reason, remedy=remedy)
         return messages

@@ -128,10 +128,10 @@ def _stream(
 ) -> None:
     if not running:
         return
-    paced = [r.device for r in running.values() if hasattr(r.device, "wait_frame")]
-    headset = cast(Headset, paced[0]) if paced else None
+    headsets = [r.device for r in running.values() if hasattr(r.device, "wait_frame")]
+    headset = cast(Headset, headsets[0]) if headsets else None
     start_ns = clock.now_ns()
-    settled = False
+    is_settled = False
     while (now_ns := clock.now_ns()) < start_ns + round((SETTLE_S + seconds) * NS_PER_S):
         if headset is not None:
             headset.submit(headset.wait_frame(), ())
@@ -145,8 +145,8 @@ def _stream(
                 one.events += [f"{e.kind}: {e.message}" for e in events]
         guard.tick()
         since_s = (clock.now_ns() - start_ns) / NS_PER_S
-        if not settled and since_s >= SETTLE_S and not clock.is_virtual:
-            settled = True
+        if not is_settled and since_s >= SETTLE_S and not clock.is_virtual:
+            is_settled = True
             for one in running.values():
                 one.batches.clear()
         if tick is not None:

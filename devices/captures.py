@@ -34,19 +34,19 @@ def device_of(path: Path, log: WireLog, driver: str | None = None) -> DeviceConf
         UsageError: the file names no driver and none was given.
         DataError: it names one that is not known here.
     """
-    named = driver or str(log.note.get("driver", ""))
-    if not named:
+    driver_name = driver or str(log.note.get("driver", ""))
+    if not driver_name:
         raise UsageError(
             f"{path} does not name its driver; add --driver NAME (see `visavis devices list`)"
         )
-    if named not in driver_names():
-        known = f"known here: {', '.join(driver_names())}"
+    if driver_name not in driver_names():
+        choices = f"known here: {', '.join(driver_names())}"
         if driver:
-            raise UsageError(f"unknown driver {named!r}; {known}")
-        raise DataError(f"{path} is from driver {named!r}, which is not installed; {known}")
-    options = log.note.get("options", {}) if named == log.note.get("driver") else {}
+            raise UsageError(f"unknown driver {driver_name!r}; {choices}")
+        raise DataError(f"{path} is from driver {driver_name!r}, which is not installed; {choices}")
+    options = log.note.get("options", {}) if driver_name == log.note.get("driver") else {}
     role = str(log.note.get("role", ROLE))
-    return DeviceConfig(role=role, driver=named, simulated=False, options=_lists(options))
+    return DeviceConfig(role=role, driver=driver_name, simulated=False, options=_lists(options))
 
 
 def _lists(value: Any) -> Any:

@@ -64,8 +64,8 @@ class UdpTransport:
                 member = self._bound(("", self._group[1]))
                 self._sockets.append(member)
                 ours = self._local[0] or "0.0.0.0"  # noqa: S104 - any interface may hear the group
-                joined = socket.inet_aton(self._group[0]) + socket.inet_aton(ours)
-                member.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, joined)
+                membership = socket.inet_aton(self._group[0]) + socket.inet_aton(ours)
+                member.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
         except OSError as cause:
             self.close()
             raise DeviceNotFound(
@@ -115,13 +115,15 @@ class UdpTransport:
         self._sockets = []
 
     def _bound(self, address: tuple[str, int]) -> socket.socket:
-        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        udp_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, int(self._group is not None))
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-            made.setblocking(False)
-            made.bind(address)
+            udp_socket.setsockopt(
+                socket.SOL_SOCKET, socket.SO_REUSEADDR, int(self._group is not None)
+            )
+            udp_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+            udp_socket.setblocking(False)
+            udp_socket.bind(address)
         except OSError:
-            made.close()
+            udp_socket.close()
             raise
-        return made
+        return udp_socket

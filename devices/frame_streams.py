@@ -56,7 +56,7 @@ class FrameStreams:
 
     def deliver(self, sink: Sink | None) -> int:
         """Hand over what is held where somebody takes it; return the number of rows."""
-        delivered = 0
+        row_count = 0
         while self.held and sink is not None:
             batch = self.held.popleft()
             if batch.schema is self.head:
@@ -64,8 +64,8 @@ class FrameStreams:
             else:
                 self._timing_rows += 1
             sink(batch)
-            delivered += 1
-        return delivered
+            row_count += 1
+        return row_count
 
     def health(self, state: DeviceState, now_ns: int) -> Health:
         """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""

@@ -16,9 +16,9 @@ class Lifecycle:
     def require(self, method: str, *allowed: DeviceState) -> None:
         """Raise DeviceError unless the state is one of those allowed."""
         if self.state not in allowed:
-            wanted = " or ".join(state.value for state in allowed)
+            states_text = " or ".join(state.value for state in allowed)
             raise DeviceError(
-                f"{method}() needs the device {wanted}, but it is {self.state.value}",
+                f"{method}() needs the device {states_text}, but it is {self.state.value}",
                 role=self._role,
                 remedy="call open() and start() in this order",
             )

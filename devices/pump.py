@@ -166,18 +166,18 @@ class Pump:
             return 0
         if self._running and self._thread is None and self._due_ns() <= self._clock.now_ns():
             self._poll(0.0)
-        delivered = self._hand_over() if self._queue else 0
+        sample_count = self._hand_over() if self._queue else 0
         if self._running and self._silence_ns is not None:
             self._watch(self._clock.now_ns())
-        return delivered
+        return sample_count
 
     def faults(self) -> tuple[Fault, ...]:
         """Return what is wrong now: the pump's findings, then the device's own."""
-        found: list[Fault] = []
+        faults: list[Fault] = []
         if self._failure is not None:
-            found.append(self._failure)
+            faults.append(self._failure)
         elif self._lost_ns is not None:
-            found.append(
+            faults.append(
                 Fault(self._role, "blocking", "disconnected; reconnecting", _RECONNECT_REMEDY)
             )
         elif self._quiet:
@@ -185,11 +185,11 @@ class Pump:
             severity: Literal["warning", "blocking"] = (
                 "blocking" if self._quiet == "stalled" else "warning"
             )
-            found.append(
+            faults.append(
                 Fault(self._role, severity, f"no data for {quiet_ms:.0f} ms", _SILENCE_REMEDY)
             )
         if self._dropped:
-            found.append(
+            faults.append(
                 Fault(
                     self._role,
                     "warning",
@@ -197,7 +197,7 @@ class Pump:
                     "close other programs on this computer",
                 )
             )
-        return (*found, *self.device.check())
+        return (*faults, *self.device.check())
 
     def take_events(self) -> tuple[PumpEvent, ...]:
         """Return the events since the last call, oldest first."""
@@ -225,16 +225,16 @@ class Pump:
         self._queue.append(batch)
 
     def _hand_over(self) -> int:
-        delivered = 0
+        sample_count = 0
         queue, sink = self._queue, self._sink
         while queue:
             batch = queue.popleft()
             sink(batch)
-            delivered += batch.seq.shape[0]
+            sample_count += batch.seq.shape[0]
         if self._dropped > self._dropped_told:
-            lost, self._dropped_told = self._dropped - self._dropped_told, self._dropped
-            self._tell("dropped", "warning", f"{lost} samples dropped: the session was too slow")
-        return delivered
+            count, self._dropped_told = self._dropped - self._dropped_told, self._dropped
+            self._tell("dropped", "warning", f"{count} samples dropped: the session was too slow")
+        return sample_count
 
     def _run(self) -> None:
         while not self._stopping.is_set() and self._failure is None:
@@ -250,7 +250,7 @@ class Pump:
         if self._lost_ns is not None and self._clock.now_ns() < self._retry_ns:
             return
         try:
-            received = self.device.poll(timeout_s)
+            sample_count = self.device.poll(timeout_s)
         except DeviceDisconnected as gone:
             self._lose(gone)
             return
@@ -265,7 +265,7 @@ class Pump:
             return
         if self._lost_ns is not None and self.device.state is DeviceState.STREAMING:
             self._recover()
-        if received:
+        if sample_count:
             self._last_ns = self._clock.now_ns()
 
     def _lose(self, gone: DeviceDisconnected) -> None:

@@ -126,9 +126,9 @@ class SegmentWatch:
 
         Those in which it could not be known yet are among them; the first, true one is not.
         """
-        found = np.zeros(position_m.shape[:2], bool)
-        _look_at_all(t_ns, position_m, orientation_wxyz, found, *self._state)
-        return found
+        is_repeat = np.zeros(position_m.shape[:2], bool)
+        _look_at_all(t_ns, position_m, orientation_wxyz, is_repeat, *self._state)
+        return is_repeat
 
 
 @compiled
@@ -159,7 +159,7 @@ def _look(
     for c in range(2):
         first, width = 3 * c, 3 + c
         pose = position if c == 0 else turn
-        tracked = changed = 0
+        tracked_count = changed_count = 0
         for s in range(n):
             how[s, c] = _SAME
             for k in range(width):
@@ -169,8 +169,8 @@ def _look(
                 elif new != old and how[s, c] == _SAME:
                     how[s, c] = _CHANGED
                 last[s, first + k] = new
-            tracked += how[s, c] != _UNKNOWN
-            changed += how[s, c] == _CHANGED
+            tracked_count += how[s, c] != _UNKNOWN
+            changed_count += how[s, c] == _CHANGED
         for s in range(n):
             if how[s, c] != _SAME:
                 still_ns[s, c] = 0
@@ -180,10 +180,13 @@ def _look(
                 if changed_ns[s, c] > limit_ns:
                     moved[s, c] = True
                 continue
-            if changed > 0:
+            if changed_count > 0:
                 changed_ns[s, c] = 0
-                most_rest = tracked if c == 0 else _LIMB
-                if 2 * changed > tracked - 1 and tracked - changed <= most_rest:
+                most_rest = tracked_count if c == 0 else _LIMB
+                if (
+                    2 * changed_count > tracked_count - 1
+                    and tracked_count - changed_count <= most_rest
+                ):
                     still_ns[s, c] += gap_ns
                 elif not frozen[s, c]:
                     still_ns[s, c] = 0

@@ -17,14 +17,14 @@ class SharedBody:
         self._lock = threading.RLock()
 
     def __getattr__(self, name: str) -> Any:
-        found = getattr(self._body, name)
-        if not callable(found):
-            return found
+        attribute = getattr(self._body, name)
+        if not callable(attribute):
+            return attribute
         lock = self._lock
 
         def alone(*args: Any, **kwargs: Any) -> Any:
             with lock:
-                return found(*args, **kwargs)
+                return attribute(*args, **kwargs)
 
         self.__dict__[name] = alone  # found at once from now on
         return alone

@@ -47,7 +47,7 @@ def is_installed(library: Library) -> bool:
 
 def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
     """Return every configured role."""
-    found = []
+    states = []
     for role, device in lab.devices.items():
         facts = driver_spec(device.driver)
         missing = _missing(facts)
@@ -59,8 +59,8 @@ def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
             runtime = facts.wire.runtime
             state = f"needs {RUNTIMES[runtime]}" if runtime else "ready to be tested"
             state = missing or state
-        found.append(RoleState(role, device.driver, device.simulated, not needs, state))
-    return tuple(found)
+        states.append(RoleState(role, device.driver, device.simulated, not needs, state))
+    return tuple(states)
 
 
 def driver_states() -> tuple[DriverState, ...]:

@@ -164,12 +164,12 @@ frames, silenced at the end of a time to live, and so on."""
 
 def body_schema(segments: Sequence[str], rate_hz: float) -> StreamSchema:
     """Return the stream of a body tracker: every segment, every sample, in a fixed order."""
-    n, listed = len(segments), " ".join(segments)
+    n, segment_list = len(segments), " ".join(segments)
     return StreamSchema(
         name="body",
         nominal_rate_hz=rate_hz,
         fields=(
-            Field("position_m", "f4", "m", "world", (n, 3), f"origins of: {listed}"),
+            Field("position_m", "f4", "m", "world", (n, 3), f"origins of: {segment_list}"),
             Field("orientation_wxyz", "f4", "1", "world", (n, 4), "identity in a T-pose to −z"),
             Field("valid", "?", "", shape=(n,), description="segment was tracked"),
         ),

@@ -204,9 +204,9 @@ class MemoryTransport:
 
     def _arrived(self, now_ns: int) -> Sequence[Message]:
         self._peer.advance(now_ns)
-        published = self._peer.outgoing(now_ns)
+        all_messages = self._peer.outgoing(now_ns)
         topics = self._topics
-        messages = [m for m in published if m.frames[0].startswith(topics)] if topics else []
+        messages = [m for m in all_messages if m.frames[0].startswith(topics)] if topics else []
         if self._replies and self._replies[0].t_host_ns <= now_ns:
             while self._replies and self._replies[0].t_host_ns <= now_ns:
                 messages.append(self._replies.popleft())

@@ -46,7 +46,7 @@ def read_wire_log(path: Path) -> WireLog:
     """Read a `.wire` file up to its last whole record; raises DataError when it is none."""
     messages: list[Message] = []
     exchanges: list[tuple[Frames, Exchange]] = []
-    sent: list[Message] = []
+    sent_messages: list[Message] = []
     with path.open("rb") as file:
         records = msgpack.Unpacker(file, use_list=False)
         try:
@@ -73,7 +73,7 @@ def read_wire_log(path: Path) -> WireLog:
                     exchanges.append((request, Exchange(answer, send_ns, receive_ns)))
                 elif kind == _SENT:
                     t_host_ns, frames = fields
-                    sent.append(Message(t_host_ns, frames))
+                    sent_messages.append(Message(t_host_ns, frames))
             except (TypeError, ValueError) as cause:
                 raise DataError(f"{path}: record {number} is no wire log record") from cause
     return WireLog(
@@ -81,7 +81,7 @@ def read_wire_log(path: Path) -> WireLog:
         bool(header.get("is_simulated", False)),
         tuple(messages),
         tuple(exchanges),
-        tuple(sent),
+        tuple(sent_messages),
         dict(header.get("note", {})),
     )
 
@@ -245,19 +245,19 @@ class _Replay:
             raise DeviceNotFound(
                 f"cannot read {self._path}: {cause.strerror}", remedy="check the path"
             ) from cause
-        begun = log.messages + (log.sent[:1] if self.begins_when_asked else ())
-        starts = [e.t_send_ns for _, e in log.exchanges] + [m.t_host_ns for m in begun]
+        first_messages = log.messages + (log.sent[:1] if self.begins_when_asked else ())
+        starts = [e.t_send_ns for _, e in log.exchanges] + [m.t_host_ns for m in first_messages]
         self._shift_ns = self._clock.now_ns() - min(starts, default=0)
         return log
 
     def _awaited(self, due: Callable[[], list[T]], timeout_s: float) -> list[T]:
         """Return what is due; wait for it at most so long."""
-        found = due()
+        items = due()
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
-        while not found and (now_ns := self._clock.now_ns()) < deadline_ns:
+        while not items and (now_ns := self._clock.now_ns()) < deadline_ns:
             self._clock.sleep_until_ns(min(now_ns + NS_PER_MS, deadline_ns))
-            found = due()
-        return found
+            items = due()
+        return items
 
 
 class ReplayTransport(_Replay):
@@ -350,8 +350,8 @@ class ReplayLink(_Replay):
         for message in log.messages:
             before = bisect.bisect_right(sent_ns, message.t_host_ns)
             delay_ns = message.t_host_ns - sent_ns[before - 1] if before else 0
-            moved = Chunk(message.t_host_ns + self._shift_ns, message.frames[0])
-            self._chunks.append((moved, before, delay_ns))
+            chunk = Chunk(message.t_host_ns + self._shift_ns, message.frames[0])
+            self._chunks.append((chunk, before, delay_ns))
 
     @property
     def is_finished(self) -> bool:
