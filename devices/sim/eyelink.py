@@ -60,12 +60,12 @@ class EyeLinkSimulator(GazePeer):
         step_ns = NS_PER_MS if self.source.rate_hz <= 1000 else NS_PER_MS // 2
         time_ms = shot.t_device_ns // step_ns * step_ns / NS_PER_MS
         numbers: list[float] = []
-        for x_m, ray, seen in (
+        for x_m, ray, is_seen in (
             (-EYE_X_M, shot.left, shot.left_seen),
             (EYE_X_M, shot.right, shot.right_seen),
         ):
             x, y = self._screen.shares_of((x_m, 0.0, 0.0), ray)
-            if seen and x == x:
+            if is_seen and x == x:
                 pupil = shot.pupil_mm * PUPIL_UNITS_PER_MM
                 numbers += [x * self.told_px[0], y * self.told_px[1], pupil]
             else:

@@ -91,10 +91,10 @@ class FoveSimulator(GazePeer):
 def eye_frame(shot: Shot, vector_code: int = 0) -> bytes:
     """Return what the getters give for a sample: +z forward, radii in metres."""
     values: list[float] = [shot.number, shot.t_device_ns // 1000]
-    for ray, seen in ((shot.left, shot.left_seen), (shot.right, shot.right_seen)):
-        state = 1 if seen else (2 if shot.openness_01 < OPEN_SHARE else 0)
+    for ray, is_seen in ((shot.left, shot.left_seen), (shot.right, shot.right_seen)):
+        state = 1 if is_seen else (2 if shot.openness_01 < OPEN_SHARE else 0)
         values += [vector_code, ray[0], ray[1], -ray[2]]
-        values += [0, state, 0, shot.pupil_mm * 0.5e-3 if seen else 0.0]
+        values += [0, state, 0, shot.pupil_mm * 0.5e-3 if is_seen else 0.0]
     mean = [(a + b) / 2 for a, b in zip(shot.left, shot.right, strict=True)]
     if shot.left_seen != shot.right_seen:
         mean = list(shot.left if shot.left_seen else shot.right)

@@ -58,15 +58,15 @@ class LinePeer(ABC):
         """Return the lines that have arrived."""
         if self._active("disconnect", until_ns):
             raise DeviceDisconnected(f"the simulated {self._role} is gone", remedy="wait for it")
-        found = []
+        chunks = []
         first = int((self._told_ns - WIRE_NS) * self.rate_hz // NS_PER_S) + 1
         last = int((until_ns - WIRE_NS) * self.rate_hz // NS_PER_S)
         for number in range(max(first, 0), last + 1):
             t_ns = round(number * NS_PER_S / self.rate_hz)
             if not self._active("silence", t_ns):
-                found += self._told(t_ns)
+                chunks += self._told(t_ns)
         self._told_ns = max(self._told_ns, until_ns)
-        return found
+        return chunks
 
     def quiet_until_ns(self, now_ns: int) -> int:
         """Return when the next line arrives at the earliest."""

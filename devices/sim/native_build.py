@@ -46,8 +46,8 @@ def build_library(source: str, generated: dict[str, str], library: str) -> Path:
     with tempfile.TemporaryDirectory(dir=folder) as work:
         for name, text in generated.items():
             (Path(work) / name).write_text(text)
-        built = Path(work) / "built"
-        command = [compiler, *FLAGS, f"-I{work}", str(SOURCES / source), "-o", str(built)]
+        new_library = Path(work) / "built"
+        command = [compiler, *FLAGS, f"-I{work}", str(SOURCES / source), "-o", str(new_library)]
         result = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own compiler call
         if result.returncode != 0:
             raise DeviceNotFound(
@@ -55,7 +55,7 @@ def build_library(source: str, generated: dict[str, str], library: str) -> Path:
                 remedy=_remedy(),
             )
         target.parent.mkdir(parents=True, exist_ok=True)
-        built.replace(target)
+        new_library.replace(target)
     return target
 
 

@@ -72,6 +72,6 @@ class StandIn:
 
     def offsets(self) -> list[int]:
         """Return where members of the structure lie, as the C compiler puts them."""
-        found = (ctypes.c_int * 8)()
-        self._native.visavis_offsets(found)
-        return list(found)
+        offsets = (ctypes.c_int * 8)()
+        self._native.visavis_offsets(offsets)
+        return list(offsets)

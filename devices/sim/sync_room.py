@@ -81,21 +81,21 @@ class SimulatedRoom(OneStretch):
 
     def levels(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
         """Return light, sound and motion (n, 3) as the board's inputs read them."""
-        found = self.rng.normal(REST, NOISE_SD, (t_ns.size, 3))
-        switched = np.array([at for at, _ in self._light], np.int64)
-        if switched.size:
-            last = np.searchsorted(switched, t_ns, side="right") - 1
+        levels = self.rng.normal(REST, NOISE_SD, (t_ns.size, 3))
+        switch_ns = np.array([at for at, _ in self._light], np.int64)
+        if switch_ns.size:
+            last = np.searchsorted(switch_ns, t_ns, side="right") - 1
             lit = np.array([on for _, on in self._light])
-            found[:, 0] += FLASH * np.where(last >= 0, lit[last], False)
+            levels[:, 0] += FLASH * np.where(last >= 0, lit[last], False)
         for at_ns in self._clicks[-2:]:
             since_s = (t_ns - at_ns) / NS_PER_S
             sounding = (t_ns >= at_ns) & (t_ns < at_ns + CLICK_NS)
-            found[:, 1] += CLICK * sounding * np.abs(np.cos(2 * np.pi * PITCH_HZ * since_s))
+            levels[:, 1] += CLICK * sounding * np.abs(np.cos(2 * np.pi * PITCH_HZ * since_s))
         at = np.array([t for t, _ in self._buzz], np.int64)
         strength = np.array([s for _, s in self._buzz])
         last = np.maximum(np.searchsorted(at, t_ns, side="right") - 1, 0)
-        found[:, 2] += BUZZ * strength[last]  # the board tells magnitude, which knows no phase
-        return np.clip(np.rint(found), 0, 255).astype(np.uint8)
+        levels[:, 2] += BUZZ * strength[last]  # the board tells magnitude, which knows no phase
+        return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
 
     # ---- the body that is worn and tracked ----------------------------------------------------
 
@@ -169,8 +169,8 @@ class SyncBoardSimulator:
         there_ns = t_ns + round(len(data) * self._byte_ns + self._delay_ns())
         for frame in self._reader.feed(data):
             if frame.kind == ASK:
-                told = Told(frame.seq, self._device_us(there_ns) % 2**32)
-                self._send(encode_told(told), there_ns)
+                answer = Told(frame.seq, self._device_us(there_ns) % 2**32)
+                self._send(encode_told(answer), there_ns)
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
         """Sample up to this time and return what has arrived."""
@@ -184,10 +184,10 @@ class SyncBoardSimulator:
             self._block += 1
             if self._rng.random() >= self._loss_01:
                 self._send(encode_samples(samples), int(t_ns[-1]))
-        arrived: list[Chunk] = []
+        chunks: list[Chunk] = []
         while self._outbound and self._outbound[0].t_host_ns <= until_ns:
-            arrived.append(self._outbound.popleft())
-        return arrived
+            chunks.append(self._outbound.popleft())
+        return chunks
 
     def _block_at(self, t_ns: int) -> int:
         return self._device_us(t_ns) // (BLOCK * PERIOD_US)

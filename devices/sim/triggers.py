@@ -53,9 +53,9 @@ class LinesPeer:
         """Return the answers that have arrived."""
         if self.is_active("disconnect", until_ns):
             raise DeviceDisconnected(f"the simulated {self._role} is gone", remedy="wait for it")
-        arrived = [chunk for chunk in self.answers if chunk.t_host_ns <= until_ns]
-        self.answers = self.answers[len(arrived) :]
-        return arrived
+        chunks = [chunk for chunk in self.answers if chunk.t_host_ns <= until_ns]
+        self.answers = self.answers[len(chunks) :]
+        return chunks
 
     def is_active(self, kind: str, t_ns: int) -> bool:
         """Tell whether a fault is in force."""
@@ -70,8 +70,8 @@ class LabJackPeer(LinesPeer):
     def received(self, data: bytes, t_ns: int) -> None:
         """Carry a packet out and answer it; one with a wrong checksum with `B8 B8`."""
         head, body = data[:6], data[6:]
-        carried = sum(body) == head[4] + 256 * head[5] and head[0] == _sum8(head[1:])
-        if not carried or head[1] != FEEDBACK or len(body) != 2 * head[2]:
+        is_intact = sum(body) == head[4] + 256 * head[5] and head[0] == _sum8(head[1:])
+        if not is_intact or head[1] != FEEDBACK or len(body) != 2 * head[2]:
             self._answer(b"\xb8\xb8", t_ns)
             return
         at, error = 1, 0

@@ -88,10 +88,10 @@ class BandPeer(ABC):
             raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
         if self._active("burst", until_ns):
             return ()
-        arrived = []
+        chunks = []
         while self._outbound and self._outbound[0].t_host_ns <= until_ns:
-            arrived.append(self._outbound.popleft())
-        return arrived
+            chunks.append(self._outbound.popleft())
+        return chunks
 
     def advance(self, t_ns: int) -> None:
         """Do everything due up to this session time, in order."""

@@ -30,14 +30,14 @@ class TextBandSimulator(BandPeer):
         """Obey whole lines."""
         *lines, self._line = (self._line + data).split(b"\n")
         for line in lines:
-            found = MOTOR.match(line)
+            match = MOTOR.match(line)
             if line == b"S":
                 self.set_levels((0.0,) * len(self.levels_01), t_ns)
             elif line == b"B?":
                 self.say(b"B %d\r\n" % self.battery_percent, t_ns)
-            elif found and int(found[1]) < len(self.levels_01) and int(found[2]) <= 255:
+            elif match and int(match[1]) < len(self.levels_01) and int(match[2]) <= 255:
                 levels = list(self.levels_01)
-                levels[int(found[1])] = int(found[2]) / 255
+                levels[int(match[1])] = int(match[2]) / 255
                 self.set_levels(levels, t_ns)
             else:
                 self.say(b"? %s\r\n" % line[:20], t_ns)

@@ -114,10 +114,10 @@ class SimulatedHeadset(OnSessionClock):
             if not self._pending and timeout_s > 0:
                 self._ready.wait(timeout_s)
             self._ready.clear()
-        delivered = self._deliver_heads() if self._pending else 0
+        row_count = self._deliver_heads() if self._pending else 0
         if len(self._timing) >= self._timing_held:
-            delivered += self._deliver_timing()
-        return delivered
+            row_count += self._deliver_timing()
+        return row_count
 
     def put_off(self) -> bool:
         """Tell whether poses and timing may be delivered later; see
@@ -137,16 +137,16 @@ class SimulatedHeadset(OnSessionClock):
         due = -(-now_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
         following = due if self._last is None else self._last + 1
         index = max(due, following)
-        dropped = index - following
+        dropped_count = index - following
         t_ns = self._frame_ns(index)
         self._clock.sleep_until_ns(t_ns)
         if self._first is None:
             self._first = index
         self._last = index
-        self._close_frame(late_by=dropped)
+        self._close_frame(late_by=dropped_count)
         self._measure(index - self._first, t_ns)
         predicted_ns = self._frame_ns(index + self._latency_frames)
-        self._frame = FrameInfo(index - self._first, t_ns, predicted_ns, dropped)
+        self._frame = FrameInfo(index - self._first, t_ns, predicted_ns, dropped_count)
         return self._frame
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
@@ -223,10 +223,10 @@ class SimulatedHeadset(OnSessionClock):
             return 0
         values = np.frombuffer(b"".join(self._timing), self._timing_schema.dtype)
         seq = np.arange(self._timing_rows, self._timing_rows + n)
-        shown, told = np.array(self._timing_ns, np.int64).T.copy()
+        t_device_ns, t_host_ns = np.array(self._timing_ns, np.int64).T.copy()
         self._timing_rows += n
         self._timing, self._timing_ns = [], []
-        sink(SampleBatch(self._timing_schema, seq, shown, told, values))
+        sink(SampleBatch(self._timing_schema, seq, t_device_ns, t_host_ns, values))
         return n
 
     def _deliver_heads(self) -> int:
@@ -248,8 +248,8 @@ class SimulatedHeadset(OnSessionClock):
         if self._valid:
             position_m, orientation_wxyz = self._body.head(t_ns)
             row = HEAD_ROW.pack(*position_m.tolist(), *orientation_wxyz.tolist(), True)
-            told = np.frombuffer(row, np.float32, 7).astype(np.float64)
-            self._pose = Pose(told[:3], told[3:])
+            pose_values = np.frombuffer(row, np.float32, 7).astype(np.float64)
+            self._pose = Pose(pose_values[:3], pose_values[3:])
         else:
             row, self._pose = _LOST_ROW, None
         self._pending.append((seq, t_ns, row))

@@ -130,10 +130,12 @@ class BodyWire(ABC):
         """Put the pose shown before in place of what stands still."""
         parts = self._faults.of_kind("part_frozen")
         for i, t_ns in enumerate(since_ns.tolist()):
-            held = [self.segments.index(f.text) for f in parts if f.start_ns <= t_ns < f.end_ns]
+            frozen_segments = [
+                self.segments.index(f.text) for f in parts if f.start_ns <= t_ns < f.end_ns
+            ]
             if self._faults.active("frozen", t_ns):
-                held = list(range(len(self.segments)))
-            for s in held:
+                frozen_segments = list(range(len(self.segments)))
+            for s in frozen_segments:
                 if np.isfinite(self._shown[s]).all():
                     positions[i, s], turns[i, s] = self._shown[s, :3], self._shown[s, 3:]
             self._shown[:, :3], self._shown[:, 3:] = positions[i], turns[i]
@@ -147,7 +149,7 @@ class BodyWire(ABC):
     ) -> None:
         faults, since_ns = self._faults, t_ns - self._origin_ns
         rng = self._delays.rng()
-        drawn = rng.random(4)
+        draws = rng.random(4)
         delay_ms = self._delay_ms + float(rng.exponential(self._jitter_ms))
         active = {f.kind: f for f in faults.faults if f.start_ns <= since_ns < f.end_ns}
         if active.keys() & {"late_start", "silence", "disconnect"}:
@@ -163,7 +165,7 @@ class BodyWire(ABC):
             arrival_ns = max(arrival_ns, self._origin_ns + active["burst"].end_ns)
 
         def happens(kind: str, which: int) -> bool:
-            return kind in active and bool(drawn[which] < active[kind].amount)
+            return kind in active and bool(draws[which] < active[kind].amount)
 
         if happens("loss", _LOSS):
             return

@@ -78,9 +78,9 @@ class PressingPeer:
         if self._is_away(until_ns):
             self._outbox.clear()
             raise DeviceDisconnected(AWAY, remedy=REMEDY)
-        arrived = [chunk for chunk in self._outbox if chunk.t_host_ns <= until_ns]
+        chunks = [chunk for chunk in self._outbox if chunk.t_host_ns <= until_ns]
         self._outbox = [chunk for chunk in self._outbox if chunk.t_host_ns > until_ns]
-        return arrived
+        return chunks
 
     def say(self, data: bytes, t_ns: int) -> None:
         """Answer the host."""

@@ -84,13 +84,13 @@ class CalibrationJudge:
                 targets.append(target)
         if len(looking) < MATCHES_NEEDED:
             return CalibrationFound("Not enough reference data matched pupil data in time.")
-        seen, aimed = np.array(looking), np.array(targets)
-        found = fit_turn(seen, aimed, may_mirror=True)
-        ahead = unit(aimed.sum(axis=0))
-        spread_deg = float(np.median(angle_deg(aimed, ahead)))
-        left_deg = float(np.median(found.residual_deg))
+        measured_rays, target_rays = np.array(looking), np.array(targets)
+        fit = fit_turn(measured_rays, target_rays, may_mirror=True)
+        ahead = unit(target_rays.sum(axis=0))
+        spread_deg = float(np.median(angle_deg(target_rays, ahead)))
+        left_deg = float(np.median(fit.residual_deg))
         if left_deg > min(MAX_MEDIAN_DEG, MAX_OF_SPREAD_01 * spread_deg):
             return CalibrationFound("Reference and pupil data do not fit one gaze model.")
-        if found.is_mirrored:
+        if fit.is_mirrored:
             return CalibrationFound(None, 2.0 * np.outer(ahead, ahead) - np.eye(3))
-        return CalibrationFound(None, found.matrix if found.angle_deg > MAX_UNTURNED_DEG else None)
+        return CalibrationFound(None, fit.matrix if fit.angle_deg > MAX_UNTURNED_DEG else None)

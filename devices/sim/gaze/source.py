@@ -91,8 +91,8 @@ class GazeSource:
         self._error = error if error is not None else TrackerErrorModel()
         self._drift = drift_ppm * 1e-6
         self.origin_ns = clock.now_ns()
-        drawn = int(np.random.default_rng([seed, _EPOCH_STREAM]).integers(10**12, 10**14))
-        self._epoch_ns = drawn if epoch_ns is None else epoch_ns
+        random_epoch_ns = int(np.random.default_rng([seed, _EPOCH_STREAM]).integers(10**12, 10**14))
+        self._epoch_ns = random_epoch_ns if epoch_ns is None else epoch_ns
         self.garbage_rng = np.random.default_rng([seed, _GARBAGE_STREAM])
         self._next = -(-self.origin_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
         self._first = self._next
@@ -134,7 +134,7 @@ class GazeSource:
         times = [k * scale // rate for k in range(first, last + 1)]
         t = np.array(times, np.int64)
         eyes = self.body.eyes(t)
-        seen, noise = self._measure(eyes)
+        directions, noise = self._measure(eyes)
         shots: list[Shot] = []
         for i, at_ns in enumerate(times):
             jitter_ms = (2.0 * noise[i, _LATENCY] - 1.0) * self._error.latency_jitter_ms
@@ -145,8 +145,8 @@ class GazeSource:
                 at_ns,
                 self.device_ns(at_ns),
                 self._arrived_ns,
-                tuple(seen[i, 0].tolist()),
-                tuple(seen[i, 1].tolist()),
+                tuple(directions[i, 0].tolist()),
+                tuple(directions[i, 1].tolist()),
                 bool(eyes["openness_01"][i] >= OPEN_EYE_01),
                 bool(eyes["openness_01"][i] >= OPEN_EYE_01),
                 float(eyes["openness_01"][i]),
@@ -164,23 +164,23 @@ class GazeSource:
         if stretch != self._stretch or self._noise is None:
             self._stretch = stretch
             self._noise = StretchNoise(self._error, self._seed, stretch, self.rate_hz)
-        worn = (self.body.fit(), self.calibrated_fit)
-        if worn != self._worn or self._systematic is None:
-            self._worn = worn
+        fit_pair = (self.body.fit(), self.calibrated_fit)
+        if fit_pair != self._worn or self._systematic is None:
+            self._worn = fit_pair
             self._systematic = draw_systematic(
-                self._error, self._seed, fit=worn[0], calibrated_fit=worn[1]
+                self._error, self._seed, fit=fit_pair[0], calibrated_fit=fit_pair[1]
             )
         noise = self._noise.take(eyes.size)
-        seen = np.empty((eyes.size, 2, 3))
+        directions = np.empty((eyes.size, 2, 3))
         measured_directions(
             np.ascontiguousarray(eyes["left_direction_head"]),
             np.ascontiguousarray(eyes["right_direction_head"]),
             noise,
             self._systematic.offset_rad,
             self._systematic.gain,
-            seen,
+            directions,
         )
-        return seen, noise
+        return directions, noise
 
     def _befallen(self, shot: Shot, drawn: Floats) -> Sequence[Shot]:
         since_ns = shot.t_ns - self.origin_ns

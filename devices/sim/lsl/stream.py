@@ -72,9 +72,9 @@ class LslStreamSimulator(GazePeer):
     def desc(self) -> Element:
         """Return the channels' labels and units."""
         desc = Element("desc")
-        listed = SubElement(desc, "channels")
+        channels = SubElement(desc, "channels")
         for label in self.channels:
-            channel = SubElement(listed, "channel")
+            channel = SubElement(channels, "channel")
             SubElement(channel, "label").text = label
             SubElement(channel, "unit").text = self._unit
         return desc

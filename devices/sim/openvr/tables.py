@@ -17,9 +17,9 @@ class FunctionTables:
         """Put functions into the table of an interface, by the names of its slots."""
         for slot, (name, prototype) in enumerate(table._fields_):
             if name in functions:
-                made = prototype(self._guarded(functions[name], prototype))
-                self._keep.append(made)
-                pointer = ctypes.cast(made, ctypes.c_void_p)
+                callback = prototype(self._guarded(functions[name], prototype))
+                self._keep.append(callback)
+                pointer = ctypes.cast(callback, ctypes.c_void_p)
                 self._native.visavis_vr_set_function(number, slot, pointer)
 
     def _guarded(self, function: Callable[..., Any], prototype: Any) -> Callable[..., Any]:
@@ -45,9 +45,9 @@ def table_header() -> str:
         ("COMPOSITOR", openvr.IVRCompositor_FnTable, openvr.IVRCompositor_Version),
     ):
         slots = [slot for slot, _ in table._fields_]
-        listed = " ".join(f"X({name}, {slot})" for slot in slots)
-        lines.append(f"#define {name}_SLOTS(X) {listed}")
+        slot_macros = " ".join(f"X({name}, {slot})" for slot in slots)
+        lines.append(f"#define {name}_SLOTS(X) {slot_macros}")
         lines.append(f'#define {name}_VERSION "{version}"')
-        numbered = ", ".join(f"SLOT_{name}_{slot}" for slot in slots)
-        lines.append(f"enum {{ {numbered} }};")
+        slot_numbers = ", ".join(f"SLOT_{name}_{slot}" for slot in slots)
+        lines.append(f"enum {{ {slot_numbers} }};")
     return "\n".join(lines) + "\n"

@@ -141,19 +141,19 @@ class SimulatedImages:
         return SUCCESS
 
     def _xr_CreateSwapchain(self, session: Any, info: Any, chain: Any) -> int:
-        wanted = info.contents
-        if int(wanted.format) not in OFFERED_FORMATS:
+        create_info = info.contents
+        if int(create_info.format) not in OFFERED_FORMATS:
             return FORMAT_UNSUPPORTED
-        size = (int(wanted.width), int(wanted.height))
+        size = (int(create_info.width), int(create_info.height))
         copies = self._reader.copies
-        textures = [copies.texture(size, int(wanted.format)) for _ in range(OPENGL_IMAGES)]
+        textures = [copies.texture(size, int(create_info.format)) for _ in range(OPENGL_IMAGES)]
         self._chains[self._new_handle(chain)] = _Chain(textures, size)
         return SUCCESS
 
     def _xr_DestroySwapchain(self, chain: Any) -> int:
-        found = self._chains.pop(_handle(chain), None)
-        if found is not None:
-            self._reader.copies.delete(found.textures)
+        swapchain = self._chains.pop(_handle(chain), None)
+        if swapchain is not None:
+            self._reader.copies.delete(swapchain.textures)
         return SUCCESS
 
     def _xr_EnumerateSwapchainImages(
@@ -164,33 +164,33 @@ class SimulatedImages:
         textures = self._chains[_handle(chain)].textures
         count[0] = len(textures)
         if capacity and images:
-            made = ctypes.cast(images, ctypes.POINTER(xr.SwapchainImageOpenGLKHR))
+            image_structs = ctypes.cast(images, ctypes.POINTER(xr.SwapchainImageOpenGLKHR))
             for i, name in enumerate(textures):
-                made[i].image = name
+                image_structs[i].image = name
         return SUCCESS
 
     def _xr_AcquireSwapchainImage(self, chain: Any, info: Any, index: Any) -> int:
-        found = self._chains[_handle(chain)]
-        if len(found.acquired) == len(found.textures):
+        swapchain = self._chains[_handle(chain)]
+        if len(swapchain.acquired) == len(swapchain.textures):
             return CALL_ORDER_INVALID
-        found.acquired.append(found.following)
-        index[0] = found.following
-        found.following = (found.following + 1) % len(found.textures)
+        swapchain.acquired.append(swapchain.following)
+        index[0] = swapchain.following
+        swapchain.following = (swapchain.following + 1) % len(swapchain.textures)
         return SUCCESS
 
     def _xr_WaitSwapchainImage(self, chain: Any, info: Any) -> int:
-        found = self._chains[_handle(chain)]
-        if not found.acquired or found.waited:
+        swapchain = self._chains[_handle(chain)]
+        if not swapchain.acquired or swapchain.waited:
             return CALL_ORDER_INVALID
-        found.waited = True
+        swapchain.waited = True
         return SUCCESS
 
     def _xr_ReleaseSwapchainImage(self, chain: Any, info: Any) -> int:
-        found = self._chains[_handle(chain)]
-        if not found.waited:
+        swapchain = self._chains[_handle(chain)]
+        if not swapchain.waited:
             return CALL_ORDER_INVALID
-        found.waited, found.released = False, found.acquired.popleft()
-        found.image = None
+        swapchain.waited, swapchain.released = False, swapchain.acquired.popleft()
+        swapchain.image = None
         return SUCCESS
 
 
