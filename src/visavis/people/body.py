@@ -90,8 +90,8 @@ def segments_of(
     hand_wxyz = fingers_to(unit(pointed_m - hand_m))
     ease = at_ease(*(round(float(v), 3) for v in at_m))
     all_m, all_wxyz = posed(ease, eyes_m, head_wxyz, hand_m, hand_wxyz)
-    chosen = [ease.skeleton.index(name) for name in names]
-    return all_m[:, chosen], all_wxyz[:, chosen]
+    indices = [ease.skeleton.index(name) for name in names]
+    return all_m[:, indices], all_wxyz[:, indices]
 
 
 def hand_alone(
@@ -103,12 +103,12 @@ def hand_alone(
 
 def fingers_to(direction: Vector) -> Vector:
     """Return turns (t, 4) of a right hand whose fingers point along unit directions (t, 3)."""
-    found = np.empty((len(direction), 4))
-    found[:, 0] = 1.0 + direction @ ALONG_FINGERS
-    found[:, 1:] = np.cross(ALONG_FINGERS, direction)
-    length = np.linalg.norm(found, axis=1, keepdims=True)
+    turns_wxyz = np.empty((len(direction), 4))
+    turns_wxyz[:, 0] = 1.0 + direction @ ALONG_FINGERS
+    turns_wxyz[:, 1:] = np.cross(ALONG_FINGERS, direction)
+    length = np.linalg.norm(turns_wxyz, axis=1, keepdims=True)
     backwards = np.array([0.0, 0.0, 1.0, 0.0])
-    return np.where(length < 1e-9, backwards, found / np.maximum(length, 1e-9))
+    return np.where(length < 1e-9, backwards, turns_wxyz / np.maximum(length, 1e-9))
 
 
 class StandingBody:
@@ -230,8 +230,8 @@ class StandingBody:
 
     def _positions(self, t_s: Vector) -> Vector:
         wave = np.sin(2 * np.pi * np.array(SWAY_HZ) * t_s[:, None] + self._sway)
-        found: Vector = self._eye + SWAY_M * wave
-        return found
+        positions_m: Vector = self._eye + SWAY_M * wave
+        return positions_m
 
     @property
     def _aims(self) -> Vector:
@@ -244,5 +244,5 @@ class StandingBody:
     def _targets(self, t_s: Vector) -> Vector:
         starts = np.array([start for start, _ in self._looks])
         points = np.array([point for _, point in self._looks])
-        found: Vector = points[np.searchsorted(starts, t_s, side="right").clip(1) - 1]
-        return found
+        targets_m: Vector = points[np.searchsorted(starts, t_s, side="right").clip(1) - 1]
+        return targets_m

@@ -92,10 +92,10 @@ class StudyPerson(Observer):
         response = self._responses.get(prompt)
         if response is None:
             return super().answer(question_id, prompt, options)
-        said = self._said(response)
-        if said is None:
+        reply = self._said(response)
+        if reply is None:
             return None
-        return options[list(response.options).index(said)] if response.options else str(said)
+        return options[list(response.options).index(reply)] if response.options else str(reply)
 
     # ---- Viewer ----
 
@@ -187,16 +187,18 @@ class StudyPerson(Observer):
         if not agents:
             return np.zeros(0, np.bool_)
         to_me = unit(self._seat - np.array([a.eye_centre_m for a in agents]))
-        met = np.einsum("ij,ij->i", to_me, view.gaze_direction) > np.cos(np.radians(CONTACT_DEG))
-        return np.asarray(met & (view.eye_openness_01 > 0.5), np.bool_)
+        looks_at_me = np.einsum("ij,ij->i", to_me, view.gaze_direction) > np.cos(
+            np.radians(CONTACT_DEG)
+        )
+        return np.asarray(looks_at_me & (view.eye_openness_01 > 0.5), np.bool_)
 
     def _seen(self) -> Seen:
-        passed = max(self._last_ns - self._first_ns, 1)
+        elapsed_ns = max(self._last_ns - self._first_ns, 1)
         return Seen(
             self._first,
             self._last,
-            passed / NS_PER_S,
-            self._contact_ns / passed,
+            elapsed_ns / NS_PER_S,
+            self._contact_ns / elapsed_ns,
             self.notices_contact,
             self._leaning,
             tuple(self._felt),
@@ -206,16 +208,16 @@ class StudyPerson(Observer):
 
     def _said(self, response: Response) -> str | None:
         rng = self._rng(_MIND_STREAM, self.stretch(), zlib.crc32(response.name.encode()))
-        said = self._answer_of(self._seen(), response, rng)
-        if said is None:
+        reply = self._answer_of(self._seen(), response, rng)
+        if reply is None:
             return None
         options = tuple(map(str, response.options))
-        if options and str(said) not in options:
+        if options and str(reply) not in options:
             raise DataError(
-                f"the simulated person answered {said!r} to {response.name}; its options are "
+                f"the simulated person answered {reply!r} to {response.name}; its options are "
                 f"{', '.join(options)}"
             )
-        return str(said)
+        return str(reply)
 
     def takes_s(self, response: Response | None) -> float:
         """Return how long this person takes to answer."""
@@ -227,11 +229,11 @@ class StudyPerson(Observer):
         response = self._responses.get(panel.text)
         if response is None:
             return
-        said = self._said(response)
-        if said is None:
+        reply = self._said(response)
+        if reply is None:
             return
         takes_s = max(self.takes_s(response), POINT_S + 0.15)
-        middle = choice_centre_m(panel, list(map(str, response.options)).index(said))
+        middle = choice_centre_m(panel, list(map(str, response.options)).index(reply))
         since_s = (t_ns - self._origin_ns) / NS_PER_S
         self._hand.point(since_s + takes_s - POINT_S, middle - self._seat)
         self._hand.press(t_ns + round((takes_s + PRESS_S) * NS_PER_S), "trigger")
@@ -241,10 +243,10 @@ class StudyPerson(Observer):
         """Press where the study asks for keys: nothing tells a person that but the instruction."""
         for response in dict.fromkeys(self._responses.values()):
             if isinstance(response, Keys):
-                said = self._said(response)
-                if said is not None:
+                reply = self._said(response)
+                if reply is not None:
                     takes = NOTICE_S * self.takes_s(response) / THINKING_S
-                    self._hand.press(t_ns + round(takes * NS_PER_S), said)
+                    self._hand.press(t_ns + round(takes * NS_PER_S), reply)
             elif isinstance(response, Pointing) and self._last is not None:
                 self._hand.press(t_ns + round(self.takes_s(response) * NS_PER_S), "trigger")
 
@@ -254,8 +256,8 @@ def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> A
     if isinstance(response, Rating):
         middle = (response.low + response.high) / 2
         spread = (response.high - response.low) / 6
-        wanted = middle + spread * (0.7 * seen.leaning + rng.standard_normal())
-        return int(np.clip(round(wanted), response.low, response.high))
+        rating = middle + spread * (0.7 * seen.leaning + rng.standard_normal())
+        return int(np.clip(round(rating), response.low, response.high))
     if isinstance(response, Number):
         low, high = max(response.low, 0.0), min(response.high, max(response.low, 0.0) + 100.0)
         return f"{rng.uniform(low, high):.1f}"

@@ -104,8 +104,8 @@ def _eyes_of(stature_m: float, kind: Sit | Idle) -> Vector:
     eyes, head, chest = np.empty((1, 3)), np.empty((1, 4)), np.empty((1, 4))
     offsets = motion.people[0].build.skeleton.offsets_m[None]
     look_from(motion.posture(0.0), offsets, _ONE, eyes, head, chest)
-    found: Vector = eyes[0]
-    return found
+    eyes_m: Vector = eyes[0]
+    return eyes_m
 
 
 @compiled

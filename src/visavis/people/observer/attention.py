@@ -91,13 +91,13 @@ def _choose(
             scratch[i] = _worth(mind, person, targets, i, t_ns) * math.exp(-apart / p.amplitude_rad)
             total += scratch[i]
     left = total * draw(mind)
-    chosen = m.n_targets - 1
+    target = m.n_targets - 1
     for i in range(m.n_targets):
         left -= scratch[i]
         if left < 0.0 and scratch[i] > 0.0:
-            chosen = i
+            target = i
             break
-    return int(chosen)
+    return int(target)
 
 
 @compiled
@@ -123,14 +123,14 @@ def _visit(
 ) -> None:
     """Leave the present target and go to the next."""
     m, p = mind[0], person[0]
-    chosen = _choose(mind, person, segments, targets, scratch, t_ns)
+    target = _choose(mind, person, segments, targets, scratch, t_ns)
     if m.target != NO_TARGET:
         targets[m.target].left_ns = t_ns
-    m.target = chosen
+    m.target = target
     m.saw_change = 0
     m.notice_ns = FAR_FUTURE_NS
     m.arousal_01 = 0.0
-    g = targets[chosen]
+    g = targets[target]
     scatter(mind, g.direction, p.scatter_share * g.radius_rad, m.aim)
     m.aim_dioptre = 1.0 / g.distance_m
     landing = np.empty(3)
@@ -154,7 +154,7 @@ def _visit(
             if draw(mind) < p.notice_p:
                 m.notice_ns = arrival + log_normal_ns(mind, p.notice_s, p.notice_log_sd)
         elif g.believed == 1:
-            lasts += _hold_ns(mind, person, targets, chosen)
+            lasts += _hold_ns(mind, person, targets, target)
             m.arousal_01 = 1.0
     g.visits += 1
     lasts = max(lasts, 60_000_000)

@@ -273,11 +273,11 @@ class Observer(PressesNothing):
         )
         worth = by_kind[what.targets["kind"]]
         of_people = what.targets["kind"] <= state.BODY
-        placed = what.size**q.attraction.size_power * np.exp(
+        place_factor = what.size**q.attraction.size_power * np.exp(
             who.left_bias * what.leftward_deg / 20
             - (what.eccentric_deg / q.attraction.centre_deg) ** 2 / 2
         )
-        appeal: npt.NDArray[np.float64] = np.where(of_people, worth * placed, worth)
+        appeal: npt.NDArray[np.float64] = np.where(of_people, worth * place_factor, worth)
         return appeal
 
 

@@ -284,7 +284,7 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
     rest = _correlated(z[1], z[2], q.anxiety.hold_with_return)
     come_back = _correlated(anxiety, rest, q.anxiety.anxiety_on_return)
     visit = _correlated(anxiety, z[3], q.anxiety.anxiety_on_visit)
-    held, drawn = (
+    hold_level, return_level = (
         _levelled(hold, q.contact.hold_levels),
         _levelled(come_back, q.contact.return_levels),
     )
@@ -293,14 +293,14 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         "head_visit_log_sd": q.visits.head_visit_log_sd,
         "other_visit_s": q.visits.other_visit_s * np.exp(0.10 * z[4]),
         "other_visit_log_sd": q.visits.other_visit_log_sd,
-        "hold_s": q.contact.hold_s * (1 + q.contact.hold_between_share * held),
+        "hold_s": q.contact.hold_s * (1 + q.contact.hold_between_share * hold_level),
         "hold_log_sd": q.contact.hold_log_sd,
-        "startle_s": q.contact.startle_s * (1 + q.contact.startle_between_share * held),
+        "startle_s": q.contact.startle_s * (1 + q.contact.startle_between_share * hold_level),
         "hold_growth": q.contact.hold_growth,
         "caught_hold": q.contact.caught_hold,
         "caught_return": q.contact.caught_return,
         "return_gain": np.clip(
-            q.contact.return_gain * np.exp(q.contact.return_between_log_sd * drawn),
+            q.contact.return_gain * np.exp(q.contact.return_between_log_sd * return_level),
             MIN_RETURN_GAIN,
             MAX_RETURN_GAIN,
         ),
