@@ -61,12 +61,12 @@ def asked_on_board(
 
     `show` returns the step that shows the board in a frame, None while nothing changes.
     """
-    chosen = yield from ask_on_board(panel, ways, show(view, panel), show)
-    if chosen.choice is not None:
-        by = "gaze" if chosen.by.startswith("gaze") else chosen.by
-        t_ns, option = chosen.view.t_ns, options[chosen.choice]
-        return Answer(option, by, chosen.asked_ns, t_ns, chosen.view, chosen.pose)
-    view, asked_ns = chosen.view, chosen.asked_ns
+    board_answer = yield from ask_on_board(panel, ways, show(view, panel), show)
+    if board_answer.choice is not None:
+        by = "gaze" if board_answer.by.startswith("gaze") else board_answer.by
+        t_ns, option = board_answer.view.t_ns, options[board_answer.choice]
+        return Answer(option, by, board_answer.asked_ns, t_ns, board_answer.view, board_answer.pose)
+    view, asked_ns = board_answer.view, board_answer.asked_ns
     return (
         yield from asked_elsewhere(
             question_id, panel.text, options, panel.choices, view, "operator", asked_ns
@@ -87,8 +87,10 @@ def asked_elsewhere(
     began_ns = view.t_ns if asked_ns is None else asked_ns
     reply = yield Ask(question_id, prompt, labels)
     view = yield from frame()
-    said = reply.answer if isinstance(reply, Answered) else None
-    option = said if said is None or not options else options[labels.index(said)]
+    answer_text = reply.answer if isinstance(reply, Answered) else None
+    option = (
+        answer_text if answer_text is None or not options else options[labels.index(answer_text)]
+    )
     return Answer(option, by, began_ns, view.t_ns, view)
 
 

@@ -109,34 +109,34 @@ class Careless:
         """
         done = rows[(rows["status"] == "complete") & ~rows["is_practice"].astype(bool)]
         names = list(self._limits)
-        found = [
+        signs = [
             {"participant": participant, **{name: self._sign(name, own) for name in names}}
             for participant, own in done.sort_values("t_start_ns").groupby("participant")
         ]
-        return pd.DataFrame(found, columns=["participant", *names])
+        return pd.DataFrame(signs, columns=["participant", *names])
 
     def _sign(self, name: str, own: pd.DataFrame) -> float:
         if name == "sound_failed":
             return float(own["flags"].fillna("").str.contains(NOT_HEARD, regex=False).any())
         if name == "checks_failed":
-            asked = [own[f"{c}_is_right"][own[c].notna()] for c in self.checks if c in own]
-            right = pd.concat(asked) if asked else pd.Series(dtype=object)
+            check_results = [own[f"{c}_is_right"][own[c].notna()] for c in self.checks if c in own]
+            right = pd.concat(check_results) if check_results else pd.Series(dtype=object)
             return float((right.astype(str).str.lower() != "true").sum()) if len(right) else np.nan
-        given = pd.to_numeric(own[self.response], errors="coerce").to_numpy(np.float64)
+        answers = pd.to_numeric(own[self.response], errors="coerce").to_numpy(np.float64)
         if name == "same_answers":
-            counts = np.unique(given[np.isfinite(given)], return_counts=True)[1]
+            counts = np.unique(answers[np.isfinite(answers)], return_counts=True)[1]
             return float(counts.max()) if counts.size else np.nan
         if name == "patterned_01":
-            return patterned_01(given)
+            return patterned_01(answers)
         if name == "hasty_01":
             took = pd.to_numeric(own[f"{self.response}_ms"], errors="coerce").dropna()
             return float((took < self.min_answer_ms).mean()) if len(took) else np.nan
-        return self._retest_off(own.assign(**{self.response: given}))
+        return self._retest_off(own.assign(**{self.response: answers}))
 
     def _retest_off(self, own: pd.DataFrame) -> float:
         """Return the mean difference of successive answers to trials alike."""
-        known = own[own[self.response].notna()]
-        apart: Any = known.groupby(list(self.alike), sort=False)[self.response].diff().abs()
+        answer_rows = own[own[self.response].notna()]
+        apart: Any = answer_rows.groupby(list(self.alike), sort=False)[self.response].diff().abs()
         return float(apart.mean())
 
 

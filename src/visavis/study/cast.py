@@ -58,8 +58,8 @@ def use_recorded_cast(recording: Recording) -> None:
         DataError: what the session says of them cannot be read.
         DesignError: this process shows a session with others already.
     """
-    listed = recording.manifest.configuration.get(CAST_KEY, [])
-    use_cast(tuple(_member(recording, entry) for entry in listed), _library(recording.path))
+    entries = recording.manifest.configuration.get(CAST_KEY, [])
+    use_cast(tuple(_member(recording, entry) for entry in entries), _library(recording.path))
 
 
 def _member(recording: Recording, entry: Mapping[str, str]) -> Member:

@@ -102,8 +102,8 @@ class Compare:
                     "what it would show: claim="
                 )
         if self.model not in get_args(Model):
-            known = ", ".join(name for name in get_args(Model) if name)
-            raise DesignError(f"model is {self.model!r}; it is {known} or left out")
+            models = ", ".join(name for name in get_args(Model) if name)
+            raise DesignError(f"model is {self.model!r}; it is {models} or left out")
         if self.model and self.test:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))
@@ -221,7 +221,7 @@ class Compare:
         """
         test = self.model or self.test or self._usual(levels)
         factors = (*self.within, *self.between)
-        chosen = {f: levels[f] for f in factors}
+        factor_levels = {f: levels[f] for f in factors}
         agreement = test in AGREEMENT
         return Question(
             test=test,
@@ -231,7 +231,7 @@ class Compare:
             subject=THING if agreement else "participant",
             missing="listwise",
             alpha=self.alpha,
-            levels=chosen,
+            levels=factor_levels,
             level_words={} if self.model == "bradleyterry" else dict(called or {}),
             measured_in=unit,
             **dict(self.options),
@@ -264,13 +264,13 @@ def possible(
     that everybody belongs to is none. What is about an absent level, or between groups that are
     not there, is left out.
     """
-    found = []
+    comparisons = []
     for one in compare:
         factors = (*one.within, *one.between)
         if any(level not in in_force.get(name, (level,)) for name, level in one.only.items()):
             continue
         if any(name in in_force and name not in varied for name in factors):
             continue
-        kept = {name: level for name, level in one.only.items() if name in varied}
-        found.append(replace(one, only=kept))
-    return tuple(found)
+        restriction = {name: level for name, level in one.only.items() if name in varied}
+        comparisons.append(replace(one, only=restriction))
+    return tuple(comparisons)

@@ -145,8 +145,8 @@ class Study:
         self.name, self.question, self.version = name, question, version
         self.base = base
         self.title = title or name.replace("_", " ").capitalize()
-        for part, made in parts_from(PARTS, keywords).items():
-            setattr(self, part, made)
+        for part, value in parts_from(PARTS, keywords).items():
+            setattr(self, part, value)
         problems = []
         if not name.isidentifier() or not name.islower():
             problems.append(f"the name {name!r} is not made of small letters, digits and _")
@@ -294,8 +294,8 @@ class Study:
         thresholds = self.analysis.thresholds
         if thresholds is None:
             return None
-        known = {f.name for f in fields(thresholds)}
-        own = {k: v for k, v in settings.items() if k in known}
+        threshold_names = {f.name for f in fields(thresholds)}
+        own = {k: v for k, v in settings.items() if k in threshold_names}
         return parameters_from(type(thresholds), own, f"analysis of {self.name}")
 
     @property
@@ -316,8 +316,8 @@ class Study:
             DesignError: it cannot be balanced or ordered so.
         """
         own, practice = self.design, parameters["practice"]
-        chosen = (replace(f, levels=parameters.get(f.name, f.levels)) for f in own.factors)
-        factors = tuple(f for f in chosen if len(f.levels) > 1 or not f.between)
+        all_factors = (replace(f, levels=parameters.get(f.name, f.levels)) for f in own.factors)
+        factors = tuple(f for f in all_factors if len(f.levels) > 1 or not f.between)
         return Design(
             study=self.name,
             version=self.version,
@@ -357,8 +357,8 @@ class Study:
         for factor in self.design.factors:
             if factor.name == name:
                 return factor
-        known = ", ".join(f.name for f in self.design.factors)
-        raise DesignError(f"study {self.name} has no factor {name!r}; it has {known}")
+        names = ", ".join(f.name for f in self.design.factors)
+        raise DesignError(f"study {self.name} has no factor {name!r}; it has {names}")
 
 
 def _possible(cell: Mapping[str, Any], factors: Sequence[Factor]) -> dict[str, Any]:

@@ -137,12 +137,14 @@ def read_trial(
                     scenes.append(step.scene)
                     chance = trial.rng(SCENE_STREAM + len(scenes) - 1)  # as it is performed
                     staging = Staging(chance, step.seconds, 0, settings.folder)
-                    staged = stage(step.scene, staging, settings.makers)
-                    if stops_when_lit and staged.scene.brightness_01 > 0:
-                        lit = staged.frame(script.view, 0)
-                    agents = max(agents, len(staged.scene.agents))
-                    roles |= set(staged.roles)
-                    reply = ShownScene(0, round(step.seconds * NS_PER_S), staged.roles, script.view)
+                    staged_scene = stage(step.scene, staging, settings.makers)
+                    if stops_when_lit and staged_scene.scene.brightness_01 > 0:
+                        lit = staged_scene.frame(script.view, 0)
+                    agents = max(agents, len(staged_scene.scene.agents))
+                    roles |= set(staged_scene.roles)
+                    reply = ShownScene(
+                        0, round(step.seconds * NS_PER_S), staged_scene.roles, script.view
+                    )
                 answers = {}
                 for response in step.responses:
                     responses.append(response)
@@ -186,25 +188,25 @@ def read_trial(
             tuple(sound_columns),
         )
     except (DesignError, TypeError) as error:
-        told = explain(error)
-        if isinstance(error, TypeError) and told.startswith(TypeError.__name__):
+        reason = explain(error)
+        if isinstance(error, TypeError) and reason.startswith(TypeError.__name__):
             raise  # nothing better can be said of it
         place = line_of(error) or line_reached(steps)
         at = f"{place}: " if place else ""
         condition = ", ".join(f"{name} {level}" for name, level in trial.factors.items())
-        raise DesignError(f"{at}trial of {condition}: {told}") from error
+        raise DesignError(f"{at}trial of {condition}: {reason}") from error
 
 
 def read_trials(
     plan: TrialPlan, trials: Iterator[Trial], settings: Settings
 ) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
     """Run through every condition among some trials once."""
-    found: dict[tuple[tuple[str, Any], ...], TrialRead] = {}
+    by_condition: dict[tuple[tuple[str, Any], ...], TrialRead] = {}
     for trial in trials:
         key = (*sorted(trial.factors.items()), ("practice", trial.is_practice))
-        if key not in found:
-            found[key] = read_trial(plan, trial, settings)
-    return found
+        if key not in by_condition:
+            by_condition[key] = read_trial(plan, trial, settings)
+    return by_condition
 
 
 def _seconds_of(step: Action, settings: Settings) -> float:

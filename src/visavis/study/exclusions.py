@@ -192,6 +192,6 @@ def _limit(name: str, value: Any) -> float:
     except (TypeError, ValueError):
         limit = -1.0
     if not 0 <= limit < np.inf or (is_share and limit > 1):
-        wanted = "a share from 0 to 1" if is_share else "a number from 0"
-        raise UsageError(f"{name} is {value}; give {wanted}, or null for no such rule")
+        hint = "a share from 0 to 1" if is_share else "a number from 0"
+        raise UsageError(f"{name} is {value}; give {hint}, or null for no such rule")
     return limit

@@ -64,8 +64,8 @@ class StudyExperiment:
     @cached_property
     def parameters(self) -> dict[str, Any]:
         """Every parameter in force."""
-        given = {k: v for k, v in self.overrides.items() if k != "language"}
-        return parameters_in_force(self.study, given)
+        overrides = {k: v for k, v in self.overrides.items() if k != "language"}
+        return parameters_in_force(self.study, overrides)
 
     @cached_property
     def texts(self) -> Texts:
@@ -106,16 +106,16 @@ class StudyExperiment:
     @cached_property
     def responses(self) -> dict[str, Response]:
         """Everything that is asked, by name."""
-        asked = [r for t in self.read.values() for r in t.responses]
-        return {r.name: r for r in (*asked, *self.study.asks.responses)}
+        trial_responses = [r for t in self.read.values() for r in t.responses]
+        return {r.name: r for r in (*trial_responses, *self.study.asks.responses)}
 
     @cached_property
     def films(self) -> tuple[Film, ...]:
         """Every film that a condition shows, each once."""
-        shown = (
+        films = (
             film for t in self.read.values() for of in t.films for film in films_of(of).values()
         )
-        return tuple(dict.fromkeys(shown))
+        return tuple(dict.fromkeys(films))
 
     @property
     def words(self) -> dict[str, Response]:
@@ -144,9 +144,11 @@ class StudyExperiment:
     @property
     def trial_s(self) -> float:
         """Usual duration of a trial, for the time left on the operator's screen."""
-        told = self.parameters.get("trial_s")
+        trial_s = self.parameters.get("trial_s")
         return (
-            float(np.mean([t.seconds for t in self.read.values()])) if told is None else float(told)
+            float(np.mean([t.seconds for t in self.read.values()]))
+            if trial_s is None
+            else float(trial_s)
         )
 
     @property
@@ -172,24 +174,26 @@ class StudyExperiment:
     def rests_on_gaze(self) -> bool:
         """Whether it calibrates an eye tracker, needs one, or measures anything by gaze."""
         study = self.study
-        measured = bool(study.analysis.looks) or any(m.needs_gaze for m in study.analysis.measures)
-        return study.devices.calibrate or measured or "eye_tracker" in self.needed_roles
+        measures_gaze = bool(study.analysis.looks) or any(
+            m.needs_gaze for m in study.analysis.measures
+        )
+        return study.devices.calibrate or measures_gaze or "eye_tracker" in self.needed_roles
 
     @property
     def _is_pointed(self) -> bool:
         """Whether answers are given by a hand: nothing else of a body is asked for."""
-        asked = self.responses.values()
+        responses = self.responses.values()
         way = self.settings.answer_by
-        on_boards = way == "board" and any(r.options for r in asked if not isinstance(r, Keys))
+        on_boards = way == "board" and any(r.options for r in responses if not isinstance(r, Keys))
         by_hand_alone = on_boards and not self.study.devices.calibrate
-        return way == "ray" or by_hand_alone or any(isinstance(r, Pointing) for r in asked)
+        return way == "ray" or by_hand_alone or any(isinstance(r, Pointing) for r in responses)
 
     @property
     def demands(self) -> Demands:
         """What the study asks of a lab beyond devices being there."""
         of = self.study.devices.demands_of
-        found = Demands() if of is None else of(self.parameters)
-        return replace(found, sounds=self.sounds) if self.sounds else found
+        demands = Demands() if of is None else of(self.parameters)
+        return replace(demands, sounds=self.sounds) if self.sounds else demands
 
     @cached_property
     def sounds(self) -> tuple[Sound, ...]:
@@ -199,8 +203,8 @@ class StudyExperiment:
             DesignError: a file cannot be played.
         """
         of = self.settings.sound_of
-        played = (of(sound) for trial in self.read.values() for sound in trial.sounds)
-        return tuple({sound.sha256: sound for sound in played}.values())
+        sounds = (of(sound) for trial in self.read.values() for sound in trial.sounds)
+        return tuple({sound.sha256: sound for sound in sounds}.values())
 
     @property
     def unplayable(self) -> tuple[str, ...]:
@@ -233,11 +237,11 @@ class StudyExperiment:
         devices = self.study.devices
         if devices.spares is not None:
             return tuple(devices.spares)
-        needed = set(devices.needs)
-        needed |= {"eye_tracker"} if devices.calibrate and devices.validate else set()
-        pressed = any(isinstance(r, Keys | Pointing) for r in self.responses.values())
-        needed |= {"responses"} if pressed or self.settings.answer_by == "ray" else set()
-        return tuple(role for role in (*self.useful_roles, "responses") if role not in needed)
+        needed_roles = set(devices.needs)
+        needed_roles |= {"eye_tracker"} if devices.calibrate and devices.validate else set()
+        asks_presses = any(isinstance(r, Keys | Pointing) for r in self.responses.values())
+        needed_roles |= {"responses"} if asks_presses or self.settings.answer_by == "ray" else set()
+        return tuple(role for role in (*self.useful_roles, "responses") if role not in needed_roles)
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return everything one participant will do; what trials remember is forgotten.
@@ -247,53 +251,53 @@ class StudyExperiment:
         """
         self.settings.memory.clear()
         design = self.study.design_with(self.parameters)
-        made = make_plan(
+        plan = make_plan(
             design, seed=seed, participant_index=participant_index, group=group or None
         )
-        values = self.values_of(made)
-        own = 1 if made.blocks[0].trials and made.blocks[0].trials[0].is_practice else 0
-        parts = len(made.blocks) - own
+        values = self.values_of(plan)
+        own = 1 if plan.blocks[0].trials and plan.blocks[0].trials[0].is_practice else 0
+        parts = len(plan.blocks) - own
         blocks = []
-        for block in made.blocks:
+        for block in plan.blocks:
             part = block.index + 1 - own
             is_practice = own == 1 and block.index == 0
-            known = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
+            text_values = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
             if self.study.design.blocked_by is not None:
-                known["level"] = block.trials[0].factors[self.study.design.blocked_by]
+                text_values["level"] = block.trials[0].factors[self.study.design.blocked_by]
             titles = ("blocks.practice",) if is_practice else ("blocks.part",)
-            said = ("practice",) if is_practice else _instructions(part, parts)
+            instruction_names = ("practice",) if is_practice else _instructions(part, parts)
             blocks.append(
                 replace(
                     block,
                     trials=tuple(
                         replace(t, factors=self._derived(t.factors)) for t in block.trials
                     ),
-                    name=self.texts.find(*titles, values=known) or block.name,
-                    instruction=self.texts.find(*said, values=known) or "",
+                    name=self.texts.find(*titles, values=text_values) or block.name,
+                    instruction=self.texts.find(*instruction_names, values=text_values) or "",
                     calibrate=self.study.devices.calibrate
                     and (block.index == 0 or self.study.devices.calibrate_blocks),
                     questionnaires=() if is_practice else self._asked_after_blocks(),
                 )
             )
-        kept = {
+        parameters = {
             name: value if isinstance(value, str | int | float | bool) else json.dumps(list(value))
             for name, value in self.parameters.items()
         }
-        kept["language"] = self.language
-        return replace(made, blocks=tuple(blocks), parameters=kept)
+        parameters["language"] = self.language
+        return replace(plan, blocks=tuple(blocks), parameters=parameters)
 
     def _asked_after_blocks(self) -> tuple[str, ...]:
         asks = self.study.asks
-        unasked = () if asks.unasked is None else asks.unasked(self.parameters)
-        return tuple(name for name in asks.after_block if name not in unasked)
+        omissions = () if asks.unasked is None else asks.unasked(self.parameters)
+        return tuple(name for name in asks.after_block if name not in omissions)
 
     def values_of(self, made: SessionPlan) -> dict[str, Any]:
         """Return what texts can name: parameters, and what follows from the plan."""
-        counted = [t for t in made.trials if not t.is_practice]
+        main_trials = [t for t in made.trials if not t.is_practice]
         return {
             **self.settings.values,
-            "trials": len(counted),
-            "practice": len(made.trials) - len(counted),
+            "trials": len(main_trials),
+            "practice": len(made.trials) - len(main_trials),
             "trial_s": self.parameters.get("trial_s", round(self.trial_s)),
             **{
                 f"{r.name}_{end}": getattr(r, end)
@@ -329,9 +333,9 @@ class StudyExperiment:
     def levels(self) -> dict[str, tuple[Any, ...]]:
         """The levels of every factor, and what columns that follow from factors can hold."""
         design = self.study.design_with(self.parameters)
-        found = {f.name: tuple(f.levels) for f in design.factors}
+        levels = {f.name: tuple(f.levels) for f in design.factors}
         cells = list(self.conditions())
-        return found | {
+        return levels | {
             n: tuple(dict.fromkeys(c[n] for c in cells)) for n in self.study.design.derived
         }
 

@@ -72,14 +72,14 @@ class TrialRecord:
         Raises:
             DesignError: nobody plays it in any trial of the session that shows such scenes.
         """
-        shown = [c.removeprefix(f"{scene}_") for c in self.row if str(c).startswith(f"{scene}_")]
-        if "on_ns" in shown and role not in shown:
-            there = ", ".join(name for name in shown if name not in NO_ROLES) or "none"
+        columns = [c.removeprefix(f"{scene}_") for c in self.row if str(c).startswith(f"{scene}_")]
+        if "on_ns" in columns and role not in columns:
+            there = ", ".join(name for name in columns if name not in NO_ROLES) or "none"
             raise DesignError(
                 f"{self.name}: nobody is {role!r} in scene {scene!r}; roles are: {there}"
             )
-        found = self.number(f"{scene}_{role}")
-        return None if found is None else int(found)
+        index = self.number(f"{scene}_{role}")
+        return None if index is None else int(index)
 
     def stream(self, name: str, start_ns: int, end_ns: int) -> dict[str, npt.NDArray[Any]]:
         """Return a stream's columns between two times of this trial's part.
@@ -97,8 +97,8 @@ class TrialRecord:
         columns = self.recording.stream_arrays(name)
         at = columns["t_host_ns"]
         part = columns["recording_part"] == int(self.row["recording_part"])
-        kept = part & (at >= start_ns) & (at < end_ns)
-        return {column: values[kept] for column, values in columns.items()}
+        is_inside = part & (at >= start_ns) & (at < end_ns)
+        return {column: values[is_inside] for column, values in columns.items()}
 
     def looks(self, role: str, scene: str, pad_deg: float) -> LookMeasures | None:
         """Return the looks on the agent of a role while a scene was shown."""
@@ -137,9 +137,9 @@ class Measure:
     @property
     def axis(self) -> str:
         """What stands at a figure's axis."""
-        shown = {"1": "", "": ""}.get(self.unit, f" ({self.unit})")
+        unit_text = {"1": "", "": ""}.get(self.unit, f" ({self.unit})")
         kind = {"mean": "", "median": "median ", "share": "share: "}[self.aggregate]
-        return f"{kind}{self.words}{shown}".capitalize() if kind else f"{self.words}{shown}"
+        return f"{kind}{self.words}{unit_text}".capitalize() if kind else f"{self.words}{unit_text}"
 
     @property
     def digits(self) -> int:
@@ -162,8 +162,8 @@ def _of_looks(role: str, scene: str, pad_deg: float, pick: Callable[[LookMeasure
         looks = record.looks(role, scene, pad_deg)
         if looks is None or looks.lost_01 is None or looks.lost_01 >= 1.0:
             return None  # nothing was measured: missing, not zero
-        found: Scalar | None = pick(looks)
-        return found
+        value: Scalar | None = pick(looks)
+        return value
 
     return of
 
@@ -264,8 +264,8 @@ def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
         DataError: the measure cannot be computed, with the trial and the reason.
     """
     if measure.of is None:
-        found = record.row.get(measure.column)
-        return None if found is None or found != found else found
+        value = record.row.get(measure.column)
+        return None if value is None or value != value else value
     try:
         return measure.of(record)
     except SamplesUnreadable:
@@ -283,15 +283,15 @@ def aggregated(
 ) -> pd.DataFrame:
     """Return one row per participant and cell: each measure as it says, and `n` trials."""
     keys = ["participant", *factors]
-    grouped = trials.groupby(keys, sort=True, observed=True)
-    found: dict[str, Any] = {"n": grouped.size()}
+    groups = trials.groupby(keys, sort=True, observed=True)
+    columns: dict[str, Any] = {"n": groups.size()}
     for measure in measures:
         if measure.column not in trials:
             continue
         values = pd.to_numeric(trials[measure.column], errors="coerce").astype(float)
         cell = values.groupby([trials[k] for k in keys], sort=True, observed=True)
-        found[measure.column] = cell.median() if measure.aggregate == "median" else cell.mean()
-    return pd.DataFrame(found).reset_index()
+        columns[measure.column] = cell.median() if measure.aggregate == "median" else cell.mean()
+    return pd.DataFrame(columns).reset_index()
 
 
 class SessionGaze:

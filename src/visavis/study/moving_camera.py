@@ -55,10 +55,10 @@ class FilmSeen:
     @cached_property
     def poses(self) -> Vector:
         """Place and turn (n, 7) of the camera."""
-        found: Vector = np.array(
+        poses: Vector = np.array(
             [[*c.pose.position_m, *c.pose.orientation_wxyz] for c in self.cameras]
         )
-        return found
+        return poses
 
 
 class _Subject:
@@ -69,10 +69,10 @@ class _Subject:
         if first is None:
             raise DesignError(f"scene {film.scene.name} shows nothing at its onset")
         if role not in staged.roles:
-            known = ", ".join(staged.roles)
+            roles = ", ".join(staged.roles)
             raise DesignError(
                 f"scene {film.scene.name} has nobody who is {role!r} to be filmed"
-                f"{did_you_mean(role, tuple(staged.roles))}; it has {known}"
+                f"{did_you_mean(role, tuple(staged.roles))}; it has {roles}"
             )
         self._frame, self.index = first, staged.roles[role]
         self.picture_at: Callable[[int], Picture] = lru_cache(maxsize=4)(self._drawn)

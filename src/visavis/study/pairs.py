@@ -36,8 +36,8 @@ class Printed:
 
     def __str__(self) -> str:
         """Return its whole text, else its p with the verdict."""
-        said = "different" if self.is_significant else "not different"
-        return self.text or (said if self.p is None else f"{said}, {p_text(self.p)}")
+        verdict = "different" if self.is_significant else "not different"
+        return self.text or (verdict if self.p is None else f"{verdict}, {p_text(self.p)}")
 
 
 # A test holds the family that it was made for, so its class stands above: the tests of

@@ -21,13 +21,13 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
     factors = {f.name: f for f in study.design.factors}
     plural = {f"{name}s": name for name in factors if f"{name}s" not in usual}
     problems: list[str] = []
-    for given, value in overrides.items():
-        name = plural.get(given, given)
+    for key, value in overrides.items():
+        name = plural.get(key, key)
         if name in factors:
             levels = value if isinstance(value, list) else [value]
             kind = {type(v) for v in factors[name].levels}
             if not levels or any(type(v) not in kind for v in levels):
-                problems.append(f"{given} is {value!r}: give levels, such as {name}=[a,b]")
+                problems.append(f"{key} is {value!r}: give levels, such as {name}=[a,b]")
             usual[name] = list(levels)
         elif name not in usual:
             problems.append(no_such(name, (*usual, *factors)))
@@ -40,18 +40,18 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
         problems.append(f"parameters: {', '.join((*usual, *factors))}")
     if problems:
         raise ConfigError(f"{study.name} cannot be set so: {'; '.join(problems)}")
-    refused = list(
+    refusals = list(
         filter(
             None,
             (
-                out_of_range(name, usual[name], allowed)
-                for name, allowed in study.design.ranges.items()
+                out_of_range(name, usual[name], limits)
+                for name, limits in study.design.ranges.items()
                 if name in usual
             ),
         )
     )
-    if refused:
-        raise DesignError(f"{study.name}: {'; '.join(refused)}")
+    if refusals:
+        raise DesignError(f"{study.name}: {'; '.join(refusals)}")
     if study.design.check_of is not None:
         study.design.check_of(usual)
     return usual

@@ -93,7 +93,7 @@ class Pieces:
         Rows of these begin with participant, trial and the levels of `factors`.
         """
         columns = dict.fromkeys((*rows, *(c for m in measured.values() for c in m.row)))
-        found: Rows = []
+        session_rows: Rows = []
         tables: dict[str, Rows] = {name: [] for name in self.tables}
         for row in rows.to_dict("records"):
             own = {str(k): v for k, v in row.items()} | self.marks(how)
@@ -103,12 +103,14 @@ class Pieces:
                 own |= mine.row
                 for name, several in mine.tables.items():
                     tables[name] += [{**place, **one} for one in several]
-            found.append(own)
+            session_rows.append(own)
         if self.of_session is not None:
-            found, tables = self.of_session(recording, found, tables, how)
-        named = [str(c) for c in dict.fromkeys((*columns, *(c for row in found for c in row)))]
+            session_rows, tables = self.of_session(recording, session_rows, tables, how)
+        column_names = [
+            str(c) for c in dict.fromkeys((*columns, *(c for row in session_rows for c in row)))
+        ]
         return (
-            _frame(found, named),
+            _frame(session_rows, column_names),
             {name: pd.DataFrame(several) for name, several in tables.items()},
         )
 
@@ -117,9 +119,9 @@ def _frame(rows: Rows, columns: Sequence[str]) -> pd.DataFrame:
     """Return a table in which whole numbers stay whole where some are missing."""
     table = pd.DataFrame(rows, columns=list(columns))
     for name in columns:
-        known = [v for row in rows if not _is_missing(v := row.get(name))]
-        is_whole = all(isinstance(v, int) and not isinstance(v, bool) for v in known)
-        if known and is_whole and len(known) < len(rows):
+        values = [v for row in rows if not _is_missing(v := row.get(name))]
+        is_whole = all(isinstance(v, int) and not isinstance(v, bool) for v in values)
+        if values and is_whole and len(values) < len(rows):
             table[name] = table[name].astype("Int64")
     return table
 

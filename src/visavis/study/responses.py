@@ -91,8 +91,8 @@ class _Judged(_Response):
     def _further(self) -> tuple[Column, ...]:
         if self.right is None:
             return ()
-        said = f"{self._words[2]} is the right one"
-        return (Column(f"{self.name}_is_right", "", said),)
+        description = f"{self._words[2]} is the right one"
+        return (Column(f"{self.name}_is_right", "", description),)
 
 
 @dataclass(frozen=True)
@@ -201,8 +201,8 @@ class Number(_Response):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        bounded = float("-inf") < self.low < self.high < float("inf")
-        if self.step < 0 or (self.step > 0 and not bounded):
+        is_bounded = float("-inf") < self.low < self.high < float("inf")
+        if self.step < 0 or (self.step > 0 and not is_bounded):
             raise DesignError(f"number {self.name}: a slider needs low, high and a step above 0")
 
     def value(self, option: str) -> Scalar | None:
@@ -257,8 +257,8 @@ class Pointing(_Response):
 
     @property
     def _given(self) -> Column:
-        said = "place of the nearest head within 10° of the ray; none: empty"
-        return Column(self.name, "", said)
+        description = "place of the nearest head within 10° of the ray; none: empty"
+        return Column(self.name, "", description)
 
     @property
     def _further(self) -> tuple[Column, ...]:

@@ -124,9 +124,9 @@ class WithEyes:
 
     def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
         """Return the frame where eyes moved, or the participant did and somebody follows."""
-        changed = self.follow(view) or not self._is_shown
+        has_changed = self.follow(view) or not self._is_shown
         gaze, openness, moving = self.eyes.at(elapsed_ns, self.observer_m)
-        if not (changed or moving or self._was_moving):
+        if not (has_changed or moving or self._was_moving):
             return None
         self._was_moving, self._is_shown = moving, True
         distance_m = self.eyes.distance_m(elapsed_ns, self.observer_m)
@@ -136,8 +136,8 @@ class WithEyes:
         """Take note of the participant's head; tell whether it moved enough to matter."""
         if not view.head_valid:
             return False
-        moved = view.head.position_m - self.observer_m
-        x, y, z = moved.tolist()
+        moved_m = view.head.position_m - self.observer_m
+        x, y, z = moved_m.tolist()
         if x * x + y * y + z * z < self.step_m**2:
             return False
         self.observer_m = np.array(view.head.position_m, np.float64)
@@ -262,10 +262,10 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
         raise DesignError(
             f"there is no scene {name!r}{did_you_mean(name, makers)}; there are {', '.join(makers)}"
         )
-    if (known := _taken(name, maker, wanted.options)) is not None:
+    if (option_names := _taken(name, maker, wanted.options)) is not None:
         for option in wanted.options:
-            if option not in known:
-                raise DesignError(unknown_argument(f"scene {name}", option, known))
+            if option not in option_names:
+                raise DesignError(unknown_argument(f"scene {name}", option, option_names))
     try:
         return maker(staging, **wanted.options)
     except TypeError as error:
@@ -274,15 +274,15 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
 
 def _taken(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Return the options a scene takes; None where its maker takes whatever it is given."""
-    known = argument_names(maker)[1:]
+    option_names = argument_names(maker)[1:]
     passes_on = any(q.kind is q.VAR_KEYWORD for q in signature(maker).parameters.values())
     if not passes_on:
-        return known
+        return option_names
     if maker is not person:
         return None
     does = MOTIONS.get(str(options.get("motion", "idle")))
     of_motion = argument_names(read_motion)[2:] if does is None else argument_names(does)
-    return (*known, *of_motion)
+    return (*option_names, *of_motion)
 
 
 def gathered(
@@ -314,8 +314,8 @@ def gathered(
 def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
     """Return two gatherings of one person each as one, the first on the participant's left."""
     people = []
-    for sign, (side, staged) in zip((-1.0, 1.0), sides.items(), strict=True):
-        alone: tuple[Standing, ...] = getattr(staged.scene, "people", ())
+    for sign, (side, gathering) in zip((-1.0, 1.0), sides.items(), strict=True):
+        alone: tuple[Standing, ...] = getattr(gathering.scene, "people", ())
         if len(alone) != 1:
             raise DesignError(f"a pair shows one person on each side; {side} has {len(alone)}")
         people.append(replace(alone[0], place=side, x_m=alone[0].x_m + sign * BESIDE_M))
@@ -333,8 +333,8 @@ def _past(eye_m: Vector, facing: Vector) -> Vector:
     angle = np.radians(outside * AVERTED_DEG)
     c, s = np.cos(angle), np.sin(angle)
     x, z = facing[0] * c + facing[2] * s, -facing[0] * s + facing[2] * c
-    found: Vector = eye_m + 3.0 * np.array([x, facing[1] - 0.08, z])
-    return found
+    point_m: Vector = eye_m + 3.0 * np.array([x, facing[1] - 0.08, z])
+    return point_m
 
 
 def _does(motion: str, how: Mapping[str, Any], folder: Path, character: str) -> Kind:

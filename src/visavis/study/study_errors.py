@@ -28,14 +28,14 @@ def explain(error: BaseException) -> str:
 
     Of an argument that something of the kit does not take, the message says which there are.
     """
-    found = _NOT_TAKEN.search(str(error)) if isinstance(error, TypeError) else None
-    taker = None if found is None else _of_kit(found["owner"] or "", found["called"])
-    if found is not None and taker is not None:
-        called = found["owner"] if found["called"] == "__init__" else found["called"]
-        known = tuple(
+    match = _NOT_TAKEN.search(str(error)) if isinstance(error, TypeError) else None
+    taker = None if match is None else _of_kit(match["owner"] or "", match["called"])
+    if match is not None and taker is not None:
+        callee = match["owner"] if match["called"] == "__init__" else match["called"]
+        arguments = tuple(
             n for n in argument_names(taker) if not n.endswith("_of") and n not in _NOT_GIVEN
         )
-        return unknown_argument(str(called), found["given"], known)
+        return unknown_argument(str(callee), match["given"], arguments)
     own = isinstance(error, LabError)
     if not own and isinstance(error, AttributeError) and _is_of_kit(error.obj):
         names = tuple(n for n in dir(error.obj) if not n.startswith("_"))
@@ -52,8 +52,8 @@ def _is_of_kit(thing: object) -> bool:
 def _of_kit(owner: str, called: str) -> Callable[..., Any] | None:
     for name in filter(None, (owner, called)):
         if name in HOMES:
-            found = public_object(name)
-            taker = found if called in ("__init__", name) else getattr(found, called, None)
+            target = public_object(name)
+            taker = target if called in ("__init__", name) else getattr(target, called, None)
             return taker if callable(taker) else None
     step = getattr(TrialScript, called, None) if owner in ("", "TrialScript") else None
     return step if callable(step) else None
@@ -85,24 +85,24 @@ def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[
     if path is None or not path.is_file():
         return
     names = frozenset(steps)
-    for made in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if not isinstance(made, ast.FunctionDef) or not made.args.args:
+    for function in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if not isinstance(function, ast.FunctionDef) or not function.args.args:
             continue
-        marks = [d.attr for d in made.decorator_list if isinstance(d, ast.Attribute)]
-        inner = list(ast.walk(made))
+        marks = [d.attr for d in function.decorator_list if isinstance(d, ast.Attribute)]
+        inner = list(ast.walk(function))
         if not {"trial", "intertrial"} & set(marks) and not any(
             isinstance(n, ast.Yield | ast.YieldFrom) for n in inner
         ):
             continue
-        for said in (n.value for n in inner if isinstance(n, ast.Expr)):
+        for call in (n.value for n in inner if isinstance(n, ast.Expr)):
             if (
-                isinstance(said, ast.Call)
-                and isinstance(said.func, ast.Attribute)
-                and isinstance(said.func.value, ast.Name)
-                and said.func.value.id == made.args.args[0].arg
-                and said.func.attr in names
+                isinstance(call, ast.Call)
+                and isinstance(call.func, ast.Attribute)
+                and isinstance(call.func.value, ast.Name)
+                and call.func.value.id == function.args.args[0].arg
+                and call.func.attr in names
             ):
-                yield said.lineno, f"{said.func.value.id}.{said.func.attr}"
+                yield call.lineno, f"{call.func.value.id}.{call.func.attr}"
 
 
 def line_saying(path: Path | None, word: str) -> str:

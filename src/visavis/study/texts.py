@@ -42,17 +42,17 @@ class Texts:
                 f"{did_you_mean(name, tuple(self.entries))}"
             )
         text = self.entries[name]
-        known = dict(values or {})
+        fillers = dict(values or {})
         for placeholder in placeholders_of(text):
-            if placeholder not in known:
-                known |= self._in_words(placeholder, known)
-            if placeholder not in known:
-                hint = did_you_mean(placeholder, tuple(known))
+            if placeholder not in fillers:
+                fillers |= self._in_words(placeholder, fillers)
+            if placeholder not in fillers:
+                hint = did_you_mean(placeholder, tuple(fillers))
                 raise ConfigError(
                     f"{self.source} ({self.language}), {name}: nothing fills {{{placeholder}}}"
-                    f"{hint}; it can name {', '.join(sorted(known)) or 'nothing'}"
+                    f"{hint}; it can name {', '.join(sorted(fillers)) or 'nothing'}"
                 )
-        return text.format_map({k: shown(v) for k, v in known.items()})
+        return text.format_map({k: shown(v) for k, v in fillers.items()})
 
     def _in_words(self, placeholder: str, known: Mapping[str, Any]) -> dict[str, str]:
         """Return {trials_in_words} and {part_ordinal}: words up to twelve, digits beyond."""
@@ -100,8 +100,8 @@ def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Tex
         ConfigError: the study has no such language, its file lacks what another language's file
             has, or it cannot be read.
     """
-    spoken = language if language in languages_in(WORDS_DIR) else DEFAULT_LANGUAGE
-    entries = dict(_words(spoken))
+    words_language = language if language in languages_in(WORDS_DIR) else DEFAULT_LANGUAGE
+    entries = dict(_words(words_language))
     own: dict[str, str] = {}
     source = "Visavis"
     for folder in folders:
@@ -140,9 +140,9 @@ def _require_all(
                 n for n in names if n not in there and not n.startswith(NOT_READ_BY_PARTICIPANTS)
             ]
             if lacking:
-                listed = ", ".join(map(repr, lacking))
+                lacking_text = ", ".join(map(repr, lacking))
                 raise ConfigError(
-                    f"{source} has no text {listed}, which {file} has; "
+                    f"{source} has no text {lacking_text}, which {file} has; "
                     "translate it, or take it out of both"
                 )
 

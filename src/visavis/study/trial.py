@@ -282,10 +282,10 @@ class TrialScript:
         a monitor the scene itself is shown for so many rounds (one at least), then questions
         follow on boards; a `caption` is read on pages alone.
         """
-        watched = Watched(shown, responses, caption, min_rounds)
+        viewing = Watched(shown, responses, caption, min_rounds)
         seconds = max(1, min_rounds) * seconds_of(shown)
         return Action(
-            "watch", lambda: self._watch(watched), seconds, scene=scene_of(shown), watched=watched
+            "watch", lambda: self._watch(viewing), seconds, scene=scene_of(shown), watched=viewing
         )
 
     def key(self, response: Keys) -> Action:
@@ -310,8 +310,8 @@ class TrialScript:
     ) -> Action:
         """Let an armband vibrate; it begins now and ends by itself, the trial goes on at once."""
         _duration("vibrate", seconds)
-        played = pattern or VibrationPattern("steady", round(seconds * 1000))
-        return Action("vibrate", lambda: self._vibrate(role, played, motors, amplitude_01))
+        vibration = pattern or VibrationPattern("steady", round(seconds * 1000))
+        return Action("vibrate", lambda: self._vibrate(role, vibration, motors, amplitude_01))
 
     def play(
         self,
@@ -341,11 +341,11 @@ class TrialScript:
             raise DesignError("t.play: a sound that loops has no end to wait for")
         if not -120.0 <= gain_db <= MAX_GAIN_DB:
             raise DesignError(f"t.play: gain_db is {gain_db:g}; from -120 to {MAX_GAIN_DB:g}")
-        played = sound if isinstance(sound, Sound) else self.settings.folder / sound
+        source = sound if isinstance(sound, Sound) else self.settings.folder / sound
         return Action(
             "play",
-            lambda: self._play(self.settings.sound_of(played), at, gain_db, loops, wait, name),
-            sound=played,
+            lambda: self._play(self.settings.sound_of(source), at, gain_db, loops, wait, name),
+            sound=source,
             column=name,
             waits_for_end=wait == "end",
         )
@@ -408,14 +408,14 @@ class TrialScript:
     ) -> Performing:
         before = yield from self._now()
         name = self.numbered(name)
-        staged = self._stage(wanted, seconds, len(self._names), before.t_ns)
-        self._staged, self._onset_ns = staged, before.t_ns
+        staged_scene = self._stage(wanted, seconds, len(self._names), before.t_ns)
+        self._staged, self._onset_ns = staged_scene, before.t_ns
         self._sound_on_ns = 0
-        yield from shown(staged.frame(before, 0))
+        yield from shown(staged_scene.frame(before, 0))
         view = yield from self._frame()
         on_ns = self._onset_ns = view.t_ns
         self.row.setdefault("t_start_ns", on_ns)
-        yield Mark("shown", _payload(self.trial, name, wanted, staged, before.t_ns))
+        yield Mark("shown", _payload(self.trial, name, wanted, staged_scene, before.t_ns))
         end_ns = on_ns + round(seconds * NS_PER_S)
         frames, off_ns = 0, end_ns
         while True:
@@ -425,7 +425,7 @@ class TrialScript:
                 break
             if view.t_ns >= end_ns and arrived(view, end_ns):
                 break
-            yield from shown(staged.frame(view, view.t_ns - on_ns))
+            yield from shown(staged_scene.frame(view, view.t_ns - on_ns))
             view = yield from self._frame()
         self.row |= {
             f"{name}_on_ns": on_ns,
@@ -433,13 +433,13 @@ class TrialScript:
             f"{name}_frames": frames,
             **{
                 f"{name}_{role}": index
-                for role, index in staged.roles.items()
+                for role, index in staged_scene.roles.items()
                 if role in self.settings.measured
-                or role not in {a.place for a in staged.scene.agents}
+                or role not in {a.place for a in staged_scene.scene.agents}
             },
             "t_end_ns": off_ns,
         }
-        return ShownScene(on_ns, off_ns, staged.roles, view)
+        return ShownScene(on_ns, off_ns, staged_scene.roles, view)
 
     def _watch(self, watched: Watched) -> Performing:
         seconds = max(1, watched.min_rounds) * seconds_of(watched.shown)
@@ -508,8 +508,8 @@ class TrialScript:
     def take(self, response: Response, answer: Answer) -> None:
         """Put an answer's columns into the row."""
         name, option = response.name, answer.option
-        told = None if option is None else response.value(option)
-        self.row |= {name: told, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
+        value = None if option is None else response.value(option)
+        self.row |= {name: value, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
         self.row |= response.more(option)
         self.row["t_end_ns"] = answer.answered_ns
 
@@ -534,12 +534,12 @@ class TrialScript:
         return prompt, labels
 
     def _board_shown(self, over_scene: bool) -> Callable[[FrameView, Panel], Show | None]:
-        staged = self._staged if over_scene else None
+        staged_scene = self._staged if over_scene else None
         last: list[tuple[SceneFrame, int | None]] = []
 
         def show(view: FrameView, panel: Panel) -> Show | None:
             elapsed_ns = view.t_ns - self._onset_ns
-            behind = None if staged is None else staged.frame(view, elapsed_ns)
+            behind = None if staged_scene is None else staged_scene.frame(view, elapsed_ns)
             if last and behind is None and last[-1][1] == panel.highlighted:
                 return None
             if behind is None:
@@ -563,9 +563,11 @@ class TrialScript:
 
     def _still(self, view: FrameView) -> Show | None:
         """Go on with the scene that is shown."""
-        staged = self._staged
-        moved = None if staged is None else staged.frame(view, view.t_ns - self._onset_ns)
-        return None if moved is None else Show(moved)
+        staged_scene = self._staged
+        next_frame = (
+            None if staged_scene is None else staged_scene.frame(view, view.t_ns - self._onset_ns)
+        )
+        return None if next_frame is None else Show(next_frame)
 
     def _clear(self, over_scene: bool, view: FrameView) -> Performing:
         if not over_scene:
@@ -694,12 +696,12 @@ def perform(script: TrialScript, plan: TrialPlan) -> Plan:
     reply: Any = None
     try:
         while True:
-            wanted = steps.send(reply)
-            if isinstance(wanted, Action):
-                reply = yield from _listening(script, wanted.perform())
+            step = steps.send(reply)
+            if isinstance(step, Action):
+                reply = yield from _listening(script, step.perform())
             else:
-                reply = yield wanted
-                if isinstance(wanted, NextFrame):
+                reply = yield step
+                if isinstance(step, NextFrame):
                     script.view = reply
                     script.heard(reply.sounded)
     except StopIteration as end:
@@ -716,11 +718,11 @@ def _listening(script: TrialScript, steps: Performing) -> Performing:
     value: Any = None
     while True:
         try:
-            wanted = go_on(value)
+            step = go_on(value)
         except StopIteration as end:
             return end.value
         try:
-            value = yield wanted
+            value = yield step
         except TrialInterrupted as stop:
             go_on, value = steps.throw, stop
         else:
@@ -731,17 +733,17 @@ def _listening(script: TrialScript, steps: Performing) -> Performing:
 
 def _unwound(steps: Any, stop: TrialInterrupted) -> Performing:
     try:
-        wanted = steps.throw(stop)
+        step = steps.throw(stop)
         while True:
-            if isinstance(wanted, Action):
-                if wanted.name not in ("mark", "vibrate"):
+            if isinstance(step, Action):
+                if step.name not in ("mark", "vibrate"):
                     raise DesignError(
-                        f"a trial that was interrupted may still mark, not {wanted.name}"
+                        f"a trial that was interrupted may still mark, not {step.name}"
                     )
-                reply = yield from wanted.perform()
+                reply = yield from step.perform()
             else:
-                reply = yield wanted
-            wanted = steps.send(reply)
+                reply = yield step
+            step = steps.send(reply)
     except (StopIteration, TrialInterrupted):
         return
 
@@ -768,8 +770,8 @@ def shown(view: SceneFrame | None) -> Performing:
 def arrived(view: FrameView, end_ns: int, drain_ms: float = DRAIN_MS) -> bool:
     """Tell whether every gaze sample from before the end is here, or was waited for long enough."""
     stamps = view.gaze.t_ns
-    waited = view.t_ns >= end_ns + round(drain_ms * NS_PER_MS)
-    return waited or bool(stamps.shape[0] and stamps[-1] >= end_ns)
+    has_timed_out = view.t_ns >= end_ns + round(drain_ms * NS_PER_MS)
+    return has_timed_out or bool(stamps.shape[0] and stamps[-1] >= end_ns)
 
 
 def _payload(
