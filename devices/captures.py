@@ -1,4 +1,4 @@
-"""What a `.wire` file says of itself, so that it can be played back without the lab it is from."""
+"""The note in a `.wire` file, which lets it be played back without the lab it is from."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ ROLE = "replayed"
 
 
 def note_of(device: DeviceConfig) -> Mapping[str, Any]:
-    """Return driver and options of the device a capture is from.
+    """Return driver and options of the device that was captured.
 
     A simulated band is noted as the driver of the real one, whose protocol it speaks.
     """
@@ -28,11 +28,11 @@ def note_of(device: DeviceConfig) -> Mapping[str, Any]:
 
 
 def device_of(path: Path, log: WireLog, driver: str | None = None) -> DeviceConfig:
-    """Return the device to build for a replay; `driver` counts where the file names none.
+    """Return the device to build for a replay; `driver` is used where the file names none.
 
     Raises:
         UsageError: the file names no driver and none was given.
-        DataError: it names one that is not known here.
+        DataError: the file names a driver that is not installed.
     """
     driver_name = driver or str(log.note.get("driver", ""))
     if not driver_name:
@@ -50,7 +50,7 @@ def device_of(path: Path, log: WireLog, driver: str | None = None) -> DeviceConf
 
 
 def _lists(value: Any) -> Any:
-    """Undo what msgpack did: sequences come back as tuples, which strict options refuse."""
+    """Turn tuples back into lists: msgpack returns tuples, which strict options refuse."""
     if isinstance(value, Mapping):
         return {key: _lists(inner) for key, inner in value.items()}
     if isinstance(value, tuple | list):

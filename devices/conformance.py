@@ -1,4 +1,4 @@
-"""Check that a device keeps its contract: plain functions for our drivers and anyone's.
+"""Check that a device keeps its contract: plain functions for any driver, ours or not.
 
 Each takes a factory that makes a fresh closed device and raises AssertionError naming the broken
 promise. `let_pass(seconds)` lets session time go by: it moves a virtual clock, or waits.
@@ -42,7 +42,7 @@ UNIT_LENGTH_TOLERANCE = 1e-4
 
 
 def check_lifecycle(make: Callable[[], Device], let_pass: LetPass) -> None:
-    """Check the states, that misuse is refused by name, and that close is idempotent."""
+    """Check the states, that errors name method and state, and that close is idempotent."""
     device = make()
     _promise(device.state is DeviceState.CLOSED, "a new device is closed")
     _refuses(device, "start", lambda: device.start(lambda batch: None))

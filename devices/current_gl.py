@@ -1,7 +1,7 @@
 """The OpenGL context that is current in this thread: whose it is, and copies of its textures.
 
-Headset runtimes are handed a context that something else made, and copy textures within it. Only
-what that takes is here; nothing draws. EGL and GLX on Linux, WGL on Windows.
+Headset runtimes get a context that another library made, and copy textures within it. This module
+holds only what that needs and draws nothing. EGL and GLX on Linux, WGL on Windows.
 """
 
 import ctypes
@@ -44,7 +44,7 @@ def current_context() -> GlContext:
     """Return the context that is current in this thread.
 
     Raises:
-        DeviceError: none is.
+        DeviceError: no context is current.
     """
     finders = (_wgl,) if sys.platform == "win32" else (_egl, _glx)
     for find in finders:

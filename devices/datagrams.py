@@ -74,13 +74,13 @@ class UdpTransport:
             ) from cause
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Refuse: a datagram's answer comes by `receive`."""
+        """Raise: the answer to a datagram comes by `receive`."""
         raise DeviceError("UDP has no requests", remedy="use post and receive")
 
     def post(self, frames: Frames) -> None:
         """Send one datagram; one that cannot leave counts as lost."""
         if self._peer is not None and self._sockets:
-            with contextlib.suppress(OSError):  # unreachable now; silence tells it in time
+            with contextlib.suppress(OSError):  # unreachable now; the pump reports the silence
                 self._sockets[0].sendto(frames[0], self._peer)
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
@@ -98,7 +98,7 @@ class UdpTransport:
                     data = source.recv(MAX_DATAGRAM)
                 except BlockingIOError:
                     break
-                except ConnectionError:  # Windows tells here that an earlier send was refused
+                except ConnectionError:  # Windows reports here that an earlier send was refused
                     continue
                 messages.append(Message(self._clock.now_ns(), (data,)))
         messages.sort(key=lambda message: message.t_host_ns)
