@@ -67,15 +67,15 @@ def is_file(wanted: str) -> bool:
 
 
 def reference_of(study: Study) -> str:
-    """Return what finds a study again from any folder and any process: its file, or its name."""
+    """Return what finds a study from any folder and process: its file, or its name."""
     path = study.files.path
     return study.name if path is None else str(path)
 
 
 def digest_of(path: Path) -> str:
-    """Return the SHA-256 of a study file with its texts, so that a change is noticed.
+    """Return the SHA-256 of a study file with its texts, to notice changes.
 
-    The files of the studies it was derived from, and questionnaires of its own, belong to it.
+    It includes the files of the studies it was derived from, and its own questionnaires.
     """
     digest = hashlib.sha256()
     study: Study | None = study_of_file(path)
@@ -104,7 +104,7 @@ def study_of_file(path: Path) -> Study:
     studies = [v for v in vars(module).values() if isinstance(v, Study)]
     main_study = vars(module).get("study")
     if isinstance(main_study, Study):
-        studies = [main_study]  # others may stand beside it, such as the one it is derived from
+        studies = [main_study]  # the file may hold others, such as its base
     if len(studies) != 1:
         raise DesignError(
             f"{path} declares {len(studies) or 'no'} studies; a study file makes one: "

@@ -61,7 +61,7 @@ PARTS: Final[Mapping[str, type[Any]]] = {
 }
 """The parts of a study by the names under which it has them."""
 PART_OF: Final = part_of(PARTS)
-"""The part in which each keyword of a study stands."""
+"""The part to which each keyword of a study belongs."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class _Keywords(
     Procedure,
     StudyDesign,
 ):
-    """What `Study` is called with: every field of every part. Nothing is ever made of it."""
+    """The keywords of `Study`: every field of every part. For type checkers only."""
 
     name: str
     title: str = ""
@@ -154,10 +154,10 @@ class Study:
         if problems:
             raise DesignError(f"study {name}: {'; '.join(problems)}")
 
-    if not TYPE_CHECKING:  # type checkers say themselves that there is no such attribute
+    if not TYPE_CHECKING:  # type checkers report a missing attribute themselves
 
         def __getattr__(self, name: str) -> Any:
-            """Say in which part something stands."""
+            """Raise with the part that has this attribute."""
             raise AttributeError(
                 f"a study has its {name} as study.{PART_OF[name]}.{name}"
                 if name in PART_OF
@@ -165,7 +165,7 @@ class Study:
             )
 
     def with_changes(self, **keywords: Any) -> "Study":
-        """Return a study that is this one but for what is given by name, as to `Study`."""
+        """Return a copy of this study with other keywords, given as to `Study`."""
         whole: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
         return Study(**{**whole, **keywords})
 
@@ -179,7 +179,7 @@ class Study:
         return plan
 
     def intertrial(self, plan: IntertrialPlan) -> IntertrialPlan:
-        """Take a generator as what happens before a trial, darkness otherwise (a decorator).
+        """Take a generator as what happens before a trial instead of darkness (a decorator).
 
         It begins at a frame (`t.now_ns`); how long it took is the row's `intertrial_ms`.
         """
@@ -197,9 +197,9 @@ class Study:
         return demands
 
     def prepare(self, prepare: PrepareOf) -> PrepareOf:
-        """Take what is loaded or computed before a session (a decorator).
+        """Take a function that prepares a session (a decorator).
 
-        A function of the experiment returns it as calls without arguments, to be made in turn.
+        It gets the experiment and returns calls without arguments, which are made in turn.
         """
         self.procedure = replace(self.procedure, prepare_of=prepare)
         return prepare
@@ -285,10 +285,10 @@ class Study:
         return {n: getattr(getattr(self, PART_OF[n]), n) for n in SETTABLE}
 
     def thresholds_with(self, settings: Mapping[str, Any]) -> Any:
-        """Return the numbers of its own analysis with those that were set; None without any.
+        """Return the thresholds of its own analysis with those that were set; None if it has none.
 
         Raises:
-            ConfigError: a value is none of the kind.
+            ConfigError: a value has the wrong type.
             UsageError: it is out of range.
         """
         thresholds = self.analysis.thresholds
@@ -313,7 +313,7 @@ class Study:
         """Return the design with parameters in force, levels of factors among them.
 
         Raises:
-            DesignError: it cannot be balanced or ordered so.
+            DesignError: it cannot be balanced or ordered in this way.
         """
         own, practice = self.design, parameters["practice"]
         all_factors = (replace(f, levels=parameters.get(f.name, f.levels)) for f in own.factors)
@@ -362,7 +362,7 @@ class Study:
 
 
 def _possible(cell: Mapping[str, Any], factors: Sequence[Factor]) -> dict[str, Any]:
-    """Return a practice trial with the first level of a factor that lost the one it names."""
+    """Return a practice trial; a level that no longer exists becomes the first of its factor."""
     levels = {f.name: (*f.levels, *f.practice_only) for f in factors}
     return {
         name: levels[name][0] if name in levels and level not in levels[name] else level

@@ -1,4 +1,4 @@
-"""Derive a study from another: it states what differs, the rest stays as it is.
+"""Derive a study from another: only the differences are stated.
 
 For example `study = derive("stare", "my_stare", repetitions=2, parameters={"trial_s": 8})`.
 """
@@ -17,11 +17,11 @@ from visavis.study.exclusions import Exclusion
 from visavis.study.parameters import parameters_in_force
 
 OWN: Final = frozenset({"folder", "path", "plan_folder"})
-"""What a derived study does not take over, and what is not given by name."""
+"""Fields that a derived study does not take over and cannot be given by name."""
 
 
 def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
-    """Return a study that is another one but for what is given by name.
+    """Return a copy of a study with the differences given by name.
 
     `base` is a study found by its name, by its file (a relative path starts from the file that
     derives), or a `Study`. Everything that a `Study` takes can be given. `parameters` replace
@@ -31,8 +31,8 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
 
     Raises:
         UsageError: there is no such base.
-        DesignError: the base cannot be derived from, or has nothing of such a name.
-        ConfigError: a parameter does not exist, or is none.
+        DesignError: the base cannot be derived from, or has no such keyword.
+        ConfigError: a parameter does not exist, or has a wrong value.
     """
     frame = inspect.currentframe()
     caller = None if frame is None else frame.f_back

@@ -1,4 +1,4 @@
-"""A study on the kit as the session performs it: the plan, each trial, the dark between."""
+"""A study of the kit as the session performs it: plan, trials and the dark between them."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -31,7 +31,7 @@ from visavis.study.texts import DEFAULT_LANGUAGE, Texts, read_texts
 from visavis.study.trial import Action, Settings, TrialScript, perform
 
 WAYS: Final = ("board", "ray", "keyboard")
-"""How questions are answered: on boards by hand, gaze or head; by hand or head; at the terminal."""
+"""How questions are answered: "board" by hand, gaze or head; "ray" by hand or head; "terminal"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class StudyExperiment:
     overrides: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _ = self.read  # so that what is wrong is said before anything begins
+        _ = self.read  # so that errors appear before anything begins
 
     @property
     def name(self) -> str:
@@ -74,7 +74,7 @@ class StudyExperiment:
 
     @cached_property
     def settings(self) -> Settings:
-        """What every trial is given."""
+        """What all trials share."""
         p = self.parameters
         if p["answer_by"] not in WAYS:
             raise ConfigError(f"{self.name}: answer_by is {p['answer_by']!r}; {', '.join(WAYS)}")
@@ -119,7 +119,7 @@ class StudyExperiment:
 
     @property
     def words(self) -> dict[str, Response]:
-        """Every response by the text with which it is put."""
+        """Every response by the text of its question."""
         script = TrialScript(Trial("T1", 1, 0, False, {}, 0), self.settings)
         return {script.words_of(r)[0]: r for r in self.responses.values()}
 
@@ -132,12 +132,12 @@ class StudyExperiment:
                 f"study {self.name} shows scenes of {', '.join(map(str, sorted(counts)))} people; "
                 "all scenes of a study hold equally many (or none)"
             )
-        # Where scenes show others than their agents, columns have had the width of one.
+        # Where scenes show people other than their agents, columns always had the width of one.
         return max(counts, default=0) or (1 if self.study.procedure.people else 0)
 
     @property
     def people_count(self) -> int:
-        """At most how many people a picture of it shows: an audience has its speaker too."""
+        """Largest number of people in one picture; an audience includes its speaker."""
         people = self.study.procedure.people
         return max(self.agent_count + 1, people(self.parameters) if callable(people) else people)
 
@@ -172,7 +172,7 @@ class StudyExperiment:
 
     @property
     def rests_on_gaze(self) -> bool:
-        """Whether it calibrates an eye tracker, needs one, or measures anything by gaze."""
+        """Whether it calibrates or needs an eye tracker, or measures anything by gaze."""
         study = self.study
         measures_gaze = bool(study.analysis.looks) or any(
             m.needs_gaze for m in study.analysis.measures
@@ -181,7 +181,7 @@ class StudyExperiment:
 
     @property
     def _is_pointed(self) -> bool:
-        """Whether answers are given by a hand: nothing else of a body is asked for."""
+        """Whether answers are given by a hand; no other part of the body is used."""
         responses = self.responses.values()
         way = self.settings.answer_by
         on_boards = way == "board" and any(r.options for r in responses if not isinstance(r, Keys))
@@ -190,14 +190,14 @@ class StudyExperiment:
 
     @property
     def demands(self) -> Demands:
-        """What the study asks of a lab beyond devices being there."""
+        """What the study demands of a lab besides the presence of devices."""
         of = self.study.devices.demands_of
         demands = Demands() if of is None else of(self.parameters)
         return replace(demands, sounds=self.sounds) if self.sounds else demands
 
     @cached_property
     def sounds(self) -> tuple[Sound, ...]:
-        """Everything that a condition plays, each once.
+        """All sounds of all conditions, each once.
 
         Raises:
             DesignError: a file cannot be played.
@@ -208,7 +208,7 @@ class StudyExperiment:
 
     @property
     def unplayable(self) -> tuple[str, ...]:
-        """What is wrong with each file that a condition plays and that cannot be played."""
+        """The error of each sound file that cannot be played."""
         files = {s for trial in self.read.values() for s in trial.sounds if isinstance(s, Path)}
         problems = []
         for file in sorted(files):
@@ -219,7 +219,7 @@ class StudyExperiment:
         return tuple(problems)
 
     def prepare(self, told: Callable[[int, int], None] = untold) -> None:
-        """Load and compute what would hold up a frame; `told` hears how many of how many."""
+        """Load and compute in advance; `told` is called with the number done and the total."""
         of = self.study.procedure.prepare_of
         steps = () if of is None else tuple(of(self))
         for done, step in enumerate(steps):
@@ -229,10 +229,10 @@ class StudyExperiment:
 
     @property
     def spare_roles(self) -> tuple[str, ...]:
-        """Devices without which a session may go on where the operator says so.
+        """Devices without which a session may go on if the operator agrees.
 
-        Where the study does not name them: what it uses without needing it, but not an eye tracker
-        that it calibrates, nor response devices whose keys or ray it asks for.
+        If the study does not name them: the devices it uses without needing them, except an eye
+        tracker that it calibrates and response devices whose keys or ray it asks for.
         """
         devices = self.study.devices
         if devices.spares is not None:
@@ -244,10 +244,10 @@ class StudyExperiment:
         return tuple(role for role in (*self.useful_roles, "responses") if role not in needed_roles)
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return everything one participant will do; what trials remember is forgotten.
+        """Return everything one participant will do; clears the memory of earlier trials.
 
         Raises:
-            DesignError: there is no such group, or the design cannot be ordered so.
+            DesignError: there is no such group, or the design cannot be ordered in this way.
         """
         self.settings.memory.clear()
         design = self.study.design_with(self.parameters)
@@ -292,7 +292,7 @@ class StudyExperiment:
         return tuple(name for name in asks.after_block if name not in omissions)
 
     def values_of(self, made: SessionPlan) -> dict[str, Any]:
-        """Return what texts can name: parameters, and what follows from the plan."""
+        """Return the values for placeholders of texts: parameters, and numbers from the plan."""
         main_trials = [t for t in made.trials if not t.is_practice]
         return {
             **self.settings.values,
@@ -331,7 +331,7 @@ class StudyExperiment:
 
     @cached_property
     def levels(self) -> dict[str, tuple[Any, ...]]:
-        """The levels of every factor, and what columns that follow from factors can hold."""
+        """The levels of every factor, and the values of columns derived from factors."""
         design = self.study.design_with(self.parameters)
         levels = {f.name: tuple(f.levels) for f in design.factors}
         cells = list(self.conditions())
@@ -348,7 +348,7 @@ class StudyExperiment:
         return possible(self.study.analysis.compare, in_force, tuple(self.levels))
 
     def _derived(self, factors: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a trial's factors with what follows from them."""
+        """Return a trial's factors with the columns derived from them."""
         return {**factors, **{name: of(factors) for name, of in self.study.design.derived.items()}}
 
 
@@ -357,7 +357,7 @@ def _darkness(t: TrialScript) -> Iterator[Action]:
 
 
 def _instructions(part: int, parts: int) -> tuple[str, ...]:
-    """Return the texts of which the first that a study has is a part's instruction."""
+    """Return names of texts; the first that exists is the part's instruction."""
     if parts == 1:
         place = "only"
     else:

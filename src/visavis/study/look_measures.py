@@ -56,7 +56,7 @@ MAIN_MEASURES: Final = (
     SECOND_FIXATION_DURATION_MS,
     SECOND_FIXATION_TIME_MS,
 )
-"""What is measured of looks first of all; computed anew by padding and minimum duration."""
+"""The main measures of looks; recomputed for every padding and minimum duration."""
 
 BEFORE: Final = "before_"
 AFTER: Final = "after_"

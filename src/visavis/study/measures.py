@@ -1,4 +1,4 @@
-"""What a study measures: a column, its unit and words, how trials are put together, and from what.
+"""The measures of a study: column, unit, words, how trials are combined, and the source.
 
 A measure is computed trial by trial from the recording alone. Answers are measures by themselves;
 `dwell_on("active")` and its like measure gaze on an agent that plays a role in a scene.
@@ -25,7 +25,7 @@ Aggregate = Literal["mean", "median", "share"]
 
 
 class SamplesUnreadable(DataError):
-    """A measure asked for samples of a trial that a damaged recording holds in part only."""
+    """A measure asked for samples of a trial that a damaged recording lost in part."""
 
 
 LOOKS: Final = replace(DEFAULT_LOOK_PARAMETERS, backward="sort", conflicts="keep_first")
@@ -62,7 +62,7 @@ class TrialRecord:
         return float(value)
 
     def window(self, scene: str = "scene") -> tuple[int, int] | None:
-        """Return from when to when a scene was shown, session time in ns; None if it was not."""
+        """Return start and end of a scene, session time in ns; None if it was not shown."""
         on, off = self.number(f"{scene}_on_ns"), self.number(f"{scene}_off_ns")
         return None if on is None or off is None else (int(on), int(off))
 
@@ -132,18 +132,18 @@ class Measure:
     role: str = ""
     """Whose: a role of a scene, where it is about somebody."""
     scale: tuple[float, float] | None = None
-    """The ends of a rating's scale, which figures show whole."""
+    """The ends of a rating's scale; figures show the whole of it."""
 
     @property
     def axis(self) -> str:
-        """What stands at a figure's axis."""
+        """The label of a figure's axis."""
         unit_text = {"1": "", "": ""}.get(self.unit, f" ({self.unit})")
         kind = {"mean": "", "median": "median ", "share": "share: "}[self.aggregate]
         return f"{kind}{self.words}{unit_text}".capitalize() if kind else f"{self.words}{unit_text}"
 
     @property
     def digits(self) -> int:
-        """Decimals to print: none of milliseconds."""
+        """Decimals to print: 0 for milliseconds."""
         return 0 if self.unit == "ms" else 2
 
     def description(self) -> Column:
@@ -161,7 +161,7 @@ def _of_looks(role: str, scene: str, pad_deg: float, pick: Callable[[LookMeasure
     def of(record: TrialRecord) -> Scalar | None:
         looks = record.looks(role, scene, pad_deg)
         if looks is None or looks.lost_01 is None or looks.lost_01 >= 1.0:
-            return None  # nothing was measured: missing, not zero
+            return None  # without gaze the value is missing, not zero
         value: Scalar | None = pick(looks)
         return value
 
@@ -258,7 +258,7 @@ def column(
 def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
     """Return a measure of a trial: computed, or as the trial wrote it.
 
-    None where it rests on samples that a damaged recording lost.
+    None if it needs samples that a damaged recording lost.
 
     Raises:
         DataError: the measure cannot be computed, with the trial and the reason.
@@ -281,7 +281,7 @@ def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
 def aggregated(
     trials: pd.DataFrame, measures: Sequence[Measure], factors: Sequence[str]
 ) -> pd.DataFrame:
-    """Return one row per participant and cell: each measure as it says, and `n` trials."""
+    """Return one row per participant and cell: each measure combined as it says, and `n` trials."""
     keys = ["participant", *factors]
     groups = trials.groupby(keys, sort=True, observed=True)
     columns: dict[str, Any] = {"n": groups.size()}
@@ -310,7 +310,7 @@ class SessionGaze:
         return None if read is None else read[0]
 
     def frozen_of_part(self, part: int) -> npt.NDArray[np.bool_]:
-        """Tell of every sample of one part whether it repeats one direction too long."""
+        """Tell for every sample of one part whether gaze repeats one direction too long."""
         read = self._read(part)
         return np.zeros(0, np.bool_) if read is None else read[1]
 
