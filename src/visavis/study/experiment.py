@@ -31,7 +31,7 @@ from visavis.study.texts import DEFAULT_LANGUAGE, Texts, read_texts
 from visavis.study.trial import Action, Settings, TrialScript, perform
 
 WAYS: Final = ("board", "ray", "keyboard")
-"""How questions are answered: "board" by hand, gaze or head; "ray" by hand or head; "terminal"."""
+"""How questions are answered: "board" by hand, gaze or head; "ray" by hand or head; "keyboard"."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,12 +9,12 @@ from visavis.study.declaration import Study
 
 
 def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return every parameter by name, with what was set in place of the study's own.
+    """Return every parameter by name; values that were set replace the study's own.
 
     A factor's name, or its plural, sets its levels: `--set gaze=[averted,directed]`.
 
     Raises:
-        ConfigError: listing every name that does not exist and every value that is none.
+        ConfigError: listing every name that does not exist and every wrong value.
         DesignError: the study refuses a value.
     """
     usual: dict[str, Any] = {**study.design.parameters, **study.usual_parameters}
@@ -58,7 +58,7 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
 
 
 def _like(usual: Any, value: Any) -> Any:
-    """Return a value as the kind that the usual one has."""
+    """Return a value converted to the type of the usual one."""
     if isinstance(usual, list | tuple) and not isinstance(value, list):
         raise ValueError("give a list, such as [a,b]")
     return read_as(type(usual), value) if isinstance(usual, bool | int | float | str) else value

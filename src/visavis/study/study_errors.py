@@ -1,4 +1,4 @@
-"""Mistakes in a study file: where they stand, and what was meant."""
+"""Errors in a study file: their place, and a message with the probable intention."""
 
 import ast
 import inspect
@@ -14,19 +14,19 @@ from visavis.study.arguments import argument_names, unknown_argument
 from visavis.study.trial import TrialScript
 
 MODULE_OF_STUDY: Final = "visavis_study_"
-"""How the names of modules begin that study files are read as."""
+"""Prefix of the module names under which study files are imported."""
 _NOT_TAKEN: Final = re.compile(
     r"(?:(?P<owner>\w+)\.)?(?P<called>\w+)\(\) got an unexpected keyword argument '(?P<given>\w+)'"
 )
 
 _NOT_GIVEN: Final = frozenset(("base", "folder", "makers", "path", "plan_folder"))
-"""What decorators and the reader of a study's file set, beside all that ends in "_of"."""
+"""Arguments set by decorators and the reader of a study file, besides all that end in "_of"."""
 
 
 def explain(error: BaseException) -> str:
-    """Return what was wrong, in the words of whoever writes a study.
+    """Return what was wrong, in words that the author of a study file knows.
 
-    Of an argument that something of the kit does not take, the message says which there are.
+    For an unknown argument of the kit the message lists the known ones.
     """
     match = _NOT_TAKEN.search(str(error)) if isinstance(error, TypeError) else None
     taker = None if match is None else _of_kit(match["owner"] or "", match["called"])
@@ -81,7 +81,7 @@ def line_reached(steps: Generator[Any, Any, Any]) -> str:
 
 
 def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[int, str]]:
-    """Yield line and name of every step of a trial that a study file makes and does not yield."""
+    """Yield line and name of every step that a trial in a study file makes without yielding it."""
     if path is None or not path.is_file():
         return
     names = frozenset(steps)
@@ -106,7 +106,7 @@ def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[
 
 
 def line_saying(path: Path | None, word: str) -> str:
-    """Return "FILE, line N" of the first text of a study file that is this word, or ""."""
+    """Return "FILE, line N" of the first string in a study file equal to this word, or ""."""
     if path is None or not path.is_file():
         return ""
     texts = ast.walk(ast.parse(path.read_text("utf-8")))

@@ -1,4 +1,4 @@
-"""What the functions of a study file get and return, but for those of the report (`sections`)."""
+"""The types of a study file's functions, except those of the report (`sections`)."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Seen:
-    """What a person has seen since the trial began, as `answer` gets it.
+    """What a person has seen since the trial began; the input of `answer`.
 
     `first` and `last` are the first and the last lit frame (None: none was), `seconds` the time
     between them; for the n agents of the last scene `looked_at_me_01` (n,) is the share of that
     time in which their gaze met the person's eyes. `effect` is False for somebody to whom what
-    was shown makes no difference: answers should then not depend on it.
+    the stimuli make no difference: answers should then not depend on them.
     """
 
     first: SceneFrame | None
@@ -40,9 +40,9 @@ class Seen:
     looked_at_me_01: npt.NDArray[np.float64]
     effect: bool
     leaning: float
-    """A standard normal number of this person's own: whether they rather say much or little."""
+    """A standard normal number of this person: the tendency towards high or low answers."""
     felt: tuple[str, ...] = ()
-    """The armbands (roles) that vibrated since the trial began, in that order."""
+    """The armbands (roles) that vibrated since the trial began, in order of time."""
     experience_01: float = 0.0
     """How experienced this person is; what a questionnaire asks of experience is answered by it."""
     films: "Mapping[str, FilmSeen]" = field(default_factory=dict)
@@ -96,6 +96,6 @@ QuickOf: TypeAlias = Callable[
 ViewsOf: TypeAlias = Callable[[Shown, ExperimentOfStudy], Iterator[SceneFrame]]
 """The views that a recorded frame may have shown, the likeliest first."""
 FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
-"""What follows from all trials for each participant."""
+"""The facts about each participant, from all trials."""
 FurtherOf: TypeAlias = Callable[[AnalysisOfStudy], Any]
 """What a study finds besides in its analysis."""

@@ -18,12 +18,12 @@ from visavis.lab.yaml_lines import did_you_mean, read_document
 WORDS_DIR: Final = Path(__file__).parent / "words"
 DEFAULT_LANGUAGE: Final = "en"
 NOT_READ_BY_PARTICIPANTS: Final = "labels."
-"""What factors and levels are called in figures: a language may leave it to their names."""
+"""Labels of factors and levels in figures; without a text their names are used."""
 
 
 @dataclass(frozen=True)
 class Texts:
-    """The texts of one study in one language: `entries` by dotted name; `source` says whence."""
+    """The texts of one study in one language: `entries` by dotted name; `source` names the file."""
 
     language: str
     entries: Mapping[str, str] = field(repr=False)
@@ -34,7 +34,7 @@ class Texts:
         """Return a text with its placeholders filled.
 
         Raises:
-            ConfigError: there is no such text, or a placeholder that nothing fills.
+            ConfigError: there is no such text, or a placeholder has no value.
         """
         if name not in self.entries:
             raise ConfigError(
@@ -65,7 +65,7 @@ class Texts:
         return {}
 
     def find(self, *names: str, values: Mapping[str, Any] | None = None) -> str | None:
-        """Return the first of several texts that is there, None when none is."""
+        """Return the first of several texts that exists, None if none does."""
         for name in names:
             if name in self.entries:
                 return self.get(name, values)
@@ -94,7 +94,7 @@ def languages_in(folder: Path) -> tuple[str, ...]:
 
 
 def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Texts:
-    """Read the kit's words and over them a study's texts, in one language; later folders win.
+    """Read the kit's words and a study's texts in one language; later folders replace earlier.
 
     Raises:
         ConfigError: the study has no such language, its file lacks what another language's file
@@ -124,7 +124,7 @@ def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Tex
 def _require_all(
     folders: Sequence[Path], language: str, there: Mapping[str, str], source: str
 ) -> None:
-    """Refuse texts of a language that lack what participants read in another one.
+    """Refuse texts of a language that lack a text which participants read in another language.
 
     Raises:
         ConfigError: naming the texts, and the file that has them.
@@ -135,7 +135,7 @@ def _require_all(
             try:
                 names = _names_in(file, file.stat().st_mtime_ns)
             except ConfigError:
-                continue  # said where that language is used
+                continue  # reported when that language is used
             lacking = [
                 n for n in names if n not in there and not n.startswith(NOT_READ_BY_PARTICIPANTS)
             ]
@@ -158,7 +158,7 @@ def own_texts(path: Path) -> dict[str, str]:
 
 @cache
 def _names_in(path: Path, changed_ns: int) -> tuple[str, ...]:
-    """Return the names of a file's texts, read once as long as it is not changed."""
+    """Return the names of a file's texts; the file is read again only after a change."""
     return tuple(name for name, _ in _read(path))
 
 
@@ -189,11 +189,11 @@ def _flat(raw: Mapping[Any, Any], path: Path, prefix: str = "") -> Iterator[tupl
 
 
 UNITS: Final = {"m": "m", "cm": "cm", "s": "s", "ms": "ms", "deg": "°", "hz": "Hz", "cd": "cd"}
-"""Units that stand at the end of a name, and how they are written."""
+"""Units at the end of a name, and how they are written."""
 
 
 def label_in_unit(texts: Texts, name: str) -> str:
-    """Return what a factor is called, with the unit that its name ends with: "distance in m"."""
+    """Return a factor's label with the unit at the end of its name: "distance in m"."""
     of, _, unit = name.rpartition("_")
     own = texts.find(f"labels.{name}")
     return (
@@ -204,5 +204,5 @@ def label_in_unit(texts: Texts, name: str) -> str:
 
 
 def label_of(texts: Texts, name: str) -> str:
-    """Return what a factor or a level is called in figures and tables."""
+    """Return the label of a factor or a level in figures and tables."""
     return texts.find(f"labels.{name}") or name.replace("_", " ")
