@@ -159,6 +159,8 @@ def _look(
     for c in range(2):
         first, width = 3 * c, 3 + c
         pose = position if c == 0 else turn
+        # Compare every segment with its last pose, and count how many moved: only a repeat beside
+        # moving segments is suspicious, since a calm body repeats as a whole.
         tracked_count = changed_count = 0
         for s in range(n):
             how[s, c] = _SAME
@@ -171,6 +173,7 @@ def _look(
                 last[s, first + k] = new
             tracked_count += how[s, c] != _UNKNOWN
             changed_count += how[s, c] == _CHANGED
+        # A change ends the freeze. A repeat adds time, while most other segments move.
         for s in range(n):
             if how[s, c] != _SAME:
                 still_ns[s, c] = 0
@@ -191,6 +194,7 @@ def _look(
                 elif not frozen[s, c]:
                     still_ns[s, c] = 0
                     hips_m[s, c, 0], hips_m[s, c, 1] = hips_x, hips_z
+            # Feet may rest on the floor until the hips are farther away than a leg reaches.
             longest_ns = limit_ns if c == 0 else max(limit_ns, _CALM_NS)
             if moved[s, c] and still_ns[s, c] > longest_ns and not frozen[s, c]:
                 away = np.hypot(hips_x - hips_m[s, c, 0], hips_z - hips_m[s, c, 1])

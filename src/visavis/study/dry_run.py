@@ -126,6 +126,7 @@ def read_trial(
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
+                # Every reply has the type and columns of the real one: the trial may go on with it.
                 if step.sound is not None:
                     sounds.append(step.sound)
                     sound_columns.append(f"{script.numbered(step.column)}_on_ns")
@@ -156,6 +157,7 @@ def read_trial(
                 if step.watched is not None:
                     films.append(step.watched.shown)
                     reply = answers
+            # Steps of the engine, which a study uses where it needs single frames.
             elif isinstance(step, NextFrame):
                 seconds += FRAME_S
                 reply = script.view = still_view(round(seconds * NS_PER_S))
@@ -171,6 +173,7 @@ def read_trial(
                 break
         else:
             raise DesignError(f"after {MAX_STEPS} steps it has not ended")
+        # Stopped at the first light: questions and later scenes were not reached.
         steps.close()
         return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit)
     except StopIteration:

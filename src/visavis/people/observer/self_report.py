@@ -1,4 +1,4 @@
-"""What a simulated participant answers when asked: questionnaire items, age, a comment."""
+"""Answers of a simulated participant: questionnaire items, age, a comment."""
 
 from collections.abc import Sequence
 

@@ -9,10 +9,10 @@ from visavis.lab.errors import UsageError
 from visavis.people.observer.state import PERSON_DTYPE
 
 MIN_RETURN_GAIN, MAX_RETURN_GAIN = 0.1, 90.0
-"""What contact leaves of a head's attraction in those whom it repels most, and makes of it in those
-whom it draws most."""
+"""Limits of the factor by which contact changes a head's attraction, from those it repels most to
+those it attracts most."""
 MIN_RECHECK_GAIN = -0.9
-"""What an agent that looked away loses of its attraction, in those who avoid it most."""
+"""Lowest extra attraction of an agent that looked away, in those who avoid it most."""
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,9 @@ def _levelled(z: float, by: float) -> float:
 def draw_temperament(population: Population, rng: np.random.Generator) -> Temperament:
     """Draw one person; the seat is left at the origin."""
     q = population
+    # All deviates at once, so that each constant keeps its own when others are added or dropped.
     z = rng.standard_normal(16)
+    # Anxiety shifts what contact does; the other traits are independent of one another.
     anxiety = float(z[0])
     hold = _correlated(anxiety, z[1], q.anxiety.anxiety_on_hold)
     rest = _correlated(z[1], z[2], q.anxiety.hold_with_return)
@@ -352,6 +354,7 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         "neck_back_m": q.body.neck_back_m,
         "neck_up_m": q.body.neck_up_m,
     }
+    # The kernels read constants as one structured row; the questionnaires read the rest.
     constants = np.zeros(1, dtype=PERSON_DTYPE)
     for name, value in values.items():
         constants[name] = value
@@ -368,12 +371,12 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
 
 
 def scaled_population(population: Population, effect: float) -> Population:
-    """Scale everything that gaze contact does to people; what they do otherwise stays.
+    """Scale all effects of gaze contact on people; the rest of their behaviour stays.
 
     Durations and additions are multiplied by `effect`, factors are raised to its power, so that
-    1 is the fitted population and the limit 0 is nobody moved by contact. The scale is one of
-    mechanisms: means move with it, not in proportion. Raises UsageError above 2, where the
-    model was never looked at.
+    1 is the fitted population and 0 is no effect of contact. The scale acts on mechanisms; means
+    change with it, but not in proportion. Raises UsageError above 2, where the model was never
+    tested.
     """
     if not 0 <= effect <= 2:
         raise UsageError(
