@@ -20,10 +20,10 @@ STEP_NS = 10 * NS_PER_MS
 
 
 def buzz(config: DeviceConfig, clock: Clock) -> str:
-    """Vibrate all motors of a band three times; return a sentence that says what was confirmed.
+    """Vibrate all motors of a band three times; return a sentence with the confirmed pulses.
 
     Raises:
-        DeviceError: the band is not there, or is none.
+        DeviceError: the band is missing, or the device is no band.
     """
     rows: list[bool] = []
     with ExitStack() as stack:

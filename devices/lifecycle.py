@@ -25,7 +25,7 @@ class Lifecycle:
 
 
 class HasLife:
-    """A device that tells where its `Lifecycle` has come to."""
+    """A device whose state is that of its `Lifecycle`."""
 
     _life: Lifecycle
 

@@ -49,12 +49,12 @@ class PumpEvent:
 
 @runtime_checkable
 class Foreseeing(Protocol):
-    """A device that can tell until when polling it would do nothing."""
+    """A device that knows until when polling it would do nothing."""
 
     def due_ns(self) -> int:
         """Return a session time before which `poll` has nothing to do; 0 where unknown.
 
-        It holds until the device is told something: a command may make it earlier.
+        It is valid until the next command to the device, which may make it earlier.
         """
         ...
 
@@ -64,9 +64,9 @@ class Postponing(Protocol):
     """A device whose polling can be put off: it delivers the same later, with the same times."""
 
     def put_off(self) -> bool:
-        """Do what is due but delivering; False where `poll` must be called now.
+        """Do everything that is due except delivery; False if `poll` must be called now.
 
-        Until then nobody may ask the device for what follows from its samples.
+        Until delivery nobody may ask the device for anything computed from its samples.
         """
         ...
 
@@ -74,8 +74,8 @@ class Postponing(Protocol):
 class Pump:
     """Own the delivery of one open device from `start` to `stop`.
 
-    `step` must be called once per frame by whoever owns the sink. It never raises for what the
-    device does; look at `faults` and `take_events`.
+    The owner of the sink must call `step` once per frame. It never raises because of the device;
+    look at `faults` and `take_events`.
     """
 
     def __init__(self, device: Device, sink: Sink, clock: Clock) -> None:
@@ -83,7 +83,7 @@ class Pump:
         self._sink = sink
         self._clock = clock
         self.tap: Sink | None = None
-        """Called with every batch when it arrives, in whatever thread polls the device."""
+        """Called with every batch when it arrives, in the thread that polls the device."""
         self._queue: deque[SampleBatch] = deque()
         self._events: deque[PumpEvent] = deque()
         self._thread: threading.Thread | None = None
@@ -97,7 +97,7 @@ class Pump:
         if clock.is_virtual and isinstance(device, Postponing):
             self._put_off = device.put_off
         self.is_put_off = False
-        """Whether the last `step` left for later what the device would have delivered."""
+        """Whether the last `step` postponed the device's delivery."""
         self._silence_ns: int | None = None
         self._quiet: Literal["", "silent", "stalled"] = ""
         self._last_ns = 0
@@ -159,7 +159,8 @@ class Pump:
     def step(self, *, may_wait: bool = False) -> int:
         """Hand everything that arrived to the sink; return the number of samples.
 
-        With `may_wait` a device that can is left for a later step, and so `is_put_off`.
+        With `may_wait` a device that allows it is polled in a later step; then `is_put_off` is
+        True.
         """
         self.is_put_off = may_wait and self._running and not self._queue and self._put_off()
         if self.is_put_off:
@@ -254,7 +255,7 @@ class Pump:
         except DeviceDisconnected as gone:
             self._lose(gone)
             return
-        except Exception as failure:  # a thread top: whatever it is, the operator must see it
+        except Exception as failure:  # top of a thread: the operator must see any error
             self._failure = Fault(
                 self._role,
                 "blocking",

@@ -38,7 +38,7 @@ def driver_names() -> tuple[str, ...]:
 
 
 def driver_spec(name: str) -> AnySpec:
-    """Return what is known of a driver.
+    """Return the description of a driver.
 
     Raises ConfigError for an unknown name, with the nearest one, and for an installed package
     whose entry point leads to no `DriverSpec`.

@@ -1,7 +1,7 @@
 """Find tracked segments of a body that repeat their last pose while the others move on.
 
-A tracker that dies may go on saying where it was last. Its segment then stands in the room while
-the body walks away. A segment counts as frozen when its position or its orientation, which moved
+A tracker that dies may go on reporting its last pose. Its segment then stands in the room while the
+body walks away. A segment counts as frozen when its position or its orientation, which moved
 earlier sample by sample, repeats bit for bit for longer than a limit and in each of these samples
 the same of most other segments changed; until it changes again. Orientations, the trunk's above
 all, may rest in a calm body: they have to repeat for half a second, on no more segments than a limb
@@ -35,9 +35,9 @@ _UNKNOWN, _SAME, _CHANGED = 0, 1, 2
 class SegmentWatch:
     """Look at a body sample by sample.
 
-    `frozen` (s,) tells which segments are frozen in the sample looked at last, `frozen_ns` (s,)
-    for how long each was so far, without the time it took to find out, and `still_ns` (s,) how
-    long each has repeated itself now. `moved` is what was known to move before.
+    `frozen` (s,) tells which segments are frozen in the last sample, `frozen_ns` (s,) for how long
+    each was frozen so far, without the detection time, and `still_ns` (s,) for how long each
+    repeats its pose now. `moved` are the segments that have moved before.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class SegmentWatch:
 
     @property
     def moved(self) -> Moved:
-        """What has moved in its own right by now."""
+        """Which segments and channels have moved on their own so far."""
         return frozenset((self.segments[s], int(c)) for s, c in np.argwhere(self._moved).tolist())
 
     def look(self, position_m: Vector, orientation_wxyz: Vector, gap_ns: int) -> bool:
@@ -122,9 +122,9 @@ class SegmentWatch:
     def repeats(
         self, t_ns: npt.NDArray[np.int64], position_m: Vector, orientation_wxyz: Vector
     ) -> Flags:
-        """Tell (n, s) which of all samples, (n, s, 3) and (n, s, 4), are repeats of a frozen one.
+        """Tell (n, s) which of all samples, (n, s, 3) and (n, s, 4), repeat a frozen pose.
 
-        Those in which it could not be known yet are among them; the first, true one is not.
+        These include the repeats before the detection, but not the first, true sample.
         """
         is_repeat = np.zeros(position_m.shape[:2], bool)
         _look_at_all(t_ns, position_m, orientation_wxyz, is_repeat, *self._state)

@@ -1,4 +1,4 @@
-"""What can be said of roles and drivers without opening anything."""
+"""The states of roles and drivers, without opening a device."""
 
 import importlib.util
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ def is_installed(library: Library) -> bool:
     """Tell whether a library can be imported, without importing it."""
     try:
         return importlib.util.find_spec(library.module) is not None
-    except (ImportError, ValueError):  # its parent package is missing, or half installed
+    except (ImportError, ValueError):  # its parent package is missing or incomplete
         return False
 
 

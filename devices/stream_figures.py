@@ -42,8 +42,8 @@ class StreamFigures:
 
 @dataclass(frozen=True)
 class ClockFigures:
-    """How a device's clock stands to ours; `bound_ms` is half the best round trip, the most by
-    which an unequal link can mislead the offset; None for a device that answers no requests.
+    """A device's clock compared with ours; `bound_ms` is half the best round trip, the largest
+    error of the offset by an asymmetric link; None for a device that answers no requests.
     `drift_ppm` is None for a capture too short to know it.
     """
 

@@ -19,7 +19,7 @@ SAMPLE = struct.Struct("<dB6d")
 MISSING = -32768.0
 OK_RESULT, NO_REPLY = 0, 1000
 DEFAULT_PX = (1280, 1024)
-"""The pixels a host computer takes its display to have until it is told."""
+"""The display pixels that a host computer assumes until it gets others."""
 EDF_NAME = re.compile(r"[A-Z0-9_]{1,8}\.EDF")
 PUPIL_UNITS_PER_MM = 1000.0
 VERSION = "EYELINK CL 5.15"
@@ -28,8 +28,8 @@ VERSION = "EYELINK CL 5.15"
 class EyeLinkSimulator(GazePeer):
     """Send link samples of a body that looks at a screen; `verdict` is the host's code.
 
-    `told_px` are the pixels that the host was told its display has; on a memory wire, which has no
-    library that would say it, those of the options.
+    `told_px` are the display pixels that were sent to the host; on a memory wire, without a library
+    that sends them, those of the options.
     """
 
     usual_rate_hz = 1000.0

@@ -26,13 +26,13 @@ SKIN_HOT_C, SKIN_COOL_C = 43.0, 41.0
 WRAP_US = 2**32
 HANG_MAX_US: Final = 150_000
 BINS: Final = 25
-"""The current one and 24 that make up the window."""
+"""The current bin and the 24 of the window."""
 ALL_MOTORS: Final = range(codec.MOTORS)
 
 
 @dataclass(frozen=True)
 class Protection:
-    """What keeps motors, supply and skin from harm; the values of firmware/armband/config.h."""
+    """Limits that protect motors, supply and skin; the values of firmware/armband/config.h."""
 
     motor_max_mv: int = 3600
     motor_worst_mv: int = 4250
@@ -55,7 +55,7 @@ class Protection:
 
 @dataclass
 class Surroundings:
-    """What the band's analogue inputs see; `skin_c` None: the thermistor is broken or absent."""
+    """Values of the band's analogue inputs; `skin_c` is None without a working thermistor."""
 
     battery_mv: int = 3900
     temperature_c: float = 25.0
@@ -64,7 +64,7 @@ class Surroundings:
 
 
 class _Ledger:
-    """For how long each motor was on, lately; a reset leaves it as it is."""
+    """For how long each motor was on in the window; a reset does not clear it."""
 
     def __init__(self) -> None:
         self.bins_us = [[0] * codec.MOTORS for _ in range(BINS)]
@@ -73,7 +73,7 @@ class _Ledger:
         self.into_us = 0
 
     def add(self, duties: tuple[int, ...], elapsed_us: int, bin_us: int) -> None:
-        """Count what has been on for this long."""
+        """Add this time to the motors that are on."""
         if any(duties):
             now_us = self.bins_us[self.at]
             for motor in ALL_MOTORS:
@@ -122,7 +122,7 @@ class ArmbandFirmware:
     def boot(self, now_us: int) -> bytes:
         """Start anew, silent and disarmed; return the message that says so.
 
-        A program that hung left its motors on until the watchdog bit, which counts as on.
+        A program that hung left its motors on until the watchdog reset it; that time counts as on.
         """
         self._ledger.add(self.duties, HANG_MAX_US, self.protection.bin_us)
         self._reader.reset()
@@ -141,7 +141,7 @@ class ArmbandFirmware:
         self._starting_us: dict[int, int] = {}
         self.duties = (0,) * codec.MOTORS
         self.granted = self.duties
-        """What each motor does once its turn to start has come."""
+        """The duty of each motor once its turn to start has come."""
         return self._event(BOOT, now_us, 0)
 
     def feed(self, data: bytes, now_us: int) -> bytes:
@@ -149,7 +149,7 @@ class ArmbandFirmware:
         return b"".join(self._obey(frame, now_us) for frame in self._reader.feed(data))
 
     def step(self, now_us: int) -> bytes:
-        """Let time pass to `now_us`; return what the band says unasked."""
+        """Let time pass to `now_us`; return the band's event messages."""
         event_bytes = b""
         self._account(now_us)
         event_bytes += self._look_at_budget(now_us)
@@ -269,7 +269,7 @@ class ArmbandFirmware:
         return codec.OK
 
     def _refusal(self, motors: Sequence[int]) -> int:
-        """Say why nothing may run; `motors` are those asked for."""
+        """Return the reason why nothing may run; `motors` are the requested ones."""
         if not self._armed:
             return codec.NOT_ARMED
         if self._is_blind:
@@ -292,7 +292,7 @@ class ArmbandFirmware:
         self.duties = self.granted = (0,) * codec.MOTORS
 
     def _release(self) -> None:
-        """Silence because the host asks for it: the same setting may come again."""
+        """Silence on request of the host: the same setting may come again."""
         self._silence()
         self._is_held = False
 
@@ -342,7 +342,7 @@ class ArmbandFirmware:
         self.duties = tuple(duties)
 
     def _take_turns(self, duties: list[int], now_us: int) -> None:
-        """Let motors that stand still start one after the other."""
+        """Start motors at rest one after the other."""
         protection, starting = self.protection, self._starting_us
         for motor in ALL_MOTORS:
             if now_us - starting.get(motor, now_us) >= protection.start_ms * 1000:

@@ -102,7 +102,7 @@ class ArmbandSimulator:
         self.duty_log: list[tuple[int, tuple[int, ...]]] = []
 
     def connect(self, t_ns: int) -> None:
-        """Take a connection; what was under way is lost."""
+        """Take a connection; bytes under way are lost."""
         if self._is_away(t_ns) or self._faults.active("late_start", t_ns):
             raise DeviceNotFound("the simulated band is switched off", remedy="wait for it")
         self.advance(t_ns)
@@ -110,7 +110,7 @@ class ArmbandSimulator:
         self._outbound.clear()
 
     def accept(self, data: bytes, t_ns: int) -> None:
-        """Let bytes travel to the band."""
+        """Send bytes to the band, with delay and faults."""
         if self._is_away(t_ns):
             raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
         rng = self._noise.rng()
@@ -118,7 +118,7 @@ class ArmbandSimulator:
             self._inbound.append((arrival_ns, piece))
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
-        """Do what is due and return what has reached the host."""
+        """Perform everything due and return the bytes that have reached the host."""
         self.advance(until_ns)
         if not self._is_sound:
             if self._is_away(until_ns):
@@ -133,7 +133,7 @@ class ArmbandSimulator:
     def quiet_until_ns(self, now_ns: int) -> int:
         """Return until when nothing of the band's can arrive; `now_ns` while motors or faults run.
 
-        That its battery or its heat has changed it tells at the next word from the host.
+        Changes of its battery or heat are reported with the next message from the host.
         """
         if not self._is_sound or self._is_busy():
             return now_ns
@@ -205,7 +205,7 @@ class ArmbandSimulator:
                 data = bytes(noise)
             if (fault := faults.active("duplicate", t_ns)) and rng.random() < fault.amount:
                 return [data, data]
-        if len(data) > 2 and rng.random() < 0.5:  # links cut and join as they like
+        if len(data) > 2 and rng.random() < 0.5:  # links may split and join chunks
             cut = int(rng.integers(1, len(data)))
             return [data[:cut], data[cut:]]
         return [data]

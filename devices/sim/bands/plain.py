@@ -1,6 +1,6 @@
 """Two bands of a laboratory's own making: text commands on a serial line, reports over USB.
 
-There is no source to hold them to: they stand for a plain sketch that parses `M<motor> <value>`
+There is no source to compare with: they stand for a plain sketch that parses `M<motor> <value>`
 lines, `S` and `B?`, and for a firmware that copies report bytes to its motors. Neither silences
 itself. Not modelled: board resets on opening, endpoints that stall.
 """
@@ -68,7 +68,7 @@ class ReportBandSimulator(BandPeer):
         self.set_levels([value / 255 for value in data[2:6]], t_ns)
 
     def next_report(self, until_ns: int) -> bytes | None:
-        """Give up one input report, as USB does; None when none has come."""
+        """Return one input report, as USB does; None if there is none."""
         self._reports += [chunk.data for chunk in self.outgoing(until_ns)]
         return self._reports.pop(0) if self._reports else None
 

@@ -1,8 +1,8 @@
 """A headset without optics: paces frames on the clock and measures a body's head.
 
 Not modelled: lens distortion, tracking noise and drift, prediction error, reprojection, base
-stations. Poses are the body's own at the frame's start. Frame timing is told as a runtime would:
-while a frame is late, the one before it is shown again.
+stations. Poses are the body's own at the frame's start. Frame timing is reported as by a runtime:
+while a frame is late, the previous one is shown again.
 """
 
 import struct
@@ -126,11 +126,11 @@ class SimulatedHeadset(OnSessionClock):
         return self._clock.is_virtual and len(self._pending) < MAX_FRAMES_HELD
 
     def head_now(self) -> Pose | None:
-        """Return the head at the last frame as its sample tells it; None where it is not seen."""
+        """Return the head's pose at the last frame, as in its sample; None while it is lost."""
         return self._pose
 
     def wait_frame(self) -> FrameInfo:
-        """Sleep until the next frame that has not yet begun, and measure the head there."""
+        """Sleep until the next frame that has not begun yet, and measure the head at that time."""
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("wait_frame", DeviceState.STREAMING)
         now_ns = self._clock.now_ns()
@@ -150,7 +150,7 @@ class SimulatedHeadset(OnSessionClock):
         return self._frame
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
-        """Count the images and note when they came; nobody looks at them here."""
+        """Count the images and store the time of their arrival; they are not looked at."""
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("submit", DeviceState.STREAMING)
         self.submitted_images += len(images)
@@ -158,7 +158,7 @@ class SimulatedHeadset(OnSessionClock):
             self._submitted_ns = self._clock.now_ns()
 
     def stop(self) -> None:
-        """Stop measuring; tell poses and timing of the last frames."""
+        """Stop measuring; deliver poses and timing of the last frames."""
         self._life.require("stop", DeviceState.STREAMING)
         self._close_frame(late_by=0)
         self._deliver_heads()
@@ -178,7 +178,7 @@ class SimulatedHeadset(OnSessionClock):
         return replace(health, received=health.received + self._timing_rows)
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell a headset in standby."""
+        """Report a headset in standby."""
         if self._valid:
             return ()
         remedy = "ask the participant to put the headset on; wake it by moving it"
@@ -194,7 +194,7 @@ class SimulatedHeadset(OnSessionClock):
         self._timing_rows = 0
 
     def _close_frame(self, *, late_by: int) -> None:
-        """Note what became of the last frame, which kept the next one waiting `late_by` frames."""
+        """Store the timing of the last frame, which delayed the next one by `late_by` frames."""
         frame = self._frame
         if frame is None:
             return
@@ -233,7 +233,7 @@ class SimulatedHeadset(OnSessionClock):
         n, sink = len(self._pending), self._sink
         if not n or sink is None:
             return 0
-        # who waits for frames in another thread may add to what is pending meanwhile
+        # another thread that waits for frames may append meanwhile
         frames = [self._pending.popleft() for _ in range(n)]
         t_list = [t_ns for _, t_ns, _ in frames]
         seq, stamps = np.array([seq for seq, _, _ in frames]), np.array(t_list)

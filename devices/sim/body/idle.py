@@ -1,4 +1,4 @@
-"""A body that stands still and looks about: what simulated devices measure when no study runs.
+"""A body that stands still and looks about, for simulated devices while no study runs.
 
 Not modelled: walking, presses, saccades, and any answer to what it feels.
 """

@@ -126,7 +126,7 @@ class SimulatedBodyTracker(OnSessionClock):
         return replace(self._meter.health(self.state, self._clock.now_ns()))
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell segments that are not tracked and poses that stand still."""
+        """Report segments that are not tracked and frozen poses."""
         role = self.info.role
         faults = []
         if self._lost:

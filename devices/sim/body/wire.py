@@ -1,4 +1,4 @@
-"""What the wires of body trackers have in common: sampling a body, its clock, and what goes wrong.
+"""Common part of the wires of body trackers: sampling a body, the clock, and faults.
 
 Not modelled: the tracker's noise and lag of its filter, soft tissue, magnetic disturbance,
 swapped markers. A sample taken at t arrives after a least delay and a random one.
@@ -96,7 +96,7 @@ class BodyWire(ABC):
         self._next = last + 1
 
     def outgoing(self, until_ns: int) -> Sequence[Message]:
-        """Give up what has arrived at the host by this time, in arrival order."""
+        """Return the messages that have arrived at the host by this time, in order of arrival."""
         due = [m for m in self._outbox if m.t_host_ns <= until_ns]
         if due:
             self._outbox = [m for m in self._outbox if m.t_host_ns > until_ns]
@@ -127,7 +127,7 @@ class BodyWire(ABC):
         return own_ns + self._faults.clock_error_ns(since_ns)
 
     def _hold(self, positions: Vector, turns: Vector, since_ns: npt.NDArray[np.int64]) -> None:
-        """Put the pose shown before in place of what stands still."""
+        """Replace frozen segments by their previous pose."""
         parts = self._faults.of_kind("part_frozen")
         for i, t_ns in enumerate(since_ns.tolist()):
             frozen_segments = [

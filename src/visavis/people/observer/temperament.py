@@ -278,9 +278,9 @@ def _levelled(z: float, by: float) -> float:
 def draw_temperament(population: Population, rng: np.random.Generator) -> Temperament:
     """Draw one person; the seat is left at the origin."""
     q = population
-    # All deviates at once, so that each constant keeps its own when others are added or dropped.
+    # All normal deviates at once: each constant has a fixed place among them.
     z = rng.standard_normal(16)
-    # Anxiety shifts what contact does; the other traits are independent of one another.
+    # Anxiety correlates with holding contact, returning to it and the length of visits.
     anxiety = float(z[0])
     hold = _correlated(anxiety, z[1], q.anxiety.anxiety_on_hold)
     rest = _correlated(z[1], z[2], q.anxiety.hold_with_return)
