@@ -100,8 +100,8 @@ class EyeLinkSimulator(GazePeer):
 class FakePylink:
     """Stand in for the module `pylink`: only its `EyeLink` class, over a simulator.
 
-    `files` holds the messages of each file on the host computer, by its name; what was said while
-    none was open is nowhere.
+    `files` holds the messages of each file on the host computer, by its name; messages sent while
+    none was open are lost.
     """
 
     def __init__(self, simulator: EyeLinkSimulator, clock: Clock) -> None:
@@ -147,7 +147,7 @@ class FakeTracker:
         self._is_offline, self.recording = True, False
 
     def startRecording(self, *flags: int) -> int:  # noqa: N802
-        """Start; older samples are gone. Nothing is recorded to a file that is not open."""
+        """Start; older samples are lost. Nothing is recorded while no file is open."""
         if not self._is_offline or (flags[0] and self._open is None):
             return -1
         self.recording, self._is_offline = True, False
@@ -160,7 +160,7 @@ class FakeTracker:
         self.recording = False
 
     def openDataFile(self, name: str) -> int:  # noqa: N802
-        """Open a file on the host computer, in offline mode and by a name that it takes."""
+        """Open a file on the host computer; needs offline mode and a valid name."""
         if not self._is_offline or EDF_NAME.fullmatch(name.upper()) is None:
             return -1
         self._open = name
@@ -206,7 +206,7 @@ class FakeTracker:
         return 0
 
     def readTime(self) -> int:  # noqa: N802
-        """Return the host's whole milliseconds, once; 0 while nothing came."""
+        """Return the host's time in whole milliseconds, once; 0 while there is none."""
         if self._answer_ns is None or self._library.clock.now_ns() < self._answer_ns:
             return 0
         self._answer_ns = None
@@ -225,7 +225,7 @@ class FakeTracker:
         return self._library.simulator.verdict_text
 
     def sendMessage(self, text: str) -> int:  # noqa: N802
-        """Take a message for the file that is open; with none it is lost."""
+        """Store a message in the open file; without one it is lost."""
         if self._open is not None:
             self._library.files[self._open].append(text)
         return 0

@@ -1,4 +1,4 @@
-"""FoveClient as seen by its caller: in memory, or as a C library compiled from `native/fove`.
+"""FoveClient for its caller: in memory, or as a C library compiled from `native/fove`.
 
 Written from FOVE SDK 1.4.0's names, types and codes. Not modelled: gaze depth, presence, attention
 shift, the compositor, the picture of the calibration, licences; the calibration follows its
@@ -89,7 +89,7 @@ class FoveSimulator(GazePeer):
 
 
 def eye_frame(shot: Shot, vector_code: int = 0) -> bytes:
-    """Return what the getters give for a sample: +z forward, radii in metres."""
+    """Return the values of the getters for a sample: +z forward, radii in metres."""
     values: list[float] = [shot.number, shot.t_device_ns // 1000]
     for ray, is_seen in ((shot.left, shot.left_seen), (shot.right, shot.right_seen)):
         state = 1 if is_seen else (2 if shot.openness_01 < OPEN_SHARE else 0)
@@ -147,7 +147,7 @@ class FoveStub:
         self._library.fove_stub_connected(int(connected))
 
     def push(self, frame: bytes) -> None:
-        """Make an eye frame the newest one and wake whoever waits."""
+        """Store an eye frame as the newest one and wake the callers that wait."""
         self._library.fove_stub_push(frame)
 
     def _serve(self) -> None:

@@ -2,7 +2,7 @@
 
 Written from public clients of the API. Not modelled: the camera picture, the fixation filter,
 custom calibration points, the server's own recording. The stream is cut and joined at places
-drawn from the seed; a stream cannot lose or reorder bytes, so those faults befall whole records.
+drawn from the seed; a stream cannot lose or reorder bytes, so those faults apply to whole records.
 """
 
 import selectors
@@ -81,7 +81,7 @@ class GazepointSimulator(GazePeer):
         return (self._record(shot).encode(),)
 
     def outgoing(self, until_ns: int) -> list[Message]:
-        """Give up what has arrived: lines of one time joined, some chunks cut in two."""
+        """Return the chunks that have arrived: lines of one time joined, some chunks cut in two."""
         packets: list[tuple[int, bytes]] = []
         for message in super().outgoing(until_ns):
             if packets and packets[-1][0] == message.t_host_ns:
@@ -232,7 +232,7 @@ class GazepointHost:
         try:
             while not self._stopping.is_set():
                 self._turn()
-        except Exception as failure:  # a thread top: leaving the context hands it on
+        except Exception as failure:  # top of a thread: leaving the context raises it
             self._failure = failure
         for one in (self._client, self._listener):
             if one is not None:
@@ -273,7 +273,7 @@ class GazepointHost:
         try:
             data = self._client.recv(65_536)
         except OSError:
-            data = b""  # the client's reset is its end
+            data = b""  # a reset by the client ends the connection
         if data:
             self._simulator.handle_request((data,), self._clock.now_ns())
         else:

@@ -61,7 +61,7 @@ class NatNetSimulator(BodyWire):
         self._heard_ns: int | None = None
 
     def is_streaming(self, t_ns: int) -> bool:
-        """Tell whether a client was heard lately."""
+        """Tell whether a client has sent anything lately."""
         return self._heard_ns is not None and t_ns - self._heard_ns < FORGOTTEN_AFTER_NS
 
     def answer(self, request: bytes, t_ns: int) -> bytes | None:

@@ -1,7 +1,7 @@
 """The Neon Companion app as seen from the network, without its sockets (see `neon_host`).
 
 Written from pupil-labs-realtime-api 1.9. Not modelled: video, blinks, fixations, IMU, recordings,
-templates, mDNS. Lid apertures stand in for what a lost or closed eye does: the gaze point goes on.
+templates, mDNS. A lost or closed eye only changes the lid apertures: the gaze point goes on.
 """
 
 import json
@@ -30,8 +30,8 @@ EPOCH_NS = 1_700_000_000_000_000_000
 class NeonSimulator(GazePeer):
     """Send gaze payloads of one length and answer status, calibration and time echo.
 
-    A "version" fault's text is a number of bytes by which payloads are longer than this driver
-    knows: what a newer app would send. `battery_level` is a percentage.
+    The text of a "version" fault is the number of extra bytes in each payload, as a newer app would
+    send. `battery_level` is a percentage.
     """
 
     usual_rate_hz = 200.0

@@ -2,7 +2,7 @@
 
 The room is the body that simulated bands are worn on, the eyepiece a photodiode looks into and the
 air before a loudspeaker. The board samples it by its own clock and speaks on the real board's wire.
-`happened` keeps when each thing truly began, for a comparison with what the test makes of it.
+`happened` holds the true onset of each event, for a comparison with the test's result.
 
 Not modelled: how a panel's light rises and fades within a frame, echoes, what a strap swallows.
 """
@@ -48,7 +48,7 @@ class Planted:
 
 @dataclass
 class SimulatedRoom(OneStretch):
-    """What a participant's place would be; times are the session's."""
+    """The room at the participant's place; times are the session's."""
 
     clock: Clock
     rng: np.random.Generator
@@ -64,7 +64,7 @@ class SimulatedRoom(OneStretch):
         self._is_lit = False
 
     def show(self, lit: bool, t_display_ns: int) -> None:
-        """Take what the corner of a frame is, whose light should leave at this time."""
+        """Take the corner of a frame whose light should leave at this time."""
         if lit == self._is_lit:
             return
         self._is_lit = lit
@@ -94,7 +94,7 @@ class SimulatedRoom(OneStretch):
         at = np.array([t for t, _ in self._buzz], np.int64)
         strength = np.array([s for _, s in self._buzz])
         last = np.maximum(np.searchsorted(at, t_ns, side="right") - 1, 0)
-        levels[:, 2] += BUZZ * strength[last]  # the board tells magnitude, which knows no phase
+        levels[:, 2] += BUZZ * strength[last]  # the board measures magnitude, without phase
         return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
 
     # ---- the body that is worn and tracked ----------------------------------------------------
@@ -128,7 +128,7 @@ class SimulatedRoom(OneStretch):
 
 
 class SyncBoardSimulator:
-    """The board's `BytePeer`: samples the room, stamps with its own clock, loses what it is told.
+    """The board's `BytePeer`: samples the room, stamps with its own clock, loses blocks.
 
     `drift_ppm` is how fast its clock runs; bytes take their time at `baud`, then `latency_ms` and
     up to `jitter_ms` more; one block in `1 / loss_01` never arrives.
@@ -165,7 +165,7 @@ class SyncBoardSimulator:
         self._block = self._block_at(t_ns)
 
     def accept(self, data: bytes, t_ns: int) -> None:
-        """Answer questions for the clock."""
+        """Answer requests for the clock."""
         there_ns = t_ns + round(len(data) * self._byte_ns + self._delay_ns())
         for frame in self._reader.feed(data):
             if frame.kind == ASK:
@@ -173,7 +173,7 @@ class SyncBoardSimulator:
                 self._send(encode_told(answer), there_ns)
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
-        """Sample up to this time and return what has arrived."""
+        """Sample up to this time and return the chunks that have arrived."""
         while self._block_at(until_ns) > self._block:
             first_us = self._block * BLOCK * PERIOD_US
             stamps_us = first_us + np.arange(BLOCK, dtype=np.int64) * PERIOD_US

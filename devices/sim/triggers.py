@@ -46,7 +46,7 @@ class LinesPeer:
         self.received(data, t_ns)
 
     def received(self, data: bytes, t_ns: int) -> None:
-        """Take bytes that came."""
+        """Take bytes from the host."""
         self.log += [(t_ns, byte) for byte in data]
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
@@ -78,14 +78,14 @@ class LabJackPeer(LinesPeer):
         while at < len(body) and not error:
             kind, mask, state = body[at], body[at + 1 : at + 4], body[at + 4 : at + 7]
             if kind == 0 and at == len(body) - 1:
-                break  # fills the last word
+                break  # padding of the last word
             if kind == DIRECTION_WRITE:
                 self.directions = self.directions & ~mask[1] | state[1] & mask[1]
             elif kind == IO_WRITE:
                 if mask[1]:
                     self.log.append((t_ns, state[1]))
             else:
-                error = 20  # an IO type that is not known
+                error = 20  # an unknown IO type
             at += 7
         self._answer(self._packet(bytes((error, 0, body[0], 0))), t_ns)
 

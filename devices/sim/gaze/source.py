@@ -103,7 +103,7 @@ class GazeSource:
         self._systematic: SystematicError | None = None
 
     def gone(self, t_ns: int) -> bool:
-        """Tell whether nobody is there at this time."""
+        """Tell whether the device is away at this time."""
         since_ns = t_ns - self.origin_ns
         return any(
             self.faults.active(kind, since_ns) is not None for kind in ("late_start", "disconnect")
@@ -125,7 +125,7 @@ class GazeSource:
         return own_ns + self.faults.clock_error_ns(since_ns)
 
     def take(self, t_ns: int) -> list[Shot]:
-        """Return the samples due up to this session time that will arrive, faults applied."""
+        """Return the samples due up to this session time, with faults, without lost ones."""
         scale, rate = NS_PER_S * MILLI_HZ, self._rate_milli_hz
         last = ((t_ns + 1) * rate - 1) // scale
         first, self._next = self._next, max(self._next, last + 1)
@@ -139,7 +139,7 @@ class GazeSource:
         for i, at_ns in enumerate(times):
             jitter_ms = (2.0 * noise[i, _LATENCY] - 1.0) * self._error.latency_jitter_ms
             travel_ns = round((self._error.latency_ms + jitter_ms) * NS_PER_MS)
-            self._arrived_ns = max(self._arrived_ns, at_ns + travel_ns)  # one behind the other
+            self._arrived_ns = max(self._arrived_ns, at_ns + travel_ns)  # samples arrive in order
             shot = Shot(
                 first + i - self._first,
                 at_ns,
@@ -215,7 +215,7 @@ class GazeSource:
 
 
 class Measuring(TypedDict, total=False):
-    """How a simulated tracker measures, as every `GazePeer` takes it."""
+    """Keyword arguments of every `GazePeer`: how a simulated tracker measures."""
 
     seed: Required[int]
     clock: Required[Clock]
@@ -227,16 +227,16 @@ class Measuring(TypedDict, total=False):
 
 
 class GazePeer(ABC):
-    """The other end of a message wire, fed by a `GazeSource`; a simulator says the bytes.
+    """The other end of a message wire, fed by a `GazeSource`; a subclass defines the bytes.
 
     `to_message` turns a shot into frames (None: nothing is sent); `answer` answers a request.
     """
 
     usual_rate_hz = 120.0
     usual_epoch_ns: int | None = None
-    """Of the device's clock; None: drawn from the seed."""
+    """The epoch of the device's clock in ns; None: drawn from the seed."""
     is_calibrated_before = False
-    """Whether it was calibrated in a program of its own, before the session."""
+    """Whether it was calibrated before the session, in its own program."""
 
     def __init__(
         self,
@@ -288,7 +288,7 @@ class GazePeer(ABC):
         self._outbox.append(Message(arrival_ns, frames))
 
     def outgoing(self, until_ns: int) -> Sequence[Message]:
-        """Give up what has arrived at the host by this time, in arrival order."""
+        """Return the messages that have arrived at the host by this time, in order of arrival."""
         if self._unsorted:
             self._outbox = deque(sorted(self._outbox, key=lambda m: m.t_host_ns))
             self._unsorted = False

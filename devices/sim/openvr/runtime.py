@@ -1,8 +1,8 @@
-"""An OpenVR runtime without SteamVR: the genuine `openvr` package loads it and a body is tracked.
+"""An OpenVR runtime without SteamVR: the genuine `openvr` package loads it; it tracks a body.
 
 A small C library (`native/vrclient`) is compiled when it is first needed; its function tables
-are built from the package's own definitions, and what they do is here. Not modelled: lens
-distortion, IVRInput and every interface but IVRSystem and IVRCompositor, tracking noise and
+are built from the package's own definitions and filled with functions of this module. Not modelled:
+lens distortion, IVRInput and every interface but IVRSystem and IVRCompositor, tracking noise and
 prediction error (a predicted pose is the body's pose at the call), reprojection. `on_submit` gets
 the GL names of images; with `on_image` every texture is read back from the card as it is handed
 over, and one that is not there is refused.
@@ -48,8 +48,8 @@ HIDDEN_01 = (
     ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8)),
     ((1.0, 0.0), (0.7, 0.0), (1.0, 0.4)),
 )
-"""What the lens hides of the left eye's view, as shares of it from the left and from below: its
-corners, most beside the nose. The right eye's is its mirror image.
+"""The part of the left eye's view hidden by the lens, as shares from the left and from below: its
+corners, most beside the nose. The right eye's is the mirror image.
 """
 
 
@@ -175,7 +175,7 @@ class SimulatedVrRuntime:
         """Return the real library, which will find this runtime."""
         return OpenVrLibrary(self._clock, application=application)
 
-    # ---- what a test or an operator does to it ----------------------------------------------
+    # ---- actions of a test or an operator ----------------------------------------------------
 
     def refuse_submit(self, error: int) -> None:
         """Answer every submission with this `EVRCompositorError`; 0 accepts again."""
@@ -205,17 +205,17 @@ class SimulatedVrRuntime:
 
     @property
     def failure(self) -> Exception | None:
-        """What first went wrong in a function that C code called."""
+        """The first error in a function called by C code."""
         return self._tables.failure
 
     @property
     def haptic_pulses(self) -> tuple[tuple[int, int], ...]:
-        """Slot and microseconds of every pulse asked for."""
+        """Slot and microseconds of every requested pulse."""
         return tuple(self._refusals.haptics)
 
     @property
     def last_unmodelled(self) -> str:
-        """Name of the last function called that nobody models; empty for none."""
+        """Name of the last function called that is not modelled; empty for none."""
         self._native.visavis_vr_last_unmodelled.restype = ctypes.c_char_p
         return str(self._native.visavis_vr_last_unmodelled().decode())
 

@@ -6,7 +6,7 @@ from typing import Any
 
 
 class FunctionTables:
-    """Functions of ours that C code calls; `failure` keeps the first that went wrong in one."""
+    """Our functions that C code calls; `failure` keeps the first error in one of them."""
 
     def __init__(self, native: Any) -> None:
         self._native = native
@@ -23,12 +23,12 @@ class FunctionTables:
                 self._native.visavis_vr_set_function(number, slot, pointer)
 
     def _guarded(self, function: Callable[..., Any], prototype: Any) -> Callable[..., Any]:
-        """Keep what goes wrong in a callback: C cannot pass it on; it is raised at the end."""
+        """Store the error of a callback: C cannot pass it on, so it is raised at the end."""
 
         def call(*args: Any) -> Any:
             try:
                 return function(*args)
-            except Exception as problem:  # the border to C code
+            except Exception as problem:  # exceptions must not reach C code
                 self.failure = self.failure or problem
                 return None if prototype._restype_ is None else 0
 

@@ -1,4 +1,4 @@
-"""What a simulated OpenVR runtime tracks: headset, controllers, base stations, worn trackers."""
+"""The devices of a simulated OpenVR runtime: headset, controllers, base stations, trackers."""
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
@@ -40,7 +40,7 @@ class SimulatedVrDevice:
 
 
 class SimulatedVrWorld:
-    """Every slot of the runtime, and where it is; `base_offset_m` displaces base stations.
+    """Every slot of the runtime, and its place; `base_offset_m` displaces base stations.
 
     `trackers` maps serial numbers to the segments of a moving body they are worn on.
     """

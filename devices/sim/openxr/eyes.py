@@ -1,4 +1,4 @@
-"""Either eye of a simulated OpenXR runtime, as HTC's or Meta's extension tells it.
+"""Each eye of a simulated OpenXR runtime, through HTC's or Meta's extension.
 
 HTC's answers are written byte by byte, by the places that its plugin's structures give them, not by
 the driver's structures. Not modelled: smoothing, eyes that cannot be told apart.
@@ -33,7 +33,7 @@ Pose = tuple[list[float], list[float]]
 
 
 class SimulatedEyes:
-    """The functions of a runtime that tell either eye, by `per_eye`: htc, meta or none."""
+    """The functions of a runtime for each eye, by `per_eye`: htc, meta or none."""
 
     prototypes: ClassVar = {
         "xrCreateEyeTrackerHTC": _THREE,
@@ -42,7 +42,7 @@ class SimulatedEyes:
         "xrGetEyeGeometricDataHTC": _THREE,
         "xrDestroyEyeTrackerHTC": _ONE,
     }
-    """Of functions that pyopenxr does not know."""
+    """Prototypes of functions that pyopenxr does not know."""
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class SimulatedEyes:
         self._allocate: Callable[[Any], int] = lambda target: 0
 
     def allocate_with(self, allocate: Callable[[Any], int]) -> None:
-        """Take what gives handles."""
+        """Take the function that gives handles."""
         self._allocate = allocate
 
     def tell_by(self, per_eye: str) -> None:

@@ -72,18 +72,18 @@ class SimulatedHands:
         self._new_handle = new_handle
 
     def forget(self) -> None:
-        """Lose actions and their attachment, as when the instance goes."""
+        """Forget actions and their attachment, as at the end of an instance."""
         self.attached = False
         self._names.clear()
         self._down.clear()
 
     def hand_of(self, space_info: Any) -> int | None:
-        """Return which hand an action space belongs to; None: it is the eyes'."""
+        """Return the hand of an action space; None: it belongs to the eyes."""
         path = self._paths.get(int(space_info.subaction_path), "")
         return None if not path else int(path.endswith("right"))
 
     def pose(self, hand: int, t_ns: int) -> tuple[list[float], list[float]] | None:
-        """Return where a hand points: position and orientation (w, x, y, z), None without one."""
+        """Return the pose of a hand: position and orientation (w, x, y, z), None without one."""
         if hand in self.off:
             return None
         if isinstance(self._body, MovingBody):

@@ -1,4 +1,4 @@
-"""The images of a simulated OpenXR runtime: swap chains, layers, and what they end up showing.
+"""The images of a simulated OpenXR runtime: swap chains, layers, and the images shown.
 
 Textures are made in the context that is current when a swap chain is created, which is the
 program's own. Every image that a frame ends with is read back from the card once, as the compositor
@@ -72,7 +72,7 @@ class SimulatedImages:
         self._asked_requirements = False
 
     def session_result(self, link: int | None) -> int:
-        """Return what creating a session with these graphics comes to."""
+        """Return the result of creating a session with these graphics."""
         if not link:
             return GRAPHICS_DEVICE_INVALID
         kind = ctypes.cast(link, ctypes.POINTER(ctypes.c_int32))[0]
@@ -81,12 +81,12 @@ class SimulatedImages:
         return SUCCESS if self._asked_requirements else REQUIREMENTS_CALL_MISSING
 
     def forget(self) -> None:
-        """Lose every swap chain, as when the session ends; textures go with their context."""
+        """Forget every swap chain, as at the end of a session; textures go with their context."""
         self._chains.clear()
         self._asked_requirements = False
 
     def layers_result(self, info: Any) -> int:
-        """Look at the layers a frame ends with; show them, or say what is wrong with them."""
+        """Check the layers of a frame; show them, or return the error."""
         if self.refused:
             return self.refused
         if info.layer_count == 0:

@@ -1,4 +1,4 @@
-"""An OpenXR runtime without a headset: the genuine loader finds it and a body is tracked.
+"""An OpenXR runtime without a headset: the genuine loader finds it, and it tracks a body.
 
 A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
 functions that are here, made with pyopenxr's own prototypes. It offers headless sessions and such
@@ -40,7 +40,7 @@ from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceNotFound
 
 EPOCH_NS = 7_000_000_000_000
-"""What the runtime's clock shows when the session's shows zero."""
+"""Time of the runtime's clock when the session's clock is at zero."""
 
 MILLI_HZ, TICK_NS = 1000, 100
 RUNTIME_NAME = b"Visavis simulated OpenXR"
@@ -53,7 +53,7 @@ ALL_VALID_AND_TRACKED = 0b1111
 STAGE, VIEW, GAZE, FIRST_HAND = 3, 1, 99, 100
 FIRST_HANDLE = 0x1000
 HIDDEN_CORNER_01 = 0.2
-"""Of the picture's sides, cut off each corner by the lens."""
+"""Share of the picture's sides that the lens cuts off at each corner."""
 VIEW_ANGLES_RAD = (-0.87, 0.82, -0.85, 0.86)
 RENDER_SIZE_PX = (1512, 1680)
 IPD_M = 0.063
@@ -454,7 +454,7 @@ class SimulatedXrRuntime:
             self.calls.append(name)
             try:
                 return function(*args)
-            except Exception as problem:  # the border to C code
+            except Exception as problem:  # exceptions must not reach C code
                 self.failure = self.failure or problem
                 return -2  # XR_ERROR_RUNTIME_FAILURE
 

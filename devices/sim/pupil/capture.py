@@ -125,9 +125,9 @@ class PupilCoreSimulator:
         self._held_as: tuple[int, int] | None = None
 
     def may_wait(self, t_ns: int) -> bool:
-        """Tell whether messages may be read later than they arrive: no fault is to befall them.
+        """Tell whether messages may be read later than they arrive, which faults forbid.
 
-        Eyes that can be asked later what they did are asked for many samples at once.
+        If the eyes can be asked for the past, many samples are then made at once.
         """
         if self._faults.faults:
             return False
@@ -151,7 +151,7 @@ class PupilCoreSimulator:
         self._sample(np.array(t_list, np.int64), t_list)
 
     def outgoing(self, until_ns: int) -> Sequence[Message]:
-        """Give up what has arrived at the host by this time."""
+        """Return the messages that have arrived at the host by this time."""
         if self._held:
             self._publish_held()
         outbox = self._outbox
@@ -177,7 +177,7 @@ class PupilCoreSimulator:
         for kind in ("late_start", "disconnect", "mute"):
             if self._faults.active(kind, since_ns) is not None:
                 return None
-        self._publish_held()  # with the calibration they were seen with
+        self._publish_held()  # with the calibration in force when they were measured
         command = frames[0]
         if command.startswith(b"notify.") and len(frames) > 1:
             self._take_notification(frames[1], t_ns)
@@ -185,7 +185,7 @@ class PupilCoreSimulator:
         return (self._reply(command, t_ns).encode(),)
 
     def accept(self, frames: Frames, t_ns: int) -> None:
-        """Take an annotation published to PUB_PORT; other topics concern nobody here."""
+        """Take an annotation published to PUB_PORT; other topics are ignored."""
         if len(frames) == 2 and frames[0].startswith(b"annotation"):
             payload = _unpacked(frames[1])
             if payload is not None:
@@ -233,7 +233,7 @@ class PupilCoreSimulator:
         )
 
     def _sample(self, t: Times, t_list: list[int]) -> None:
-        """See the body's eyes now; what they look like on the wire can wait until it is read."""
+        """Sample the body's eyes now; their messages are made when they are read."""
         eyes = self._body.eyes(t)
         held_as = (self._body.stretch(), self._body.fit())
         if held_as != self._held_as:
@@ -253,7 +253,7 @@ class PupilCoreSimulator:
             self._publish_held()
 
     def _publish_held(self) -> None:
-        """Measure the eyes seen since the last call and send what comes of it."""
+        """Measure the eyes sampled since the last call and send the results."""
         batches, t_list = self._held, self._held_ns
         if not batches or self._held_as is None:
             return
@@ -276,7 +276,7 @@ class PupilCoreSimulator:
         else:
             t_device, ahead_ns = np.array(t_list, np.int64), self._epoch_ns - self._origin_ns
         template = self._both
-        if n > self._room[2].size:  # written anew by every call, which copies what it publishes
+        if n > self._room[2].size:  # reused by every call, which copies its messages
             self._room = self._made_room(2 * n)
         values, datums, delay_ns = self._room[0][:n], self._room[1][:n], self._room[2][:n]
         _measure(
@@ -410,7 +410,7 @@ def _measure(
     """Measure `eyes` (n, 8), rows of `EYES_DTYPE`: values, datums as bytes, and travel times.
 
     The device's clock shows `ahead_ns` more than `t_ns`.
-    One call for all of it, because a frame brings one or two samples.
+    It is one call, because a frame brings only one or two samples.
     """
     n = eyes.shape[0]
     directions = np.empty((n, 2, 3))
@@ -427,7 +427,7 @@ def _measure(
 def fill_values(
     seen: Floats, openness_01: Floats, pupil_mm: Floats, half_mm: float, values: Floats
 ) -> None:
-    """Write the columns of `GAZE_VALUES` except the time from what each eye is seen to do.
+    """Write the columns of `GAZE_VALUES`, except the time, from the measured eyes.
 
     `seen` (n, 2, 3) is in the head frame, left eye first; an eye closed by half or more loses
     confidence. The gaze point is the closest approach of both lines, at most 10 m away.
