@@ -16,11 +16,11 @@ EYES_DTYPE = np.dtype(
         ("pupil_mm", "f8"),
     ]
 )
-"""What a simulated eye tracker's camera would see of two eyes at an instant."""
+"""The state of two eyes at an instant, as an eye tracker's camera would see it."""
 
 
 class Body(Protocol):
-    """What simulated sensors measure: one body, so that eyes, head and hands agree.
+    """The body that simulated sensors measure: one body, so that eyes, head and hands agree.
 
     Times are session nanoseconds; calls come with non-decreasing times.
     """

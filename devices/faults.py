@@ -1,4 +1,4 @@
-"""What can go wrong on a wire, scheduled in session time, from a list, a file or a seed."""
+"""Faults of a wire, scheduled in session time, from a list, a file or a seed."""
 
 import difflib
 import math

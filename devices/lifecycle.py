@@ -31,7 +31,7 @@ class HasLife:
 
     @property
     def state(self) -> DeviceState:
-        """Where it is in its life; FAULT while what it drives is gone."""
+        """The state of its life; FAULT while the driven device is away."""
         return self._life.state
 
 

@@ -165,7 +165,7 @@ class MemoryTransport:
         self._peer.outgoing(now_ns)
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
-        """Return what has arrived by now, in arrival order."""
+        """Return the messages that have arrived, in order of arrival."""
         messages = self._arrived(self._clock.now_ns())
         if messages or timeout_s <= 0:
             return messages
@@ -190,7 +190,7 @@ class MemoryTransport:
         self._peer.accept(frames, self._clock.now_ns())
 
     def close(self) -> None:
-        """Forget what was under way."""
+        """Forget messages under way."""
         self._topics = ()
         self._replies.clear()
 

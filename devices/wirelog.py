@@ -29,7 +29,7 @@ _MESSAGE, _EXCHANGE, _SENT = 0, 1, 2
 
 @dataclass(frozen=True)
 class WireLog:
-    """What a `.wire` file holds, times as recorded; `exchanges` pairs requests with answers.
+    """The content of a `.wire` file, times as recorded; `exchanges` pairs requests with answers.
 
     `note` is the writer's description, such as driver and options; empty in old files.
     """
@@ -127,7 +127,7 @@ class _Tee(Generic[W]):
 
     @property
     def is_simulated(self) -> bool:
-        """Tell what the wire tells."""
+        """Return the answer of the wire."""
         return self._inner.is_simulated
 
     def open(self, deadline_s: float) -> None:
@@ -300,7 +300,7 @@ class ReplayTransport(_Replay):
         """Do nothing: recorded answers come by themselves."""
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: what was recorded was subscribed."""
+        """Do nothing: the recorded messages were subscribed."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the messages whose moved time has come."""

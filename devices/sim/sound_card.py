@@ -22,8 +22,8 @@ SINCE_BOOT_S: Final = 1000.0
 
 
 class SimulatedPortAudio:
-    """What `SoundCard` uses of sounddevice. Faults: late_start, disconnect, loss (blocks that come
-    too late, which the next one tells as an underflow).
+    """The part of sounddevice that `SoundCard` uses. Faults: late_start, disconnect, loss (blocks
+    that come too late, which the next one tells as an underflow).
     """
 
     class PortAudioError(Exception):

@@ -100,7 +100,7 @@ class SimulatedRoom(OneStretch):
     # ---- the body that is worn and tracked ----------------------------------------------------
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
-        """Take in what a band's motors do."""
+        """Receive the levels of a band's motors."""
         strength = max(amplitudes_01)
         if strength > 0 and self._buzz[-1][1] == 0:
             self.happened["vibration"].append(t_ns)

@@ -2,11 +2,10 @@
 
 A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
 functions that are here, made with pyopenxr's own prototypes. It offers headless sessions and such
-with OpenGL (`images` reads back what is shown), controllers (`hands`), eye gaze, either eye where
-it is told to (`eyes`), and time conversion; it insists on the order of frame calls. A session with
-graphics gets the focus only after its first frames. Not modelled: boundaries, the runtime's
-smoothing of gaze, prediction error. Gaze is sampled at its own rate: locating twice between gives
-the same sample.
+with OpenGL (`images` reads back the images shown), controllers (`hands`), eye gaze, each eye if set
+so (`eyes`), and time conversion; it checks the order of frame calls. A session with graphics gets
+the focus only after its first frames. Not modelled: boundaries, the runtime's smoothing of gaze,
+prediction error. Gaze is sampled at its own rate: locating twice between gives the same sample.
 """
 
 # ruff: noqa: N802 - the functions bear the names of OpenXR

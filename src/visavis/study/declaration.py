@@ -105,9 +105,9 @@ class Study:
     """
 
     name: str
-    """What commands and folders call it: small letters, digits and _."""
+    """Its name in commands and folders: small letters, digits and _."""
     title: str
-    """What reports call it; the name in words where it is left out."""
+    """Its title in reports; the name in words if left out."""
     question: str
     """The question it asks, as a sentence."""
     version: str
@@ -121,15 +121,15 @@ class Study:
     asks: Asks
     """What participants are asked, and how they answer."""
     devices: DeviceNeeds
-    """Which devices it uses, and what is calibrated."""
+    """Which devices it uses and calibrates."""
     simulated: SimulatedPeople
     """Who takes part in simulations."""
     analysis: AnalysisPlan
     """What is measured, left out and compared."""
     report: Reporting
-    """What its report says beside the results."""
+    """The text of its report besides the results."""
     files: StudyFiles
-    """Where its files lie."""
+    """The places of its files."""
 
     @takes_keywords_of(_Keywords)
     def __init__(
@@ -192,7 +192,9 @@ class Study:
         return check
 
     def demands(self, demands: DemandsOf) -> DemandsOf:
-        """Take a function of the parameters as what the study asks of a lab (a decorator)."""
+        """Take the function that returns the study's demands of a lab for its parameters (a
+        decorator).
+        """
         self.devices = replace(self.devices, demands_of=demands)
         return demands
 
@@ -205,7 +207,7 @@ class Study:
         return prepare
 
     def answer(self, answer: AnswerOf) -> AnswerOf:
-        """Take a function as what simulated people answer (a decorator)."""
+        """Take the function that answers for simulated people (a decorator)."""
         self.simulated = replace(self.simulated, answer_of=answer)
         return answer
 
@@ -220,16 +222,15 @@ class Study:
         return taken
 
     def person(self, make: PersonOf) -> PersonOf:
-        """Take a function of place, seed, effect and experiment as what makes the simulated
+        """Take the function of place, seed, effect and experiment that makes a simulated
         participant (a decorator).
         """
         self.simulated = replace(self.simulated, person_of=make, scaled_of=None, quick_of=None)
         return make
 
     def scaled(self, make: ScaledOf) -> ScaledOf:
-        """Take a function as what makes simulated participants to whom what is shown makes a
-        multiple of the usual difference: 0 none, 1 the usual (a decorator). It stands in place of
-        `person`.
+        """Take the function that makes simulated participants with a multiple of the usual effect
+        of the stimuli: 0 none, 1 the usual (a decorator). It replaces `person`.
         """
         self.simulated = replace(self.simulated, scaled_of=make)
         return make
@@ -238,14 +239,14 @@ class Study:
         """Take a function as a path through trials shorter than the kit's (a decorator).
 
         It holds for the trial and the person declared before it. Given experiment, person and
-        tracker it returns what performs a plan: every trial that is
-        no practice with the columns of its row, measures among them.
+        tracker it returns a function that performs a plan: every trial that is not practice, with
+        the columns of its row and measures.
         """
         self.simulated = replace(self.simulated, quick_of=quick)
         return quick
 
     def facts(self, facts: FactsOf) -> FactsOf:
-        """Take a function of all trials as what is known of each person (a decorator).
+        """Take the function that returns facts about each person from all trials (a decorator).
 
         It returns one row per `participant`; rules of exclusion may name its columns.
         """
@@ -253,7 +254,7 @@ class Study:
         return facts
 
     def further(self, further: FurtherOf) -> FurtherOf:
-        """Take a function of the analysis as what the study finds besides (a decorator).
+        """Take the function that returns further results of the analysis (a decorator).
 
         Conclusions and sections read it as `analysis.further`; power does without.
         """
@@ -261,13 +262,13 @@ class Study:
         return further
 
     def conclude(self, conclude: ConcludeOf) -> ConcludeOf:
-        """Take a function of the analysis as what answers the study's questions (a decorator)."""
+        """Take the function that answers the study's questions from the analysis (a decorator)."""
         self.analysis = replace(self.analysis, conclude_of=conclude)
         return conclude
 
     def views(self, views: ViewsOf) -> ViewsOf:
-        """Take a function as what rebuilds the views a recorded frame may have shown, the
-        likeliest first (a decorator).
+        """Take the function that rebuilds the views a recorded frame may have shown, the likeliest
+        first (a decorator).
         """
         self.procedure = replace(self.procedure, views_of=views)
         return views
@@ -281,7 +282,7 @@ class Study:
 
     @property
     def usual_parameters(self) -> dict[str, Any]:
-        """What every study has among its parameters, by name (`SETTABLE`)."""
+        """The parameters that every study has, by name (`SETTABLE`)."""
         return {n: getattr(getattr(self, PART_OF[n]), n) for n in SETTABLE}
 
     def thresholds_with(self, settings: Mapping[str, Any]) -> Any:

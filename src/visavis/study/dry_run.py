@@ -1,7 +1,7 @@
 """Read a study's trials without performing them: what is shown, asked, and how long it takes.
 
 A trial is a generator, so it can be run through with made-up replies: every condition once, so
-that what the study needs (agents, responses, devices, time) is known before anybody is there.
+that the needs of the study (agents, responses, devices, time) are known in advance.
 """
 
 from collections.abc import Iterator, Mapping
@@ -71,7 +71,7 @@ class TrialRead:
     fits_a_page: bool = True
     """Whether a page can perform it: no step needs single frames or another device."""
     sounds: tuple[Sound | Path, ...] = ()
-    """What it plays."""
+    """The sounds that it plays."""
     sound_columns: tuple[str, ...] = ()
     """The columns with the onsets of these sounds."""
 

@@ -12,7 +12,7 @@ from visavis.study.measures import HEAD_LOST_COLUMN, LOST_COLUMN
 
 Level = Literal["trial", "participant"]
 ANSWERED: Final = "answered_01"
-"""Of each person: the share of the required questions of questionnaires that were answered."""
+"""Column of each person's share of answered questions among the required ones."""
 
 
 COLUMN_WORDS: Final[Mapping[str, str]] = {

@@ -161,7 +161,7 @@ class Film:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two films beside each other, begun together."""
+    """Two films side by side that begin together."""
 
     left: Film
     right: Film
@@ -209,7 +209,7 @@ def seconds_of(shown: Shown) -> float:
 
 
 def film_columns(films: int) -> dict[str, Column]:
-    """Return what describes the columns of so many films (or pairs) in a trial, by name."""
+    """Return descriptions of the columns of this number of films (or pairs) in a trial, by name."""
     names = ["film", *(f"film{k}" for k in range(2, films + 1))][:films]
     columns = (replace(c, name=f"{name}_{c.name}") for name in names for c in FILM_COLUMNS)
     return {c.name: c for c in columns}

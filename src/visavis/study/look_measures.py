@@ -138,7 +138,7 @@ DEFAULT_MEASURE_PARAMETERS: Final = MeasureParameters()
 
 @dataclass(frozen=True)
 class _Span:
-    """What the measures need of a trial's row."""
+    """The part of a trial's row that the measures need."""
 
     active: int
     start_ns: int
@@ -220,7 +220,7 @@ def _measured(
 def second_view(
     targets: GazeTargets, row: Row, *, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
 ) -> dict[str, Scalar | None]:
-    """Return what detectors of eye movements say of the trial: I-VT, I-DT and adaptive columns.
+    """Return the results of detectors of eye movements: I-VT, I-DT and adaptive columns.
 
     A fixation counts as on the active agent when more than half its samples are, by the padded
     rule.

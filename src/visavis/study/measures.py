@@ -36,7 +36,7 @@ HEAD_LOST_COLUMN: Final = "head_lost_01"
 
 @dataclass(frozen=True, eq=False)
 class TrialRecord:
-    """One trial as recorded: its row, and what the session's streams hold of it.
+    """One recorded trial: its row, and its part of the session's streams.
 
     `gaze` are the gaze samples of the whole session's part (None without an eye tracker);
     `recording` is None for a trial of the quick path of power. `damaged_streams` lost samples of
@@ -50,7 +50,7 @@ class TrialRecord:
 
     @property
     def name(self) -> str:
-        """What messages call the trial: its session's folder and its identifier."""
+        """The trial's name in messages: its session's folder and its identifier."""
         where = "a simulated trial" if self.recording is None else str(self.recording.path)
         return f"{where}, trial {self.row.get('trial_id')}"
 
@@ -130,7 +130,7 @@ class Measure:
     aggregate: Aggregate = "mean"
     needs_gaze: bool = False
     role: str = ""
-    """Whose: a role of a scene, where it is about somebody."""
+    """The role of a scene that it is about, if any."""
     scale: tuple[float, float] | None = None
     """The ends of a rating's scale; figures show the whole of it."""
 

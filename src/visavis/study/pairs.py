@@ -17,7 +17,7 @@ class Printed:
     none is printed; `statistic` is the t of two levels, the F, t or z of a comparison, with its
     `df`; `p_is_bound` where p is printed as "<"; `is_wilcoxon` where a test without a statistic
     was named. `where` says in which table, `text` is the whole of it ("F(1, 15) = 7.09, p = .017"),
-    `misfits` say what of the printed does not follow from it.
+    `misfits` name printed numbers that contradict each other.
     """
 
     is_significant: bool

@@ -45,7 +45,7 @@ SectionOf: TypeAlias = Callable[[AnalysisOfStudy, ExperimentOfStudy], Extra]
 class Confusion:
     """Confusion matrices of a choice; goes into a study's `sections`.
 
-    `shown` is the column that tells what was right, `answered` the `Choice`, whose options are the
+    `shown` is the column of the right answer, `answered` the `Choice`, whose options are the
     rows and columns in their order; `by` makes one matrix for each level of a factor. A study that
     has no such column, choice or factor is refused when it is opened. Trials without an answer are
     told, not counted. Writes NAME.csv and the figure NAME.

@@ -96,8 +96,8 @@ class PlayedSound:
 class Action:
     """A step of the kit: its `name`, its shortest duration in `seconds`, `perform` runs it.
 
-    `response` is what is asked, `scene` what is shown, `sound` what is played and under which name
-    its `column` begins, for reading a trial without performing it.
+    `response` is the question, `scene` the scene shown, `sound` the sound played, with the name by
+    which its `column` begins, for reading a trial without performing it.
     """
 
     name: str

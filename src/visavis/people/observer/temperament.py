@@ -104,7 +104,7 @@ class Noticing:
 
 @dataclass(frozen=True)
 class Contact:
-    """What gaze contact does to looking."""
+    """The effects of gaze contact on looking."""
 
     hold_s: float = 0.30
     """F: mean prolongation of a visit by contact."""
