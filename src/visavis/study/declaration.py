@@ -192,9 +192,7 @@ class Study:
         return check
 
     def demands(self, demands: DemandsOf) -> DemandsOf:
-        """Take the function that returns the study's demands of a lab for its parameters (a
-        decorator).
-        """
+        """Take the function that returns the study's demands on a lab (a decorator)."""
         self.devices = replace(self.devices, demands_of=demands)
         return demands
 

@@ -75,7 +75,7 @@ IntertrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Step]]
 CheckOf: TypeAlias = Callable[[Mapping[str, Any]], None]
 """Raises DesignError for parameters that do not fit each other."""
 DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
-"""The demands of a study of a lab, given its parameters."""
+"""The demands of a study on a lab, given its parameters."""
 RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
 """Roles of devices, or names of questionnaires, given the parameters."""
 PeopleOf: TypeAlias = Callable[[Mapping[str, Any]], int]
