@@ -70,10 +70,10 @@ class GlCopies:
         )
         self._forget_errors()
         previous = [(role, int(gl.glGetIntegerv(binding))) for role, binding, _, _ in roles]
-        capabilities = [
+        features = [
             c for c in (gl.GL_FRAMEBUFFER_SRGB, gl.GL_SCISSOR_TEST) if gl.glIsEnabled(c)
         ]
-        for capability in capabilities:
+        for capability in features:
             gl.glDisable(capability)
         problem = ""
         try:
@@ -91,7 +91,7 @@ class GlCopies:
         self._forget_errors()
         for role, frame in previous:
             gl.glBindFramebuffer(role, frame)
-        for capability in capabilities:
+        for capability in features:
             gl.glEnable(capability)
         gl.glFlush()
         return problem
@@ -188,13 +188,13 @@ def _egl() -> GlContext | None:
     display = _p(_call(egl, "eglGetCurrentDisplay", _p))
     number, config, count = _i(), _p(), _i()
     _call(egl, "eglQueryContext", _u, display, _p(context), _EGL_CONFIG_ID, ctypes.byref(number))
-    attributes = (_i * 3)(_EGL_CONFIG_ID, number.value, 0x3038)
+    query = (_i * 3)(_EGL_CONFIG_ID, number.value, 0x3038)
     _call(
         egl,
         "eglChooseConfig",
         _u,
         display,
-        attributes,
+        query,
         ctypes.byref(config),
         1,
         ctypes.byref(count),
@@ -213,14 +213,14 @@ def _glx() -> GlContext | None:
     handle = _p(context)
     _call(glx, "glXQueryContext", _i, display, handle, _GLX_FBCONFIG_ID, ctypes.byref(number))
     _call(glx, "glXQueryContext", _i, display, handle, 0x800C, ctypes.byref(screen))
-    attributes = (_i * 3)(_GLX_FBCONFIG_ID, number.value, 0)
+    query = (_i * 3)(_GLX_FBCONFIG_ID, number.value, 0)
     configs = _call(
         glx,
         "glXChooseFBConfig",
         ctypes.POINTER(_p),
         display,
         screen,
-        attributes,
+        query,
         ctypes.byref(count),
     )
     config = int(configs[0] or 0) if configs and count.value else 0

@@ -141,11 +141,11 @@ class LslGazeSimulator(GazePeer):
             else [NAN] * 3
         )
         length = sum(v * v for v in mean) ** 0.5
-        mean_direction = [v / length for v in mean]
+        direction = [v / length for v in mean]
         origin = [0.0, 0.0, 0.0] if seen_rays else [NAN] * 3
         used = shot.left_seen + 2 * shot.right_seen
         values = [
-            *mean_direction,
+            *direction,
             *origin,
             float(bool(seen_rays)),
             float(used),
