@@ -70,9 +70,7 @@ class GlCopies:
         )
         self._forget_errors()
         previous = [(role, int(gl.glGetIntegerv(binding))) for role, binding, _, _ in roles]
-        features = [
-            c for c in (gl.GL_FRAMEBUFFER_SRGB, gl.GL_SCISSOR_TEST) if gl.glIsEnabled(c)
-        ]
+        features = [c for c in (gl.GL_FRAMEBUFFER_SRGB, gl.GL_SCISSOR_TEST) if gl.glIsEnabled(c)]
         for capability in features:
             gl.glDisable(capability)
         problem = ""
@@ -189,16 +187,7 @@ def _egl() -> GlContext | None:
     number, config, count = _i(), _p(), _i()
     _call(egl, "eglQueryContext", _u, display, _p(context), _EGL_CONFIG_ID, ctypes.byref(number))
     query = (_i * 3)(_EGL_CONFIG_ID, number.value, 0x3038)
-    _call(
-        egl,
-        "eglChooseConfig",
-        _u,
-        display,
-        query,
-        ctypes.byref(config),
-        1,
-        ctypes.byref(count),
-    )
+    _call(egl, "eglChooseConfig", _u, display, query, ctypes.byref(config), 1, ctypes.byref(count))
     return GlContext("egl", display.value or 0, int(context), config.value or 0, 0, 0)
 
 
@@ -215,13 +204,7 @@ def _glx() -> GlContext | None:
     _call(glx, "glXQueryContext", _i, display, handle, 0x800C, ctypes.byref(screen))
     query = (_i * 3)(_GLX_FBCONFIG_ID, number.value, 0)
     configs = _call(
-        glx,
-        "glXChooseFBConfig",
-        ctypes.POINTER(_p),
-        display,
-        screen,
-        query,
-        ctypes.byref(count),
+        glx, "glXChooseFBConfig", ctypes.POINTER(_p), display, screen, query, ctypes.byref(count)
     )
     config = int(configs[0] or 0) if configs and count.value else 0
     if config:

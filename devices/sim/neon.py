@@ -67,9 +67,9 @@ class NeonSimulator(GazePeer):
         state: list[float] = []
         lids: list[float] = []
         eyes = ((-EYE_X_M, shot.left, shot.left_seen), (EYE_X_M, shot.right, shot.right_seen))
-        for x_m, ray, valid in eyes:
+        for x_m, ray, is_seen in eyes:
             state += [
-                shot.pupil_mm if valid else 0.0,
+                shot.pupil_mm if is_seen else 0.0,
                 x_m * 1e3,
                 0.0,
                 0.0,
@@ -77,7 +77,7 @@ class NeonSimulator(GazePeer):
                 -ray[1],
                 -ray[2],
             ]
-            lids += [0.3, -0.3, OPEN_MM * shot.openness_01 if valid else 0.0]
+            lids += [0.3, -0.3, OPEN_MM * shot.openness_01 if is_seen else 0.0]
         dual = [lx, ly, rx, ry]
         first = (lx, ly) if self._size == 17 else (bx, by)
         parts = {9: [], 17: [rx, ry], 25: dual, 65: state, 89: state + lids}
